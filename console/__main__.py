@@ -1,7 +1,7 @@
-"""The entry point: reads the command line, runs one command, and turns what goes wrong into one line.
+"""Entry point: read the command line, run one command, and report any error in one line.
 
-Nothing of the project is imported before `main` runs, so that a Ctrl-C during the imports, too, is caught there
-(one that comes while Python itself still starts is Python's to answer).
+Nothing of the project is imported before `main` runs, so that a Ctrl-C during the imports is caught there too
+(one that comes while Python itself still starts is handled by Python).
 Nothing heavy is imported here: every command imports what it needs.
 """
 
@@ -11,7 +11,7 @@ import errno
 import os
 import sys
 
-TYPE_CHECKING = False  # that of `typing` would be the slowest import of this file
+TYPE_CHECKING = False  # importing `typing` for it would be the slowest import of this file
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ DONE, FAILED, WRONG_USAGE = 0, 1, 2
 OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 SCREEN = "console.tui.start"
 PLOTTED = {"reproduce": "console.tui.plot.paper_figures"}
-"""What draws a command with `--plot`: only the screens know how."""
+"""Modules that draw the plot of a command with `--plot`; only the screens can draw."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -52,7 +52,7 @@ def _run(words: list[str], text: Catalogue) -> int:
         _forget_output()
         return FAILED
     except OSError as error:
-        # Files and links have problems of their own, so that a bare error of writing is that of the output.
+        # File and link errors have problem types of their own, so a bare write error here comes from the output.
         bare = error.filename is None and error.errno in OUTPUT_FAULTS
         return _lost(error, text) if bare else _explain(error, text)
     except Exception as error:
@@ -94,14 +94,14 @@ def _version(as_json: bool) -> int:
 
 def _interrupted(interrupted: KeyboardInterrupt, text: Catalogue | None) -> int:
     signal = str(interrupted) or "SIGINT"
-    if text is None:  # it came before there were any words to choose from
+    if text is None:  # raised before the language was chosen
         return _complain(f"ended by {signal}; this command was not moving anything")
     _flushed(FAILED, text)
     return _complain(text("error.interrupted", signal=signal))
 
 
 def _explain(error: Exception, text: Catalogue) -> int:
-    """The one place where any error at all is caught: no traceback ever reaches an operator."""
+    """Catch every error and explain it: no traceback ever reaches an operator."""
     from profiles.problem import ProblemError
 
     if isinstance(error, ProblemError):
@@ -118,19 +118,19 @@ def _complain(line: str) -> int:
     try:
         print(f"console: {line}", file=sys.stderr)
     except OSError:
-        pass  # the terminal is gone; the exit code still tells
+        pass  # the terminal is gone; the exit code still reports the result
     return FAILED
 
 
 def _flushed(code: int, text: Catalogue) -> int:
-    """Return the exit code; a result that nobody got is not done."""
+    """Return the exit code; a result that could not be written counts as a failure."""
     fault = _output_fault()
     if isinstance(fault, BrokenPipeError):
         _forget_output()
     elif fault is not None:
         if code == DONE:
             return _lost(fault, text)
-        _forget_output()  # why it failed has been said
+        _forget_output()  # the failure has been reported
     try:
         sys.stderr.flush()
     except OSError:
@@ -139,7 +139,7 @@ def _flushed(code: int, text: Catalogue) -> int:
 
 
 def _output_fault() -> OSError | None:
-    """Return why the output cannot be written, None where it can; what was not written is tried again."""
+    """Return why the output cannot be written, None where it can; retry what was not written."""
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -154,7 +154,7 @@ def _lost(fault: OSError, text: Catalogue) -> int:
 
 
 def _forget_output() -> None:
-    """Nobody reads any more: let the interpreter end without a complaint of its own."""
+    """Discard pending output: nobody reads it, and the interpreter should exit without a complaint of its own."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)

@@ -1,1 +1,1 @@
-"""The machine: links, the controller's language and rules, the lathe on top of them, and a simulator."""
+"""The machine side: links, the controller's language and rules, the lathe built on them, and a simulator."""

@@ -1,4 +1,4 @@
-"""The machine's time as the host sees it: a value that is read and waited for, real or simulated."""
+"""Machine time as the host sees it, real or simulated: it can be read and waited for."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Clock(Protocol):
 
 
 class RealClock:
-    """Machine time is everybody's time."""
+    """Machine time that is wall-clock time."""
 
     def now_s(self) -> float:
         """Return the monotonic time."""

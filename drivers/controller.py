@@ -1,4 +1,4 @@
-"""A controller at the end of a link: it takes lines in a language of its own, and answers them."""
+"""The interface of a controller at the end of a link: it takes lines of text and answers them."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Protocol
 from drivers.link.base import Link
 
 REPLY_TIMEOUT_S = 2.0
-"""How long the reply to a line may take, where nobody says otherwise."""
+"""Default timeout for the reply to a line."""
 
 
 class Controller(Protocol):
-    """One controller, one line in flight at a time. `drivers.pmac.client.PmacClient` is the one there is.
+    """One controller with one line in flight at a time; implemented by `drivers.pmac.client.PmacClient`.
 
-    Nothing that moves or writes is sent twice; only what asks may be asked `again`. What the lines say is the
-    language of the controller: whoever words them is listed in the import contract of the PMAC.
+    Commands that move or write are never retried; only queries may be retried (`again`). The text of the lines
+    is controller-specific: the modules that write it are listed in the PMAC's import contract.
 
     Every method raises `LinkError` when the link breaks or is out of step, and `ControllerError` when the
     controller refuses the line.
@@ -23,15 +23,15 @@ class Controller(Protocol):
 
     @property
     def link(self) -> Link:
-        """What the controller is reached over."""
+        """The link to the controller."""
 
     def connect(self) -> tuple[str, str]:
-        """Empty the line, and return version and kind as the controller states them."""
+        """Flush the line; return the version and type that the controller reports."""
 
     def request(
         self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None
     ) -> tuple[str, ...]:
-        """Send a line and return the data of its reply: `lines` of them, or as many as the line itself says."""
+        """Send a line and return the data of its reply: `lines` of them, or as many as the line itself implies."""
 
     def send(
         self,
@@ -41,27 +41,27 @@ class Controller(Protocol):
         *,
         moves: bool = False,
     ) -> None:
-        """Send a line without waiting; `reply` must follow. What `check` raises leaves the line unsent.
+        """Send a line without waiting; `reply` must follow. If `check` raises, the line is not sent.
 
-        Where that can be proven, a line that `moves` is carried out only once it has arrived as it was sent.
+        Where the link can verify it, a line that `moves` is executed only after it has arrived as it was sent.
         """
 
     def reply(self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None) -> tuple[str, ...]:
-        """Return the data of the reply to a line that was sent before."""
+        """Return the data of the reply to a line sent before."""
 
     def query(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S, again: bool = False) -> tuple[str, ...]:
-        """Ask for several values in one line; return exactly one text for each."""
+        """Query several values in one line; return exactly one text for each."""
 
     def question(
         self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None
     ) -> tuple[str, ...]:
-        """Return the data of the reply to a line that changes nothing, asked a second time after a fault."""
+        """Return the data of the reply to a read-only line, retried once after a fault."""
 
     def numbers(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S, again: bool = False) -> tuple[float, ...]:
-        """Ask for several numbers in one line."""
+        """Query several numbers in one line."""
 
     def number(self, answer: str) -> float:
-        """Return what was answered as a number."""
+        """Parse an answer as a number."""
 
     def download(self, lines: Iterable[str]) -> None:
-        """Send the lines of a program; the first that is not accepted ends it, with nothing left open."""
+        """Send the lines of a program; stop at the first that is rejected and leave no buffer open."""

@@ -1,4 +1,4 @@
-"""What can go wrong between the console and the machine, as values with facts."""
+"""Errors between the console and the machine, as values with facts."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from profiles.problem import ProblemError
 
 
 class DriverError(ProblemError):
-    """A command to the machine that did not do what was asked."""
+    """A command to the machine failed."""
 
 
 class LinkError(DriverError):
-    """The link cannot be opened, broke, or brought something that nobody asked for."""
+    """The link cannot be opened, broke, or delivered unexpected data."""
 
 
 class LinkTimeoutError(LinkError):
-    """No complete reply within the time allowed; the fate of the request is unknown."""
+    """No complete reply within the timeout; whether the request was executed is unknown."""
 
 
 class ControllerError(DriverError):
-    """The controller refused a line with a BELL; `error_number` is its ERR number, 0 when it gave none."""
+    """The controller rejected a line with a BELL; `error_number` is its ERR number, 0 when it gave none."""
 
     def __init__(self, *args: object, error_number: int = 0) -> None:
         super().__init__(*args)  # type: ignore[arg-type]
@@ -26,4 +26,4 @@ class ControllerError(DriverError):
 
 
 class RefusedError(DriverError):
-    """Refused here, before anything was sent: the machine is as it was."""
+    """Refused by the host before anything was sent: the machine is unchanged."""

@@ -1,9 +1,8 @@
 """The profile of the workpiece: described, distorted, compensated, measured. Numbers in, numbers out.
 
-`import profiles` brings nothing with it; each of its modules is loaded when it is first named, so that
-`profiles.roundness.evaluate(...)` works in a plain script. What lies in packages of its own (`chucking`,
-`calibration`, `metrology`, `paper`, `trace_files`) is imported by its full name. What type checkers see stands in
-the stub beside this file.
+`import profiles` imports nothing else; each module is loaded on first use, so that
+`profiles.roundness.evaluate(...)` works in a plain script. Subpackages (`chucking`, `calibration`, `metrology`,
+`paper`, `trace_files`) are imported by their full name. Type checkers use the stub beside this file.
 """
 
 _PLACES = {
@@ -31,7 +30,7 @@ _PLACES = {
     "tool_stiffness": "axis.tool_stiffness",
     "traces": "traces",
 }
-"""Each public name and the module behind it."""
+"""Each public name and its module."""
 
 __all__ = list(_PLACES)
 
@@ -45,5 +44,5 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    """Return its names, with the modules that are not loaded yet."""
+    """Return the names, including modules that are not loaded yet."""
     return sorted({*globals(), *__all__})

@@ -1,4 +1,4 @@
-"""Student's t and Fisher's F at the one confidence that is used everywhere."""
+"""Student's t and Fisher's F at the one confidence level used everywhere."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ CONFIDENCE = 0.95
 
 
 def student(freedom: float, chance: float = 1.0 - CONFIDENCE) -> float:
-    """Return by how many standard errors a half-width reaches out: both tails of t together hold `chance`."""
+    """Return the half-width in standard errors: both tails of t together hold `chance`."""
     from scipy.special import ndtri, stdtrit
 
     below = 1.0 - 0.5 * chance
@@ -16,7 +16,7 @@ def student(freedom: float, chance: float = 1.0 - CONFIDENCE) -> float:
 
 
 def chance_of(ratio: float, added: int, freedom: float) -> float:
-    """Return how often chance alone gives an F of `ratio` or more, `added` over `freedom` degrees of freedom."""
+    """Return the probability of an F of `ratio` or more by chance, `added` over `freedom` degrees of freedom."""
     from scipy.special import fdtrc
 
     return float(fdtrc(added, freedom, ratio))

@@ -1,4 +1,4 @@
-"""The force of a cut, how it copies an earlier error, and how wide a cut may be before it chatters.
+"""The force of a cut, how it copies an earlier error, and the width of cut at which it chatters.
 
 Forces in N, lengths in mm, stiffness in N/um unless a name says otherwise. Kienzle's law with the groups of
 VDI 3323; below a chip of 0.02 mm the force of the edge comes in. All of it is good to about 50 % for the small
@@ -14,14 +14,14 @@ from dataclasses import dataclass
 from profiles.materials import Material
 
 PASSIVE_SHARE = 0.4
-"""Radial force as a share of the main cutting force: 0.3 to 0.5 for a sharp tool square to the axis."""
+"""Radial force over main cutting force: 0.3 to 0.5 for a sharp tool square to the axis."""
 
 FEED_SHARE = 0.4
-"""Axial force as a share of the main cutting force; nothing better is known of a finishing cut."""
+"""Axial force over main cutting force; no better value is known for a finishing cut."""
 
 THIN_CHIP_MM = 0.02
 EDGE_N_PER_MM = 7.5
-"""Force of the edge itself on a chip of no thickness, for each mm of width: the middle of 5 to 10."""
+"""Edge force at zero chip thickness, per mm of width: the middle of 5 to 10."""
 
 NEAR_A_MODE = 0.10
 
@@ -36,7 +36,7 @@ class CuttingForce:
 
     @property
     def in_plane_n(self) -> float:
-        """What pushes the part across its axis: main and passive force together."""
+        """The force on the part across its axis: main and passive force together."""
         return math.hypot(self.main_n, self.passive_n)
 
 
@@ -63,9 +63,9 @@ def cutting_force(
 def radial_cutting_stiffness_n_per_mm2(
     material: Material, feed_mm_per_rev: float, *, lead_deg: float = 90.0, passive_share: float = PASSIVE_SHARE
 ) -> float:
-    """Return K_r: the passive force that one mm more of chip thickness adds to each mm of width.
+    """Return K_r: the additional passive force per mm of chip thickness and mm of width.
 
-    Taken as the secant kc1.1 h^-mc of Kienzle's law, times the passive share.
+    Taken as the secant kc1.1 h^-mc of Kienzle's law, times the passive fraction.
     """
     chip_mm = feed_mm_per_rev * math.sin(math.radians(lead_deg))
     return float(passive_share * material.kc1_n_per_mm2 * chip_mm**-material.chip_exponent)
@@ -73,17 +73,17 @@ def radial_cutting_stiffness_n_per_mm2(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Copying:
-    """How far a cut repeats what it meets: mu = Ks / k of the loop of tool, part and chuck in series."""
+    """How far a cut copies earlier errors: mu = Ks / k of the loop of tool, part and chuck in series."""
 
     stiffness_ratio: float
 
     def share_left(self, passes: int = 1) -> float:
-        """Return the share of an earlier error that is left after so many passes: (mu / (1 + mu))^n."""
+        """Return the fraction of an earlier error left after this many passes: (mu / (1 + mu))^n."""
         return (self.stiffness_ratio / (1 + self.stiffness_ratio)) ** passes
 
 
 def copying(cut_n_per_um: float, loop_n_per_um: float) -> Copying:
-    """Return the copying of a cut of stiffness dF_p / d ap by a loop of the other stiffness, both N/um."""
+    """Return the copying of a cut of stiffness dF_p / d ap in a loop of the other stiffness, both N/um."""
     return Copying(stiffness_ratio=cut_n_per_um / loop_n_per_um)
 
 

@@ -1,4 +1,4 @@
-"""How the cut of a job behaves: force, copying, what a lobed blank does to the tool, when it chatters."""
+"""The behaviour of a job's cut: force, copying, the effect of a lobed blank on the tool, chatter."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 NEAR_BORDER = 0.1
-"""Share by which a wall may differ from the border between ring and bar and still be taken for either."""
+"""Relative distance of a wall from the border between ring and bar within which it may be either."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,8 +22,8 @@ class CuttingProcess:
     """The process of one cut.
 
     `lobed_force_n` is the amplitude of the radial force on a blank as lobed as the predicted error, and
-    `lobed_motion_um` how far the tool gives way to it at the lobe frequency. `chatter_limit_mm` is the width of
-    cut below which nothing chatters; `work_n_per_um` is the part where it is softest.
+    `lobed_motion_um` the tool's deflection by it at the lobe frequency. `chatter_limit_mm` is the width of cut
+    below which nothing chatters; `work_n_per_um` is the part where it is softest.
     """
 
     force: CuttingForce
@@ -51,9 +51,9 @@ def cutting_process(part: HeldPart, machine: MachineProfile, error_um_pp: float)
 
 
 def process_findings(part: HeldPart, machine: MachineProfile) -> tuple[Finding, ...]:
-    """Return what to mind of the process, beside what `profiles.rules` says of it.
+    """Return the findings about the process, beside those of `profiles.rules`.
 
-    - `rule.jaw_lifts`      (warning) a jaw edge that lets go of a bar under the cut
+    - `rule.jaw_lifts`      (warning) a jaw edge that loses contact with a bar under the cut
     - `rule.wall_border`    (warning) a wall within 10 % of where a ring that bends becomes a bar
     - `rule.mode_near`      (warning) one, two or three times the lobe frequency within 10 % of a mode of the part
     """
@@ -68,7 +68,7 @@ def _lifted(part: HeldPart) -> tuple[Finding, ...]:
 
 
 def _border(part: HeldPart) -> Finding:
-    """The two models do not meet: a wall near the border may be either, and their errors differ many times."""
+    """Warn near the border of the two models: a wall may be either, and their errors differ many times."""
     wall_mm, border_mm = part.job.wall_thickness_mm, THIN_WALL * part.job.radius_mm
     value, limit = f"{wall_mm:.6g} mm", f"{border_mm:.6g} mm"
     near = Problem(code="rule.wall_border", key="wall_thickness_mm", value=value, limit=limit)

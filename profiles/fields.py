@@ -1,8 +1,8 @@
 """A table of fields, and the strict reading of a TOML table against it.
 
-Both profiles (job and machine) are lists of `Field`. Reading collects every problem before it gives up, so
-that a file is corrected once. Nothing is guessed: a truth value is not a number, a text is not a number, and
-3.0 is not a whole number.
+Both profiles (job and machine) are lists of `Field`. Reading collects every problem, so that a file needs to be
+corrected only once. Nothing is guessed: a truth value is not a number, a text is not a number, and 3.0 is not a
+whole number.
 
 Problem codes: `key.unknown`, `key.missing`, `key.missing_several`, `key.twice`, `value.not_number`,
 `value.not_whole`, `value.not_text`, `value.blank`, `value.not_choice`, `value.not_finite`, `value.out_of_range`,
@@ -26,19 +26,19 @@ SCHEMA = 1
 TEXT_CAP_CHARACTERS = 80
 
 LEAST_MAGNITUDE = 1e-9
-"""Below this, in any unit, a number is 0 or a mistake: squares and quotients of it leave what a float can hold."""
+"""Below this, in any unit, a number is 0 or a mistake: its squares and quotients leave the range of a float."""
 
 _DEPTH_CAP_TABLES = 8
-# Letters and symbols that leave no ink: Hangul fillers, an empty Braille cell.
+# Invisible letters and symbols: Hangul fillers, an empty Braille cell.
 _INVISIBLE = frozenset("\u115f\u1160\u3164\uffa0\u2800")
-# More than these in one file mean that it is some other file.
+# More than these in one file mean that it is another kind of file.
 _UNKNOWN_CAP = 20
 # More missing keys than these, and nothing else, are one problem: the file is empty or hardly begun.
 _MISSING_CAP = 3
 
 
 class Kind(StrEnum):
-    """What a field holds. TEXTS is a list of texts."""
+    """The type of a field. TEXTS is a list of texts."""
 
     NUMBER = "number"
     WHOLE = "whole"
@@ -111,7 +111,7 @@ def read_fields(
 
 
 def fault(field: Field, value: object) -> str:
-    """Return the problem code of `value` in `field`, or "" where it may stand."""
+    """Return the problem code of `value` in `field`, or "" where it is valid."""
     if field.kind is Kind.TEXTS:
         return _fault_of_texts(field, value)
     if field.kind is Kind.TEXT:
@@ -168,7 +168,7 @@ def schema_problem(table: Mapping[str, Any], *, where: str) -> Problem | None:
 def unknown_keys(
     found: Iterable[str], known: Mapping[str, object], *, where: str, prefix: str = ""
 ) -> list[Problem]:
-    """Return the refusals of the keys that are not known, a screenful of them at most.
+    """Return the refusals of unknown keys, a screenful of them at most.
 
     The limit is the nearest known key, or all of them.
     """
@@ -200,7 +200,7 @@ def spelled(value: object) -> str:
 
 
 def _gathered(problems: list[Problem], where: str) -> list[Problem]:
-    """Return the problems, as one where all they say is that many keys are missing."""
+    """Return the problems, combined into one where they are only many missing keys."""
     if len(problems) <= _MISSING_CAP or any(problem.code != "key.missing" for problem in problems):
         return problems
     keys = ", ".join(problem.key for problem in problems)
@@ -214,7 +214,7 @@ def _converted(field: Field, value: Any) -> object:
 
 
 def is_blank(text: str) -> bool:
-    """Whether nothing can be read of a text: it is empty, or there is nothing in it but blanks of some kind."""
+    """Whether a text is empty or contains only blank characters of some kind."""
     return all(character.isspace() or character in _INVISIBLE for character in text)
 
 

@@ -1,8 +1,8 @@
-"""The only door between this package and the disk: regular files in, regular files out.
+"""All disk access of this package: regular files in, regular files out.
 
-A path may name anything: a folder, a pipe that nobody writes to, an endless device. Each of these becomes
-one `Problem`, none of them blocks. Writing replaces a file in one step, so that a reader (or a power cut)
-meets the old bytes or the new ones and never half of them.
+A path may name anything: a folder, a pipe without a writer, an endless device. Each of these becomes one
+`Problem`, none of them blocks. Writing replaces a file atomically, so that a reader (or a power cut) finds the
+old bytes or the new ones, never half of them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ TOML_LINE_CAP_DOTS = 100
 _TEMPORARY = re.compile(r"\.(.+)\.[0-9a-f]{8}\.tmp", re.DOTALL)
 
 PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600
-"""Permissions of what is nobody's but its owner's."""
+"""Permissions of private files and folders."""
 
 
 def printable(text: str, most_characters: int = 200) -> str:
@@ -45,10 +45,10 @@ def read_regular_file(path: Path, *, cap_bytes: int, area: str = "file") -> byte
     """
     where = printable(str(path))
     try:
-        # Asked before opening, because opening some devices already does something.
+        # Checked before opening, because opening some devices already has an effect.
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise OSError(errno.EINVAL, "not a regular file")
-        # Not blocking: between the question and the opening the name may have become a pipe.
+        # Non-blocking: between the check and the opening the name may have become a pipe.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with os.fdopen(descriptor, "rb") as file:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
@@ -101,7 +101,7 @@ def make_private_folder(folder: Path) -> None:
     """
     missing = [each for each in (folder, *folder.parents) if not each.exists()]
     for each in reversed(missing):
-        with suppress(FileExistsError):  # somebody else was quicker; if it is no folder, that is found out below
+        with suppress(FileExistsError):  # another process was quicker; if it is no folder, that is found out below
             os.mkdir(each, PRIVATE_FOLDER)
             os.chmod(each, PRIVATE_FOLDER)
     folder.mkdir(exist_ok=True)
@@ -119,10 +119,10 @@ def make_private_file(path: Path) -> None:
 
 
 def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bool = False) -> None:
-    """Put `content` under `path` in one step, through a synchronised temporary file beside it.
+    """Write `content` to `path` atomically, through a synchronised temporary file beside it.
 
     A `private` file is its owner's alone, whatever the umask. A symbolic link is followed, so the link stays.
-    Temporary files of the same name, which writers have left that were killed, are taken away.
+    Temporary files of the same name left by killed writers are removed.
     Raises `ProfileError` with `file.exists` (and `overwrite` is false) or `file.not_writable`.
     """
     where = printable(str(path))
@@ -142,7 +142,7 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-            # Not closed before: with its lock goes what says that somebody is at it.
+            # Not closed earlier: its lock shows that a writer is active.
             _move(temporary, target, overwrite=overwrite)
         _synchronise_folder(target.parent)
     except FileExistsError as error:
@@ -156,13 +156,13 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
 
 
 def remove_left(folder: Path, name: str = "") -> None:
-    """Take away the temporary files that killed writers have left in a folder: those of one name, or all.
+    """Remove the temporary files that killed writers have left in a folder: those of one name, or all.
 
-    All are meant for folders in which nobody else has files.
+    All is only for folders in which nobody else has files.
     """
     try:
         found = list(os.scandir(folder))
-    except OSError:  # it is made with the first file
+    except OSError:  # it is created with the first file
         return
     for entry in found:
         left = _TEMPORARY.fullmatch(entry.name)
@@ -171,7 +171,7 @@ def remove_left(folder: Path, name: str = "") -> None:
 
 
 def remove_all_left(folder: Path) -> None:
-    """Take away the temporary files that killed writers have left in a folder of ours and all below it."""
+    """Remove the temporary files that killed writers have left in one of our folders and all below it."""
     for inner, _, _ in os.walk(folder):
         remove_left(Path(inner))
 

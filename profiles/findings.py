@@ -1,4 +1,4 @@
-"""What a judgement comes to: one scale of severity, and one type for a judged condition with its problem."""
+"""The outcome of a judgement: one scale of severity, and one type for a judged condition with its problem."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from profiles.problem import Problem
 
 
 class Severity(StrEnum):
-    """A refusal stops the work, warning and notice are for the operator's eyes, ok is a condition that holds."""
+    """A refusal stops the work, warning and notice are for the operator, ok is a condition that is met."""
 
     OK = "ok"
     NOTICE = "notice"
@@ -20,13 +20,13 @@ class Severity(StrEnum):
 
     @property
     def rank(self) -> int:
-        """Its place on the scale: the higher, the worse."""
+        """Its rank on the scale: the higher, the worse."""
         return list(Severity).index(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """The outcome of one rule; the problem carries the numbers also where the rule holds."""
+    """The outcome of one rule; the problem carries the numbers also where the rule passes."""
 
     severity: Severity
     problem: Problem

@@ -1,4 +1,4 @@
-"""The job: one part, how it is held, how it is cut, and the lobe that is to be taken away.
+"""The job: one part, how it is held, how it is cut, and the lobe to be removed.
 
 Plain values and their limits, no arithmetic beyond Eq 4 of Lee & Lee (2001). A job file is TOML; its keys
 may stand at the top or inside any tables, each key once.
@@ -14,7 +14,7 @@ from profiles.fields import Field, Kind, flatten, read_fields, schema_problem
 from profiles.problem import ProfileError
 
 SIMULATED_SOURCE = "lobe of a simulated part, for practice"
-"""What the source of a job ends with whose lobe was found on no real part."""
+"""Suffix of the source of a job whose lobe was found on a simulated part."""
 
 LOBE_ERROR_SOURCES = ("measured", "fitted", "model", "assumed")
 
@@ -26,13 +26,13 @@ class Job:
     A wall equal to the radius is a solid bar. `overhang_mm` is the length in front of the jaw faces.
     `chucking_force_n` is the total over all jaws, at rest. `depth_of_cut_mm` is on the radius.
     `lobe_error_um_pp` is the free-state error, peak to peak, that a plain cut leaves (the 55 and 33 um of the
-    paper); the released part is high at spindle angle `lobe_phase_deg`: at jaw 1, or `lobe_past_jaw_deg` past it
-    where that was found. `lobe_force_n` is the chucking force at which that error was found, and so are the other
-    keys of the calibration cut: speed, overhang, wall, diameter, material, number of jaws, and the names of chuck
-    and tool. A file that does not give one of them has its error at its own value. The error is that in the middle
-    of the cut; it grows by `lobe_growth_percent_per_mm` of itself with each mm from there towards the jaws.
-    `assumed` names the keys whose values the source does not give; `copied_from` is the job that this one was made
-    of, whose source is not its own.
+    paper); the released part is high at spindle angle `lobe_phase_deg`: at jaw 1, or `lobe_past_jaw_deg` past
+    it where that was found. `lobe_force_n` is the chucking force at which that error was found, and so are the
+    other keys of the calibration cut: speed, overhang, wall, diameter, material, number of jaws, and the names
+    of chuck and tool. A file that does not give one of them has its error at its own value. The error is that
+    in the middle of the cut; it grows by `lobe_growth_percent_per_mm` of itself with each mm from there towards
+    the jaws. `assumed` names the keys whose values the source does not give; `copied_from` is the job that this
+    one was copied from, whose source does not apply.
     """
 
     name: str
@@ -83,7 +83,7 @@ class Job:
 
     @property
     def largest_amplitude_um(self) -> float:
-        """The amplitude at that end of the cut at which the lobe is largest."""
+        """The amplitude at the end of the cut where the lobe is largest."""
         growth_per_mm = abs(self.lobe_growth_percent_per_mm or 0.0) / 100
         return self.lobe_amplitude_um * (1 + growth_per_mm * self.cut_length_mm / 2)
 
@@ -104,19 +104,19 @@ class Job:
 
 
 def copy_of(job: Job, name: str, original: str) -> Job:
-    """Return the job under another name. What the file of `original` says of its source is not said of a copy.
+    """Return the job under another name. The source of the `original` file does not apply to a copy.
 
-    That its lobe is one of a simulated part stays true of it.
+    That its lobe is from a simulated part is kept.
     """
     source = SIMULATED_SOURCE if job.source.endswith(SIMULATED_SOURCE) else ""
     return replace(job, name=name, source=source, copied_from=original)
 
 
 LEAST_MM, LEAST_N, LEAST_RPM = 0.001, 0.1, 0.1
-"""Least length, force and speed of a job: below these there is no part, and quotients leave what is physical."""
+"""Minimum length, force and speed of a job: below these there is no part, and quotients become unphysical."""
 
 LEAST_CUT_MM = 0.0001
-"""Least depth and feed: a tenth of a micrometre."""
+"""Minimum depth and feed: a tenth of a micrometre."""
 
 
 def _number(key: str, table: str, unit: str, at_least: float, at_most: float, *, optional: bool = False) -> Field:
@@ -169,7 +169,7 @@ def job_from_table(table: Mapping[str, Any], *, where: str = "") -> Job:
     """
     leaves, problems = flatten(table, where=where)
     if refusal := schema_problem(leaves, where=where):
-        # The rest would be judged by the rules of the wrong schema.
+        # The rest would be judged by the wrong schema.
         raise ProfileError(refusal)
     values, found = read_fields(JOB_FIELDS, leaves, where=where)
     if problems or found:

@@ -1,12 +1,12 @@
-"""Weighted least squares of harmonics and trends, with one convention for what is known of the coefficients.
+"""Weighted least squares of harmonics and trends, with one convention for the covariance of coefficients.
 
 Model of M samples y_i with standard deviations in known ratios, W = diag(1 / sigma_i^2):
 
-    y = X b + e,    b = (X' W X)^-1 X' W y,    s^2 = e' W e / (M - k)
+y = X b + e,    b = (X' W X)^-1 X' W y,    s^2 = e' W e / (M - k)
 
-After F. R. Helmert, `cofactors` are (X' W X)^-1 and the `covariance` is s^2 times these: nothing else is called a
-covariance in this project. A harmonic of order n is p cos(n angle) + q sin(n angle) = Re{c exp(j n angle)} with
-the complex coefficient c = p - j q; its phase, the angle of its maximum, is atan2(q, p) / n.
+After F. R. Helmert, `cofactors` are (X' W X)^-1 and the `covariance` is s^2 times these: the project uses the
+word covariance for nothing else. A harmonic of order n is p cos(n angle) + q sin(n angle) = Re{c exp(j n
+angle)} with the complex coefficient c = p - j q; its phase, the angle of its maximum, is atan2(q, p) / n.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def harmonic_columns(angle_rad: Floats, orders: Sequence[int], *trends: Floats) 
 
 
 def harmonic_slice(place: int, trends: int = 0) -> slice:
-    """Return where cosine and sine of the order at `place` stand among the coefficients of `harmonic_columns`."""
+    """Return the slice of cosine and sine of the order at `place` in the coefficients of `harmonic_columns`."""
     first = 1 + trends + 2 * place
     return slice(first, first + 2)
 
@@ -86,7 +86,7 @@ def fit(columns: Floats, values: Floats, root_weight: Floats | None = None) -> F
     weighed, target = columns * root[:, None], values * root
     known, condition = _solved(weighed)
     coefficients = known @ (weighed.T @ target)
-    coefficients += known @ (weighed.T @ (target - weighed @ coefficients))  # once more for the last digits
+    coefficients += known @ (weighed.T @ (target - weighed @ coefficients))  # refinement for the last digits
     residuals = values - columns @ coefficients
     freedom = len(values) - columns.shape[1]
     squares = float(np.sum((root * residuals) ** 2))
@@ -101,14 +101,14 @@ def fit(columns: Floats, values: Floats, root_weight: Floats | None = None) -> F
 
 
 def cofactors(columns: Floats) -> Floats:
-    """Return (X' X)^-1 of columns (M, k) that carry their weights already; shape (k, k)."""
+    """Return (X' X)^-1 of columns (M, k) that are already weighted; shape (k, k)."""
     return _solved(columns)[0]
 
 
 def huber_distances(columns: Floats, values: Floats, root_weight: Floats, least: float, settled: float) -> Floats:
     """Return the distance of each value from a fit with Huber's weights, in robust standard deviations.
 
-    Residuals up to `least` are rounding; weights that change by up to `settled` are settled.
+    Residuals up to `least` are rounding; weights that change by up to `settled` have converged.
     """
     huber = np.ones_like(values)
     distance = np.zeros_like(values)

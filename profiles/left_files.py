@@ -1,7 +1,7 @@
-"""Files that are gone with whoever writes them, and those that a killed one has left.
+"""Temporary files that vanish with their writers, and the removal of those left by killed ones.
 
-Whoever lives holds a lock on his file, which the kernel lets go of when a process ends, however it ends. So a file
-that can be locked was left, whatever its date says. On a file system without locks none is ever taken for left.
+A running writer holds a lock on its file, which the kernel releases when the process ends, however it ends. So
+a file that can be locked was left, whatever its date. On a file system without locks no file counts as left.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from pathlib import Path
 
 
 def made_locked(path: Path, mode: int) -> int:
-    """Make a file that is not there, and return its descriptor, for writing, with the lock held.
+    """Create a new file, and return its descriptor, for writing, with the lock held.
 
     Raises:
-        OSError: it cannot be made, or is there.
+        OSError: it cannot be created, or exists.
     """
     while True:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
@@ -25,16 +25,16 @@ def made_locked(path: Path, mode: int) -> int:
             fcntl.flock(descriptor, fcntl.LOCK_EX)
         if _is_at(descriptor, path):
             return descriptor
-        os.close(descriptor)  # between the two, somebody has taken it for left, and away
+        os.close(descriptor)  # in between, another process has taken it for left and removed it
 
 
 def taken_if_left(path: Path) -> int | None:
-    """Return a descriptor of a file that somebody who is gone has left, with its lock held; None of any other.
+    """Return a locked descriptor of a file left by a dead process; None of any other file.
 
-    Only a plain file of this user is ever taken.
+    Only a regular file of this user is ever taken.
     """
     try:
-        # Neither through a link nor waiting for a pipe.
+        # Neither follows a link nor waits for a pipe.
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
         return None
@@ -44,14 +44,14 @@ def taken_if_left(path: Path) -> int | None:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if _is_at(descriptor, path):
                 return descriptor
-    except OSError:  # somebody has the lock, and lives
+    except OSError:  # a running process holds the lock
         pass
     os.close(descriptor)
     return None
 
 
 def remove_if_left(path: Path) -> None:
-    """Take a file away that somebody who is gone has left, if there is one."""
+    """Remove a file left by a dead process, if there is one."""
     descriptor = taken_if_left(path)
     if descriptor is not None:
         with suppress(OSError):

@@ -1,10 +1,8 @@
-"""The machine profile: what the lathe, its drives and its chuck are, in mechanical and electrical units.
+"""The machine profile: the lathe, its drives and its chuck, in mechanical and electrical units.
 
 Data alone. The settings of the controller are carried as a mapping from variable name to value and are not
-interpreted here, except that a safety limit of 0 is refused because 0 switches that limit off.
-
-Who has signed for the safety devices is told with the machine that it was for: a signature for the simulator opens
-no real machine.
+interpreted here, except that a safety limit of 0 is refused because 0 disables that limit. A signature for the
+safety devices states the machine that it is for: a signature for the simulator does not permit a real machine.
 """
 
 from __future__ import annotations
@@ -60,11 +58,10 @@ class ToolAxis:
     """The linear motor that carries the tool (Tables 2 to 4). Positive is infeed, towards the spindle axis.
 
     `home_radius_mm` is the radius of the tool tip at motor position zero; travel is measured from there.
-    `retract_mm` is the clearance to the surface when the tool is out. `wiper_land_mm` is the length of the
+    `retract_mm` is the clearance to the surface when the tool is retracted. `wiper_land_mm` is the length of the
     tool's flat: a larger feed per turn leaves a thread. The three gains act on the position error: V/m,
     V/(m s) and V s/m. `damping_n_s_per_m` is the viscous equivalent of all friction (section 4.2).
-    `bus_voltage_v` feeds the amplifier, None where nobody knows it. `name` is what the tool is called at the
-    lathe.
+    `bus_voltage_v` feeds the amplifier, None if unknown. `name` is the name of the tool at the lathe.
     """
 
     motor: int
@@ -100,7 +97,7 @@ class ToolAxis:
 
     @property
     def loop_gain_n_per_v(self) -> float:
-        """Thrust for one volt of command: Ka Kt of Eq 9."""
+        """Thrust per volt of command: Ka Kt of Eq 9."""
         return self.amplifier_gain_a_per_v * self.thrust_constant_n_per_a
 
 
@@ -125,12 +122,12 @@ class Spindle:
 
     @property
     def followed(self) -> bool:
-        """Whether the controller only reads it: it is switched and set at the lathe."""
+        """Whether the controller only reads the spindle, which is switched and set at the lathe."""
         return self.drive == "inverter"
 
     @property
     def counts_per_rev(self) -> int:
-        """Counts of one turn after interpolation."""
+        """Counts per turn after interpolation."""
         return self.encoder_lines_per_rev * self.counts_per_line
 
 
@@ -157,12 +154,12 @@ class Chuck:
     `max_force_n` is the total over all jaws. `safety_factor` is S_sp of VDI 3106: what the force at rest is
     divided by before the centrifugal loss is taken from it.
 
-    What predictions may use, None where nobody knows it: the length of the jaws along the axis; the stiffness of
-    one jaw at 1000 N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the total
-    force for one N m at the wrench, the force that there is without any (None beside the first is 0), and how it
-    scatters from clamping to clamping; the lowest mode of parts in it.
-    `name` is what the chuck is called at the lathe. `force_line_variance` is that of the line of the wrench where
-    a calibration has given it, no key of a file: of the offset (N^2), of both together, of the slope.
+    Data for predictions, None if unknown: the length of the jaws along the axis; the stiffness of one jaw at
+    1000 N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the total force
+    per N m at the wrench, the force at no torque (None beside the first is 0), and its scatter between
+    clampings; the lowest mode of parts in it. `name` is the name of the chuck at the lathe.
+    `force_line_variance` is that of the wrench line from a calibration, not a key of a file: of the offset
+    (N^2), of both together, of the slope.
     """
 
     jaws: int
@@ -186,8 +183,8 @@ class Chuck:
 class HeartbeatPolicy:
     """What the controller does with a cut whose console has fallen silent.
 
-    `policy` is "retract" (the tool goes out at the end of the turn), "finish" or "stop". `grace_ms` is what a cut
-    may take to get its tool out by itself before it is aborted; at 1100 a spindle turns at 100 rpm at least.
+    `policy` is "retract" (the tool retracts at the end of the turn), "finish" or "stop". `grace_ms` is the time
+    for a cut to retract its tool by itself before it is aborted; at 1100 a spindle turns at 100 rpm at least.
     """
 
     policy: str = "retract"
@@ -196,13 +193,12 @@ class HeartbeatPolicy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Safety:
-    """What guards the people at the machine: each device is "wired", "not fitted" or "unknown".
+    """The safety devices that protect people: each is "wired", "not fitted" or "unknown".
 
-    Somebody has to sign (`signed_by`) for what is not fitted; with anything unknown a real machine is not armed.
-    `signed_for` is "machine" or "simulator", empty where nobody has signed: a profile signed for the simulator is
-    refused on a real link.
-    `inputs` says which of them the controller sees, in its language: "guard->Y:$FFC2,3=1", the bit and its value
-    when all is well.
+    Somebody has to sign (`signed_by`) for what is not fitted; with anything unknown a real machine is not
+    armed. `signed_for` is "machine" or "simulator", empty without a signature: a profile signed for the
+    simulator is refused on a real link. `inputs` lists those that the controller sees, in its language:
+    "guard->Y:$FFC2,3=1", the bit and its value in the safe state.
     """
 
     emergency_stop: str = "unknown"
@@ -226,7 +222,7 @@ class Safety:
 class MachineProfile:
     """One lathe. `assumed` names the dotted keys ("tool.home_radius_mm") that no source or sheet gives.
 
-    `link` is the address of its controller ("ethernet:192.168.0.4"), empty where the command line has to say it.
+    `link` is the address of its controller ("ethernet:192.168.0.4"), empty where the command line must give it.
     """
 
     name: str
@@ -272,7 +268,7 @@ def machine_from_table(table: Mapping[str, Any], *, where: str = "") -> MachineP
 
 
 def _read_sections(table: Mapping[str, Any], where: str, problems: list[Problem]) -> dict[str, dict[str, Any]]:
-    """Return the values of each section that is there; add what is wrong with them to `problems`."""
+    """Return the values of each section that is present; add its problems to `problems`."""
     sections: dict[str, dict[str, Any]] = {}
     given: dict[str, Any] | None = None
     for name, fields in SECTIONS.items():
@@ -297,7 +293,7 @@ def _read_sections(table: Mapping[str, Any], where: str, problems: list[Problem]
 def _table(
     table: Mapping[str, Any], name: str, where: str, problems: list[Problem], prefix: str = ""
 ) -> dict[str, Any] | None:
-    """Return an inner table; report one that is missing or is no table."""
+    """Return an inner table; report one that is missing or not a table."""
     inner = table.get(name)
     if isinstance(inner, dict):
         return inner
@@ -310,7 +306,7 @@ def _table(
 
 
 def _crossings(sections: Mapping[str, Mapping[str, Any]], where: str) -> list[Problem]:
-    """Return the contradictions that make the machine impossible: turned-around travel, a shared motor."""
+    """Return the contradictions that make the machine impossible: reversed travel limits, a shared motor."""
     met: list[tuple[str, str, str]] = []
     for name in ("tool", "carriage"):
         low = sections.get(name, {}).get("travel_min_mm")
@@ -335,7 +331,7 @@ def _crossings(sections: Mapping[str, Mapping[str, Any]], where: str) -> list[Pr
 
 
 def _half_a_wrench(chuck: Mapping[str, Any], where: str) -> list[Problem]:
-    """A force without torque says nothing where nobody knows what a torque adds to it."""
+    """Report a force without torque whose line is otherwise unknown."""
     slope = "force_per_torque_n_per_n_m"
     if chuck.get("force_offset_n") is None or chuck.get(slope) is not None:
         return []
@@ -343,12 +339,12 @@ def _half_a_wrench(chuck: Mapping[str, Any], where: str) -> list[Problem]:
 
 
 def is_signature(signed_by: str) -> bool:
-    """Whether a text names somebody: there is a letter in it. Marks and blanks are nobody's word."""
+    """Whether a text can be a name: it contains a letter, not only marks and blanks."""
     return any(character.isalpha() and not is_blank(character) for character in signed_by)
 
 
 def signature_gaps(sections: Mapping[str, Mapping[str, Any]], *, where: str) -> list[Problem]:
-    """Return the refusal of a signature that names nobody, or does not say what was signed for.
+    """Return the refusal of a signature without a name, or without what was signed for.
 
     Problem codes: `safety.nobody_named`, `key.missing`.
     """
@@ -366,7 +362,7 @@ def signature_gaps(sections: Mapping[str, Mapping[str, Any]], *, where: str) -> 
 def real_machine_problems(machine: MachineProfile) -> tuple[Problem, ...]:
     """Return why a profile may not be used on a real link: `safety.signed_for_simulator`.
 
-    A copy of a bundled profile carries its signature along; whoever makes it true signs anew.
+    A copy of a bundled profile carries its signature along; it must be signed again for the real machine.
     """
     if machine.safety.signed_for != SIMULATOR:
         return ()

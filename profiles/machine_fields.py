@@ -1,6 +1,6 @@
 """The keys of a machine profile with their limits, section by section, and the controller's settings.
 
-A spindle on an inverter has keys of its own, and may not have others: the controller reads it and never moves it.
+A spindle on an inverter has its own keys and may not have the others: the controller reads it and never moves it.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _VARIABLE = re.compile(r"I(0|[1-9]\d{0,3})")
 _VARIABLE_FIELD = Field(key="", at_least=-(2.0**47), at_most=2.0**47)
 
 LEAST_SHARE = 1e-8
-"""A value above 0 is at least this share of its most: smaller ones are a wrong unit, and break quotients."""
+"""Minimum ratio of a value above 0 to its maximum: smaller ones are a wrong unit, and break quotients."""
 
 _MOTOR = Field(key="motor", kind=Kind.WHOLE, at_least=1, at_most=8)
 
@@ -57,7 +57,7 @@ TOP_FIELDS: tuple[Field, ...] = (
 )
 
 OPTIONAL_SECTIONS = frozenset({"heartbeat", "safety"})
-"""Sections that a profile may do without: every key of them has a default."""
+"""Optional sections of a profile: every key of them has a default."""
 
 _OF_INVERTER = ("ramp_rpm_per_s", "slip_rpm")
 _DEFINED_MOTOR = re.compile(r"\s*#\s*(\d+)\s*->\s*(?!0\s*$)", re.ASCII)
@@ -68,7 +68,7 @@ def _positive(key: str, unit: str, at_most: float) -> Field:
 
 
 def _known(key: str, unit: str, at_most: float) -> Field:
-    """A number above 0 that a profile may leave out where nobody knows it."""
+    """Return the field of a number above 0 that a profile may leave out if unknown."""
     return Field(key=key, unit=unit, at_least=LEAST_SHARE * at_most, at_most=at_most, optional=True)
 
 
@@ -203,7 +203,7 @@ def read_variables(
 
 
 def read_assumed(assumed: Sequence[str], *, where: str) -> list[Problem]:
-    """Return a refusal for each name in `assumed` that is no key of a machine."""
+    """Return a refusal for each name in `assumed` that is not a key of a machine."""
     known = {f"{section}.{field.key}" for section, fields in SECTIONS.items() for field in fields}
     known.add("controller.variables")
     return [
@@ -242,7 +242,7 @@ def _missing(spindle: Mapping[str, Any], where: str) -> list[Problem]:
 
 
 def _defined(spindle: Mapping[str, Any], controller: Mapping[str, Any], where: str) -> list[Problem]:
-    """Return a refusal for each definition that makes the spindle an axis; `->0` makes it none."""
+    """Return a refusal for each definition that makes the spindle an axis; `->0` defines none."""
     motor, name = spindle.get("motor"), "axis_definitions"
     return [
         Problem(

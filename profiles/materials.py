@@ -1,8 +1,8 @@
-"""Workpiece materials by the word that stands in a job: cutting force and elastic constants.
+"""Workpiece materials by their word in a job: cutting force and elastic constants.
 
 kc1.1 and mc are catalogue values of the material groups of VDI 3323, good to about 50 % for chips as thin as a
-finishing cut's. The yield strengths are low values for the group: what bends beyond them is refused, and the
-name of the alloy gives a higher one; they are not for a design.
+finishing cut's. The yield strengths are low values for the group: stresses above them are refused, and naming
+the alloy gives a higher value; they are not design values.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from profiles.problem import Problem, ProfileError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
-    """One group: Kienzle's two numbers, Young's modulus, Poisson's ratio, and where it begins to yield."""
+    """One group: Kienzle's two constants, Young's modulus, Poisson's ratio, and its yield strength."""
 
     name: str
     kc1_n_per_mm2: float
@@ -63,11 +63,11 @@ _WORDS: dict[str, int] = {
     "scm440-h": 7, "42crmo4+qt": 7,
     "stainless": 8, "sus304": 8, "sts304": 8, "sus316": 8, "1.4301": 8,
 }  # fmt: skip
-"""The words a job may say, in small letters, each with its row of `MATERIALS`."""
+"""The words that a job may use, in lower case, each with its row of `MATERIALS`."""
 
 
 def material_or_none(word: str) -> Material | None:
-    """Return the material that a job names, None where nothing is known of it; capitals do not matter."""
+    """Return the material that a job names, None if unknown; case does not matter."""
     row = _WORDS.get(word.strip().lower())
     return None if row is None else MATERIALS[row]
 
@@ -76,7 +76,7 @@ def material_named(word: str) -> Material:
     """Return the material that a job names.
 
     Raises:
-        ProfileError: `rule.material_unknown`, with the words that are known.
+        ProfileError: `rule.material_unknown`, with the known words.
     """
     found = material_or_none(word)
     if found is None:
@@ -85,6 +85,6 @@ def material_named(word: str) -> Material:
 
 
 def unknown_material(word: str) -> Problem:
-    """Return the refusal of a word for which there is no material."""
+    """Return the refusal of an unknown material."""
     known = ("Al", "A6061", "ADC12", "SS400", "steel", "SCM440", "SUS304")
     return Problem(code="rule.material_unknown", key="material", value=word, limit=" | ".join(known))

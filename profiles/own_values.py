@@ -1,7 +1,7 @@
-"""Reading what our own files hold: a value of the right type, or a refusal. Nothing is converted.
+"""Read values from our own files: of the right type, or refused. Nothing is converted.
 
-A file in the data folder may be old, cut short, or edited by hand; what it says moves a machine. So "false" is no
-truth value, 2.7 no whole number, "1e3" no number, and neither infinity nor NaN is one.
+A file in the data folder may be old, cut short, or edited by hand; its content moves a machine. So "false" is
+not a truth value, 2.7 not a whole number, "1e3" not a number, and neither are infinity and NaN.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from profiles.problem import Problem, ProfileError
 Record = TypeVar("Record")
 
 DEPTH_CAP = 40
-"""Far above what any file of ours has: what is deeper ends in a fault of Python where it is read or shown."""
+"""Far deeper than any of our files: deeper nesting would fail in Python when it is read or shown."""
 
 
 def from_json(content: str | bytes) -> Any:
-    """Return what is in a JSON text.
+    """Parse a JSON text.
 
     Raises:
         ValueError: it is none, or nested too deeply.
@@ -73,7 +73,7 @@ def positive(value: object) -> float:
 
 
 def whole(value: object) -> int:
-    """Return a whole number as it stands: nothing is rounded.
+    """Return a whole number unchanged: nothing is rounded.
 
     Raises:
         TypeError: anything else.
@@ -114,13 +114,13 @@ def read_own(
     where: str = "",
     judge: Callable[[Record], None] = lambda _: None,
 ) -> Record:
-    """Return what a file of ours holds, read from its JSON; every kind of file is read by this.
+    """Read the content of one of our files from its JSON; every kind of file is read by this.
 
-    `code` is that of the problem of a file that is no such record. `judge` raises a ValueError for values that no
-    such record has.
+    `code` is the problem code for a file that is not such a record. `judge` raises a ValueError for impossible
+    values.
 
     Raises:
-        ProfileError: `schema.unsupported`, another version of the console has written it; `code`.
+        ProfileError: `schema.unsupported`, it was written by another version of the console; `code`.
     """
     try:
         if not isinstance(table, Mapping):

@@ -1,4 +1,4 @@
-"""Refusals and findings as values: here are the facts, in `profiles.words` the words for them."""
+"""Refusals and findings as values: the facts are here, their wording in `profiles.words`."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """One fact that stands in the way (or deserves attention), free of any language.
+    """One fact that prevents something (or deserves attention), independent of any language.
 
     `code` is stable and names the sentence in `profiles.words` (`problem.<code>`). The other fields
     are already text with units, fit to be put into that sentence: `where` a file, axis or link address,
-    `key` the field, variable or quantity, `value` what was met, `limit` what is allowed.
+    `key` the field, variable or quantity, `value` the actual value, `limit` what is allowed.
     """
 
     code: str
@@ -29,14 +29,14 @@ class Problem:
 
     def __str__(self) -> str:
         """Return the English sentence: what, where, value, limit and remedy."""
-        # Words are read when they are first said: most problems are never told in English.
+        # Words are loaded on first use: most problems are never shown in English.
         from profiles.words.sentences import english
 
         return english().problem(self)
 
 
 class ProblemError(Exception):
-    """Raised with every problem that was found, never with the first one only; its text is their sentences."""
+    """Raised with every problem found, not only the first; its text is their sentences."""
 
     def __init__(self, *problems: Problem) -> None:
         super().__init__(*problems)
@@ -48,4 +48,4 @@ class ProblemError(Exception):
 
 
 class ProfileError(ProblemError):
-    """A job, a machine profile or a trace that cannot be used as it stands."""
+    """A job, a machine profile or a trace that cannot be used."""

@@ -4,8 +4,8 @@ Angles are in degrees, deviations from any nominal radius in um, positive outwar
 limacon model (deviation = R + x cos + y sin), which holds while eccentricity^2 / (2 radius) is small; beyond, a
 part of known radius is taken about its own centre. Names after ISO 12181-1 (RONt, RONp, RONv, RONq; LSC: least
 squares circle, MZC: minimum zone, MCC: minimum circumscribed, MIC: maximum inscribed) and ISO 16610-21 (the
-Gaussian filter, here for a closed profile: no end effects). Where a circle may slide (MCC and MIC of an oval) the
-place with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.sliding`.
+Gaussian filter, here for a closed profile: no end effects). Where a circle may slide (MCC and MIC of an oval)
+the position with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.sliding`.
 
 Problem codes: those of `profiles.metrology`, and `trace.unequal_angles`, `trace.eccentric`; as a warning also
 `trace.few_points` and `trace.off_axis`.
@@ -36,25 +36,25 @@ from profiles.problem import Problem, ProfileError
 # The ovality, p-p, that the limacon model may add before the part is taken about its own centre.
 _MOST_OVALITY_UM = 0.05
 OFF_AXIS = "trace.off_axis"
-"""Code of the warning that a part sits off the axis and does not state its radius."""
+"""Code of the warning that a part is off the axis and its radius is not stated."""
 
 SMALLEST_MM = 5.0
-"""Radius of the smallest part that is thought of where a trace does not state it."""
-# Share of the radius: further off centre the angles about the axis say little about those of the part.
+"""Smallest assumed part radius where a trace does not state it."""
+# Fraction of the radius: further off centre the angles about the axis say little about those of the part.
 _MOST_ECCENTRIC = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoundnessResult:
-    """The parameters of one trace, with everything that is needed to compare them with another's.
+    """The parameters of one trace, with everything needed to compare them with another's.
 
     RONt, RONp, RONv and RONq are those of the least squares circle; `circles` has all four, each with its own
     centre. `centre_x_um` (towards angle 0), `centre_y_um` and `mean_deviation_um` are those of the unfiltered
     trace, from the axis of measurement. `harmonics` are n = 2 to 15 (or as many as the points allow) of the
     centred, filtered profile. `filter_upr` is the cut-off in undulations per revolution, None without a filter,
-    `above_upr` the lower cut-off of a band pass. `recentred` says that the part sat too far off for the limacon
-    model and was taken about its own centre. `left_out` counts points that were suspect. `state` says in which
-    state the part was measured, such as "free" or "clamped". `warnings` do not spoil the result.
+    `above_upr` the lower cut-off of a band pass. `recentred` is whether the part was too far off for the
+    limacon model and was taken about its own centre. `left_out` counts suspect points. `state` is the state in
+    which the part was measured, such as "free" or "clamped". `warnings` do not invalidate the result.
     """
 
     ront_um: float
@@ -93,7 +93,7 @@ class RoundnessResult:
 class _Centred:
     """A profile about its least squares circle, um, at angles about the axis, or about its own centre; (M,) each.
 
-    `out` are the points that do not count.
+    `out` are the excluded points.
     """
 
     angle_deg: FloatArray
@@ -119,12 +119,12 @@ def evaluate(
 
     Both inputs have shape (M,). Unequal angles are taken without a filter only; with one they are refused
     (`trace.unequal_angles`), because a closed profile is filtered by its spectrum. A gap between neighbouring
-    angles above 60 deg is refused (`trace.narrow_angles`), filter or not: what stands in it was not measured, and
-    lobes of half its width would be missing from the result without a trace. With `above_upr` the filter is a band
-    pass from there. With the radius of the part the circles are those of its points in the plane, and a part too
+    angles above 60 deg is refused (`trace.narrow_angles`), filter or not: nothing in it was measured, and lobes
+    of half its width would be missing from the result unnoticed. With `above_upr` the filter is a band pass
+    from there. With the radius of the part the circles are those of its points in the plane, and a part too
     eccentric for the limacon model is taken about its own centre; `trace.eccentric` refuses one that is off by
-    more than a tenth of its radius. Without it `trace.off_axis`, a warning, says that an eccentricity may show as
-    an oval, and of which radii. `robust` leaves suspect points (chips, scratches) out and says how many.
+    more than a tenth of its radius. Without it `trace.off_axis`, a warning, says that an eccentricity may show
+    as an oval, and of which radii. `robust` excludes suspect points (chips, scratches) and counts them.
     """
     angle, deviation = checked(angle_deg, deviation_um)
     out = suspects(angle, deviation) if robust else np.zeros(angle.shape, dtype=bool)
@@ -165,7 +165,7 @@ def centred_profile(angle_deg: ArrayLike, deviation_um: ArrayLike, filter_upr: f
 def _centred(
     angle_deg: FloatArray, deviation_um: FloatArray, kept: NDArray[np.bool_], radius_mm: float | None
 ) -> _Centred:
-    """Take the circle of the points that are kept off all points."""
+    """Subtract the circle of the points that are kept from all points."""
     mean_um, x_um, y_um = least_squares(angle_deg[kept], deviation_um[kept])
     theta = np.radians(angle_deg)
     profile = deviation_um - mean_um - x_um * np.cos(theta) - y_um * np.sin(theta)
@@ -216,7 +216,7 @@ def _filtered(
 
 
 def _from_axis(circle: ReferenceCircle, centred: _Centred) -> ReferenceCircle:
-    """Return a circle of the centred profile as it stands from the axis of measurement."""
+    """Return a circle of the centred profile relative to the axis of measurement."""
     return replace(
         circle,
         centre_x_um=circle.centre_x_um + centred.x_um,
@@ -226,12 +226,12 @@ def _from_axis(circle: ReferenceCircle, centred: _Centred) -> ReferenceCircle:
 
 
 def seen_oval_um_pp(eccentricity_um: float, radius_mm: float) -> float:
-    """Return the ovality that a circle of a radius shows about an axis so far off its centre: e^2 / (2 R)."""
+    """Return the ovality that a circle of a radius shows about an axis this far off its centre: e^2 / (2 R)."""
     return eccentricity_um**2 / (2000.0 * radius_mm)
 
 
 def _off_axis(centred: _Centred, radius_mm: float | None) -> tuple[Problem, ...]:
-    """Tell of a part of unknown radius that may look oval only because of where it sits."""
+    """Warn of a part of unknown radius that may look oval only because it is off the axis."""
     eccentricity_um = math.hypot(centred.x_um, centred.y_um)
     if radius_mm is not None or seen_oval_um_pp(eccentricity_um, SMALLEST_MM) <= _MOST_OVALITY_UM:
         return ()

@@ -1,10 +1,10 @@
-"""Does this job fit this machine? Every rule is judged, and each gives a finding with its numbers.
+"""Check a job against a machine. Every rule is judged, and each gives a finding with its numbers.
 
 Codes, with what is refused:
 
 - `rule.wall_over_radius`      a wall thicker than the radius (equal: a solid bar)
 - `rule.depth_over_wall`       a cut that, with the lobe on top, leaves less than `LEAST_WALL_MM` of the wall
-- `rule.depth_under_lobe`      a depth that does not hold the lobe: between its crests the tool leaves the part
+- `rule.depth_under_lobe`      a depth that does not hold the lobe: between its maxima the tool leaves the part
 - `rule.clamp_stress`          a thin part that yields under the jaws
 - `rule.length_over_overhang`  a cut that comes nearer to the jaws than their clearance
 - `rule.speed_over_machine`    a spindle speed above the machine's
@@ -27,7 +27,7 @@ Codes, with what is refused:
 - `rule.lobe_unstated`         (warning) an error that was found on a part, without the conditions of that cut
 - `rule.chatter_width`         (warning) a cut wider than the part bears without chatter
 
-What was found with no condition stated is compared with nothing, and gives no finding that it is the same. The
+An error found with no condition stated is not compared, and gives no finding of agreement. The
 last two need a part that can be held and cut, of a known material.
 """
 
@@ -54,13 +54,13 @@ from profiles.materials import material_or_none, unknown_material
 from profiles.problem import Problem
 
 IMPOSSIBLE = ("rule.wall_over_radius", "rule.depth_over_wall", "rule.grip_margin")
-"""What is refused because no model can say anything of it: a part that cannot be held or cut at all."""
+"""Refusals where no model applies: a part that cannot be held or cut at all."""
 
 LEAST_WALL_MM = 0.2
-"""Of the wall that is left where the tool is deepest. A thinner one gives way to the chip, not to the jaws."""
+"""Of the wall left where the tool is deepest. A thinner one yields to the chip, not to the jaws."""
 
 SAME_FORCE = 0.005
-"""Share by which two chucking forces may differ and still be the same setting of the wrench."""
+"""Relative difference at which two chucking forces are still the same setting of the wrench."""
 
 
 def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -88,7 +88,7 @@ def same_force(one_n: float, other_n: float) -> bool:
 
 
 def force_as_measured(job: Job) -> Finding:
-    """Return whether the part is held as it was when its lobe error was found: the error goes with the force."""
+    """Return whether the part is held as when its lobe error was found: the error depends on the force."""
     severity = Severity.OK if force_as_found(job) else Severity.WARNING
     value, limit = f"{job.chucking_force_n:.6g} N", f"{job.error_force_n:.6g} N"
     problem = Problem(code="rule.force_differs", key="chucking_force_n", value=value, limit=limit)
@@ -96,9 +96,9 @@ def force_as_measured(job: Job) -> Finding:
 
 
 def lobe_as_found(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    """Return what else differs from the cut in which the lobe error was found, and whether anybody can tell.
+    """Return what else differs from the cut in which the lobe error was found, and whether this can be judged.
 
-    One finding where all that is stated is the same; none where nothing is.
+    One finding where everything stated is the same; none where nothing is stated.
     """
     differing = lobe_differences(job, chuck=machine.chuck.name, tool=machine.tool.name)
     minded = (*differing, *lobe_unstated(job))
@@ -110,11 +110,11 @@ def lobe_as_found(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 
 
 def _chatter(job: Job, machine: MachineProfile, judged: tuple[Finding, ...]) -> tuple[Finding, ...]:
-    """Whether a part that can be held and cut bears the width of the cut."""
+    """Judge whether a part that can be held and cut tolerates the width of cut."""
     impossible = any(finding.problem.code in IMPOSSIBLE for finding in refusals(judged))
     if impossible or material_or_none(job.material) is None:
         return ()
-    from profiles.lobe.one_pass import chatter_limit_mm  # loads numerics, and the first page needs none
+    from profiles.lobe.one_pass import chatter_limit_mm  # loads numerics, which the first page does not need
 
     depth_mm, most_mm = job.depth_of_cut_mm, chatter_limit_mm(job, machine)
     return (_at_most("rule.chatter_width", "depth_of_cut_mm", depth_mm, most_mm, "mm", Severity.WARNING),)
@@ -137,10 +137,10 @@ def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 
 
 def _depth_under_lobe(depth_mm: float, lobe_mm: float) -> Finding:
-    """The path is the mean depth and the lobe on both sides of it: its outermost point must be in the part.
+    """Check the path, mean depth plus and minus the lobe: its outermost point must be in the part.
 
-    The surface that it begins from is the one that was turned in this clamping, and round there. Where the tool
-    is out of it nothing is taken off, and the released part keeps that much of its lobe.
+    The initial surface was turned in this clamping, and is round there. Where the tool is out of it nothing is
+    removed, and the released part keeps that much of its lobe.
     """
     return _finding("rule.depth_under_lobe", "depth_of_cut_mm", depth_mm > lobe_mm, depth_mm, ">", lobe_mm, "mm")
 
@@ -166,7 +166,7 @@ def _grip(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 
 
 def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    """What the force does to the part; a stress where there is a material, and a wall thin enough to bend."""
+    """Check the effect of the force; the stress if the material is known and the wall thin enough to bend."""
     material, holding = material_or_none(job.material), holding_of(machine)
     scatter_um = lobe_um_per_n(job, machine) * force_sd_n(job, machine)
     scatter = _at_most(
@@ -189,7 +189,7 @@ def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 
 
 def _stress(job: Job, stress_mpa: float, yield_mpa: float) -> Finding:
-    """The limit says also at what force, rounded down, the part still springs back."""
+    """Check the stress; the limit also gives the force, rounded down, at which the part still springs back."""
     most_n = math.floor(job.chucking_force_n * yield_mpa / stress_mpa)
     limit = f"<= {yield_mpa:.6g} MPa ({most_n} N)"
     problem = Problem(code="rule.clamp_stress", key="chucking_force_n", value=f"{stress_mpa:.6g} MPa", limit=limit)
@@ -203,7 +203,7 @@ def _clamp_span(job: Job, machine: MachineProfile) -> Finding:
 
 
 def _tool_travel(job: Job, machine: MachineProfile) -> Finding:
-    """The tool must clear the blank by the retract distance and reach the deepest point of the cut."""
+    """Check that the tool can clear the blank by the retract distance and reach the deepest point of the cut."""
     tool = machine.tool
     surface_mm = tool.home_radius_mm - job.radius_mm
     out_mm = surface_mm - tool.retract_mm
@@ -222,7 +222,7 @@ def _carriage_travel(job: Job, machine: MachineProfile) -> Finding:
 
 
 def _tool_load(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    """A sine of the lobe's amplitude: thrust |-M w^2 + j B w| A / sqrt(2), acceleration A w^2."""
+    """Check a sine of the lobe's amplitude: thrust |-M w^2 + j B w| A / sqrt(2), acceleration A w^2."""
     tool = machine.tool
     amplitude_m = job.lobe_amplitude_um * 1e-6
     omega = 2 * math.pi * job.lobe_frequency_hz

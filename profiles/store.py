@@ -1,4 +1,4 @@
-"""Finding, loading and saving profiles: the bundled library, and the operator's own folder over it.
+"""Find, load and save profiles: the bundled library, overlaid by the operator's own folder.
 
 A reference is the name of a saved profile (its file name without `.toml`; the operator's folder comes first)
 or a path, which contains a separator or ends in `.toml`. Bundled profiles are never written.
@@ -29,7 +29,7 @@ BUNDLED_MACHINES = _LIBRARY / "machines"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LibraryEntry:
-    """A profile that can be loaded by its name. It is not opened for the list and may turn out unusable."""
+    """A profile that can be loaded by name. Listing does not open it; it may prove unusable."""
 
     name: str
     path: Path
@@ -83,7 +83,7 @@ def load_machine(reference: str, user_folder: Path | None = None) -> LoadedMachi
 def save_job(job: Job, path: Path, *, overwrite: bool = False, private: bool = False) -> None:
     """Write `job` to `path` in one step, `private` for its owner alone.
 
-    With `overwrite`, comments and layout of a readable job file that stands there are kept. Raises
+    With `overwrite`, comments and layout of an existing readable job file are kept. Raises
     `ProfileError` with the problems of the job itself, `file.exists`, `file.bundled` or `file.not_writable`.
     """
     where = printable(str(path))
@@ -106,7 +106,7 @@ def _entries(bundled_folder: Path, user_folder: Path | None) -> tuple[LibraryEnt
             continue
         try:
             paths = [path for path in folder.iterdir() if path.suffix == ".toml" and path.is_file()]
-        except OSError:  # the operator's folder is made with the first job that is saved
+        except OSError:  # the operator's folder is created with the first saved job
             continue
         entries.update({p.stem: LibraryEntry(name=p.stem, path=p, bundled=bundled) for p in paths})
     return tuple(entries[name] for name in sorted(entries))
@@ -123,8 +123,8 @@ def _find(reference: str, entries: tuple[LibraryEntry, ...], code: str) -> Path:
 
 
 def _job_text(values: dict[str, Any], existing: Path | None) -> str:
-    """Return the TOML of a job, put into the text of `existing` where that is a sound job file."""
-    # Loading needs the standard library alone; start-up should not pay for saving.
+    """Return the TOML of a job, merged into the text of `existing` where that is a sound job file."""
+    # Loading needs only the standard library; start-up should not pay for saving.
     import tomlkit
 
     document = tomlkit.document()
@@ -134,14 +134,14 @@ def _job_text(values: dict[str, Any], existing: Path | None) -> str:
             job_from_table(table)
             document = tomlkit.parse(content.decode("utf-8-sig"))
         except ProfileError:
-            pass  # what stands there is no job: nothing to keep
+            pass  # the existing file is no job: nothing to keep
     for field in JOB_FIELDS:
         value = values.get(field.key)
         if value is None:
             continue
         plain = list(value) if isinstance(value, tuple) else value
         place = _place(document, field.key, field.table)
-        if field.key not in place or place[field.key] != plain:  # a value that stays keeps its spelling
+        if field.key not in place or place[field.key] != plain:  # an unchanged value keeps its spelling
             place[field.key] = plain
     text = tomlkit.dumps(document)
     job_from_table(parse_toml(text.encode("utf-8"), str(existing)))

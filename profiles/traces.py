@@ -1,15 +1,15 @@
-"""Reading and writing roundness traces.
+"""Read and write roundness traces.
 
 The plain file is UTF-8 text: lines `# key: value` in any number, the header `angle_deg,deviation_um`, and one
-point a line, with angles in [0, 360) and each angle once. A last point at 360 that repeats the one at 0 closes the
-turn and is left out. Blank lines, lines that start with `#` (after the first point they are remarks and no more),
-spaces, quoted cells, a byte order mark, UTF-16 with one and any kind of line end are taken. Columns may be named
-as people name them, "Angle [deg]" and "Deviation [µm]". Cells may also be separated by semicolons, tabs or blanks,
-and numbers then have a decimal comma. Deviations may be in mm or nm, angles may be left out where the header says
-that they are equal, run from -180 to 180 or over several turns where it says so, and points may be x and y in the
-plane, each once. Files of one profile at equal steps (`profiles.trace_files.formats`) are taken as a closed turn.
-Anything else is refused with its line, all problems (up to a cap) at once. A cause that spoils every line is told
-once.
+point a line, with angles in [0, 360) and each angle once. A last point at 360 that repeats the one at 0 closes
+the turn and is left out. Blank lines, lines that start with `#` (after the first point they are remarks and no
+more), spaces, quoted cells, a byte order mark, UTF-16 with one and any kind of line end are accepted. Columns
+may have common names, "Angle [deg]" and "Deviation [µm]". Cells may also be separated by semicolons, tabs or
+blanks, and numbers then have a decimal comma. Deviations may be in mm or nm, angles may be left out where the
+header says that they are equal, run from -180 to 180 or over several turns where it says so, and points may be
+x and y in the plane, each once. Files of one profile at equal steps (`profiles.trace_files.formats`) are taken
+as a closed turn. Anything else is refused with its line, all problems (up to a cap) at once. A fault on every
+line is reported once.
 
 Problem codes: those of `profiles.trace_files`, `trace.unreadable`, `trace.too_large`; for writing `file.exists`
 and `file.not_writable`.
@@ -36,17 +36,17 @@ from profiles.trace_files.limits import lines_of
 from profiles.trace_files.table import PLAIN_HEADER, PROBLEM_CAP, TableReader
 
 CAP_BYTES = 20_000_000
-"""Forty bytes for each of the most points."""
+"""Forty bytes for each of the maximum number of points."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trace:
     """A measured profile: M spindle angles in deg and M deviations in um, positive outwards; shape (M,) each.
 
-    `meta` holds the `# key: value` lines; what they mean says `profiles.trace_files.header`. Its `format` is the
-    name of a file of one profile that was taken as a closed turn. Angles run on over several turns where `turns`
-    is above 1. Points in the plane stand about the centre of their least squares circle, which the meta keys
-    `centre_x_mm` and `centre_y_mm` tell, with its radius as `radius_mm`. Both arrays are read only.
+    `meta` holds the `# key: value` lines; for their meaning see `profiles.trace_files.header`. Its `format` is
+    the name of a file of one profile that was taken as a closed turn. Angles run on over several turns where
+    `turns` is above 1. Points in the plane stand about the centre of their least squares circle, given by the
+    meta keys `centre_x_mm` and `centre_y_mm`, with its radius as `radius_mm`. Both arrays are read only.
     """
 
     angle_deg: NDArray[np.float64]
@@ -55,13 +55,13 @@ class Trace:
 
 
 def read_trace(path: Path) -> Trace:
-    """Return the trace in a file, or raise `ProfileError` with its problems."""
+    """Read the trace in a file, or raise `ProfileError` with its problems."""
     content = read_regular_file(path, cap_bytes=CAP_BYTES, area="trace")
     return parse_trace(content, where=printable(str(path)))
 
 
 def parse_trace(content: bytes, *, where: str = "") -> Trace:
-    """Return the trace in the bytes of a file; `where` names them in the problems."""
+    """Parse the trace in the bytes of a file; `where` names them in the problems."""
     if binary := recognised(content, OF_BYTES):
         return _from_profile(binary.read(content, where))
     text = decoded(content, where)

@@ -1,1 +1,1 @@
-"""The command line: one module a command, by what it is about; what several commands share stands here."""
+"""Command line: one module per command, grouped by subject; shared modules are in this folder."""

@@ -1,4 +1,4 @@
-"""Whether somebody at the machine agrees that a command moves it: the name of the machine has to be typed."""
+"""Operator's consent to a command that moves a machine: the name of the machine has to be typed."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from console.text.catalogue import Catalogue
 
 
 def agreed(options: Namespace, machine_name: str, simulated: bool, text: Catalogue, command: str) -> bool:
-    """Return whether the machine may be moved: with --yes, simulated, or when somebody has typed its name.
+    """Return whether the machine may be moved: with --yes, simulated, or when its name was typed.
 
-    `command` is the word behind `console`; what it is about to move is said by `agreement.ask.<command>`.
+    `command` is the word after `console`; `agreement.ask.<command>` is the text of what it is about to move.
     """
     if options.yes or simulated:
         return True
@@ -21,7 +21,7 @@ def agreed(options: Namespace, machine_name: str, simulated: bool, text: Catalog
     print(text(f"agreement.ask.{command}", machine=machine_name), end="", file=sys.stderr, flush=True)
     try:
         typed = sys.stdin.readline().strip()
-    except UnicodeDecodeError:  # no name in the encoding that the terminal is said to have
+    except UnicodeDecodeError:  # not decodable in the terminal's declared encoding
         typed = ""
     if typed == machine_name:
         return True

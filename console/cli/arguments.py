@@ -1,4 +1,4 @@
-"""Arguments that several commands take, and the values that they may have."""
+"""Arguments that several commands share, and their allowed values."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ MOST_CLAMPING_SD_PERCENT = 50.0
 SEED_LIMIT = 2**32 - 1
 
 BEFORE = argparse.SUPPRESS
-"""The default of an option that may also stand before the command: not given after it, it stays as given there."""
+"""Default of an option that may also stand before the command: if absent after it, the earlier value stays."""
 
 
 def contradiction(options: argparse.Namespace, text: Catalogue) -> str:
-    """Return the sentence about options that exclude each other; "" where none do."""
+    """Return the sentence about mutually exclusive options; "" where none conflict."""
     if options.sim and options.link:
         return text("usage.sim_with_link")
     if getattr(options, "ts", None) is not None:
@@ -40,17 +40,17 @@ def contradiction(options: argparse.Namespace, text: Catalogue) -> str:
 
 
 def add_data(parser: Parser, text: Catalogue, absent: str | None = BEFORE) -> None:
-    """Add the folder of the operator's data."""
+    """Add the option for the data folder."""
     parser.add_argument("--data", metavar="FOLDER", default=absent, help=text("help.data"))
 
 
 def add_language(parser: Parser, text: Catalogue) -> None:
-    """Add the language, which was chosen before there was a parser."""
+    """Add the language option, which was evaluated before the parser existed."""
     parser.add_argument("--lang", choices=LANGUAGES, default=BEFORE, help=text("help.lang"))
 
 
 def add_job(parser: Parser, text: Catalogue) -> None:
-    """Add the job as the first word."""
+    """Add the job as the first argument."""
     parser.add_argument("job", metavar="JOB", help=text("help.job"))
 
 
@@ -60,18 +60,18 @@ def add_machine(parser: Parser, text: Catalogue, absent: str | None = BEFORE) ->
 
 
 def add_sim(parser: Parser, text: Catalogue, key: str) -> None:
-    """Add `--sim`, which means something else for each command: `key` is that of its help."""
+    """Add `--sim`, whose meaning depends on the command: `key` is that of its help."""
     parser.add_argument("--sim", action="store_true", default=BEFORE, help=text(key))
 
 
 def add_link(parser: Parser, text: Catalogue, absent: str | None = BEFORE) -> None:
-    """Add the address of the controller, and where to write what is said to it."""
+    """Add the address of the controller, and the trace file of its communication."""
     parser.add_argument("--link", metavar="ADDRESS", default=absent, help=text("help.link"))
     parser.add_argument("--trace", metavar="FILE", default=absent, help=text("help.trace"))
 
 
 def add_plant(parser: Parser, text: Catalogue, absent: str | None = BEFORE) -> None:
-    """Add what says how a simulated lathe really is, and is clamped."""
+    """Add the options for the actual plant of a simulated lathe, and its clamping."""
     add_hardware(parser, text, absent)
     parser.add_argument(
         "--clamping-sd", metavar="PERCENT", type=_clamping_sd, default=absent, help=text("help.clamping_sd")
@@ -79,13 +79,13 @@ def add_plant(parser: Parser, text: Catalogue, absent: str | None = BEFORE) -> N
 
 
 def add_hardware(parser: Parser, text: Catalogue, absent: str | None = BEFORE) -> None:
-    """Add what says how a simulated lathe really is."""
+    """Add the options for the actual plant of a simulated lathe."""
     parser.add_argument("--plant", metavar="PLANT", type=_plant, default=absent, help=text("help.plant"))
     parser.add_argument("--seed", metavar="N", type=_seed, default=absent, help=text("help.seed"))
 
 
 def add_strategy(parser: Parser, text: Catalogue) -> None:
-    """Add the strategy that a program is made by, with the TS of those that take one."""
+    """Add the strategy of the program, with the TS of those that take one."""
     from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 
     told = ", ".join(text(f"strategy.{each}.help") for each in Strategy)
@@ -96,19 +96,19 @@ def add_strategy(parser: Parser, text: Catalogue) -> None:
 
 
 def strategy_names(strategies: Iterable[Strategy]) -> tuple[str, ...]:
-    """Return the names that are offered."""
+    """Return the available strategy names."""
     return tuple(each.value for each in strategies)
 
 
 def milliseconds(word: str) -> int:
-    """Return a time as the words TA and TS take it."""
+    """Parse a time as TA and TS accept it."""
     if not (word.isascii() and word.isdigit()) or int(word) > TS_LIMIT_MS:
         raise argparse.ArgumentTypeError(Parser.text("usage.ts", value=word, limit=TS_LIMIT_MS))
     return int(word)
 
 
 def number(word: str) -> float:
-    """Return a finite number."""
+    """Parse a finite number."""
     try:
         value = float(word)
     except ValueError:
@@ -119,24 +119,24 @@ def number(word: str) -> float:
 
 
 def whole_number(word: str) -> int:
-    """Return a whole number of nine digits at most."""
+    """Parse a whole number of nine digits at most."""
     if not (word.isascii() and word.isdigit()) or len(word) > 9:
         raise argparse.ArgumentTypeError(Parser.text("usage.whole", value=word))
     return int(word)
 
 
 def whole_numbers(words: str) -> tuple[int, ...]:
-    """Return whole numbers with commas between them."""
+    """Parse whole numbers separated by commas."""
     return tuple(whole_number(word) for word in words.split(","))
 
 
 def compensation(word: str) -> str:
-    """Return "none", "newest" or the number of a version."""
+    """Parse "none", "newest" or the number of a version."""
     return word if word in ("none", "newest") else str(whole_number(word))
 
 
 def control_address(word: str) -> ControlAddress:
-    """Return the address at which a simulator is asked for faults."""
+    """Parse the address at which a simulator accepts fault requests."""
     from drivers.simulator.hosts.control_address import parse_control_address
     from profiles.problem import ProblemError
 

@@ -1,4 +1,4 @@
-"""How hard a job may be clamped, for JSON: the same wherever a command judges a job."""
+"""Allowed clamping force of a job, for JSON: the same in every command that judges a job."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from profiles.machine import MachineProfile
 
 
 def span_fields(job: Job, machine: MachineProfile) -> dict[str, float | str]:
-    """Return least and most force at rest, N, the limit of the most, and where the force of the job stands."""
+    """Return minimum and maximum static force, N, what limits the maximum, and where the job's force is."""
     span = force_span(job, machine)
     return {
         "force_least_n": span.least_n,

@@ -1,4 +1,4 @@
-"""How hard a job must and may be clamped, in words: the same wherever a command judges a job."""
+"""Required and allowed clamping force of a job, in words: the same in every command that judges a job."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from profiles.machine import MachineProfile
 
 
 def force_line(job: Job, machine: MachineProfile, text: Catalogue) -> str:
-    """Return a sentence of the force of a job: how sure it is, its torque where there is one, and the span."""
+    """Return the sentence about a job's force: its uncertainty, its torque where there is one, and the span."""
     wrench = holding_of(machine).wrench
     torque_n_m = None if wrench is None else torque_or_none_n_m(wrench, job.chucking_force_n)
     return text(

@@ -1,8 +1,8 @@
-"""The commands of the console, in the order of its help, as a tree of parsers.
+"""Commands of the console, in the order of its help, as a tree of parsers.
 
 A command is a module with two functions: `add(parser, text)` adds its arguments, `main(options, text)` does the
-work and returns the exit code. Its help stands in the text catalogues as `help.NAME` and `help.NAME.long`. The
-module is imported when the command is called; what is slow to load it imports in `main`; `--help` needs none.
+work and returns the exit code. Its help is in the text catalogues as `help.NAME` and `help.NAME.long`. The
+module is imported when the command is called; slow imports happen in `main`; `--help` needs none.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def add_actions(parser: Parser, command: str, names: Iterable[str], text: Catalo
 
 
 def _command(commands: _Commands, name: str, key: str, text: Catalogue) -> Parser:
-    """Return the parser of a command with what all have; its help stands under `key`."""
+    """Return the parser of a command with the common options; its help is under `key`."""
     parser: Parser = commands.add_parser(name, help=text(f"help.{key}"), description=text(f"help.{key}.long"))
     parser.add_argument("--json", action="store_true", default=BEFORE, help=text("help.json"))
     add_data(parser, text)

@@ -1,4 +1,4 @@
-"""The streams of the command line: nothing that is written steers the terminal, and any encoding will do."""
+"""Output streams of the command line: escape what would control the terminal, and support any encoding."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from console.text.escaping import encodable, escaped
 
 
 class EscapedOutput:
-    """A text stream through which only harmless characters go; in all else it is the stream behind it."""
+    """Text stream that passes only harmless characters; otherwise it behaves as the wrapped stream."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Write a text; return its own length, as streams do."""
+        """Write a text; return its unescaped length, as streams do."""
         self._stream.write(encodable(escaped(text), self._stream.encoding))
         return len(text)
 
@@ -30,7 +30,7 @@ class EscapedOutput:
 
 
 def escape_streams() -> None:
-    """Put it in front of both outputs, once."""
+    """Wrap both output streams, once."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if not isinstance(stream, EscapedOutput):

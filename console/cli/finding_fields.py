@@ -1,4 +1,4 @@
-"""Findings of the rules for JSON, wherever a command judges a job."""
+"""Findings of the rules for JSON, for every command that judges a job."""
 
 from __future__ import annotations
 

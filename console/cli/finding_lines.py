@@ -1,4 +1,4 @@
-"""Findings of the rules as lines for people, wherever a command judges a job."""
+"""Findings of the rules as lines for people, for every command that judges a job."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MARKS = {Severity.OK: "✓", Severity.NOTICE: "·", Severity.WARNING: "!", Sever
 
 
 def finding_lines(findings: Iterable[Finding], text: Catalogue) -> list[str]:
-    """Return one line for each finding: mark, name, what was met, what is allowed."""
+    """Return one line for each finding: mark, name, actual value, limit."""
     rows = [
         (MARKS[f.severity], text(f"name.{f.problem.code}"), f.problem.value, f.problem.limit) for f in findings
     ]
@@ -20,7 +20,7 @@ def finding_lines(findings: Iterable[Finding], text: Catalogue) -> list[str]:
 
 
 def finding_line(finding: Finding, text: Catalogue) -> str:
-    """Return a sentence; a rule that holds has none but its name, its value and its limit."""
+    """Return a sentence; for a rule that is met only its name, value and limit."""
     problem = finding.problem
     if finding.severity is Severity.OK:
         return f"{text(f'name.{problem.code}')}: {problem.value} ({problem.limit})"

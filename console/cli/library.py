@@ -1,4 +1,4 @@
-"""Opening what the arguments name: the data folder, the job and the machine, real or simulated."""
+"""Loading what the arguments name: the data folder, the job and the machine, real or simulated."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 DEFAULT_MACHINE = "lee-2001-lathe"
 OF_A_SIMULATION = ("plant", "seed", "clamping_sd")
-"""The options that say how a simulated lathe really is."""
+"""Options that describe the actual plant of a simulated lathe."""
 
 
 def data_of(options: Namespace) -> Path:
@@ -38,7 +38,7 @@ def job_of(options: Namespace) -> LoadedJob:
 
 
 def profile_of(options: Namespace) -> LoadedMachine:
-    """Load the machine named on the command line, for what is only read or calculated.
+    """Load the machine named on the command line, for reading and calculating only.
 
     Raises:
         ProfileError: with every problem of it.
@@ -60,7 +60,7 @@ def machine_of(options: Namespace) -> LoadedMachine:
 
 
 def judged_of(options: Namespace) -> CalibratedMachine:
-    """Load the machine named on the command line with its newest calibrations, for what judges a job on it.
+    """Load the machine named on the command line with its newest calibrations, to judge a job on it.
 
     Raises:
         ProfileError: with every problem of it; see `calibrated`.
@@ -69,7 +69,7 @@ def judged_of(options: Namespace) -> CalibratedMachine:
 
 
 def link_address(options: Namespace, machine: LoadedMachine) -> LinkAddress:
-    """Return where the machine is: as --link says, or its profile; a simulated one where neither does.
+    """Return the machine's address from --link or its profile; a simulated one where neither gives one.
 
     Raises:
         LinkError: `link.bad_address`.
@@ -79,12 +79,12 @@ def link_address(options: Namespace, machine: LoadedMachine) -> LinkAddress:
 
 
 def is_real(address: LinkAddress) -> bool:
-    """Whether the console has to take what is there for iron."""
+    """Whether the console must assume a real machine."""
     return not isinstance(address, SimulatedAddress)
 
 
 def refuse_unsigned(machine: MachineProfile) -> None:
-    """Make sure that the profile of a machine behind a real link was not signed for the simulator.
+    """Refuse a machine on a real link whose profile was signed for the simulator.
 
     Raises:
         ProfileError: `safety.signed_for_simulator`.
@@ -94,12 +94,12 @@ def refuse_unsigned(machine: MachineProfile) -> None:
 
 
 def plant_given(options: Namespace) -> bool:
-    """Whether the command line says anything of a simulated lathe."""
+    """Whether the command line describes a simulated plant."""
     return any(getattr(options, name) is not None for name in OF_A_SIMULATION)
 
 
 def simulated_address(options: Namespace, machine: MachineProfile) -> SimulatedAddress | None:
-    """Return the lathe behind the screens that --plant, --seed and --clamping-sd ask for, None where nothing does.
+    """Return the simulated lathe that --plant, --seed and --clamping-sd describe, None without these.
 
     Raises:
         ProfileError: no such plant, or its file cannot be used.
@@ -114,9 +114,9 @@ def simulated_address(options: Namespace, machine: MachineProfile) -> SimulatedA
 
 
 def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParameters | None:
-    """Return the iron that a command without screens cuts on, None where nothing is said of it.
+    """Return the actual plant that a command without screens cuts on, None where it is not specified.
 
-    Nobody aligns it, so that a plant has to be set up as profile and job say: `ideal` where none is named.
+    Without screens there is no alignment, so the plant must be set up as profile and job say: `ideal` by default.
 
     Raises:
         SessionError: `session.nobody_aligns`, the plant `mounted`.

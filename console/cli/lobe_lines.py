@@ -1,4 +1,4 @@
-"""Where a part is high, in words: at the jaws or between them, and which mechanism that speaks for."""
+"""Position of a part's lobe in words: at the jaws or between them, and the mechanism that this suggests."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from profiles.chucking.diagnosis import Diagnosis
 
 
 def lobe_place_line(seen: Diagnosis, text: Catalogue) -> str:
-    """Return the place of a lobe with its mechanism, or that neither is clear."""
+    """Return the position of a lobe with its mechanism, or that neither is clear."""
     if seen.high_at_jaws is None:
         return text("place.between")
     place = text("predict.high" if seen.high_at_jaws else "predict.low")

@@ -1,4 +1,4 @@
-"""How results leave the command line: JSON with unrounded numbers on stdout, warnings on stderr."""
+"""Output of results: JSON with unrounded numbers on stdout, warnings on stderr."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from profiles.problem import Problem
 def print_json(value: Mapping[str, object]) -> None:
     """Print one JSON object. Numbers are not rounded; there is no NaN in JSON, so none may be in `value`."""
     shown = json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2)
-    # What the stream would escape or replace, such as a file name that is no text, JSON can say in its own way.
+    # JSON has its own escapes for what the stream would replace, such as an undecodable file name.
     if encodable(escaped(shown), sys.stdout.encoding) != shown:
         shown = json.dumps(value, allow_nan=False, indent=2)
     print(shown)

@@ -1,4 +1,4 @@
-"""A parser of command-line arguments that speaks the operator's language, and that a command completes itself."""
+"""Argument parser in the operator's language, completed by each command on demand."""
 
 from __future__ import annotations
 
@@ -21,44 +21,44 @@ _WORDING = (
     (re.compile(r"argument (?P<key>.*?): expected one argument"), "usage.value_missing"),
     (re.compile(r"argument (?P<key>.*?): (?P<value>.*)"), "usage.argument"),
 )
-"""What argparse says, and the sentence of ours for it."""
+"""Messages of argparse, and our sentence for each."""
 
 
 class _Formatter(argparse.HelpFormatter):
-    """The word in front of the usage line in the operator's language."""
+    """Formatter whose usage prefix is in the operator's language."""
 
     def add_usage(self, usage: Any, actions: Any, groups: Any, prefix: str | None = None) -> None:
-        """Add the usage line; argparse gives a prefix of its own only where there is to be none."""
+        """Add the usage line; argparse adds its own prefix unless it is given one."""
         super().add_usage(usage, actions, groups, Parser.text("help.usage") + " " if prefix is None else prefix)
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that speaks the operator's language, in one line."""
+    """Argument parser with one-line errors in the operator's language."""
 
     text: Catalogue
     module = ""
-    """The module that adds the arguments of a command, until it has done so."""
+    """Module that adds the arguments of a command, until it has done so."""
 
     def __init__(self, **facts: Any) -> None:
-        """Take the facts of argparse; the titles and the help are in the operator's language."""
+        """Take the arguments of argparse; titles and help are in the operator's language."""
         super().__init__(**{"formatter_class": _Formatter, **facts}, add_help=False, allow_abbrev=False)
         self._positionals.title = self.text("help.arguments")
         self._optionals.title = self.text("help.options")
         self.add_argument("-h", "--help", action="help", help=self.text("help.help"))
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse; the parser of a command gets its arguments first."""
+        """Parse; first let the command add its arguments."""
         if self.module:
             module, self.module = self.module, ""
             import_module(module).add(self, self.text)
         return super().parse_known_args(args, namespace)
 
     def print_help(self, file: Any = None) -> None:
-        """Print the help; unlike the one of argparse, let the caller know when nobody can read it."""
+        """Print the help; unlike argparse, raise write errors to the caller."""
         (file or sys.stdout).write(self.format_help())
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong with the command line, and exit with 2."""
+        """Report the usage error, and exit with 2."""
         said = " ".join(message.split())
         for pattern, key in _WORDING:
             match = pattern.fullmatch(said)

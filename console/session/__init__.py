@@ -1,1 +1,1 @@
-"""The sequence of a job, with its interlocks and records; knows no screen and no argument parser."""
+"""Job sequence with its interlocks and records; independent of screens and argument parser."""

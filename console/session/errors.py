@@ -1,4 +1,4 @@
-"""What the session itself refuses, beside what the profiles and the drivers refuse."""
+"""Errors that the session raises, besides those of the profiles and the drivers."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from profiles.problem import ProblemError
 
 
 class SessionError(ProblemError):
-    """The job does not go on; nothing is moving."""
+    """The job does not continue; nothing is moving."""
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal came before any machine was there to be stopped."""
+    """A signal came before there was a machine to stop."""

@@ -1,4 +1,4 @@
-"""Signals that end the console: each of them stops the machine first, where it is this console that moves it."""
+"""Signals that end the console: each first stops the machine, where this console controls it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drivers.lathe.stop import StopPath
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 LEAVE_WITHIN_S = 6.0
-"""How long rest is waited for once somebody wants this process to end: who supervises it kills it after ten."""
+"""How long to wait for rest once this process is asked to end: a supervisor kills it after ten."""
 
 
 def _never() -> bool:
@@ -24,7 +24,7 @@ def _never() -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Guarded:
-    """A machine, whether another console controls it, and whether a claim or a release is on its way just now."""
+    """A machine, whether another console controls it, and whether a claim or a release is in progress."""
 
     stop: StopPath
     anothers: Callable[[], bool]
@@ -33,15 +33,15 @@ class _Guarded:
 
 
 class Interruption:
-    """Turns a signal into a stop of whatever machine is being guarded.
+    """Turn a signal into a stop of the guarded machine.
 
     Installed before the numerics are loaded. With a machine the handler only sends the stop: the session then
     sees it, waits for rest, and leaves. Before there is a machine, and while another console controls it, nothing
-    is sent, and the command ends at once. One that comes while a claim is on its way is noted: the session sees it
-    as a stop as soon as the claim is answered.
+    is sent, and the command ends at once. A signal during a claim is noted: the session sees it as a stop as soon
+    as the claim is answered.
 
-    Ctrl-C is an operator, who sees what goes on: rest is waited for as long as it may take, and one more says not
-    to. Any other end comes from somebody who does not wait: `hurried_s` is when it came, in seconds of
+    Ctrl-C comes from an operator who is watching: wait for rest as long as it takes, until a second Ctrl-C. Any
+    other signal comes from somebody who does not wait: `hurried_s` is when it came, in seconds of
     `time.monotonic`, None before.
     """
 
@@ -52,7 +52,7 @@ class Interruption:
         self._holds = False
 
     def install(self) -> None:
-        """Take over the signals."""
+        """Install the signal handlers."""
         for number in ENDING_SIGNALS:
             signal.signal(number, self._handle)
 
@@ -64,9 +64,9 @@ class Interruption:
         changing: Callable[[], bool] = _never,
         now_s: Callable[[], float] | None = None,
     ) -> None:
-        """Stop this machine from now on, unless it is `anothers`; at once if a signal has already come.
+        """Stop this machine on a signal from now on, unless it is `anothers`; at once if one has already come.
 
-        With `now_s`, machine time, its rest is not waited for when there is no time for it.
+        With `now_s`, machine time, the wait for its rest ends when there is no time for it.
         """
         self._guarded = _Guarded(stop=stop, anothers=anothers, changing=changing, now_s=now_s)
         if self.reason is not None:
@@ -74,10 +74,10 @@ class Interruption:
 
     @contextmanager
     def holding(self) -> Iterator[None]:
-        """Let what must not end half done come to its end first; a signal that has come then ends the command.
+        """Defer signals until an operation that must not end half done is complete; then end the command.
 
         Raises:
-            Interrupted: behind it.
+            Interrupted: after it.
         """
         self._holds = True
         try:
@@ -88,7 +88,7 @@ class Interruption:
             raise Interrupted(self.reason)
 
     def end(self, reason: str) -> None:
-        """Stop the guarded machine; also for what is no signal, such as a terminal that is gone.
+        """Stop the guarded machine; also for events that are no signals, such as a lost terminal.
 
         Raises:
             Interrupted: there is no machine yet, or another console controls it: nothing was sent.
@@ -108,7 +108,7 @@ class Interruption:
         elif guarded.stop.reason is None:
             raise Interrupted(self.reason)
         else:
-            guarded.stop.note(self.reason)  # what we have stopped is still being seen to rest
+            guarded.stop.note(self.reason)  # our own stop is still being followed until rest
 
     def _hurry(self, guarded: _Guarded) -> None:
         if self.hurried_s is None:

@@ -1,4 +1,4 @@
-"""How much of a compensation a part is cut with: in air, a share of it, or all of it."""
+"""Stages of a first part: how much of its compensation is cut, in air, a fraction, or all."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 AIR_MM = 1.0
-"""How far out of the part the tool stays in air, more than any depth of cut and lobe."""
+"""Clearance of the tool in an air cut, more than any depth of cut and lobe."""
 
 
 class Stage(StrEnum):
-    """The steps of a first part.
+    """Stages of a first part.
 
-    `air` is the whole program out of the part, `partial` half of the compensation at the full depth, `full` the
+    `air` is the whole program clear of the part, `partial` half of the compensation at the full depth, `full` the
     part as it is meant.
     """
 
@@ -30,14 +30,14 @@ class Stage(StrEnum):
 
     @property
     def share(self) -> float:
-        """Which share of the compensation the tool does."""
+        """Fraction of the compensation that the tool follows."""
         return PARTIAL_SHARE if self is Stage.PARTIAL else 1.0
 
 
 def nominal_path(
     job: Job, machine: MachineProfile, strategy: Strategy, response: ServoResponse | None = None
 ) -> CutPath:
-    """Return what a cut does of which nothing was learned; `response` is what it inverts, None the model's.
+    """Return the path of a cut with nothing learned; `response` is what it inverts, None the model's.
 
     Raises:
         ProfileError: those of `nominal_command`.
@@ -52,7 +52,7 @@ def staged(
     """Return the path of a stage; `path` is what was learned, None as for `plan_cut`.
 
     Raises:
-        ProblemError: `stage.strategy`, there is no share of a strategy that follows no path; those of
+        ProblemError: `stage.strategy`, a strategy that follows no path has no fraction of it; those of
             `nominal_path`.
     """
     if stage is not Stage.PARTIAL:
@@ -64,5 +64,5 @@ def staged(
 
 
 def air_mm(job: Job, stage: Stage) -> float:
-    """Return how far further out a stage is cut."""
+    """Return the extra clearance of a stage."""
     return AIR_MM + job.depth_of_cut_mm if stage is Stage.AIR else 0.0

@@ -1,4 +1,4 @@
-"""The job in hand: as it is saved, as it is edited, and what was computed of it."""
+"""Current job: as saved, as edited, and what was computed from it."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from profiles.compensations.learned import LearnedCompensation
 
 STAGES = ("full", "air", "partial")
-"""In the order in which a key steps through them; the values of `console.session.stages.Stage`."""
+"""In the order in which a key cycles through them; the values of `console.session.stages.Stage`."""
 
 _FIELDS = {field.key: field for field in JOB_FIELDS}
 
 _OF_LOBE = frozenset(key for key in _FIELDS if key.startswith("lobe_")) - {"lobe_error_source"}
 
-# Python reads more as a number ("1_000", "1e3", "nan") than an operator would write.
+# Python accepts more as a number ("1_000", "1e3", "nan") than an operator would write.
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
 
 
@@ -38,9 +38,9 @@ class Work:
     without a program, then with one after the other; `preview` is None until all are there. `preview_problems` say
     why neither can be. `undo` are the earlier values of the job, newest last.
 
-    `compensation` is what was learned of this cut, None the model's. What is changed afterwards does not change
-    it: `console.session.cut.compensated` judges whether it still holds. `set_aside` says of the newest version
-    that was accepted why this cut does not use it; empty where it does, or there is none.
+    `compensation` is what was learned of this cut, None the model's. Later edits do not change it:
+    `console.session.cut.compensated` judges whether it still applies. `set_aside` gives the reason why this cut
+    does not use the newest accepted version; empty where it does, or there is none.
     """
 
     loaded: LoadedJob
@@ -67,7 +67,7 @@ def opened(loaded: LoadedJob, machine: LoadedMachine) -> Work:
 
 
 def parsed(text: str, key: str) -> Any:
-    """Return the value of a field from what was typed: a number with a point or a comma, or a word.
+    """Parse the value of a field as typed: a number with a point or a comma, or a word.
 
     Raises:
         ProfileError: `value.ambiguous` for "1,234" and "1.234.5" alike, `value.not_number`, `value.out_of_range`,
@@ -82,10 +82,10 @@ def parsed(text: str, key: str) -> Any:
 
 
 def edited(work: Work, key: str, text: str) -> Work:
-    """Return the work with one field changed; what was computed of the old job is forgotten.
+    """Return the work with one field changed; results computed from the old job are discarded.
 
-    A value that the operator gives is not an assumed one any more. One of the lobe was not found by anybody: the
-    error is an assumed one from then on. The error stays with the cut that it belongs to, see `kept_condition`.
+    A value entered by the operator is no longer an assumed one, except for those of the lobe, which nobody
+    measured: the error is an assumed one from then on. The error stays with its cut, see `kept_condition`.
 
     Raises:
         ProfileError: see `parsed`; the work stays as it is.
@@ -108,14 +108,14 @@ def undone(work: Work) -> Work:
 
 
 def with_strategy(work: Work, strategy: str) -> Work:
-    """Return the work with another way to lock the tool to the spindle."""
+    """Return the work with another strategy to synchronise the tool with the spindle."""
     return replace(work, strategy=strategy)
 
 
 def saved_as(work: Work, name: str, folder: Path) -> Work:
-    """Save the job under another name in `folder`, made if it is missing, and return the work on that file.
+    """Save the job under another name in `folder`, created if missing, and return the work on that file.
 
-    Of another job nothing was learned, and what its file says of where the values are from is not said of a copy.
+    A copy takes over neither learned versions nor the sources of the values in the file.
 
     Raises:
         ProfileError: `file.exists`, `file.not_writable`, and the problems of the job; the work stays as it is.
@@ -128,7 +128,7 @@ def saved_as(work: Work, name: str, folder: Path) -> Work:
 
 
 def _number(text: str, field_: Field) -> float | int | str:
-    """Read what was typed; a text that is no number comes back as it is, for the refusal to quote."""
+    """Parse an entry; a text that is no number is returned unchanged, for the refusal to quote."""
     if _ambiguous(text):
         raise ProfileError(Problem(code="value.ambiguous", key=field_.key, value=text, limit=field_.limit))
     plain = text.replace(",", ".")

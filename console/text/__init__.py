@@ -1,1 +1,1 @@
-"""Every sentence that the console says, in English and Korean."""
+"""All texts of the console, in English and Korean."""

@@ -1,4 +1,4 @@
-"""The text catalogues: every sentence by its key, in the operator's language."""
+"""Text catalogues: every sentence by its key, in the operator's language."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["LANGUAGES", "Catalogue", "choose_language", "load"]
 
 
 class Catalogue(Sentences):
-    """One language: the sentences of the console, and the words of problems that the profiles bring."""
+    """One language: the sentences of the console, and the problem texts of the profiles."""
 
     def __init__(self, language: str, entries: Mapping[str, str]) -> None:
         super().__init__(entries)
@@ -26,7 +26,7 @@ def load(language: str) -> Catalogue:
 
 
 def choose_language(arguments: Sequence[str], environment: Mapping[str, str]) -> str:
-    """Return the language asked for with `--lang`, else that of the environment, else English."""
+    """Return the language given with `--lang`, else that of the environment, else English."""
     for place, argument in enumerate(arguments):
         if argument == "--lang" and place + 1 < len(arguments) and arguments[place + 1] in LANGUAGES:
             return arguments[place + 1]

@@ -1,4 +1,4 @@
-"""Aligned plain text: a Hangul syllable is two cells wide, and columns must still stand."""
+"""Aligned plain text in which a Hangul syllable is two cells wide."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from console.text.escaping import escaped_line
 
 
 def cell_width(text: str) -> int:
-    """Return how many terminal cells a text takes."""
+    """Return the width of a text in terminal cells."""
     return sum(
         0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in text
     )
 
 
 def pad(text: str, width: int) -> str:
-    """Fill up with spaces on the right."""
+    """Pad with spaces on the right."""
     return text + " " * max(0, width - cell_width(text))
 
 
 def pad_left(text: str, width: int) -> str:
-    """Fill up with spaces on the left, for numbers."""
+    """Pad with spaces on the left, for numbers."""
     return " " * max(0, width - cell_width(text)) + text
 
 
 def table(rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> list[str]:
-    """Return the rows with equal column widths; `numeric` columns are set to the right."""
+    """Return the rows with equal column widths; `numeric` columns are right-aligned."""
     if not rows:
         return []
-    rows = [[escaped_line(cell) for cell in row] for row in rows]  # a name with a line break is no row of its own
+    rows = [[escaped_line(cell) for cell in row] for row in rows]  # a name with a line break must not start a row
     widths = [max(cell_width(row[i]) for row in rows) for i in range(len(rows[0]))]
     return [
         "  ".join(
@@ -41,7 +41,7 @@ def table(rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> list[st
 
 
 def broken(text: str, width: int) -> list[str]:
-    """Return a text broken at spaces into lines of at most `width` cells; a longer word stays whole."""
+    """Wrap a text at spaces into lines of at most `width` cells; a longer word stays whole."""
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".lstrip()

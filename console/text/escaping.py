@@ -1,6 +1,6 @@
-"""Text that is safe to put on a terminal: what would steer it is escaped, what it has no sign for is replaced.
+"""Terminal-safe text: escape control characters, replace what the encoding lacks.
 
-Names, files and answers of a controller may have anything in them. This is done once, where text becomes output:
+Names, files and replies of a controller may contain anything. This is done once, where text becomes output:
 in the streams of the command line, and in the panels of the screens.
 """
 
@@ -11,9 +11,9 @@ import re
 import unicodedata
 
 CELLS = "console.cells"
-"""The name of the error handler that keeps the width of what it replaces, for a stream of another encoding."""
+"""Name of the error handler that keeps the width of what it replaces, for a stream of another encoding."""
 
-# Faster than a look at each character, and nearly every text has none of them.
+# Faster than checking each character, and nearly every text has none of them.
 _STRANGE = re.compile(r"[^\n\t\x20-\x7e\uac00-\ud7a3]+")
 
 _LIKE = str.maketrans(
@@ -38,26 +38,26 @@ _LIKE = str.maketrans(
 
 
 def escaped(text: str) -> str:
-    """Return a text in which nothing is left that could steer a terminal; lines and tabs stay."""
+    """Return a text in which nothing can control the terminal; line breaks and tabs stay."""
     return _STRANGE.sub(_printable, text)
 
 
 def escaped_line(text: str) -> str:
-    """Return the same for what has to stay on its line."""
+    """Return the same for a text that must stay on its line."""
     if text.isprintable():
         return text
     return escaped(text).replace("\n", r"\n").replace("\t", r"\t")
 
 
 def encodable(text: str, encoding: str | None) -> str:
-    """Return a text that a stream of this encoding can write, in as many cells; None takes everything."""
+    """Return a text that this encoding can write, in as many cells; None accepts everything."""
     if encoding is None:
         return text
     try:
         text.encode(encoding)
     except UnicodeEncodeError:
         return text.encode(encoding, CELLS).decode(encoding)
-    except LookupError:  # no encoding that Python knows
+    except LookupError:  # not an encoding that Python knows
         return text
     return text
 
@@ -71,7 +71,7 @@ def _harmless(character: str) -> bool:
 
 
 def _replaced(error: UnicodeError) -> tuple[str, int]:
-    """Return what is written in the place of what an encoding has not: something like it, or question marks."""
+    """Return the replacement for what an encoding lacks: something similar, or question marks."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     lost = error.object[error.start : error.end].translate(_LIKE)

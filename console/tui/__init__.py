@@ -1,1 +1,1 @@
-"""The screens: what an operator sees and presses. The only package that knows Textual."""
+"""Screens of the operator. The only package that imports Textual."""

@@ -1,4 +1,4 @@
-"""The application: composition alone. Six rows, one page between them, one gate for every key, one tick."""
+"""Application, composition only: six rows, one page between them, one gate for every key, one tick."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ SMALLEST = (60, 18)
 """Columns and rows below which no page is shown and nothing can be started."""
 
 SMALLEST_TO_MOVE = (80, 24)
-"""Columns and rows below which pages are shown, but nothing that moves can be ordered."""
+"""Columns and rows below which pages are shown, but motion cannot be commanded."""
 
 SETTLED_S = 1.0
-"""So long after the last order it is known whether something moves by it: by a look that is no older."""
+"""Time after the last command until a poll shows whether it causes motion."""
 
 
 class ConsoleApp(App[None]):
     """The console of one machine.
 
     `begin` is called after the first paint, for everything that can wait for it. `local_time` and `ticking` are
-    for pictures that must not change.
+    for screenshots that must be reproducible.
     """
 
     CSS = """
@@ -81,7 +81,7 @@ class ConsoleApp(App[None]):
         ticking: bool = True,
         driver_class: type[Driver] | None = None,
     ) -> None:
-        # Without colour Textual has to know before it chooses its filters that the terminal's own are meant.
+        # Without colour, Textual must know before it chooses its filters to use the terminal's own colours.
         super().__init__(driver_class=driver_class, ansi_color=None if palette is COLOUR else True)
         for theme in (DARK_THEME, MONO_THEME):
             self.register_theme(theme)
@@ -118,7 +118,7 @@ class ConsoleApp(App[None]):
         yield self._small
 
     def on_mount(self) -> None:
-        """Begin to tick."""
+        """Start the tick timer."""
         self._ui_loop = asyncio.get_running_loop()
         if self._leaving:
             self.exit()
@@ -128,12 +128,12 @@ class ConsoleApp(App[None]):
         self.call_after_refresh(self._first_paint)
 
     def _first_paint(self) -> None:
-        """The rows are on the screen; now that the page knows its size, fill it, and begin with what is heavy."""
+        """Fill the page, now that its size is known, and start the heavy work."""
         self.tick()
         self.call_after_refresh(self._begin)
 
     def leave_soon(self) -> None:
-        """Leave the screen; from a signal handler, at any moment."""
+        """Leave the screen; may be called from a signal handler, at any moment."""
         self._leaving = True
         if self._ui_loop is not None:
             self._ui_loop.call_soon_threadsafe(self.exit)
@@ -160,9 +160,9 @@ class ConsoleApp(App[None]):
         self._safely(lambda: self._show_frame(page, view))
 
     def _spare_the_stop(self, may_move: bool) -> None:
-        """While something moves, let the collector look at new objects alone.
+        """While something moves, limit garbage collection to new objects.
 
-        A full collection of what a preview leaves behind takes a tenth of a second, in which no key is heard.
+        A full collection after a preview takes a tenth of a second, in which no key is processed.
         """
         if may_move is not self._collector_spared:
             self._collector_spared = may_move
@@ -186,7 +186,7 @@ class ConsoleApp(App[None]):
         self.call_after_refresh(self.tick)
 
     def situation(self) -> Situation:
-        """Return what a key is judged by now. Called from the thread that reads the terminal, too."""
+        """Return what a key is judged by now. Also called from the thread that reads the terminal."""
         state = self.desk.control.state
         return Situation(
             page=self._page,
@@ -201,13 +201,13 @@ class ConsoleApp(App[None]):
 
     @property
     def _field(self) -> FieldKind:
-        """What kind of field has the keys now. A page that is being made has none."""
+        """Return the kind of field that has the focus. A page under construction has none."""
         page = self._pages.get(self._page)
         return FieldKind.NONE if page is None else page.field
 
     @property
     def _is_known_at_rest(self) -> bool:
-        """Whether nothing moves, nor is about to by an order that the machine has not begun yet."""
+        """Whether nothing moves, nor will by a command that the machine has not begun yet."""
         state, now_s = self.desk.control.state, self.desk.control.now_s()
         if state.activity is Activity.CONNECTING:
             return True
@@ -215,15 +215,15 @@ class ConsoleApp(App[None]):
         return settled and not state.seen_moving and not state.may_move
 
     def stop_now(self, reason: str) -> None:
-        """Stop the machine. Called from the thread that reads the terminal, too."""
+        """Stop the machine. Also called from the thread that reads the terminal."""
         self.desk.control.stop(reason)
 
     def kill_now(self, reason: str) -> None:
-        """Open every loop of the machine. Called from the thread that reads the terminal, too."""
+        """Open every loop of the machine. Also called from the thread that reads the terminal."""
         self.desk.control.kill(reason)
 
     async def on_event(self, event: events.Event) -> None:
-        """Judge every key before anybody else sees it."""
+        """Judge every key before any widget sees it."""
         if isinstance(event, events.Key) and not event.is_forwarded:
             if self._took(event):
                 return
@@ -233,13 +233,13 @@ class ConsoleApp(App[None]):
         await super().on_event(event)
 
     def on_stop_sent(self, sent: StopSent) -> None:
-        """A stop went out; show it at once."""
+        """Show a stop at once after it was sent."""
         if sent.action is not None:
             self._say_changed(sent.action)
         self.tick()
 
     def on_too_fast(self, keys: TooFast) -> None:
-        """Keys came that nobody has typed."""
+        """Handle keys that came too fast to be typed."""
         if keys.written:
             code = "screen.too_fast_entry"
         else:
@@ -265,11 +265,11 @@ class ConsoleApp(App[None]):
 
     @property
     def _is_cramped(self) -> bool:
-        """Whether the terminal shows too little of a page to move anything by it."""
+        """Whether the terminal shows too little of a page to command motion."""
         return self.size.width < SMALLEST_TO_MOVE[0] or self.size.height < SMALLEST_TO_MOVE[1]
 
     def _wants_preview(self, verified: bool) -> bool:
-        """Numerics are loaded once the link thread has done so, or when they are asked for."""
+        """Whether to compute a preview: once the link thread has loaded the numerics, or on request."""
         return verified or self._page is not PageName.JOBS
 
     def _made(self, name: PageName) -> Page:
@@ -300,7 +300,7 @@ class ConsoleApp(App[None]):
         self._show_rows(frame_rows(frame, self.size.width, self.size.height))
 
     def _show_rows(self, rows: dict[str, list[Line]]) -> None:
-        """A message that is longer or shorter than the last one gives the page another room, to be filled anew."""
+        """Show the rows; a longer or shorter message changes the size of the page, which is filled again."""
         moved = False
         for name, lines in rows.items():
             sheet = self._rows[name]
@@ -312,7 +312,7 @@ class ConsoleApp(App[None]):
             self.call_after_refresh(self.tick)
 
     def _took(self, event: events.Key) -> bool:
-        """Do what a key asks for; False when it belongs to the field that has the focus."""
+        """Perform the action of a key; False when the key belongs to the focused field."""
         page = self._pages[self._page]
         now = self.situation()
         verdict, action = judge(event.key, event.character, now)
@@ -320,7 +320,7 @@ class ConsoleApp(App[None]):
             case Verdict.FIELD:
                 return False
             case Verdict.STOP if isinstance(event, Written) and event.stopped:
-                pass  # by the thread that read it; here it stands in the number that it interrupts
+                pass  # stopped by the thread that read it; here it is part of the number it interrupts
             case Verdict.STOP if action is None or not is_page(action):
                 self.stop_now(stop_reason(event.key, event.character, action))
                 if action is not None:
@@ -341,7 +341,7 @@ class ConsoleApp(App[None]):
         return not stray
 
     def _say_changed(self, action: Action) -> None:
-        """Say for which key the machine was stopped, which means another motion than the one that went on."""
+        """Report the key for which the machine was stopped because it requests another motion."""
         if not is_page(action):
             self.desk.say_until_key(Problem(code="screen.key_in_motion", key=action.shown))
 
@@ -374,7 +374,7 @@ class ConsoleApp(App[None]):
             self._safely(lambda: page.act(action.id))
 
     def _safely(self, work: Callable[[], None]) -> None:
-        """Do what one page does. Its faults are its own: the rows, the stop and the machine go on without it."""
+        """Run an operation of one page. Its faults stay its own: the rows, the stop and the machine continue."""
         try:
             work()
         except ProblemError as error:
@@ -384,15 +384,15 @@ class ConsoleApp(App[None]):
             self.desk.said = (Problem(code="session.fault", value=what),)
 
     def _handle_exception(self, error: Exception) -> None:
-        """Leave without a traceback; `fault` is told in one line when the terminal is the operator's again.
+        """Leave without a traceback; `fault` is reported in one line after the terminal is restored.
 
-        The name is Textual's, which has no public place for this.
+        The name is Textual's, which has no public hook for this.
         """
         self.fault = self.fault or error
         self.exit(return_code=1)
 
     def _pasted(self) -> None:
-        """What is pasted outside a text was not typed: it does nothing, and stops what moves."""
+        """Handle text pasted outside a field: it was not typed, does nothing, and stops any motion."""
         moving = self.desk.control.state.may_move
         self.desk.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
         if moving:

@@ -1,7 +1,7 @@
-"""The thread that reads the terminal stops the machine itself: a stop never waits for the screen.
+"""Terminal thread: it stops the machine itself, so that a stop never waits for the screen.
 
-A key goes from here into the queue of the application, which may be busy painting, or stuck because the
-terminal takes nothing. A stop key is acted on before that. Any other action is passed on once it is known that it
+A key goes from here into the queue of the application, which may be busy painting, or blocked by the
+terminal. A stop key is acted on before that. Any other action is passed on once it is known that it
 came alone, as from a person: see `pace.py`.
 """
 
@@ -36,17 +36,17 @@ from console.tui.keymap import STOP_KEYS, Action, PageName
 from console.tui.pace import QUIET_S, Pace
 
 WAIT_S = 0.1
-"""How long the reading thread waits for a key before it looks whether it is to end."""
+"""Time that the reading thread waits for a key before it checks whether to end."""
 
 CHUNK = 4096
 
 PASTE_BEGINS, PASTE_ENDS = "\x1b[200~", "\x1b[201~"
 PASTE_SILENCE_S = 0.5
-"""How long nothing may come in the middle of a paste."""
+"""Timeout within a paste."""
 
 
 class StopSent(Message):
-    """A stop key was pressed and has been acted on; `action` is what else the key means, when something moved."""
+    """A stop key was acted on; `action` is the other meaning of the key, when something moved."""
 
     def __init__(self, action: Action | None = None) -> None:
         super().__init__()
@@ -54,9 +54,9 @@ class StopSent(Message):
 
 
 class TooFast(Message):
-    """Keys came faster than a person types: they did nothing, but for a stop among them (`stopped`).
+    """Keys came faster than a person types: they did nothing, except for a stop among them (`stopped`).
 
-    With `written` they have written into a field, and what would have ended the entry was dropped.
+    With `written` they have written into a field, and a key that would have ended the entry was dropped.
     """
 
     def __init__(self, *, written: bool = False, stopped: bool = False) -> None:
@@ -65,9 +65,9 @@ class TooFast(Message):
 
 
 class Written(events.Key):
-    """A key that was taken for a field's, and so not held back: it may write or stop, and nothing else.
+    """A key judged as a field's, and so not held back: it may write or stop, and nothing else.
 
-    The field may be closed before the application comes to it. With `stopped` it was a stop, and has been one.
+    The field may be closed before the application handles it. With `stopped` it was a stop, already sent.
     """
 
     def __init__(self, key: str, character: str | None, *, stopped: bool = False) -> None:
@@ -75,11 +75,11 @@ class Written(events.Key):
         self.stopped = stopped
 
 
-Written.handler_name = events.Key.handler_name  # for whoever handles keys it is one
+Written.handler_name = events.Key.handler_name  # so that key handlers receive it
 
 
 class StopTarget(Protocol):
-    """What the driver needs of the application; nothing of it waits, whatever the application does."""
+    """Interface of the driver to the application; nothing of it blocks, whatever the application does."""
 
     def situation(self) -> Situation:
         """Return what a key is judged by now."""
@@ -92,7 +92,7 @@ class StopTarget(Protocol):
 
 
 class StopDriver(LinuxDriver):
-    """The terminal as Textual drives it, with the stop keys taken out first."""
+    """Textual's terminal driver, which handles stop keys first."""
 
     def __init__(
         self, app: App[Any], *, debug: bool = False, mouse: bool = True, size: tuple[int, int] | None = None
@@ -100,22 +100,22 @@ class StopDriver(LinuxDriver):
         super().__init__(app, debug=debug, mouse=mouse, size=size)
         self._pace: Pace[events.Key] = Pace()
         self._stopped_s = float("-inf")
-        # A console that sleeps stops nothing. And Textual answers each SIGCONT, which a hang-up brings along,
+        # A suspended console cannot stop anything. And Textual answers each SIGCONT, which comes with a hang-up,
         # with one more thread that reads the same terminal.
         for number in (signal.SIGTSTP, signal.SIGCONT):
             signal.signal(number, signal.SIG_IGN)
 
     def process_message(self, message: Message) -> None:
-        """Act on a stop key here, in the thread that read it; hold an action back, and pass everything else on."""
+        """Act on a stop key in the thread that read it; hold an action back, and pass everything else on."""
         if isinstance(message, events.Key) and not is_modifier(message.key):
             self._hear(message, time.monotonic())
         else:
             super().process_message(message)
 
     def run_input_thread(self) -> None:
-        """Read keys until the screen is left. Nothing that a terminal can say ends it but the terminal's own end.
+        """Read keys until the screen is left. Only the end of the terminal itself ends the loop.
 
-        Textual's own would end with the first key release, or the first byte that is no UTF-8.
+        Textual's own loop would end with the first key release, or the first byte that is no UTF-8.
         """
         reader = Reader()
         decode = getincrementaldecoder("utf-8")("replace").decode
@@ -125,14 +125,14 @@ class StopDriver(LinuxDriver):
             if select.select([self.fileno], [], [], wait_s)[0]:
                 data = _read(self.fileno)
                 if not data:
-                    # Whoever has no controlling terminal is not told by the kernel.
+                    # Without a controlling terminal the kernel sends no notification.
                     os.kill(os.getpid(), signal.SIGHUP)
                     return
                 for character in decode(data):
                     said += reader.read(character, time.monotonic())
             for message in (*said, *reader.idle(time.monotonic())):
                 self.process_message(message)
-            # Behind all that has come: a thread that was held up must not take for alone what was not.
+            # After all pending input: a delayed thread must not take a key of a burst for a single one.
             for key in self._pace.due(time.monotonic()):
                 super().process_message(key)
 
@@ -140,7 +140,7 @@ class StopDriver(LinuxDriver):
         target = cast(StopTarget, self._app)
         try:
             now = target.situation()
-        except Exception:  # in doubt it moves: this thread goes on, and every stop is one
+        except Exception:  # in doubt assume motion: this thread continues, and every stop key stops
             now = Situation(page=PageName.JOBS, moving=True)
         verdict, action = judge(key.key, key.character, now)
         written = now.field is not FieldKind.NONE
@@ -153,9 +153,9 @@ class StopDriver(LinuxDriver):
             if is_stray(key.key, key.character, now):
                 super().process_message(Written(key.key, key.character, stopped=True))
             if action is not None and is_page(action) and not burst:
-                self._pace.hold(key.key, key, now_s)  # once it was stopped, looking is harmless
+                self._pace.hold(key.key, key, now_s)  # after the stop, the action is harmless
         elif verdict is Verdict.FIELD or is_stray(key.key, key.character, now):
-            # A scanner may write, but what it has written must be read before it is taken.
+            # A scanner may write, but its input must be read before it is accepted.
             character = key.character is not None and key.character.isprintable()
             burst = self._pace.write(key.key, now_s, character=character)
             super().process_message(Written(key.key, key.character))
@@ -167,10 +167,10 @@ class StopDriver(LinuxDriver):
 
 
 class Reader:
-    """Textual's parser, kept from failing and from making keys of what is none.
+    """Textual's parser, made robust against invalid input, which must not become keys.
 
-    A paste is no key press either. It is told when it begins, because from there on the parser keeps every key
-    to itself; one whose end was lost on the way is given up when nothing more comes.
+    A paste is no key press either. Its beginning is reported, because from there on the parser collects every key;
+    a paste whose end was lost is given up after a timeout.
     """
 
     def __init__(self) -> None:
@@ -180,7 +180,7 @@ class Reader:
         self._heard_s = 0.0
 
     def read(self, character: str, now_s: float) -> list[Message]:
-        """Take in one character; return what was said by it. `now_s` is of any clock that only goes forward."""
+        """Take in one character; return the resulting events. `now_s` is of any monotonic clock."""
         self._last, self._heard_s = (self._last + character)[-len(PASTE_BEGINS) :], now_s
         try:
             said = list(self._parser.feed(character))
@@ -191,12 +191,12 @@ class Reader:
             said.append(events.Key(PASTED, None))
         elif self._last == PASTE_ENDS:
             self._pasting = False
-        # An escape sequence that is given up for the next comes with a caret in the place of its Escape.
+        # An escape sequence abandoned for the next arrives with a caret in place of its Escape.
         given_up = bool(said) and isinstance(said[0], events.Key) and said[0].character == "^"
         return _whole(said) if given_up else said
 
     def idle(self, now_s: float) -> list[Message]:
-        """Return what is said by nothing more coming: an Escape alone, or a sequence that nobody knows."""
+        """Return the events due without more input: an Escape alone, or an unknown sequence."""
         if self._pasting and now_s - self._heard_s > PASTE_SILENCE_S:
             return self._begun_anew()
         return _whole(list(self._parser.tick()))
@@ -207,7 +207,7 @@ class Reader:
 
 
 def _whole(said: list[Message]) -> list[Message]:
-    """Undo the taking apart of a sequence into keys that nobody pressed; only a stop among them stays."""
+    """Undo the split of a sequence into keys that nobody pressed; keep only a stop among them."""
     if len(said) < 2:
         return said
     stops: list[Message] = [key for key in said if isinstance(key, events.Key) and key.key in STOP_KEYS]
@@ -219,7 +219,7 @@ def _unreadable() -> events.Key:
 
 
 def _read(terminal: int) -> bytes:
-    """Return what was typed, nothing when the terminal is gone."""
+    """Return the input, nothing when the terminal is gone."""
     try:
         return os.read(terminal, CHUNK)
     except OSError:

@@ -1,6 +1,6 @@
 """The six rows that are never covered, as pure functions from the view to lines.
 
-Each has one line, in its place. A message that is longer takes further lines from the page: it is never cut.
+Each has one line, in a fixed place. A longer message takes further lines from the page: it is never cut.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from profiles.problem import Problem
 MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}
 
 LEAST_BODY = 4
-"""Lines of the page that no message takes. What is longer than that goes on in the list of messages."""
+"""Lines of the page that no message takes. A longer message continues in the list of messages."""
 
 _FIRST_SERVED = ("stop", "alarm", "next")
-"""The rows that may have several lines, in the order in which they get them."""
+"""Rows that may have several lines, in the order in which they get them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """What the rows are made of. `said` answers the last key; `clock` is local time; `now_s` machine time.
+    """Input of the rows. `said` answers the last key; `clock` is local time; `now_s` machine time.
 
     `job` is the name of the open job, "" where none is.
     """
@@ -53,7 +53,7 @@ class Frame:
 
 
 def state_row(frame: Frame, width: int) -> list[Line]:
-    """SIM, the machine, what it does, how old that is, and the time; a long name of the machine gives way."""
+    """Return SIM, the machine, its activity, the age of the state, and the time; a long name is shortened."""
     text, state = frame.text, frame.state
     head: list[tuple[str, Token]] = (
         [(f" {text('sim')} ", Token.SIM), ("  ", Token.TEXT)] if state.simulated else [(" ", Token.TEXT)]
@@ -79,7 +79,7 @@ def _looks_on(state: StationState) -> bool:
 
 
 def _age(frame: Frame) -> Line:
-    """How long the last look took, or how long ago it was."""
+    """Return how long the last poll took, or how long ago it was."""
     state = frame.state
     age_s = state.age_s(frame.now_s)
     if age_s is None:
@@ -90,7 +90,7 @@ def _age(frame: Frame) -> Line:
 
 
 def alarm_row(frame: Frame, width: int) -> list[Line]:
-    """The alarm that wants attention most, with how many nobody has seen; else the answer to the last key."""
+    """Return the foremost alarm, with the number of unseen ones; else the answer to the last key."""
     text, alarms = frame.text, frame.state.alarms
     waiting, front = unseen(alarms), foremost(alarms)
     if waiting and front is not None:
@@ -105,7 +105,7 @@ def alarm_row(frame: Frame, width: int) -> list[Line]:
 
 
 def _quiet(state: StationState) -> str:
-    """Return what is said where there is no alarm: of what is not polled nobody knows that it is well."""
+    """Return the text without an alarm: a machine that is not polled cannot be called well."""
     if state.snapshot is None:
         return "frame.alarms_unknown"
     axes = state.snapshot.driven_axes
@@ -113,12 +113,12 @@ def _quiet(state: StationState) -> str:
 
 
 def answer_of(frame: Frame) -> tuple[Problem, ...]:
-    """Return what the last key was answered, by the page or by the station."""
+    """Return the answer to the last key, by the page or by the station."""
     return frame.said or frame.state.refusals
 
 
 def unseen_alarm(state: StationState) -> Alarm | None:
-    """Return the foremost alarm, where nobody has seen it yet."""
+    """Return the foremost alarm, if it is unseen."""
     return foremost(unseen(state.alarms))
 
 
@@ -129,7 +129,7 @@ def _alarm(text: Catalogue, alarm: Alarm, count: str, token: Token, width: int) 
 
 
 def _answer(frame: Frame, width: int) -> list[Line]:
-    """The first answer in full, and how many more the list of messages shows."""
+    """Return the first answer in full, and how many more the list of messages shows."""
     text, (first, *others) = frame.text, answer_of(frame)
     beside = line((f" +{len(others)} {_all_key(text, len(others) + 1)} ", Token.WARNING)) if others else BLANK
     return hanging((" – ", Token.WARNING), text.problem(named(first, text)), width, Token.WARNING, beside=beside)
@@ -141,7 +141,7 @@ def _all_key(text: Catalogue, count: int) -> str:
 
 
 def pages_row(frame: Frame, width: int) -> list[Line]:
-    """The numbered pages, and the open job."""
+    """Return the numbered pages, and the open job."""
     pieces: list[tuple[str, Token]] = []
     for number, page in enumerate(PageName, start=1):
         name = f" {number} {frame.text(f'page.{page}')} "
@@ -151,7 +151,7 @@ def pages_row(frame: Frame, width: int) -> list[Line]:
 
 
 def next_row(frame: Frame, width: int) -> list[Line]:
-    """The one obvious next thing to do; the answer to the last key where an alarm has its usual place."""
+    """Return the next thing to do; the answer to the last key where an alarm has its usual place."""
     text, state = frame.text, frame.state
     step: Line = frame.next_step
     if answer_of(frame) and unseen_alarm(state) is not None:
@@ -170,7 +170,7 @@ def next_row(frame: Frame, width: int) -> list[Line]:
 
 
 def stop_row(frame: Frame, width: int) -> list[Line]:
-    """The stop key, and what a stop would and would not do now; the key is in the last line, in its place."""
+    """Return the stop key, and what a stop would and would not do now; the key is in the last line."""
     text, state = frame.text, frame.state
     key = text("frame.stop_in_text") if frame.field is FieldKind.TEXT else text("frame.stop")
     left = line((f" {key} ", Token.STOP))
@@ -199,7 +199,7 @@ def _stop_tells(text: Catalogue, state: StationState, machine: MachineProfile) -
     if state.activity is Activity.CUTTING and state.cut is not None and state.cut.speed_rpm is not None:
         seconds = spindle_stop_s(machine, state.cut.speed_rpm)
         return text("frame.spindle_needs", seconds=f"{seconds:.1f}"), Token.TEXT
-    if state.seen_moving:  # by another console, perhaps
+    if state.seen_moving:  # possibly by another console
         return text("frame.moving"), Token.STRONG
     if state.snapshot is None:
         return text("frame.not_known"), Token.DIM
@@ -212,7 +212,7 @@ def spindle_stop_s(machine: MachineProfile, speed_rpm: float) -> float:
 
 
 def keys_row(frame: Frame, width: int) -> list[Line]:
-    """The keys of the page, as far as they fit; all of them are on the help page."""
+    """Return the keys of the page, as far as they fit; all of them are on the help page."""
     pieces: list[tuple[str, Token]] = [(" ", Token.TEXT)]
     helping = [("?", Token.KEY), (f" {frame.text('key.help')}", Token.DIM)]
     room = width - 1 - width_of(tuple(helping))
@@ -239,7 +239,7 @@ ROWS: dict[str, Callable[[Frame, int], list[Line]]] = {
 
 
 def frame_rows(frame: Frame, width: int, height: int) -> dict[str, list[Line]]:
-    """Return the lines of each row in a terminal of this size, whose last lines are those of stop and keys."""
+    """Return the lines of each row for this terminal size; stop and keys are the last lines."""
     rows = {name: row(frame, width) for name, row in ROWS.items()}
     spare = max(height - len(rows) - LEAST_BODY, 0)
     for name in _FIRST_SERVED:
@@ -251,7 +251,7 @@ def frame_rows(frame: Frame, width: int, height: int) -> dict[str, list[Line]]:
 
 
 def small_rows(text: Catalogue, state: StationState, smallest: tuple[int, int], width: int) -> list[Line]:
-    """Return the size that is needed; before it what cannot wait for that: a stop that failed, an alarm."""
+    """Return the required size; before it what cannot wait: a stop that failed, an alarm."""
     title = text("small.title") if state.simulated else text("small.real")
     rows = [line((f" {title} ", Token.SIM if state.simulated else Token.STRONG))]
     if state.stop is not None and not state.stop.delivered:

@@ -1,6 +1,6 @@
-"""The first decision about every key: a stop, a character of a field, or a key of the page; held keys beside it.
+"""First decision about every key: a stop, a character of a field, or a key of the page; also held keys.
 
-Pure, and asked twice: in the thread that reads the terminal, which stops the machine without waiting for the
+Pure, and used twice: in the thread that reads the terminal, which stops the machine without waiting for the
 screen, and in the application, which does the rest.
 """
 
@@ -15,22 +15,22 @@ from console.tui.keymap import CLOSE, KILL_KEYS, READING, STOP_KEYS, Action, Pag
 NUMBER_CHARACTERS = frozenset("0123456789+-.,")
 FIELD_KEYS = frozenset({"backspace", "delete", "left", "right", "home", "end"})
 LISTS = ("help", "messages")
-"""What a list in the place of the page is opened with, also in the middle of a number."""
+"""Actions that open a list in place of the page, also during the entry of a number."""
 
 UNREADABLE, PASTED = "unreadable", "paste"
-"""The keys of whatever the terminal said that is no key: bound to nothing, so that they stop what moves."""
+"""Keys for terminal input that is no key: unbound, so that they stop any motion."""
 
 WRITTEN = {"pageup": "PgUp", "pagedown": "PgDn"}
-"""Keys that are written otherwise than Textual names them."""
+"""Keys written otherwise than by their Textual names."""
 
 HARMLESS_KEYS = frozenset({"shift", "ctrl", "alt", "super", "hyper", "meta", "caps_lock", "num_lock"})
 
 REPEAT_S = 0.8
-"""Presses of one key that come sooner than this are the terminal's repeats of a key that is held."""
+"""Presses of one key that come sooner than this are the terminal's repeats of a held key."""
 
 
 class FieldKind(Enum):
-    """What has the keys: nothing, a field of numbers, or one of free text."""
+    """Focus of the keys: no field, a field of numbers, or one of free text."""
 
     NONE = auto()
     NUMBER = auto()
@@ -38,7 +38,7 @@ class FieldKind(Enum):
 
 
 class Verdict(Enum):
-    """What becomes of a key."""
+    """Decision about a key."""
 
     STOP = auto()
     KILL = auto()
@@ -49,10 +49,10 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Situation:
-    """What a key is judged by. `small`: the terminal is too small for a page, nothing may be moved.
+    """Situation in which a key is judged. `small`: the terminal is too small for a page, nothing may be moved.
 
-    `reading`: a list is in the place of the page, and the keys that scroll it do nothing else. `jogging` is
-    whether what moves is a jog step, `jog` the action that asked for the last one. `at_rest`: it is known that
+    `reading`: a list is in place of the page, and the keys that scroll it do nothing else. `jogging` is
+    whether the motion is a jog step, `jog` the action that requested the last one. `at_rest`: it is known that
     nothing moves, nor is about to.
     """
 
@@ -67,21 +67,21 @@ class Situation:
 
 
 def stops_at_once(key: str, now: Situation) -> bool:
-    """Whether a key is a stop whatever the machine does. Space writes a space in free text; F12 stops there.
+    """Return whether a key is a stop in any state. Space writes a space in free text; F12 stops there.
 
     Escape closes a list while nothing moves.
     """
     if key == "space":
-        # Behind a list nothing is written, so Space is no space there.
+        # Nothing can be typed while a list is open, so Space is no space there.
         return now.reading or now.field is not FieldKind.TEXT
     return key in STOP_KEYS and not _closes_list(key, now)
 
 
 def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Action | None]:
-    """Return what becomes of a key, with its action.
+    """Return the decision about a key, with its action.
 
-    While something moves, a key that means nothing is a stop, and so is an Alt-key, which may hide an Escape. A
-    stop with an action is that of a key which means another motion than the one that goes on.
+    While something moves, an unbound key is a stop, and so is an Alt-key, which may hide an Escape. A stop with an
+    action is that of a key which requests another motion than the present one.
     """
     if stops_at_once(key, now):
         return Verdict.STOP, None
@@ -100,9 +100,9 @@ def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Act
 
 
 def is_stray(key: str, character: str | None, now: Situation) -> bool:
-    """Whether somebody typed what no number is written with.
+    """Whether a typed character cannot be part of a number.
 
-    It must not vanish: 1e3 without its e is another number. It stands in the entry, which is refused for it; so
+    It must not vanish: 1e3 without its e is another number. It stays in the entry, which is refused for it; so
     does a Space, which stops as well.
     """
     printable = character is not None and character.isprintable()
@@ -111,9 +111,9 @@ def is_stray(key: str, character: str | None, now: Situation) -> bool:
 
 
 def _action(key: str, character: str | None, now: Situation) -> Action | None:
-    """Return what a key does. Nothing is typed, taken or left behind a list that hides an open entry.
+    """Return the action of a key. Nothing is typed, accepted or left behind a list that hides an open entry.
 
-    A character of every page would interrupt a number that goes on behind it, unless it opens a list.
+    A character bound on every page would interrupt a number, unless it opens a list.
     """
     if now.reading and (scrolling := next((each for each in READING if key in each.keys), None)):
         return scrolling
@@ -129,7 +129,7 @@ def _action(key: str, character: str | None, now: Situation) -> Action | None:
 
 
 def stop_reason(key: str, character: str | None, action: Action | None) -> str:
-    """Return why a key stops the machine: its name, or a word for the reason and how the key is written."""
+    """Return why a key stops the machine: its name, or a word for the reason and the key's written name."""
     if key in (*STOP_KEYS, *KILL_KEYS, UNREADABLE, PASTED):
         return key
     if action is not None:
@@ -146,7 +146,7 @@ def is_page(action: Action) -> bool:
 
 
 def is_modifier(key: str) -> bool:
-    """Whether a key is none alone: newer terminals report Shift and its like as keys ("left_shift")."""
+    """Whether a key is a modifier alone: newer terminals report Shift and the like as keys ("left_shift")."""
     return key.removeprefix("left_").removeprefix("right_") in HARMLESS_KEYS
 
 
@@ -155,7 +155,7 @@ def _closes_list(key: str, now: Situation) -> bool:
 
 
 def _changes(action: Action, now: Situation) -> bool:
-    """Whether a key means another motion than the one that goes on, or leaves the page of a jog step."""
+    """Whether a key requests another motion than the present one, or leaves the page of a jog step."""
     if not now.moving or action.stops is Stops.NOTHING:
         return False
     if action.stops is Stops.JOG:
@@ -174,13 +174,13 @@ def _writes(key: str, character: str | None, field: FieldKind) -> bool:
 
 
 class HeldKeys:
-    """Remembers when each action was last asked for."""
+    """Last time of each action, to detect held keys."""
 
     def __init__(self) -> None:
         self._pressed_s: dict[str, float] = {}
 
     def repeats(self, action: Action, now_s: float) -> bool:
-        """Take note of a press, and return whether it is the repeat of one that is to be done once."""
+        """Note a press, and return whether it repeats an action that is done once per press."""
         before_s = self._pressed_s.get(action.id, -math.inf)
         self._pressed_s[action.id] = now_s
         return action.once and now_s - before_s < REPEAT_S

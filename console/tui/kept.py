@@ -1,4 +1,4 @@
-"""A small memory of what was computed last, which two threads may ask."""
+"""Small cache of the last results, shared by two threads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Value = TypeVar("Value")
 
 
 class Kept(Generic[Key, Value]):
-    """Remembers up to `most` values; the one that nobody asked for the longest time is forgotten first.
+    """Cache of up to `most` values; the least recently used one is dropped first.
 
     Keys are compared, not hashed: a machine profile has tables in it.
     """
@@ -21,7 +21,7 @@ class Kept(Generic[Key, Value]):
         self._entries: list[tuple[Key, Value]] = []
 
     def find(self, key: Key) -> Value | None:
-        """Return what was kept under an equal key."""
+        """Return the value kept under an equal key."""
         with self._lock:
             for place in range(len(self._entries) - 1, -1, -1):
                 if self._entries[place][0] == key:
@@ -31,7 +31,7 @@ class Kept(Generic[Key, Value]):
             return None
 
     def keep(self, key: Key, value: Value) -> None:
-        """Remember a value."""
+        """Keep a value."""
         with self._lock:
             self._entries.append((key, value))
             del self._entries[: -self._most]

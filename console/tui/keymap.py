@@ -1,8 +1,8 @@
-"""Every key of the program, once: what it does, where, and whether it can move the machine; and the lists of `?`.
+"""Key bindings, each defined once: action, pages, and whether it can move the machine; and the lists of `?`.
 
 A key is bound by its Textual name ("f5", "up") or, where it writes something, by its character, so that a Hangul
-layout works as well: a letter has the jamo of the same place beside it. Nothing that moves is on a letter or
-on Enter. Stop is not a binding like the others: it is decided first, in `gate.py`.
+layout works as well: a letter has the jamo of the same key beside it. No motion is on a letter or
+on Enter. Stop is no ordinary binding: it is decided first, in `gate.py`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ LISTS = 2
 
 
 class PageName(StrEnum):
-    """The pages in their order; the digit of a page is its place. `console.tui.pages.run` has the `RunPage`."""
+    """Pages in order; the digit of a page is its position. `console.tui.pages.run` has the `RunPage`."""
 
     JOBS = "jobs"
     SETUP = "setup"
@@ -38,7 +38,7 @@ class PageName(StrEnum):
 
 
 class Stops(Enum):
-    """What has to move for a key to be a change of mind, which stops it first: nothing, a jog step, anything."""
+    """Kinds of motion that a key stops first, as a change of mind: none, a jog step, any."""
 
     NOTHING = auto()
     JOG = auto()
@@ -47,10 +47,10 @@ class Stops(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Action:
-    """One action. `shown` is how its key is written in the help, with the words `key_help.<id>` of the catalogues.
+    """One action. `shown` is the key in the help, with the words `key_help.<id>` of the catalogues.
 
     The key row writes `row` where that differs, "" leaves the action out there, with the words `key.<id>`.
-    `once`: a key that is held down does it once. `stops`: what its key stops, should that move.
+    `once`: holding the key down does it once. `stops`: the motion that the key stops.
     """
 
     id: str
@@ -149,13 +149,13 @@ READING = (
     Action(id="list.up", keys=("up", "pageup"), shown="↑"),
     Action(id="list.down", keys=("down", "pagedown"), shown="↓"),
 )
-"""What these keys do while a list is in the place of the page, whatever else they would do on the page."""
+"""Actions of these keys while a list is in place of the page, instead of those on the page."""
 
 ACTIONS: tuple[Action, ...] = (*_EVERYWHERE, *_JOBS, *_SETUP, *_PREVIEW, *_ALIGN, *_RUN, *_INSPECT)
 
 
 def action_of(key: str, character: str | None, page: PageName) -> Action | None:
-    """Return what a key does on a page, None where it does nothing."""
+    """Return the action of a key on a page, None where it has none."""
     names = {key, character}
     for action in ACTIONS:
         if action.page in (None, page) and names & set(action.keys):
@@ -169,7 +169,7 @@ def actions_of(page: PageName) -> tuple[Action, ...]:
 
 
 def help_lines(text: Catalogue, page: PageName, number: int, width: int) -> list[Line]:
-    """Return the list `number`, from 1 to `LISTS`; a sentence that is too long goes on in the next row."""
+    """Return the list `number`, from 1 to `LISTS`; a long sentence continues in the next row."""
     if number == 1:
         rows = [line((text(f"page.{page}"), Token.TITLE))]
         for action in actions_of(page):

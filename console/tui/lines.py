@@ -1,6 +1,6 @@
-"""Lines of text as values, set into columns by cells, and the panel that repaints only those that changed.
+"""Lines of text as values, aligned by cells, and the panel that repaints only the changed ones.
 
-A line is pieces with tokens; a Hangul syllable is two cells.
+A line consists of pieces with tokens; a Hangul syllable is two cells.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Piece = tuple[str, Token]
 Line = tuple[Piece, ...]
 BLANK: Line = ()
 NOTHING = "–"
-"""Stands where there is no value, or none that may be judged."""
+"""Placeholder where there is no value, or none that may be judged."""
 
 _EMPTY: Piece = (" ", Token.TEXT)
 
@@ -31,7 +31,7 @@ def line(*pieces: str | Piece) -> Line:
 
 
 def dim(text: str) -> Piece:
-    """Return a piece that wants nothing."""
+    """Return a piece that needs no attention."""
     return text, Token.DIM
 
 
@@ -41,14 +41,14 @@ def width_of(pieces: Line) -> int:
 
 
 def fitted(text: str, width: int) -> str:
-    """Return a text of exactly `width` cells: filled up, or cut with an ellipsis."""
+    """Return a text of exactly `width` cells: padded, or cut with an ellipsis."""
     if cell_len(text) <= width:
         return set_cell_size(text, width)
     return set_cell_size(set_cell_size(text, max(width - 1, 0)) + "…", width) if width > 0 else ""
 
 
 def name_in(name: str, width: int) -> str:
-    """Return a name in at most `width` cells; a longer one loses its middle, for names differ at the end."""
+    """Return a name in at most `width` cells; a longer one loses its middle, because names differ at the end."""
     if cell_len(name) <= width:
         return name
     if width < 4:
@@ -58,19 +58,19 @@ def name_in(name: str, width: int) -> str:
 
 
 def to_the_right(text: str, width: int) -> str:
-    """Return a text filled up with blanks on its left."""
+    """Return a text padded with blanks on its left."""
     return " " * max(width - cell_len(text), 0) + text
 
 
 def clipped(lines: list[Line], height: int, more: str) -> list[Line]:
-    """Return what fits; where something does not, the last row says `more`: that it goes on, and what shows it."""
+    """Return what fits; otherwise the last row is `more`: that it continues, and how to show it."""
     if len(lines) <= height:
         return lines
     return [*lines[: max(height - 1, 0)], ((more, Token.WARNING),)][: max(height, 0)]
 
 
 def ranged(left: Line, right: Line, width: int) -> Line:
-    """Return one line with `left` at its left end and `right` at its right end; the left gives way."""
+    """Return one line with `left` left-aligned and `right` right-aligned; the left one is shortened."""
     room = width - width_of(right)
     kept: list[Piece] = []
     for text, token in left:
@@ -81,7 +81,7 @@ def ranged(left: Line, right: Line, width: int) -> Line:
 
 
 def fact(label: str, value: str, width: int, *, label_width: int, token: Token = Token.TEXT) -> Line:
-    """Return a row of a panel: a dim label, and its value set to the right in what is left of `width`."""
+    """Return a row of a panel: a dim label, and its value right-aligned in `width`."""
     room = max(width - label_width, 0)
     value_width = cell_len(value)
     shown = fitted(value, room) if value_width > room else " " * (room - value_width) + value
@@ -117,9 +117,9 @@ def wrapped(text: str, width: int, token: Token = Token.TEXT, *, first: int | No
 
 
 def hanging(mark: Piece, text: str, width: int, token: Token = Token.TEXT, *, beside: Line = BLANK) -> list[Line]:
-    """Return a text behind its mark, as many lines as it needs: they begin below each other.
+    """Return a text after its mark, on as many lines as it needs, with a hanging indent.
 
-    `beside` stands at the right end of the first line.
+    `beside` is at the right end of the first line.
     """
     indent = cell_len(mark[0])
     room = max(width - indent, 1)
@@ -141,7 +141,7 @@ def plain(lines: Sequence[Line]) -> str:
 
 
 def changed(before: Line, after: Line) -> tuple[int, int]:
-    """Return the cells, first and behind the last, in which two lines differ; (0, 0) where they do not."""
+    """Return the cells, first and past the last, in which two lines differ; (0, 0) where they do not."""
     # Most often a label stays and its value changes: cells are compared from the first piece that differs.
     same = next((place for place, pair in enumerate(zip(before, after, strict=False)) if pair[0] != pair[1]), 0)
     start = width_of(before[:same])
@@ -163,7 +163,7 @@ def _cells(pieces: Line) -> list[Piece]:
 
 
 def _head(word: str, width: int) -> str:
-    """Return the longest beginning of `word` that fits, one character at least."""
+    """Return the longest prefix of `word` that fits, one character at least."""
     head = word[:1]
     for character in word[1:]:
         if cell_len(head + character) > width:
@@ -173,7 +173,7 @@ def _head(word: str, width: int) -> str:
 
 
 class Sheet(Widget, can_focus=False):
-    """Lines of pieces; what is longer or higher than the panel is cut off."""
+    """Lines of pieces; what does not fit the panel is cut off."""
 
     def __init__(self, palette: Palette, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
@@ -182,11 +182,11 @@ class Sheet(Widget, can_focus=False):
 
     @property
     def lines(self) -> tuple[Line, ...]:
-        """What is shown."""
+        """The lines shown."""
         return self._lines
 
     def show(self, lines: Sequence[Line]) -> None:
-        """Show these lines; cells that stay the same are not painted again."""
+        """Show these lines; unchanged cells are not painted again."""
         before, self._lines = self._lines, tuple(_harmless(each) for each in lines)
         regions = []
         for row in range(max(len(before), len(self._lines))):
@@ -202,7 +202,7 @@ class Sheet(Widget, can_focus=False):
 
 
 def _harmless(pieces: Line) -> Line:
-    """Return a line that cannot steer the terminal, whatever the names in it."""
+    """Return a line that cannot control the terminal, whatever the names in it."""
     if all(text.isprintable() for text, _ in pieces):
         return pieces
     return tuple((escaped_line(text), token) for text, token in pieces)

@@ -1,4 +1,4 @@
-"""Every message in full: all alarms, all that the last key was answered, all that the page has to say."""
+"""Every message in full: all alarms, all answers to the last key, all texts of the page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from console.tui.theme import Token
 
 
 def message_lines(frame: Frame, of_page: Sequence[Line], width: int) -> list[Line]:
-    """Return what is said now, nothing of it cut: the alarms, the answers to the last key, the page."""
+    """Return the current messages, uncut: the alarms, the answers to the last key, the page."""
     text, alarms, answers = frame.text, frame.state.alarms, answer_of(frame)
     rows = [line((text("messages.alarms", count=len(alarms)), Token.TITLE))]
     for alarm in sorted(alarms, key=lambda each: (each.acknowledged, each.priority, each.at_s)):

@@ -1,8 +1,8 @@
-"""Which keys a person may have typed: what comes faster is one event, and confirms, enables or moves nothing.
+"""Detection of typed keys: keys that come faster are one burst, which confirms, enables or moves nothing.
 
-A barcode scanner, and a paste that is not marked as one, bring many keys within some milliseconds, with an Enter
-behind them. So an action is held back until it is known that nothing came close to it. A slow line may bring two
-keys of a person in one piece, too: nothing happens then either, and they are pressed again. Stops are never held
+A barcode scanner, and a paste that is not marked as one, bring many keys within some milliseconds, followed by an
+Enter. So an action is held back until it is known that nothing came close to it. A slow line may also bring two
+typed keys in one piece: nothing happens then either, and they are pressed again. Stops are never held
 back.
 """
 
@@ -11,19 +11,19 @@ from __future__ import annotations
 from typing import Generic, TypeVar
 
 APART_S = 0.04
-"""Different keys that come no further apart than this were not typed by a person, who needs some 60 ms."""
+"""Different keys closer together than this were not typed by a person, who needs some 60 ms."""
 
 QUIET_S = 0.5
-"""So long after a burst nothing is taken: a slow line may bring its Enter later than the rest."""
+"""Dead time after a burst: a slow line may bring its Enter later than the rest."""
 
 WRITTEN = 3
-"""So many characters in a row were written into a field by a scanner; two may be a fast hand, or a slow line."""
+"""This many characters in a row come from a scanner; two may be a fast hand, or a slow line."""
 
 Held = TypeVar("Held")
 
 
 class Pace(Generic[Held]):
-    """Hears every key with its time, of any clock that only goes forward.
+    """Judge every key by its time, of any monotonic clock.
 
     A key that repeats while it is held down is no burst: it is always the same one.
     """
@@ -35,14 +35,14 @@ class Pace(Generic[Held]):
         self._written = 0
 
     def hear(self, name: str, now_s: float) -> bool:
-        """Take note of a key, whatever becomes of it; return whether it is one of a burst."""
-        # What is still held is not known to have been alone: the thread that asks may be late.
+        """Note a key, whatever becomes of it; return whether it belongs to a burst."""
+        # A held action is not known to have been alone: the calling thread may be late.
         close = bool(self._held) or now_s - self._heard_s <= APART_S
         self._written = 0
         return self._heard(name, now_s, burst=close and name != self._name)
 
     def write(self, name: str, now_s: float, *, character: bool) -> bool:
-        """Take note of a key that belongs to a field; return whether a `character` of it was typed by nobody."""
+        """Note a key that belongs to a field; return whether a `character` of it was not typed."""
         soon = now_s - self._heard_s <= APART_S
         self._written = (self._written if soon else 0) + 1 if character else 0
         return self._heard(name, now_s, burst=bool(self._held) or self._written >= WRITTEN)
@@ -55,14 +55,14 @@ class Pace(Generic[Held]):
         return burst
 
     def hold(self, name: str, held: Held, now_s: float) -> bool:
-        """Hold an action back until nothing came close to it; return whether it is one of a burst, and dropped."""
+        """Hold an action until nothing came close to it; return whether it is part of a burst, and dropped."""
         if self.hear(name, now_s) or now_s - self._burst_s <= QUIET_S:
             return True
         self._held.append((now_s, held))
         return False
 
     def due(self, now_s: float) -> list[Held]:
-        """Return what was held back for long enough, once all that has come until now was heard."""
+        """Return what was held back long enough, once all pending input was noted."""
         due = [held for at_s, held in self._held if now_s >= at_s + APART_S]
         del self._held[: len(due)]
         return due

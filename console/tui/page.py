@@ -1,4 +1,4 @@
-"""What every page is: a container that is shown a view ten times a second, and told the actions of its keys."""
+"""Base class of the pages: a container that gets a view ten times a second, and the actions of its keys."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from console.tui.ui_context import UiContext, View
 
 
 class Page(Container):
-    """One of the numbered pages. Nothing on it is covered by anything, and it covers nothing."""
+    """One of the numbered pages. Nothing covers it, and it covers nothing."""
 
     name_: ClassVar[PageName]
 
@@ -22,26 +22,26 @@ class Page(Container):
         self.desk = desk
 
     def fit(self) -> None:
-        """Take the layout that suits the height: at each tick, for an event may be missed while it is mounted."""
+        """Choose the layout for the height: at each tick, because an event may be missed while it is mounted."""
 
     def show(self, view: View) -> None:
-        """Show the newest state. Called only while the page is the one that is seen."""
+        """Show the newest state. Called only while the page is visible."""
 
     def act(self, action: str) -> None:
-        """Do what one of the page's own keys asks for."""
+        """Perform the action of one of the page's own keys."""
 
     def next_step(self, view: View) -> Line:
-        """Return the one obvious next thing to do, with the key that does it."""
+        """Return the next thing to do, with its key."""
         raise NotImplementedError
 
     def in_full(self, view: View, width: int) -> list[Line]:
-        """Return what the page tells somebody to do or to mend, nothing of it cut, for the list of messages."""
+        """Return what the page asks the operator to do or to correct, uncut, for the list of messages."""
         return []
 
     @property
     def field(self) -> FieldKind:
-        """What kind of field has the keys."""
+        """The kind of field that has the focus."""
         return FieldKind.NONE
 
     def leave(self) -> None:
-        """The operator goes to another page: end an entry, let go of what was enabled."""
+        """End an entry, and disable what was enabled: the operator leaves the page."""

@@ -1,8 +1,8 @@
-"""Computing the preview of the job in hand: its outlook at once, its programs beside the screen, one by one.
+"""Background computation of the open job's preview: its outlook at once, its programs one by one.
 
-The screen asks at every tick. What it is given are objects that nobody changes any more; what the two threads
-share are the newest question, the fault of one, and the programs that were made, each in a place of its own. The
-path that the job is cut with is the same object while nothing of it is changed.
+The screen asks at every tick, and gets immutable objects. The two threads share the newest question, the fault of
+one, and the finished programs, each in a place of its own. The path of the job stays the same object while
+nothing of it is changed.
 """
 
 from __future__ import annotations
@@ -33,16 +33,17 @@ if TYPE_CHECKING:
     from profiles.compensations.path import CutPath
 
 PROGRAMS_KEPT = 60
-"""Those of a dozen jobs: what an operator steps back and forth between."""
+"""Those of a dozen jobs, between which an operator steps back and forth."""
 
 LOOPS_KEPT = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """What is to be foreseen; `response` and `path` are those of a cut with `strategy`, None for the model's.
+    """What is to be predicted; `response` and `path` are those of a cut with `strategy`, None for the model's.
 
-    `taught` is what the part lets expect that has taught the path. A cut `in_air` has its program further out.
+    `taught` is the result expected from the part that the path was learned from. A cut `in_air` has its program
+    further out.
     """
 
     job: Job
@@ -56,9 +57,9 @@ class Question:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Begun:
-    """A question, and what can be said of it at once; `asked` are its programs, that of its strategy first.
+    """A question, and its immediate answer; `asked` are its programs, that of its strategy first.
 
-    Where there is no outlook, `problems` say why, and nothing is asked.
+    Where there is no outlook, `problems` say why, and no program is computed.
     """
 
     question: Question
@@ -68,7 +69,7 @@ class _Begun:
 
 
 class Previewer:
-    """Answers the newest question; `refreshed` is called at every tick, by the thread of the screen alone."""
+    """Answer the newest question; `refreshed` is called at every tick, by the thread of the screen alone."""
 
     def __init__(self) -> None:
         self._programs: Kept[Asked, Program] = Kept(PROGRAMS_KEPT)
@@ -87,7 +88,7 @@ class Previewer:
         response: ServoResponse | None = None,
         path: CutPath | None = None,
     ) -> Work:
-        """Return the work with what is known of exactly this job by now; begin to compute the rest.
+        """Return the work with what is known of exactly this job so far; begin to compute the rest.
 
         Jaw 1 is where the alignment found it, the tool tip where the touch-off did. `response` is what a cut with
         the strategy of the work inverts, `path` what was learned of it.
@@ -122,13 +123,13 @@ class Previewer:
         if work.outlook is not seen:
             return replace(work, outlook=seen, preview=preview, preview_problems=())
         if preview is None and (self._thread is None or not self._thread.is_alive()):
-            # Not before the page was drawn once: both threads want the one interpreter.
+            # Not before the page was drawn once: both threads need the one interpreter.
             self._thread = threading.Thread(target=self._compute, name="preview", daemon=True)
             self._thread.start()
         return work
 
     def _known(self, begun: _Begun, outlook: Outlook) -> tuple[Underway, Preview | None]:
-        """Return the answer so far, the same object while nothing is added to it; and as the whole, if it is."""
+        """Return the answer so far, the same object until something is added; and as the whole, if complete."""
         from drivers.preview.preview import Preview, underway, whole
 
         loop = self._loops.find(begun.question.machine)
@@ -144,7 +145,7 @@ class Previewer:
         return shown[3], shown[3] if isinstance(shown[3], Preview) else None
 
     def _compute(self) -> None:
-        """In the other thread: what is missing to the newest question, until nothing is."""
+        """Compute in the other thread what is missing from the newest question, until nothing is."""
         while (begun := self._begun) is not None:
             try:
                 if not self._add_to(begun):
@@ -154,7 +155,7 @@ class Previewer:
                 return
 
     def _add_to(self, begun: _Begun) -> bool:
-        """Compute the first thing that is missing to a question; False when nothing is."""
+        """Compute the first missing item of a question; False when nothing is missing."""
         from drivers.preview.preview import program_of
         from profiles.axis.servo import eq9_summary
 
@@ -170,7 +171,7 @@ class Previewer:
 
 
 def _taught(work: Work, alignment: Alignment) -> ExpectedPart | None:
-    """Return what a part has taught of the path that is cut, with jaw 1 where it was found; None of one in air."""
+    """Return what a part has taught of the path, with jaw 1 where it was found; None for an air cut."""
     from console.session.stages import Stage
     from profiles.compensations.learned import expected_part
 
@@ -205,17 +206,17 @@ def _fault(fault: Exception) -> Problem:
 
 
 class ChosenPath:
-    """Remembers the last one; `of` is called at every tick."""
+    """Cache of the last path; `of` is called at every tick."""
 
     def __init__(self) -> None:
         self._made_of: tuple[Any, ...] = ()
         self._path: CutPath | None = None
 
     def of(self, work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | None:
-        """Return the path of compensation and stage, None for that of the model, and for what may not be cut."""
+        """Return the path of compensation and stage, None for the model's, and for one that may not be cut."""
         if work.compensation is None and work.stage != "partial":
             return None
-        # Tuples ask first whether they are the same objects, which is what they are from tick to tick.
+        # Tuple comparison checks identity first, and from tick to tick the objects are the same.
         made_of = (work.job, work.loaded, work.strategy, work.stage, work.compensation, alignment, simulated)
         if made_of != self._made_of:
             self._made_of, self._path = made_of, _path(work, alignment, simulated=simulated)
@@ -223,7 +224,7 @@ class ChosenPath:
 
 
 def _path(work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | None:
-    # Numerics, which the first page does without.
+    # Loads numerics, which the first page does without.
     from console.session.cut.compensated import chosen_problems, path_of
     from console.session.stages import Stage, staged
     from drivers.cutting.strategy import Strategy
@@ -235,4 +236,4 @@ def _path(work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | Non
         learned = path_of(job, work.job, work.compensation)
         return staged(job, machine, Strategy(work.strategy), Stage(work.stage), learned)
     except ProblemError:
-        return None  # the preview of the model fails for the same reason, and tells it
+        return None  # the preview of the model fails for the same reason, and reports it

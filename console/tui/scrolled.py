@@ -1,4 +1,4 @@
-"""A panel of more lines than it has rows: keys scroll it, and its last row says so."""
+"""Scrollable panel with more lines than rows: keys scroll it, and its last row says so."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from console.tui.theme import Palette
 
 
 class ScrolledSheet(Sheet):
-    """Lines in the place of the page: lists of keys, messages in full. `scroll` moves through them."""
+    """Lines in place of the page: key lists, messages in full. `scroll` moves through them."""
 
     def __init__(self, palette: Palette, text: Catalogue, *, id: str | None = None) -> None:
         super().__init__(palette, id=id)
@@ -19,16 +19,16 @@ class ScrolledSheet(Sheet):
         self._first = 0
 
     def begin(self) -> None:
-        """Begin at the top again."""
+        """Scroll to the top."""
         self._first = 0
 
     def scroll(self, halves: int) -> None:
-        """Move by so many halves of the height, downwards positive."""
+        """Scroll by so many halves of the height, downwards positive."""
         self._first += halves * max(self.size.height // 2, 1)
         self.lay(self._rows)
 
     def lay(self, rows: Sequence[Line]) -> None:
-        """Show these lines, as many as there is room for."""
+        """Show these lines, as many as fit."""
         self._rows = tuple(rows)
         height = max(self.size.height, 1)
         if len(rows) <= height:

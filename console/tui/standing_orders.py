@@ -1,4 +1,4 @@
-"""The orders of every page: recover after a stop, take control, acknowledge alarms."""
+"""Commands available on every page: recover after a stop, take control, acknowledge alarms."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from console.tui.ui_context import UiContext
 from profiles.problem import Problem
 
 TAKE_OVER_WITHIN_S = 5.0
-"""How soon the key that takes a machine over has to be pressed again."""
+"""Time in which the key that takes control has to be pressed again."""
 
 
 class StandingOrders:
-    """What may be ordered from any page. Intents are loaded when one is: not for the first paint."""
+    """Commands available on any page. Command classes are imported on use: not for the first paint."""
 
     def __init__(self, desk: UiContext) -> None:
         self._desk = desk
         self._asked_over_s = float("-inf")
 
     def recover(self) -> None:
-        """Recover, where there was a stop or the machine was lost."""
+        """Recover after a stop or the loss of the machine."""
         from console.session.station.commands import Recover
 
         state = self._desk.control.state
@@ -25,7 +25,7 @@ class StandingOrders:
             self._desk.control.post(Recover())
 
     def take_control(self) -> None:
-        """Take control from another console; asked for twice, because somebody works there."""
+        """Take control from another console; needs a second press, because somebody works there."""
         from console.session.station.commands import TakeControl
 
         desk = self._desk
@@ -40,7 +40,7 @@ class StandingOrders:
             desk.control.post(TakeControl())
 
     def acknowledge(self, *, all_of_them: bool) -> None:
-        """The operator has seen what is shown: the alarm in the row, or all of them in the list of messages."""
+        """Acknowledge what is shown: the alarm in the row, or all of them in the list of messages."""
         from console.session.station.alarms import foremost
         from console.session.station.commands import Acknowledge
 

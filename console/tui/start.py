@@ -1,4 +1,4 @@
-"""The screens, from the command line to the first page, and out again with the machine at rest."""
+"""Start and end of the screens: from the command line to the first page, and out with the machine at rest."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ from profiles.store import LoadedMachine
 WRONG_USAGE = 2
 
 QUIET_S = 2.0
-"""How long the screen may be gone before it is said that the machine is waited for."""
+"""Time after the end of the screen until a wait for the machine is reported."""
 
 COAST_LIMIT_S = 75.0
-"""How long a machine may take to be proven at rest after the screen is gone."""
+"""Time limit for proving a machine at rest after the screen has ended."""
 
 ENDING_LIMIT_S = 8.0
-"""The same behind a signal: whoever supervises this process kills it after ten seconds."""
+"""The same after a signal: a supervisor kills this process after ten seconds."""
 
 WAIT_S = 0.1
 
 
 SWITCH_INTERVAL_S = 0.0005
-"""How long the thread that draws may keep the interpreter while the link waits: leases and looks come first."""
+"""Longest time for the drawing thread to keep the interpreter while the link waits: watchdog and polls first."""
 
 
 def main(options: Namespace, text: Catalogue) -> int:
@@ -53,11 +53,11 @@ def main(options: Namespace, text: Catalogue) -> int:
     Raises:
         ProblemError: no machine to open, no terminal, or a profile that cannot be used.
     """
-    # The pages are written to stderr.
+    # Pages are written to stderr.
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         raise SessionError(Problem(code="screen.no_terminal"))
     if isinstance(sys.__stderr__, TextIOWrapper):
-        sys.__stderr__.reconfigure(errors=CELLS)  # a sign that the encoding lacks must move nothing else
+        sys.__stderr__.reconfigure(errors=CELLS)  # a replacement for a missing sign must not shift anything else
     data = data_of(options)
     machine = calibrated_or_stated(machine_of(options), data)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -94,14 +94,14 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 
 def _open(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
-    """Open the machine, in the link thread: what this imports takes longer than the first paint."""
+    """Open the machine in the link thread: its imports take longer than the first paint."""
     from console.session.station.opening import open_machine
 
     return open_machine(machine, address, data, tracing)
 
 
 class _Ending:
-    """A signal that ends the console: the machine is stopped in the handler itself, then the screen is left."""
+    """Signal that ends the console: the handler itself stops the machine, then the screen is left."""
 
     def __init__(self, link: LinkThread, app: ConsoleApp) -> None:
         self.reason: str | None = None
@@ -114,24 +114,24 @@ class _Ending:
             signal.signal(number, self._handle)
 
     def ignore(self) -> None:
-        """All is done: one more signal while the interpreter ends must not change how it ends."""
+        """Ignore further signals: during interpreter exit they must not change the exit code."""
         for number in ENDING_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
     def _handle(self, number: int, _: FrameType | None) -> None:
         if self._handling:
-            return  # one that comes in the middle of this has nothing to add, and a row of them would pile up
+            return  # a signal during this adds nothing, and a series of them would pile up
         self._handling = True
         if self.reason is None:
             self.reason, self.came_s = signal.Signals(number).name, time.monotonic()
         self._link.end(self.reason, must_leave=True)
-        with suppress(RuntimeError):  # the screen has been left already, and its loop is closed
+        with suppress(RuntimeError):  # the screen has ended already, and its loop is closed
             self._app.leave_soon()
         self._handling = False
 
 
 def _leave(link: LinkThread, ending: _Ending, text: Catalogue) -> None:
-    """Leave the machine at rest; say that this takes a moment where it does, and how it ended."""
+    """Leave the machine at rest; report a wait for it, and the outcome."""
     link.end(ending.reason or "quit")
     began_s, said = time.monotonic(), False
     while not link.join(WAIT_S):
@@ -152,4 +152,4 @@ def _say(line: str) -> None:
     try:
         print(f"console: {line}", file=sys.stderr)
     except OSError:
-        pass  # the terminal is gone; the exit code still tells
+        pass  # the terminal is gone; the exit code still reports the result

@@ -1,7 +1,7 @@
-"""The one place where colours are: every word, line and trace on the screen has a token, a token has a style.
+"""Colours of the screens: every word, line and trace has a token, a token has a style.
 
-Normal is grey; colour appears when something wants attention, and never says anything alone: each state also
-has a word and a mark. Magenta is the simulator's. All colours keep apart in 256-colour terminals.
+Normal is grey; colour appears when something needs attention, and is never the only sign: each state also
+has a word and a mark. Magenta is the simulator's. All colours are distinct in 256-colour terminals.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from textual.theme import Theme
 
 
 class Token(Enum):
-    """What a piece of the screen means."""
+    """Meaning of a piece of the screen."""
 
     TEXT = auto()
     DIM = auto()
-    """What is there but wants nothing: units, frames, finished steps."""
+    """Needs no attention: units, frames, finished steps."""
     STRONG = auto()
     TITLE = auto()
     SELECTED = auto()
-    """The row or page that the keys speak to."""
+    """The row or page with the focus."""
     ACTION = auto()
     """What the operator does next."""
     OK = auto()
     WARNING = auto()
     ALARM = auto()
     STALE = auto()
-    """A value that is no longer fresh."""
+    """A value that is out of date."""
     SIM = auto()
     STOP = auto()
     KEY = auto()
@@ -58,7 +58,7 @@ _BLUE, _YELLOW, _RED, _MAGENTA, _CYAN, _ORANGE = (
 
 @dataclass(frozen=True, slots=True)
 class Palette:
-    """A style for every token, always with one: a strip without a style is not drawn safely."""
+    """A style for every token: a strip without a style is not drawn safely."""
 
     styles: Mapping[Token, Style]
 
@@ -109,7 +109,7 @@ def _mono(token: Token) -> Style:
 
 
 MONO = Palette({token: _mono(token) for token in Token})
-"""For terminals that were asked to show no colour: words and marks say it all."""
+"""For terminals without colour: words and marks carry everything."""
 
 DARK_THEME = Theme(
     name="trilobe-dark",

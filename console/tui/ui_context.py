@@ -1,4 +1,4 @@
-"""What all pages work with: the words, the colours, the machine's control, and the job in hand."""
+"""UI context of all pages: the texts, the colours, the machine's control, and the open job."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
 Moment = tuple[Activity, bool, bool]
-"""What the machine does, whether a cut is armed, whether a stop is in force: what most answers speak of."""
+"""Activity of the machine, whether a cut is armed, whether a stop is in force: what most answers refer to."""
 
 
 class UiContext:
-    """One for the whole program. `work` is replaced, never changed; `said` is the answer to the last key.
+    """The single UI context. `work` is replaced, never changed; `said` is the answer to the last key.
 
-    `go` shows another page. `data` is the operator's folder. `jog` is the action that asked for the last jog step.
+    `go` shows another page. `data` is the operator's folder. `jog` is the action that requested the last jog step.
     """
 
     def __init__(
@@ -56,18 +56,18 @@ class UiContext:
         self._said, self._said_at = problems, _moment(self.control.state)
 
     def say_until_key(self, problem: Problem) -> None:
-        """Say what stays true whatever the machine does, as for what it is being stopped, until the next key."""
+        """Show until the next key a text that holds in any state, such as why the machine is being stopped."""
         self._said, self._said_at = (problem,), None
 
     def forget_stale_answer(self, state: StationState) -> None:
-        """An answer that was given to another state of the machine may not be true any more."""
+        """Drop an answer that was given in another state of the machine: it may no longer be true."""
         if self._said_at is not None and self._said_at != _moment(state):
             self._said, self._said_at = (), None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """What a page shows at one tick: the newest state, the work, and machine time to tell ages by."""
+    """Input of a page at one tick: the newest state, the work, and machine time to compute ages."""
 
     state: StationState
     work: Work | None

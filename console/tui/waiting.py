@@ -1,4 +1,4 @@
-"""What has to end before the machine takes an order, and what a key is answered until then."""
+"""What must end before the machine accepts a command, and the answer to a key until then."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _REFUSALS = {
 
 
 def waiting(state: StationState) -> str:
-    """Return what has to end before an order can be given, in a word; empty when nothing has."""
+    """Return what must end before a command is accepted, in a word; empty for nothing."""
     if state.activity is Activity.LOST:
         return "lost"
     if state.stop is not None:
@@ -32,6 +32,6 @@ def waiting(state: StationState) -> str:
 
 
 def refusal(state: StationState, key: str) -> Problem | None:
-    """Return why the station cannot take an order now, None when it can; `key` is how its key is written."""
+    """Return why the station cannot accept a command now, None when it can; `key` is the key's written name."""
     word = waiting(state)
     return Problem(code=_REFUSALS[word], key=key) if word else None

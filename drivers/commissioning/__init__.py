@@ -1,1 +1,1 @@
-"""What a controller is set to: read, compared, judged, tested on the machine."""
+"""Controller settings: read, compared, judged, and tested on the machine."""

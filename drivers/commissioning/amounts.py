@@ -1,4 +1,4 @@
-"""Values of settings in words: in the controller's units, and in those of the machine."""
+"""Values of settings as text: in the controller's units, and in those of the machine."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from drivers.pmac.settings import PARTS_PER_COUNT
 from profiles.machine import MachineProfile
 
 DAC_BITS = 32_768
-"""Bits of the full output."""
+"""DAC bits at full output."""
 
 _PLAIN_DIGITS = 1e5
 
 
 def digits(value: float) -> str:
-    """Return a number with five figures, without an exponent; a large one with all before the point."""
+    """Return a number with five digits, without an exponent; a large one with all digits before the point."""
     if abs(value) >= _PLAIN_DIGITS:
         return f"{value:.0f}"
     short = f"{value:.5g}"
@@ -68,7 +68,7 @@ def _speed(counts_per_ms: float, motor: int, machine: MachineProfile) -> str:
 
 
 def _acceleration(counts_per_ms2: float, motor: int, machine: MachineProfile) -> str:
-    """In a second, by the unit of the speed: mm/s2 and rpm/s."""
+    """Return the acceleration per second, in the unit of the speed: mm/s2 and rpm/s."""
     unit = unit_of(machine, motor)
     if unit is None:
         return ""

@@ -1,4 +1,4 @@
-"""Bringing gains and axis definitions to a card: line by line, each read back, and nothing else ever."""
+"""Write gains and axis definitions to a controller, line by line, each read back, and nothing else ever."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from profiles.problem import Problem
 
 
 def refuse_unready(client: Controller, dialect: Dialect) -> None:
-    """Make sure that no motor of the card is on and no program runs.
+    """Make sure that no motor of the controller is enabled and no program runs.
 
     Raises:
         RefusedError: `controller.drives_on`, `controller.program_running`.
@@ -33,13 +33,12 @@ def refuse_unready(client: Controller, dialect: Dialect) -> None:
 def apply(client: Controller, dialect: Dialect, writes: Iterable[Write]) -> int:
     """Send each line once and read its value back; return how many lines there were. Nothing is saved.
 
-    Who calls has a backup.
+    The caller must have a backup.
 
     Raises:
         RefusedError: `controller.drives_on`, `controller.program_running`; nothing was sent.
-        DriverError: `controller.not_taken`, a value is another than the one that was sent: nothing was sent behind
-            it.
-        LinkError: the link broke; what its last line did is to be looked at.
+        DriverError: `controller.not_taken`, a value differs from the one that was sent: nothing was sent after it.
+        LinkError: the link broke; check what its last line did.
     """
     refuse_unready(client, dialect)
     count = 0

@@ -1,4 +1,4 @@
-"""Reading the text of a backup into the configuration that it was written from."""
+"""Read the text of a backup into the configuration that it was written from."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from profiles.problem import Problem, ProfileError
 
 CAP_BYTES = 16_000_000
 MOST_LINES = 300_000
-"""Every setting, every pointer, and programs as long as a card has room for."""
+"""Every setting, every pointer, and programs up to the memory of a controller."""
 
 MOST_CHARACTERS = 1000
-"""Of a line: a controller takes a quarter of it."""
+"""Characters per line: a controller accepts a quarter of it."""
 
 MOST_WORDS = 8192
-"""Words of the encoder conversion table, far above any."""
+"""Words of the encoder conversion table, far more than any has."""
 _HEADER = ("family", "type", "version", "date", "sha256")
 _SETTING = re.compile(r"I(\d+)(?:\.\.(\d+))?=(-?[\d.]+|\$[0-9A-F]+)(?: ; no limit)?")
 _POINTER = re.compile(r"M(\d+)(\.\.\d+)?->(.+)")
@@ -33,7 +33,7 @@ _OPEN = re.compile(r"OPEN (PLC|PROG)(\d+)")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Backup:
-    """A configuration with the date that stands above it."""
+    """A configuration with the date of its header."""
 
     configuration: Configuration
     date: str
@@ -43,9 +43,8 @@ def read_backup(text: str, where: str) -> Backup:
     """Read a backup.
 
     Raises:
-        ProfileError: `controller.no_backup`, no such file; `controller.backup_changed`, its hash is another;
-            `controller.backup_line`, a line that cannot be read; `controller.backup_too_large`, more than a card
-            has.
+        ProfileError: `controller.no_backup`, no such file; `controller.backup_changed`, its hash differs;
+            `controller.backup_line`, a malformed line; `controller.backup_too_large`, more than fits a controller.
     """
     _refuse_above(text.count("\n"), MOST_LINES, "lines", where)
     lines = text.splitlines()
@@ -85,7 +84,7 @@ def _refuse_above(met: int, most: int, unit: str, where: str) -> None:
 
 @dataclass
 class _Gathered:
-    """What the lines so far have said. A line `I0..N=` costs memory for each: none above the highest is kept."""
+    """The content of the lines so far. A line `I0..N=` costs memory per entry: none above the highest is kept."""
 
     highest_index: int
     settings: dict[int, float] = field(default_factory=dict)
@@ -99,10 +98,10 @@ class _Gathered:
     _open: tuple[str, int] | None = None
 
     def take(self, line: str) -> None:
-        """Take one line.
+        """Parse one line.
 
         Raises:
-            ValueError: it is none of a backup.
+            ValueError: not a line of a backup.
         """
         if self._open is not None:
             self._fill(line)
@@ -124,7 +123,7 @@ class _Gathered:
             raise ValueError(line)
 
     def configuration(self, header: dict[str, str]) -> Configuration:
-        """Return all of it."""
+        """Return the complete configuration."""
         return Configuration(
             family=header["family"],
             kind=header["type"],

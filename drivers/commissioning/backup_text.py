@@ -1,8 +1,7 @@
-"""A configuration as a text: lines as they are typed, which a person can read and a host can send back.
+"""A configuration as text: lines as they are typed, readable for people and for a host that restores them.
 
-Behind a `;` stand words for people, which a host leaves out. The first lines are the header; its hash is that of
-all lines behind it. Compensation tables are named with the hash of their entries, and not sent back: they are
-made anew for each job.
+Text after a `;` is a comment. The first lines are the header; its hash covers all lines after it. Compensation
+tables are listed with the hash of their entries and not restored: each job makes its own.
 """
 
 from __future__ import annotations
@@ -33,13 +32,13 @@ LIMITS_OFF_AT_ZERO = frozenset(
         "jog_acceleration",
     )
 )
-"""The limits that a 0 switches off, by the keys of their names."""
+"""The limits that a 0 disables, by the keys of their names."""
 
 _WORDS_A_LINE = 8
 
 
 def backup_text(configuration: Configuration, date: str) -> str:
-    """Return the text of a backup; `date` is written down as it is given."""
+    """Return the text of a backup; `date` is copied as given."""
     body = list(_body(configuration))
     header = [
         TITLE,
@@ -73,7 +72,7 @@ def _body(configuration: Configuration) -> Iterator[str]:
 
 
 def setting_lines(settings: Mapping[int, float], dialect: Dialect) -> Iterator[str]:
-    """Return the I-variables as lines: a run of zeros is one line, what belongs together has a title."""
+    """Return the I-variables as lines: a run of zeros is one line, and each group has a title."""
     kept = sorted(settings)
     title, place = None, 0
     while place < len(kept):
@@ -94,7 +93,7 @@ def setting_lines(settings: Mapping[int, float], dialect: Dialect) -> Iterator[s
 
 
 def no_limit(index: int, value: float, dialect: Dialect) -> bool:
-    """Whether a setting is a limit that is switched off: it stands on a line of its own."""
+    """Whether a setting is a disabled limit: it gets a line of its own."""
     return value == 0.0 and named(index, dialect).name.key in LIMITS_OFF_AT_ZERO
 
 
@@ -106,7 +105,7 @@ def setting_text(index: int, value: float, dialect: Dialect) -> str:
 
 
 def _goes_on(settings: Mapping[int, float], dialect: Dialect, kept: list[int], place: int) -> bool:
-    """Whether the setting behind `place` is the next number, 0, and of the same owner."""
+    """Whether the setting after `place` is the next number, 0, and of the same owner."""
     index, following = kept[place], kept[place + 1]
     same = _title(index, dialect) == _title(following, dialect)
     runs = following == index + 1 and settings[following] == 0.0
@@ -114,7 +113,7 @@ def _goes_on(settings: Mapping[int, float], dialect: Dialect, kept: list[int], p
 
 
 def _title(index: int, dialect: Dialect) -> str:
-    """Return the line that stands above the settings of a hundred."""
+    """Return the title line of a hundred settings."""
     block = index // 100
     system = block - dialect.system_index(0, 0) // 100
     if block == 0:

@@ -1,4 +1,4 @@
-"""What a card does at this moment: its own faults, programs that run, motors that are on. Nothing is written."""
+"""The present state of a controller: its own faults, running programs, enabled motors. Nothing is written."""
 
 from __future__ import annotations
 
@@ -51,20 +51,20 @@ class CardState:
 
     @property
     def running(self) -> tuple[int, ...]:
-        """The coordinate systems in which a program runs."""
+        """The coordinate systems that run a program."""
         return tuple(number for number, flags in self.systems.items() if "running_program" in flags)
 
     @property
     def enabled(self) -> tuple[int, ...]:
-        """The motors whose amplifiers are on."""
+        """The motors whose amplifiers are enabled."""
         return tuple(number for number, flags in self.motors.items() if "amplifier_enabled" in flags)
 
 
 def read_state(client: Controller, dialect: Dialect) -> CardState:
-    """Ask for the status of the card, of every system and of every motor.
+    """Query the status of the controller, of every system and of every motor.
 
     Raises:
-        LinkError: the link broke, or what came is no status.
+        LinkError: the link broke, or the reply is no status.
     """
     (card,) = _flags(client, ["???"], dialect.global_bits)
     systems, motors = list(dialect.numbers(Scope.SYSTEM)), list(dialect.numbers(Scope.MOTOR))
@@ -78,7 +78,7 @@ def read_state(client: Controller, dialect: Dialect) -> CardState:
 
 
 def state_checks(state: CardState, judged: Judged) -> list[Check]:
-    """Return what is to be said of it before anything moves."""
+    """Return the checks of this state before anything moves."""
     faults = [name for name in CARD_FAULTS if name in state.card]
     running = [f"&{number}" for number in state.running]
     checks = [
@@ -102,7 +102,7 @@ def _motor_faults(state: CardState, judged: Judged) -> Iterator[Check]:
 
 
 def _check(group: Group, code: str, found: Sequence[str], subject: str = "") -> Check:
-    """Return a check that holds when nothing was found."""
+    """Return a check that passes when nothing was found."""
     severity = Severity.REFUSAL if found else Severity.OK
     return Check(
         group=group, code=code, severity=severity, subject=subject, found=", ".join(found) or "-", wanted="-"

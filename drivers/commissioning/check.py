@@ -1,4 +1,4 @@
-"""One thing that was looked at, and what came of it, as facts without words of any language."""
+"""The result of one check, as facts without words of any language."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from profiles.findings import Severity
 
 
 class Group(StrEnum):
-    """What is looked at together, in the order in which it is told."""
+    """Groups of checks, in the order in which they are shown."""
 
     CARD = auto()
     TOOL = auto()
@@ -25,13 +25,13 @@ class Group(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """One judged setting. No `Finding`: it belongs to a group, with its setting and effect, also where it holds.
+    """One judged setting. Not a `Finding`: it belongs to a group, and exists also when it passes.
 
-    `code` names the sentence. What a sentence can say is `facts`, texts with units that are of no language.
+    `code` names the sentence. Its arguments are `facts`, language-neutral texts with units.
 
     `setting` is the name of a setting (`drivers.commissioning.setting_names`), `variable` its number such as
-    I115, `found` and `wanted` its values with units. `subject` is whose it is: tool, spindle, carriage, or a text
-    such as `motor 5`.
+    I115, `found` and `wanted` its values with units. `subject` is what it belongs to: tool, spindle, carriage,
+    or a text such as `motor 5`.
     """
 
     group: Group

@@ -1,4 +1,4 @@
-"""A configuration compared: with what the machine profile states, and with another configuration."""
+"""Compare a configuration with the machine profile, and with another configuration."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _Entry = TypeVar("_Entry")
 
 
 def stated_settings(judged: Judged) -> list[Check]:
-    """Return each setting that is not as the profile states it, and one line for each group that is."""
+    """Return each setting that differs from the profile, and one line for each group that does not."""
     checks: list[Check] = []
     held: dict[tuple[Group, str], int] = {}
     for index, wanted in judged.wanted.items():
@@ -42,7 +42,7 @@ def stated_settings(judged: Judged) -> list[Check]:
 
 
 def differences(before: Configuration, now: Configuration, machine: MachineProfile) -> list[Check]:
-    """Return what `now` has otherwise than `before`; what ordinary work changes is left out."""
+    """Return what differs in `now` from `before`; what ordinary work changes is left out."""
     checks = [
         Check(
             group=Group.CARD,
@@ -108,7 +108,7 @@ def _entries(form: str, group: Group, before: Mapping[int, _Entry], now: Mapping
 def _buffers(
     kind: str, before: Mapping[int, tuple[str, ...]], now: Mapping[int, tuple[str, ...]]
 ) -> Iterator[Check]:
-    """Tell of each buffer the first line that is another."""
+    """Yield the first differing line of each buffer."""
     for number in sorted(before.keys() | now.keys()):
         old, new = before.get(number, ()), now.get(number, ())
         if old == new:

@@ -1,6 +1,6 @@
-"""The configuration of a controller as one value: everything that stays when nothing moves.
+"""The configuration of a controller as one value: everything that stays while nothing moves.
 
-Values of P, Q and M are none of it: they belong to programs and PLCs.
+Values of P, Q and M are not part of it: they belong to programs and PLCs.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from drivers.pmac.dialect import DIALECTS, Dialect, Scope
 from drivers.pmac.variables import MODAL_NUMBERS
 
 HOST_SETTINGS = (3, 4, 6, 63, 64)
-"""Handshake, checksums, errors, echo, marks of messages: every host sets them for itself when it connects."""
+"""Handshake, checksums, errors, echo, message marks: every host sets them for itself when it connects."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisEntry:
-    """The definition of a motor's axis, such as `2000X+10`, and the coordinate system that it belongs to."""
+    """The axis definition of a motor, such as `2000X+10`, and its coordinate system."""
 
     system: int
     text: str
@@ -27,7 +27,7 @@ class AxisEntry:
 
 @dataclass(frozen=True, slots=True)
 class TableEntry:
-    """A compensation table: what stands behind DEFINE COMP, how many entries, and their hash (sha256)."""
+    """A compensation table: the arguments of DEFINE COMP, the number of entries, and their hash (sha256)."""
 
     definition: str
     entry_count: int
@@ -36,10 +36,10 @@ class TableEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class Configuration:
-    """What was read of one controller; mappings are by number.
+    """What was read from one controller; mappings are by number.
 
-    `pointers` are the M-variables that point at something. `conversion` are the set-up words of the encoder
-    conversion table, of families in which they are no I-variables. `locked` names what a password hides, such as
+    `pointers` are the M-variables with a definition. `conversion` are the set-up words of the encoder
+    conversion table, of families in which these are not I-variables. `locked` names what a password hides, such as
     `PLC 3`.
     """
 
@@ -62,13 +62,13 @@ class Configuration:
 
     @cached_property
     def standing(self) -> Mapping[int, float]:
-        """The settings that nobody changes in ordinary work, by number."""
+        """The settings that ordinary work does not change, by number."""
         passing = passing_settings(self.dialect)
         return {index: value for index, value in self.settings.items() if index not in passing}
 
     @property
     def fingerprint(self) -> str:
-        """Return the hash (sha256) of what nobody changes in ordinary work; programs are not among it."""
+        """Return the hash (sha256) of what ordinary work does not change; programs are not included."""
         return digest(
             [self.family, self.kind, self.version]
             + [f"I{index}={value!r}" for index, value in sorted(self.standing.items())]
@@ -91,7 +91,7 @@ def passing_settings(dialect: Dialect) -> frozenset[int]:
 
 
 def fleeting_settings(dialect: Dialect) -> frozenset[int]:
-    """Return the settings that are no part of a configuration: the host's own, and timers that count."""
+    """Return the settings that are not part of a configuration: the host's own, and running timers."""
     systems = dialect.numbers(Scope.SYSTEM)
     timers = {dialect.system_index(system, number) for system in systems for number in dialect.timer_numbers}
     return frozenset({*HOST_SETTINGS, *timers})

@@ -1,7 +1,7 @@
-"""What a card was set to when it was connected to, against what it is before a cut: who else has written?
+"""Detect what another host wrote between connecting and a cut, by comparing the controller's settings.
 
-What is read is what decides over a motion: the settings of our motors, of the card and of coordinate system 1,
-axis definitions, PLCs, programs, tables and the conversion table. What the console itself changes is no change.
+It reads everything that determines a motion: the settings of our motors, the controller and coordinate system 1,
+axis definitions, PLCs, programs, tables and the conversion table. What the console itself writes does not count.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ OWN_PROGRAMS = frozenset((1, 2, 3, 4))
 """What the strategies load (`drivers.pmac.programs`)."""
 
 SHOWN = 12
-"""Figures of a hash that are told."""
+"""Digits of a hash that are shown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fingerprint:
-    """What was read of one card for one machine; `free` is what the card said of its memory (SIZE)."""
+    """What was read from one controller for one machine; `free` is its reported free memory (SIZE)."""
 
     machine: MachineProfile
     configuration: Configuration
@@ -38,7 +38,7 @@ class Fingerprint:
 
     @property
     def facts(self) -> tuple[Mapping[str, str], ...]:
-        """Everything but the settings, a part after the other, by names such as `PLC 3` or `#1->`, as texts."""
+        """Everything but the settings, part by part, by names such as `PLC 3` or `#1->`, as texts."""
         read = self.configuration
         first = read.dialect.conversion_table.first_address
         return (
@@ -60,7 +60,7 @@ class Fingerprint:
 def ours(machine: MachineProfile, dialect: Dialect) -> frozenset[str]:
     """Return what the console itself writes, by the names of `Fingerprint.facts`, settings as I-variables.
 
-    That is its programs, its heartbeat, the table of a cam cut, and the two lines of the conversion table that a
+    These are its programs, its heartbeat, the table of a cam cut, and the two lines of the conversion table that a
     cut on the spindle's time uses. TA, TS, F and what is gathered are never compared.
     """
     table = dialect.conversion_table
@@ -78,12 +78,12 @@ def read_fingerprint(
 ) -> Fingerprint:
     """Read what is compared before each cut; nothing is written.
 
-    To find out which programs and tables there are takes longest. Where the card says that its memory is as free
-    as it was in `since`, they are those of then, and only what is in a table is looked at again.
+    Finding the existing programs and tables takes longest. If the controller's free memory is the same as in
+    `since`, they are taken from there, and only the contents of tables are read again.
 
     Raises:
         RefusedError: `controller.entering`.
-        DriverError: the link broke, or the card answers something that is not asked for.
+        DriverError: the link broke, or the controller answers something unexpected.
     """
     motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
     (free,) = client.query("SIZE", again=True)
@@ -103,7 +103,7 @@ def read_fingerprint(
 
 
 def fingerprint_problems(before: Fingerprint, after: Fingerprint, ours: frozenset[str]) -> tuple[Problem, ...]:
-    """Return everything that somebody else has changed, by name, with what it is and what it was."""
+    """Return everything that another host has changed, by name, with its present and previous value."""
     return (*_settings(before, after, ours), *_facts(before, after, ours))
 
 

@@ -1,7 +1,7 @@
-"""The gains that a profile means, those that a card has, and the few lines that bring the one to the other.
+"""Compare the gains of a profile and a controller, and derive the few lines that bring the controller into line.
 
-Gains and axis definitions are all that is ever written: with the drives killed, behind a backup, each value read
-back, and nothing saved. Limits, kill mode, commutation and addresses are none of it.
+Gains and axis definitions are all that is ever written: with the drives killed, after a backup, each value read
+back, and nothing saved. Limits, kill mode, commutation and addresses are never written.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
 ROUNDED = 0.01
-"""By this part a gain in whole numbers may differ from the one in V/m."""
+"""Relative tolerance between a gain in whole numbers and the one in V/m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Write:
-    """One line to be sent, the question that reads it back, and what that must answer; `found` is there now."""
+    """One line to send, the query that reads it back, and its expected answer; `found` is the present value."""
 
     line: str
     question: str
@@ -35,7 +35,7 @@ class Write:
 
 
 def gain_checks(judged: Judged) -> list[Check]:
-    """Return whether the profile's gains of the tool agree with each other, and what the card's mean."""
+    """Check that the profile's gains of the tool agree with each other, and what the controller's mean."""
     stated = judged.machine.controller.variables
     meant = variables_from_gains(judged.machine, eq9_gains(judged.machine))
     differing = [name for name, value in meant.items() if name in stated and not _near(stated[name], value)]
@@ -56,10 +56,10 @@ def gain_checks(judged: Judged) -> list[Check]:
 
 
 def gain_writes(judged: Judged) -> tuple[Write, ...]:
-    """Return the lines that bring gains and axis definitions to those of the profile; none where they are.
+    """Return the lines that set gains and axis definitions as in the profile; none where they agree.
 
     Raises:
-        RefusedError: `controller.profile_gains`, the profile contradicts itself: nothing to be trusted.
+        RefusedError: `controller.profile_gains`, the profile contradicts itself and cannot be trusted.
     """
     contradictions = [check for check in gain_checks(judged) if check.code == "profile_gains"]
     if contradictions:
@@ -88,13 +88,13 @@ def _gain_lines(judged: Judged) -> list[Write]:
 
 
 def _axis_lines(judged: Judged) -> list[Write]:
-    """Define the axes of the profile. A definition that the profile does not know is left to its owner."""
+    """Define the axes of the profile. Definitions that the profile does not have are left alone."""
     writes = []
     for definition in read_definitions(judged.machine.controller.axis_definitions):
         entry = judged.configuration.axes.get(definition.motor)
         found = "0" if entry is None else entry.text
         if entry is not None and entry.system != 1:
-            continue  # its coordinate system would have to let go of it first: shown, not written
+            continue  # its coordinate system would have to release it first: shown, not written
         if found != str(definition):
             line = f"#{definition.motor}->{definition}"
             question = f"#{definition.motor}->"
@@ -103,7 +103,7 @@ def _axis_lines(judged: Judged) -> list[Write]:
 
 
 def _gains_found(judged: Judged) -> PidGains | None:
-    """Return what the settings on the card mean for the tool; None where some are not there."""
+    """Return what the controller's settings mean for the tool; None where some are missing."""
     machine, motor = judged.machine, judged.machine.tool.motor
     numbers = ("08", "09", "30", "31", "32", "33", "34", "35")
     names = [f"I{motor}{number}" for number in numbers]

@@ -1,4 +1,4 @@
-"""A configuration beside the machine profile that it is judged by."""
+"""A configuration together with the machine profile by which it is judged."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from profiles.findings import Severity
 from profiles.machine import Controller, MachineProfile
 
 SAME = 1e-6
-"""Numbers that differ by less than this part of them are the same: a card has fewer digits than a host."""
+"""Relative tolerance for equal numbers: a controller has fewer digits than a host."""
 
 
 @dataclass(frozen=True, slots=True)
 class JudgedAxis:
-    """An axis of the machine, its motor, and where what is said of it belongs."""
+    """An axis of the machine, its motor, and the group of its checks."""
 
     name: str
     motor: int
@@ -31,7 +31,7 @@ class JudgedAxis:
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """What was read, and what it is to be."""
+    """What was read, and what it should be."""
 
     configuration: Configuration
     machine: MachineProfile
@@ -43,7 +43,7 @@ class Judged:
 
     @cached_property
     def wanted(self) -> Mapping[int, float]:
-        """The settings that the profile states, but for those that ordinary work changes."""
+        """The settings that the profile states, without those that ordinary work changes."""
         return stated_settings_of(self.machine.controller, self.dialect)
 
     @property
@@ -58,29 +58,29 @@ class Judged:
 
     @property
     def driven_axes(self) -> tuple[JudgedAxis, ...]:
-        """Those that the controller moves: a spindle on an inverter is only read."""
+        """The axes that the controller moves: a spindle on an inverter is only read."""
         followed = self.machine.spindle.drive == "inverter"
         return tuple(axis for axis in self.axes if not (followed and axis.name == "spindle"))
 
     def value(self, index: int) -> float | None:
-        """Return a setting, None where the card has none of that number."""
+        """Return a setting, None where the controller has none of that number."""
         return self.configuration.settings.get(index)
 
     def of_motor(self, axis: JudgedAxis, number: int) -> float:
-        """Return Ix`number` of an axis; what the card has not is 0."""
+        """Return Ix`number` of an axis; 0 where the controller has none."""
         return self.configuration.settings.get(self.dialect.motor_index(axis.motor, number), 0.0)
 
     def of_system(self, number: int) -> float:
-        """Return Ix`number` of coordinate system 1; what the card has not is 0."""
+        """Return Ix`number` of coordinate system 1; 0 where the controller has none."""
         return self.configuration.settings.get(self.dialect.system_index(1, number), 0.0)
 
     def group_of(self, of: Named) -> Group:
-        """Return where what is said of a setting belongs."""
+        """Return the group of a setting's checks."""
         groups = {axis.motor: axis.group for axis in self.axes}
         return groups.get(of.motor, Group.SYSTEM if of.system else Group.CARD)
 
     def subject_of(self, of: Named) -> str:
-        """Return whose a setting is."""
+        """Return what a setting belongs to."""
         names = {axis.motor: axis.name for axis in self.axes}
         if of.motor:
             return names.get(of.motor, f"motor {of.motor}")
@@ -96,7 +96,7 @@ class Judged:
         wanted: str = "",
         facts: Mapping[str, str] | None = None,
     ) -> Check:
-        """Return a check about one setting, with its value in words."""
+        """Return a check about one setting, with its value as text."""
         of = named(index, self.dialect)
         value = self.value(index) if found is None else found
         return Check(
@@ -113,13 +113,13 @@ class Judged:
 
 
 def stated_settings_of(controller: Controller, dialect: Dialect) -> Mapping[int, float]:
-    """Return the settings that a profile states, by number, but for those that ordinary work changes."""
+    """Return the settings that a profile states, by number, without those that ordinary work changes."""
     passing, stated = passing_settings(dialect), named_settings(controller.variables, dialect)
     return {index: value for index, value in sorted(stated.items()) if index not in passing}
 
 
 def same(first: float, second: float) -> bool:
-    """Whether two numbers are the same, as far as a card can tell; whole numbers it has exactly."""
+    """Whether two numbers are equal within the controller's precision; whole numbers are exact."""
     if first % 1.0 == 0.0 and second % 1.0 == 0.0:
         return first == second
     return math.isclose(first, second, rel_tol=SAME, abs_tol=SAME)

@@ -1,4 +1,4 @@
-"""Reading the configuration of a controller through a client. Nothing is written and nothing moves."""
+"""Read the configuration of a controller through a client. Nothing is written and nothing moves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from drivers.pmac.status import decode
 from profiles.problem import Problem
 
 NUMBERS_A_LINE = 50
-"""Variables of one range: a third of a second of a line at 9600 baud."""
+"""Variables per query of a range: a third of a second on a 9600-baud line."""
 
 WORDS_A_LINE = 16
 MOTORS_A_LINE = 8
@@ -25,16 +25,16 @@ SETTINGS_A_LINE = 12
 TIMEOUT_S = 10.0
 LISTING_TIMEOUT_S = 60.0
 PLC_TIMEOUT_S = 30.0
-"""A program or a table may be long; the longest PLC is listed in a third of that at 9600 baud."""
+"""Timeout for a program or table; the longest PLC is listed in a third of that at 9600 baud."""
 
 PROGRAM_NUMBERS = (*range(1, 100), *range(1000, 1004))
-"""The motion programs that are looked for: a card does not tell which numbers it has."""
+"""Motion programs that are searched for: a controller does not list its program numbers."""
 
 TABLE_LINES = 32
-"""Lines of the conversion table that are read where the machine alone counts."""
+"""Lines of the conversion table that are read where only the machine matters."""
 
 BUFFERS_OPEN = ("motion_buffer_open", "plc_buffer_open", "rotary_open")
-"""Of the status of the card: a program is being entered."""
+"""Bits of the controller status: a program is being entered."""
 
 _SYSTEM_SHIFT = 20
 _REFUSED = (ErrorCode.DATA_ERROR,)
@@ -45,8 +45,8 @@ _FORM = re.compile(r"M\d+->")
 class Extent:
     """How much is read: ranges of I-variables and of M-definitions, motors, numbers of PLCs and programs.
 
-    `tables` are the motors that are asked for a compensation table, None: all of `motors`.
-    Of the table that belongs to motor `unlisted_table` the definition alone is read: entries take seconds.
+    `tables` are the motors whose compensation tables are read, None: all of `motors`.
+    Of the table that belongs to motor `unlisted_table` only the definition is read: entries take seconds.
     """
 
     settings: tuple[range, ...]
@@ -59,13 +59,13 @@ class Extent:
 
 
 def whole_card(dialect: Dialect) -> Extent:
-    """Return everything that the family has."""
+    """Return the full extent of the family."""
     numbers = (range(dialect.highest_index + 1),)
     return Extent(settings=numbers, pointers=numbers, motors=tuple(dialect.numbers(Scope.MOTOR)))
 
 
 def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] = ()) -> Extent:
-    """Return what concerns some motors: their settings, those of the card and of coordinate system 1.
+    """Return what concerns some motors: their settings, those of the controller and of coordinate system 1.
 
     `pointers` are the M-variables whose definitions matter. Axis definitions and Ix00 are those of every motor.
     """
@@ -84,11 +84,11 @@ def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] =
 
 
 def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> Configuration:
-    """Read all that is in `extent`, with PLCs, tables and the conversion table.
+    """Read everything in `extent`, with PLCs, tables and the conversion table.
 
     Raises:
-        RefusedError: `controller.entering`, somebody enters a program: questions would become lines of it.
-        DriverError: the link broke, or the card answers something that is not asked for.
+        RefusedError: `controller.entering`, somebody is entering a program: queries would become lines of it.
+        DriverError: the link broke, or the controller answers something unexpected.
     """
     refuse_open_buffer(client, dialect)
     kind, version = (text.strip() for text in client.query("TYPE", "VERSION", again=True))
@@ -110,7 +110,7 @@ def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> 
 
 
 def refuse_open_buffer(client: Controller, dialect: Dialect) -> None:
-    """Make sure that nobody enters a program.
+    """Make sure that nobody is entering a program.
 
     Raises:
         RefusedError: `controller.entering`.
@@ -126,7 +126,7 @@ def refuse_open_buffer(client: Controller, dialect: Dialect) -> None:
 
 
 def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> tuple[str, ...] | None:
-    """Return the data of a line that asks, None where the card has nothing of the kind."""
+    """Return the data of a query, None where the controller has no such item."""
     try:
         return client.question(line, timeout_s)
     except ControllerError as error:
@@ -136,10 +136,10 @@ def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> 
 
 
 def number_in(text: str, where: str) -> float:
-    """Return the number in the report of an I-variable, in whatever form I9 has it answered.
+    """Parse the reported value of an I-variable, in any format that I9 selects.
 
     Raises:
-        LinkError: `link.out_of_step`, it is none.
+        LinkError: `link.out_of_step`, it is not a number.
     """
     try:
         return number_of(text)
@@ -151,7 +151,7 @@ def read_settings(client: Controller, numbers: Iterable[int]) -> Mapping[int, fl
     """Return some I-variables by number.
 
     Raises:
-        DriverError: the link broke, or the card has not all of them.
+        DriverError: the link broke, or the controller lacks some of them.
     """
     asked, found = list(numbers), {}
     for start in range(0, len(asked), SETTINGS_A_LINE):
@@ -163,10 +163,10 @@ def read_settings(client: Controller, numbers: Iterable[int]) -> Mapping[int, fl
 
 
 def read_ranges(client: Controller, dialect: Dialect, ranges: Iterable[range]) -> dict[int, float]:
-    """Return I-variables by number; left out are those that the host sets when it connects, and timers.
+    """Return I-variables by number, without those that the host sets when it connects, and without timers.
 
     Raises:
-        DriverError: the link broke, or the card answers something that is not asked for.
+        DriverError: the link broke, or the controller answers something unexpected.
     """
     where, left_out = client.link.address, fleeting_settings(dialect)
     reports = _reports(client, ranges, "I{first}..{last}")
@@ -181,7 +181,7 @@ def _pointers(client: Controller, ranges: Iterable[range]) -> Iterator[tuple[int
 
 
 def _reports(client: Controller, ranges: Iterable[range], form: str) -> Iterator[tuple[int, str]]:
-    """Ask for variables range by range; what the card refuses as not there is left out."""
+    """Query variables range by range; those that the controller does not have are left out."""
     for whole in ranges:
         for start in range(whole.start, whole.stop, NUMBERS_A_LINE):
             yield from _part(client, range(start, min(start + NUMBERS_A_LINE, whole.stop)), form)
@@ -209,7 +209,7 @@ def _axes(client: Controller, dialect: Dialect, motors: Sequence[int]) -> Iterat
 
 
 def _system_of(status: str, dialect: Dialect, where: str) -> int:
-    """Return the coordinate system in the status of a motor: its number less one is in the second word."""
+    """Return the coordinate system from a motor's status: its number less one is in the second word."""
     try:
         assigned = "assigned" in decode(status, dialect.motor_bits)
         second = int(status[6:12], 16)
@@ -244,7 +244,7 @@ def _conversion(client: Controller, dialect: Dialect) -> tuple[int, ...]:
 
 
 class _Listings:
-    """Asks for buffers by number; those behind a password are kept in `locked`."""
+    """Queries buffers by number; those behind a password are kept in `locked`."""
 
     def __init__(self, client: Controller) -> None:
         self.locked: list[str] = []

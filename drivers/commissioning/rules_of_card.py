@@ -1,4 +1,4 @@
-"""What holds for the card, the coordinate system and what is stored on it, whatever the profile says."""
+"""Rules for the controller, the coordinate system and what is stored on it, independent of the profile."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ BACKGROUND_PLCS = 0b10
 """Bit of I5: PLC 1 to 31 may run."""
 
 WATCHDOG_MS = 100.0
-"""In this time a card without a background cycle is to switch itself off."""
+"""A controller without a background cycle must shut down within this time."""
 
 _SHOWN = (8, 52)
 
 
 def card_rules(judged: Judged) -> list[Check]:
-    """Return what is to be said of the card, its coordinate system and its buffers."""
+    """Return the checks of the controller, its coordinate system and its buffers."""
     return [
         _family(judged),
         *_clocks(judged),
@@ -45,7 +45,7 @@ def _family(judged: Judged) -> Check:
 
 
 def _clocks(judged: Judged) -> Iterator[Check]:
-    """The servo period and the real-time interrupt, which all times of programs rest on."""
+    """Check the servo period and the real-time interrupt, on which all program times rest."""
     cycle_ms, wanted_ms = servo_cycle_ms(judged.value(10) or 0.0), judged.machine.controller.servo_period_ms
     severity = Severity.OK if same(cycle_ms, wanted_ms) else Severity.REFUSAL
     facts = {"period": f"{cycle_ms * 1000.0:.3f} us"}
@@ -118,7 +118,7 @@ def _system(judged: Judged) -> Iterator[Check]:
 
 
 def _conversion(judged: Judged) -> Iterator[Check]:
-    """Tell whether the motors of the machine have their own encoders, converted as they leave the factory."""
+    """Check that the machine's motors have their own encoders, converted as by factory default."""
     table = judged.dialect.conversion_table
     first = table.first_setting
     for axis in judged.axes:
@@ -163,7 +163,7 @@ def _buffers(judged: Judged) -> Iterator[Check]:
 
 
 def _pointers(judged: Judged) -> Iterator[Check]:
-    """The flag that ends a cut is a plain value, and the lease counts down or is not set up yet."""
+    """Check that a cut's end flag is a plain value, and that the watchdog counts down or is not set up."""
     pointers, dialect = judged.configuration.pointers, judged.dialect
     flag = pointers.get(END_FLAG)
     severity = Severity.OK if flag is None else Severity.REFUSAL

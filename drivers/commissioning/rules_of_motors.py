@@ -1,4 +1,4 @@
-"""What holds for the motors of any such machine, whatever its profile says."""
+"""Rules for the motors of any such machine, independent of its profile."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from drivers.pmac.settings import PARTS_PER_COUNT
 from profiles.findings import Severity
 
 NEVER_ZERO = (11, 12, 15, 16, 17, 19, 22, 28, 69)
-"""Ixnn of which a 0 is no limit, no motion or no force at all."""
+"""Ixnn of which 0 means no limit, no motion or no force at all."""
 
 LOBE_AMPLITUDE_UM, LOBE_FREQUENCY_HZ = 27.5, 50.0
-"""The fastest lobe that the tool is made for: half of 55 um, three times a turn at 1000 rpm."""
+"""The fastest lobe that the tool is made for: half of 55 um, three times per turn at 1000 rpm."""
 
 LEAST_PROGRAM_SPEED = 200.0
-"""counts/ms, of tool and spindle: what a segment of the programs needs without being stretched."""
+"""counts/ms, of tool and spindle: what a program segment needs so as not to be stretched."""
 
 LEAST_FATAL_ERROR_UM = 50.0
 
 TRAVEL_SWITCHES_OFF, FAULT_INPUT_OFF, KILL_MODE = 1 << 17, 1 << 20, 0b11 << 21
-"""Bits of the flag setting; a kill mode of 00 kills every motor of the card."""
+"""Bits of the flag setting; a kill mode of 00 kills every motor of the controller."""
 
 CLOSES_AT_POWER_UP = 1
 """Bit of Ix80."""
@@ -34,7 +34,7 @@ _SHOWN_NUMBERS = (2, 3, 4, 10, 24, 25, *GAIN_NUMBERS, 63, 67, *range(70, 84))
 
 
 def motor_rules(judged: Judged) -> list[Check]:
-    """Return what is to be said of each axis."""
+    """Return the checks of each axis."""
     checks: list[Check] = []
     for axis in judged.driven_axes:
         checks += _no_limit(judged, axis)
@@ -128,7 +128,7 @@ def _power(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
 
 
 def _tool(judged: Judged) -> Iterator[Check]:
-    """What the lobe, the thrust and the current of the tool ask for."""
+    """Check what lobe, thrust and current of the tool require."""
     axis, tool = judged.axes[0], judged.machine.tool
     radians_per_ms = math.tau * LOBE_FREQUENCY_HZ / 1000.0
     needed = LOBE_AMPLITUDE_UM / tool.count_um * radians_per_ms**2
@@ -148,7 +148,7 @@ def _tool(judged: Judged) -> Iterator[Check]:
 
 
 def _not_stated(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
-    """Tell what the profile leaves open: addresses, flags, limits of the filter, commutation. Never written."""
+    """Report what the profile does not state: addresses, flags, filter limits, commutation. Never written."""
     found = []
     for number in _SHOWN_NUMBERS:
         index = _index(judged, axis, number)

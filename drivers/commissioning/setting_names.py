@@ -1,4 +1,4 @@
-"""What the I-variables are called in the words of the machine, in what they are counted, who may write them."""
+"""Names of the I-variables in machine terms, with their quantities and who may write them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drivers.pmac.dialect import Dialect, Scope, Setting
 
 
 class Quantity(StrEnum):
-    """In what a setting is counted."""
+    """The quantity of a setting."""
 
     NUMBER = auto()
     ADDRESS = auto()
@@ -25,7 +25,7 @@ class Quantity(StrEnum):
 
 
 class Nature(StrEnum):
-    """Who may write a setting: gains alone are written by the console, and only when that is asked for."""
+    """Who may write a setting: the console writes only gains, and only on request."""
 
     GAIN = auto()
     LIMIT = auto()
@@ -44,7 +44,7 @@ class Name:
 
 
 GAIN_NUMBERS = (30, 31, 32, 33, 34, 35)
-"""Ix30 to Ix35, which `apply` writes. Ix63 limits the integrator: a limit, and so not among them."""
+"""Ix30 to Ix35, which `apply` writes. Ix63 limits the integrator: a limit, so not included."""
 
 OTHER = "other"
 """The key of a setting without a name of its own."""
@@ -130,7 +130,7 @@ _FIRST_SYSTEM_NUMBER = 85
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Named:
-    """A setting of a card: its name, and the motor or the coordinate system that it belongs to."""
+    """A setting of a controller: its name, and its motor or coordinate system."""
 
     name: Name
     motor: int = 0
@@ -138,7 +138,7 @@ class Named:
 
 
 def named(index: int, dialect: Dialect) -> Named:
-    """Return what an I-variable of a family is."""
+    """Return the name of an I-variable of a family."""
     for setting, name in _MOVED.items():
         place = dialect.places[setting]
         owners = dialect.numbers(place.scope)
@@ -158,7 +158,7 @@ def named(index: int, dialect: Dialect) -> Named:
 
 
 def keys() -> frozenset[str]:
-    """Return the keys of all names: each needs its words."""
+    """Return the keys of all names, each of which needs a text."""
     tables = (_MOTOR, _SYSTEM, _CARD)
     every = {name.key for table in tables for name in table.values()} | {name.key for name in _MOVED.values()}
     return frozenset(every | {"watchdog_time", "timers", OTHER})

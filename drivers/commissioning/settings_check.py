@@ -1,6 +1,6 @@
-"""What a controller is set to, against what its machine profile wants, as refusals. Nothing is written.
+"""Compare the controller's settings with its machine profile, as refusals. Nothing is written.
 
-The same is compared, by the same rule, as by the checks of `drivers.pmac.configuration`, in a few requests.
+It compares the same by the same rule as the checks of `drivers.pmac.configuration`, in a few requests.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from profiles.problem import Problem
 def differences(
     client: Controller, wanted: ControllerSettings, dialect: Dialect, motors: Iterable[int]
 ) -> list[Problem]:
-    """Return every setting and axis definition that is not as wanted, and every motor that is on but not ours.
+    """Return every setting and axis definition that differs, and every unexpected active motor.
 
     TA, TS and F of the coordinate system are left out: they are what the last program left behind.
 

@@ -1,7 +1,7 @@
-"""What a measured stop can have been: its times, ways and speeds against what the machine can do.
+"""Check whether a measured stop is plausible: its times, distances and speeds against the machine's limits.
 
-A stop takes time, and whatever moved at some speed goes no further in it than that speed carries it. Numbers that
-no machine can have shown were not measured, whoever wrote them down.
+A stop takes time, and nothing travels further in that time than its speed allows. Impossible numbers were not
+measured.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 LATE_S = 0.5
-"""The way is counted from the last look in front of the stop, which is no older than this on the slowest line."""
+"""The distance is counted from the last poll before the stop, which is no older than this on the slowest line."""
 
 FASTER = 1.1
-"""By this factor an axis may be faster than it is set: ripple, and the tenth that two looks are uncertain by."""
+"""Factor by which an axis may exceed its set speed: ripple, and the 10 % uncertainty of two polls."""
 
 LONGEST_S = {Way.ABORT: 20.0, Way.KILL: 70.0, Way.WATCHDOG: 20.0}
-"""Nobody waits longer for rest (`REST_LIMIT_S` of the proofs, and what it takes until the stop is obeyed)."""
+"""Longest possible waits for rest (`REST_LIMIT_S` of the tests, plus the time until the stop is obeyed)."""
 
 LINEAR, ROTARY = ("distance_mm", "speed_mm_per_s"), ("distance_deg", "speed_rpm")
 DEG_PER_S_OF_RPM = 6.0
@@ -30,7 +30,7 @@ DEG_PER_S_OF_RPM = 6.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Axis:
-    """Least and greatest way, mm or deg, and greatest speed, mm/s or deg/s, of an axis of this machine."""
+    """Minimum and maximum distance, mm or deg, and maximum speed, mm/s or deg/s, of an axis of this machine."""
 
     unit: str
     least: float
@@ -39,7 +39,7 @@ class _Axis:
 
 
 def number_problems(entries: Iterable[StopEntry], machine: MachineProfile) -> Iterator[Problem]:
-    """Yield `stops.impossible` for each entry that no stop of this machine can have had, with its first reason."""
+    """Yield `stops.impossible` for each impossible entry, with the first reason."""
     seen: set[tuple[Way, Origin, str]] = set()
     for entry in entries:
         name = (entry.way, entry.origin, entry.axis)
@@ -65,7 +65,7 @@ def _reason(entry: StopEntry, machine: MachineProfile) -> tuple[str, str] | None
     speed *= DEG_PER_S_OF_RPM if axis.unit == "deg" else 1.0
     if not 0.0 < speed <= FASTER * axis.fastest:
         return f"{speed:g} {axis.unit}/s", f"> 0, <= {FASTER * axis.fastest:g} {axis.unit}/s"
-    # Without its host the program of a cut takes the tool out, faster than it follows its lobe.
+    # Without its host the cutting program retracts the tool, faster than the tool follows its lobe.
     fastest = axis.fastest if entry.axis == "tool" and entry.origin is Origin.CUT else speed
     most = min(axis.most, FASTER * fastest * (entry.time_s + LATE_S))
     if not axis.least <= way <= most:

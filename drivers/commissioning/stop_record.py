@@ -1,7 +1,7 @@
-"""How a machine was seen to stop: measured on it, once for its settings. `stop_record_check` says who believes it.
+"""The stopping-performance record, measured on the machine once per settings; `stop_record_check` validates it.
 
-For the controller a cut cable and a host that was killed (SIGKILL) are what the loss of the lease is: the host
-falls silent. So there are three ways to stop: control-A, control-K, and silence.
+To the controller a cut cable and a killed host (SIGKILL) look the same: the host falls silent and the watchdog
+expires. So there are three ways to stop: control-A, control-K, and silence.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD
 from profiles.machine import MachineProfile
 
 MOTION_SETTINGS, FILTER_SETTINGS = range(15, 26), range(30, 36)
-"""Ix15 to Ix25, what stops and ramps a motor and what its flags do; Ix30 to Ix35, its gains."""
+"""Ix15 to Ix25, which determine stops, ramps and flags of a motor; Ix30 to Ix35, its gains."""
 
 OUTPUT_SETTINGS = range(68, 70)
-"""Ix68 and Ix69: with what force it may brake."""
+"""Ix68 and Ix69: the available braking force."""
 
 
 class Way(StrEnum):
@@ -32,14 +32,14 @@ class Way(StrEnum):
     """Control-A: every loop stays closed."""
 
     KILL = "kill"
-    """Control-K: every loop is opened, the spindle runs out."""
+    """Control-K: every loop is opened, the spindle coasts."""
 
     WATCHDOG = "lease"
-    """The host falls silent, and the controller ends by itself what moves."""
+    """The host falls silent, and the controller ends the motion by itself."""
 
 
 class Origin(StrEnum):
-    """Out of which motion."""
+    """The motion before the stop."""
 
     JOG = "jog"
     CUT = "cut"
@@ -48,9 +48,9 @@ class Origin(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopEntry:
-    """How far one axis went, and for how long, from the last word of the host to rest.
+    """The distance and time of one axis from the host's last message to rest.
 
-    A linear axis has its way in mm and its speed in mm/s, the spindle in deg and rpm; the others are None.
+    A linear axis has its distance in mm and its speed in mm/s, the spindle in deg and rpm; the others are None.
     """
 
     way: Way
@@ -65,9 +65,9 @@ class StopEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopRecord:
-    """The entries of one machine. `kind` and `version` are its controller's; `key` is `stop_key` of its settings.
+    """The entries of one machine. `kind` and `version` are its controller's; `key` is its `stop_key`.
 
-    `address` is the link that it was measured over, and `stop_way` what the stops went through.
+    `address` is the link that it was measured over, and `stop_way` the path of the stops.
     """
 
     machine: str
@@ -81,10 +81,10 @@ class StopRecord:
 
 
 def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
-    """Return what a complete record has.
+    """Return the stops of a complete record.
 
-    A spindle on an inverter is never closed, so that control-A is no stop of such a machine, and it is switched
-    off at the lathe.
+    A spindle on an inverter is never closed, so control-A does not stop such a machine; it is switched off at
+    the lathe.
     """
     followed = machine.spindle.followed
     ways = (Way.KILL, Way.WATCHDOG) if followed else tuple(Way)
@@ -93,10 +93,10 @@ def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
 
 
 def stop_key(client: Controller, machine: MachineProfile, dialect: Dialect) -> str:
-    """Read what decides how the machine stops, and return its hash.
+    """Read the settings that determine how the machine stops, and return their hash.
 
     Raises:
-        DriverError: the link broke, or the card answers something that is not asked for.
+        DriverError: the link broke, or the controller answers something unexpected.
     """
     kind, version = client.query("TYPE", "VERSION", again=True)
     blocks = [

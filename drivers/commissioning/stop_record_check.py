@@ -1,4 +1,4 @@
-"""Which stop record is believed: of this machine at this link, complete, possible, and for a while only."""
+"""Validate a stopping-performance record: of this machine at this link, complete, plausible, and recent."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 VALID_DAYS = 180
-"""So long a record is believed: drives, brakes and friction change. Half a year is a usual interval of checks."""
+"""Validity of a record: drives, brakes and friction change. Half a year is a usual inspection interval."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopsNow:
-    """What a record has to be of: this machine with the settings of `key` (`stop_key`), today.
+    """What a record must match: this machine with the settings of `key` (`stop_key`), today.
 
-    `stop_way` is what a stop would go through now. `address` is that of the link; None for a simulated machine,
+    `stop_way` is the path of a stop now. `address` is that of the link; None for a simulated machine,
     which is measured on a copy of itself.
     """
 
@@ -34,10 +34,10 @@ class StopsNow:
 
 
 def record_problems(record: StopRecord | None, now: StopsNow) -> tuple[Problem, ...]:
-    """Return why nothing may be armed by this record.
+    """Return why a record does not permit arming.
 
-    There is none; it is of another machine or link, too old or of a day to come, of other settings; not all of it
-    is there, or it has what no stop of this machine can have been.
+    It is missing; of another machine, link or settings; too old or dated in the future; incomplete; or contains
+    stops that this machine cannot have made.
     """
     if record is None:
         return (Problem(code="stops.no_record"),)

@@ -1,4 +1,4 @@
-"""How far an axis runs on after a stop, from the settings as they were read back. Counts and ms."""
+"""Compute the stopping distance of each axis from the settings read back. Counts and ms."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from profiles.machine import MachineProfile
 
 @dataclass(frozen=True, slots=True)
 class StoppingDistance:
-    """From the press of the stop to rest."""
+    """From the press of the stop key to rest."""
 
     time_ms: float
     counts: float
 
 
 def after_abort(speed_counts_per_ms: float, rate: float, late_ms: float) -> StoppingDistance:
-    """Return the way at Ix15 = `rate`; a rate of 0 never stops a motor."""
+    """Return the distance at Ix15 = `rate`; a rate of 0 never stops a motor."""
     if rate <= 0.0:
         return StoppingDistance(math.inf, math.inf)
     way = speed_counts_per_ms * late_ms + speed_counts_per_ms**2 / (2.0 * rate)
@@ -31,7 +31,7 @@ def after_abort(speed_counts_per_ms: float, rate: float, late_ms: float) -> Stop
 
 
 def after_jog_stop(settings: JogSettings, late_ms: float) -> StoppingDistance:
-    """Return the way of a jog at its speed that is ended by J/."""
+    """Return the distance of a jog at its speed that is ended by J/."""
     pieces = change_speed(0.0, settings.speed, 0.0, settings)
     ramp_ms = sum(piece.duration_ms for piece in pieces)
     # A ramp is symmetrical about its middle, whatever its S-curve.
@@ -39,12 +39,12 @@ def after_jog_stop(settings: JogSettings, late_ms: float) -> StoppingDistance:
 
 
 def overruns(judged: Judged) -> list[Check]:
-    """Return how far each axis runs on after a stop in mid-jog, by control-A and by J/."""
+    """Return the stopping distance of each axis in mid-jog, by control-A and by J/."""
     return [_overrun(judged, axis) for axis in judged.driven_axes]
 
 
 def jog_settings_of(judged: Judged, axis: JudgedAxis) -> JogSettings:
-    """Return what was read of the jogs of an axis; Ix20 and Ix21 both 0 count as 1 ms."""
+    """Return the jog settings read from an axis; Ix20 and Ix21 both 0 count as 1 ms."""
     ta_ms, ts_ms = max(0.0, judged.of_motor(axis, 20)), max(0.0, judged.of_motor(axis, 21))
     return JogSettings(
         acceleration=judged.of_motor(axis, 19),
@@ -85,7 +85,7 @@ def _way(stopping_distance: StoppingDistance, axis: JudgedAxis, machine: Machine
 
 
 def _clearance_counts(machine: MachineProfile, axis: JudgedAxis) -> float:
-    """Return how far an axis may run on: the way to the work, a turn, the way to the jaws."""
+    """Return the available stopping distance: to the work, one turn, to the jaws."""
     match axis.name:
         case "tool":
             return machine.tool.retract_mm * machine.tool.counts_per_mm

@@ -1,6 +1,6 @@
-"""Everything that is verified before the first motion, in one go. Nothing is written and nothing moves.
+"""Verify everything before the first motion, in one go. Nothing is written and nothing moves.
 
-The safety devices are checked as the profile says they are fitted, as far as the controller sees them.
+The safety devices that the profile declares are checked as far as the controller sees them.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from profiles.machine import MachineProfile, Safety, is_signature
 
 
 def safety_checks(client: Controller, safety: Safety) -> list[Check]:
-    """Return one line for each device, and one for each that the card sees. Only those are asked for.
+    """Return one check for each device, and for each that the controller sees. Only those are queried.
 
     Raises:
-        DriverError: the link broke, or the card answers something that is not asked for.
+        DriverError: the link broke, or the controller answers something unexpected.
     """
     return [*_fitted(safety), *_seen(client, safety)]
 
@@ -70,7 +70,7 @@ def _check(code: str, severity: Severity, device: str, found: str = "", wanted: 
 
 @dataclass(frozen=True, kw_only=True)
 class Verification:
-    """What was found, and the checks of it, in the order in which they are told."""
+    """What was read, and its checks, in the order in which they are shown."""
 
     judged: Judged
     state: CardState
@@ -82,7 +82,7 @@ def verify(client: Controller, machine: MachineProfile, dialect: Dialect) -> Ver
 
     Raises:
         RefusedError: `controller.entering`.
-        DriverError: the link broke, or the card answers something that is not asked for.
+        DriverError: the link broke, or the controller answers something unexpected.
     """
     configuration = read_of_machine(client, machine, dialect)
     judged = Judged(configuration=configuration, machine=machine)
@@ -96,14 +96,14 @@ def read_of_machine(client: Controller, machine: MachineProfile, dialect: Dialec
 
     Raises:
         RefusedError: `controller.entering`.
-        DriverError: the link broke, or the card answers something that is not asked for.
+        DriverError: the link broke, or the controller answers something unexpected.
     """
     motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
     return read_configuration(client, dialect, of_motors(dialect, motors, (END_FLAG, WATCHDOG_TIMER)))
 
 
 def checks_of(judged: Judged) -> list[Check]:
-    """Return every check of a configuration alone: of one that was read, or of a backup."""
+    """Return every check of a configuration alone, read from a controller or from a backup."""
     rules = [*card_rules(judged), *motor_rules(judged)]
     return [
         *_once(stated_settings(judged), rules),
@@ -113,7 +113,7 @@ def checks_of(judged: Judged) -> list[Check]:
 
 
 def _once(stated: list[Check], rules: list[Check]) -> list[Check]:
-    """Return all of them, a setting that a rule finds wrong, too, once: in the words of the rule."""
+    """Return all checks; a setting that a rule also finds wrong appears once, in the words of the rule."""
     wrong = {check.variable: check for check in stated if check.severity is Severity.REFUSAL}
     told = [check for check in rules if _speaks_for(check) and check.variable in wrong]
     names = {check.variable for check in told}
@@ -125,11 +125,11 @@ def _once(stated: list[Check], rules: list[Check]) -> list[Check]:
 
 
 def _speaks_for(check: Check) -> bool:
-    """Whether the sentence of a rule says all that is to be said of its setting."""
+    """Whether a rule's sentence covers its setting completely."""
     return bool(check.wanted) and check.severity in (Severity.REFUSAL, Severity.WARNING)
 
 
 def in_order(checks: Iterable[Check]) -> tuple[Check, ...]:
-    """Return checks by their groups; within a group they stay as they are."""
+    """Return checks by group, in their order within a group."""
     groups = list(Group)
     return tuple(sorted(checks, key=lambda check: groups.index(check.group)))

@@ -1,1 +1,1 @@
-"""A planned cut: its program, its motion as the controller makes it, and what is checked while it runs."""
+"""A planned cut: its program, its motion as the controller makes it, and the checks while it runs."""

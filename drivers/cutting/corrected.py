@@ -1,11 +1,11 @@
-"""The motion of a program as its loops are told it: with a compensation table, and beside a spindle of its own.
+"""The commands of the servo loops: the program's motion plus a compensation table and an external spindle.
 
-The card works the table out in every servo cycle; here the correction is put into cubics that are short against a
-lobe. A source of a higher number than the target is seen as it was one servo cycle before. That the table is on is
-taken for granted: a cam is switched where it adds nothing.
+The controller evaluates the table in every servo cycle; here the correction is represented by cubics that are
+short compared with a lobe. A source with a higher motor number than the target is read one servo cycle late.
+The table is assumed to be on: a cam is switched on and off where it adds nothing.
 
-A spindle that is not an axis of the program turns evenly, and is put beside the other motors. Where it is the
-clock of the program, the times of the program are stretched to what they take at the speed of the cut.
+A spindle that is not an axis of the program turns at constant speed, and is added to the other motors. Where it
+is the clock of the program, program times are stretched to the speed of the cut.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from drivers.pmac.trajectory.planned import MoveRecord
 Whole = NDArray[np.int_]
 
 COLUMNS_A_PIECE = 3.0
-"""Of the table, at most, that a source goes along a row in one cubic."""
+"""Table columns, at most, that a source travels along a row in one cubic."""
 
 SLOPE_MS = 0.25
-"""Half of the time over which the slope at the ends of a cubic is taken."""
+"""Half of the interval over which the slope at the ends of a cubic is taken."""
 
 
 def source_is_late(table: CompensationTable, source: int) -> bool:
-    """Whether the card looks at a source only after the target: motors come in the order of their numbers."""
+    """Whether the controller reads the source only after the target: it serves motors in numerical order."""
     return table.definition.sources[source].motor > table.definition.target
 
 
 def with_table(checked: CheckedProgram, table: CompensationTable, servo_period_ms: float) -> CheckedProgram:
-    """Return the motion with the correction in the target of the table, in its peaks and its extent as well."""
+    """Return the motion with the correction added to the target of the table, to its peaks and extent too."""
     motor = table.definition.target
     target = checked.motors.index(motor)
     adder = _Adder(
@@ -78,10 +78,10 @@ class _Adder:
     late_ms: tuple[float, ...]
 
     def parts(self, pieces: Sequence[Piece]) -> tuple[list[int], Iterator[Piece], Motion]:
-        """Return pieces as shorter ones, the correction in the cubic of the target, all of them at once.
+        """Split pieces into shorter ones with the correction added to the target's cubics, all at once.
 
         Returns:
-            Into how many parts each piece is cut, the parts, and the motion of the target.
+            The number of parts of each piece, the parts, and the motion of the target.
         """
         duration_ms = np.array([piece.duration_ms for piece in pieces])
         motors = np.array([piece.cubics for piece in pieces]).transpose(1, 2, 0)
@@ -100,12 +100,12 @@ class _Adder:
         return counts.tolist(), parts, motion
 
     def _counts(self, motors: Floats, duration_ms: Floats) -> Whole:
-        """Return into how many parts each piece is cut."""
+        """Return the number of parts of each piece."""
         most = np.ones_like(duration_ms)
         for place, (source, size) in enumerate(zip(self.table.definition.sources, self._sizes, strict=False)):
             motion = Motion(cubics=motors[self.sources[place]], duration_ms=duration_ms)
             way = np.abs(motion.at(duration_ms) - motion.cubics[0])
-            # Along the rows the correction is a wave; across them it grows, and a few cubics do for a row.
+            # Along the rows the correction is a wave; across them it grows, and a few cubics per row suffice.
             share = COLUMNS_A_PIECE if place == 0 else 0.125
             most = np.maximum(most, way * size / source.span_counts / share)
         return np.ceil(most).astype(int)
@@ -115,7 +115,7 @@ class _Adder:
         return self.table.definition.columns, self.table.definition.rows
 
     def _added(self, cubics: Floats, begin_ms: Floats, end_ms: Floats, step_ms: Floats) -> Floats:
-        """Return what is added to the cubics of the target, shape (4, n); a piece without a time adds nothing."""
+        """Return what is added to the target's cubics, shape (4, n); a piece of no duration adds nothing."""
 
         def value_and_slope(instants_ms: Floats) -> tuple[Floats, Floats]:
             before, after = (self._corrections(cubics, instants_ms + each) for each in (-SLOPE_MS, SLOPE_MS))
@@ -127,7 +127,7 @@ class _Adder:
         return np.where(timed, between(there, slope, then, later, np.where(timed, step_ms, 1.0)), 0.0)
 
     def _corrections(self, cubics: Floats, instants_ms: Floats) -> Floats:
-        """Return the corrections at instants, each counted from the beginning of the piece with these cubics."""
+        """Return the corrections at given times, each counted from the start of the piece with these cubics."""
         places = []
         for place, (source, size) in enumerate(zip(self.table.definition.sources, self._sizes, strict=False)):
             motion = Motion(cubics=cubics[self.sources[place]], duration_ms=instants_ms)
@@ -162,9 +162,9 @@ def _row(grid: Floats, row: Whole, left: Whole, share: Floats) -> Floats:
 def with_spindle(
     checked: CheckedProgram, motor: int, counts_per_ms: float, first_counts: float = 0.0, stretch: float = 1.0
 ) -> CheckedProgram:
-    """Return the motion with a spindle that turns at `counts_per_ms` and is at `first_counts` when it begins.
+    """Add a spindle that turns at `counts_per_ms` from `first_counts` on.
 
-    Every move takes `stretch` times as long as it was programmed to take.
+    Every move takes `stretch` times its programmed time.
     """
     motors = tuple(sorted((*checked.motors, motor)))
     place = motors.index(motor)
@@ -188,7 +188,7 @@ def with_spindle(
 
 
 def _beside(piece: Piece, place: int, turning: Cubic, stretch: float) -> Piece:
-    """Return a piece that takes `stretch` times as long, with what the spindle does meanwhile."""
+    """Return a piece stretched in time by `stretch`, with the motion of the spindle added."""
     cubics = piece.cubics
     if stretch != 1.0:
         square, cube = stretch**2, stretch**3

@@ -1,6 +1,6 @@
-"""What is said of a planned cut before it is made: codes `cut.*`; refusals stop it, warnings are told.
+"""Findings about a planned cut before it is made: codes `cut.*`; refusals stop it, warnings are only reported.
 
-The steady cut is what lies between the moves that lead into it and out of it; its speed and stroke are judged.
+The steady cut excludes the lead-in and lead-out moves; its speed and stroke are judged.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 STEADY_FEED = 0.999999
-"""Share of the longest feed in a loop from which a move belongs to the steady cut."""
+"""Fraction of the longest feed in a loop from which a move belongs to the steady cut."""
 
 
 def steady_moves(
     program: ProgramText, checked: CheckedProgram, machine: MachineProfile
 ) -> tuple[CheckedMove, ...]:
-    """Return the moves of the loop in which the carriage feeds, without those that lead into and out of it."""
+    """Return the moves of the loop in which the carriage feeds, without lead-in and lead-out."""
     lines = loop_lines(program.program)
     index = checked.motors.index(machine.carriage.motor)
     steps = [
@@ -59,11 +59,11 @@ def stroke(loop: tuple[CheckedMove, ...], checked: CheckedProgram, machine: Mach
 
 
 LEAVING_STEP_DEG = 0.5
-"""Step in which a path is followed round the part: it sees 97 % of the highest wave, 50 in a turn, at least."""
+"""Step in which a path is sampled round the part: it sees at least 97 % of the highest harmonic, 50 UPR."""
 
 LEAST_TURNS = 3.0
 LEAST_CUT_S = 0.2
-"""The shortest cut: so many turns, and so long, for the looks at the machine during it."""
+"""The shortest cut, in turns and in time, so that the machine can be polled during it."""
 
 
 def cut_findings(
@@ -73,7 +73,7 @@ def cut_findings(
     job: Job,
     speed_rpm: float,
 ) -> tuple[Finding, ...]:
-    """Return everything that is to be said; `loop` are the moves of the steady cut."""
+    """Return all findings; `loop` are the moves of the steady cut."""
     low, high = stroke(loop, checked, machine)
     stroke_um = (high - low) * machine.tool.count_um
     return (
@@ -86,10 +86,10 @@ def cut_findings(
 
 
 def leaving_findings(job: Job, target: LobedPath) -> tuple[Finding, ...]:
-    """Return whether a path keeps the tool in the part, at every angle and from end to end of the cut.
+    """Check that a path keeps the tool in the part, at every angle and over the length of the cut.
 
-    The part comes out at the depth of the job, whatever mean a learned path commands for that. Where the tool is
-    out of the surface it takes nothing off, and what it should have taken stays on the part.
+    The part comes out at the depth of the job, whatever mean a learned path commands for that. Where the tool
+    leaves the surface it removes nothing, and the material stays on the part.
     """
     angle_deg = np.arange(0.0, 360.0, LEAVING_STEP_DEG)
     half_mm = 0.5 * job.cut_length_mm
@@ -103,7 +103,7 @@ def leaving_findings(job: Job, target: LobedPath) -> tuple[Finding, ...]:
 
 
 def clock_findings(machine: MachineProfile) -> tuple[Finding, ...]:
-    """Return what makes a program begin behind the index that it waits for: I11 passes on its own time base."""
+    """Return why a program would start after the index that it waits for: I11 elapses on its own time base."""
     delay_ms = machine.controller.variables.get("I11", 0.0)
     return (_refusal("cut.clock_late", "I11", f"{delay_ms:g} ms", "= 0 ms"),) if delay_ms else ()
 
@@ -116,7 +116,7 @@ def _path_findings(
     speed_rpm: float,
     kept_um: float,
 ) -> list[Finding]:
-    """Stretched segments, the speed that they leave, and the stroke that blending eats."""
+    """Find stretched segments, the speed that results, and the stroke lost to blending."""
     findings = []
     asked, used = loop[-1].record.asked.tm_ms, loop[-1].used.tm_ms
     if used > asked * (1.0 + 1e-9):
@@ -140,7 +140,7 @@ def _path_findings(
 
 
 def _limit_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Finding]:
-    """Program velocities above Ix16 (which does not guard PVT) and targets beyond the software limits."""
+    """Find program velocities above Ix16 (which does not guard PVT) and targets beyond the software limits."""
     variables = machine.controller.variables
     findings = []
     for motor in checked.motors:
@@ -162,7 +162,7 @@ def _limit_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Fi
 
 
 def _jaw_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Finding]:
-    """The carriage runs on while the tool goes out; even so it must stay clear of the jaws."""
+    """Check that the carriage, which keeps moving while the tool retracts, stays clear of the jaws."""
     carriage = machine.carriage
     furthest_mm = checked.highest[carriage.motor] / carriage.counts_per_mm + 0.5 * machine.tool.wiper_land_mm
     allowed_mm = carriage.jaw_face_mm - carriage.jaw_clearance_mm
@@ -172,7 +172,7 @@ def _jaw_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Find
 
 
 def _servo_findings(machine: MachineProfile, job: Job, speed_rpm: float, stroke_um: float) -> list[Finding]:
-    """A path whose lag alone would trip the following-error limit must not be started.
+    """Refuse a path whose following error alone would trip its limit.
 
     Whatever its shape, the path is taken as a sine of its own stroke at the lobe frequency.
     """
@@ -185,7 +185,7 @@ def _servo_findings(machine: MachineProfile, job: Job, speed_rpm: float, stroke_
 
 
 def _length_findings(job: Job) -> list[Finding]:
-    """A cut must last for some looks at the machine, or nobody can say how it went."""
+    """Check that a cut lasts for a few polls of the machine; otherwise its result cannot be judged."""
     turns = max(LEAST_TURNS, 1.0 + LEAST_CUT_S * job.spindle_speed_rpm / 60.0)
     least_mm = turns * job.feed_mm_per_rev
     if job.cut_length_mm >= least_mm:

@@ -1,4 +1,4 @@
-"""What a cut may do while it runs, from its plan; and whether what was cut is what was planned."""
+"""The limits on a running cut from its plan, and whether the cut was made as planned."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 TOOL_MARGIN_UM = 30.0
-"""Beyond the planned extent: what a trim within the cut adds, and the rounding of a table."""
+"""Margin beyond the planned extent: a trim within the cut, and the rounding of a table."""
 
 CARRIAGE_MARGIN_MM = 0.1
 SPINDLE_MARGIN_DEG = 5.0
 LENGTH_MARGIN_MM = 0.2
-"""By so much less than planned the carriage may be seen to go: between two polls it comes to rest."""
+"""By this much less than planned the carriage may be seen to travel: it stops between two polls."""
 
 
 def cut_ranges(plan: CutPlan, machine: MachineProfile) -> tuple[AxisRange, ...]:
-    """Return where the axes of the program may be commanded to be, with a margin."""
+    """Return the ranges in which the program's axes may be commanded, with a margin."""
     return tuple(
         AxisRange(
             axis=axis,
@@ -35,13 +35,13 @@ def cut_ranges(plan: CutPlan, machine: MachineProfile) -> tuple[AxisRange, ...]:
 
 
 def cut_guard(plan: CutPlan, machine: MachineProfile) -> ProgramGuard:
-    """Return what judges each poll of this cut."""
+    """Return the guard that judges each poll of this cut."""
     real_time = not plan.strategy.traits.spindle_time
     return ProgramGuard(Lengths(machine), cut_ranges(plan, machine), real_time=real_time)
 
 
 def _axes(plan: CutPlan, machine: MachineProfile) -> Iterator[tuple[AxisName, int, float]]:
-    """Give the axes that the program itself moves, their motors, and their margins in counts."""
+    """Yield the axes that the program itself moves, their motors, and their margins in counts."""
     programmed = {definition.motor for definition in read_definitions(plan.axis_definitions)}
     tool, spindle, carriage = machine.tool, machine.spindle, machine.carriage
     margins = (
@@ -53,7 +53,7 @@ def _axes(plan: CutPlan, machine: MachineProfile) -> Iterator[tuple[AxisName, in
 
 
 class CutLength:
-    """How far the carriage was seen to go in a cut: what its program says of itself is not the only witness."""
+    """How far the carriage was seen to travel in a cut: a witness beside the program's own report."""
 
     def __init__(self, plan: CutPlan, machine: MachineProfile) -> None:
         self._planned = plan.checked.highest[machine.carriage.motor]
@@ -62,17 +62,17 @@ class CutLength:
         self._highest = float("-inf")
 
     def see(self, snapshot: Snapshot) -> None:
-        """Take in a poll of the cut."""
+        """Process a poll of the cut."""
         self._highest = max(self._highest, snapshot.carriage.commanded)
 
     @property
     def turns(self) -> int:
-        """The whole turns of feed that were seen."""
+        """The whole turns of feed that were observed."""
         return int(max(self._highest - self._begin, 0.0) / self._per_turn)
 
     @property
     def problem(self) -> Problem | None:
-        """Return that less was cut than planned, None where the whole length was."""
+        """Report a cut shorter than planned; None where the whole length was cut."""
         if self._highest >= self._planned - LENGTH_MARGIN_MM * self._per_mm:
             return None
         met, planned = (max(end - self._begin, 0.0) / self._per_mm for end in (self._highest, self._planned))
@@ -81,10 +81,10 @@ class CutLength:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramEnd:
-    """What the program of a cut says of its end, read when it runs no more.
+    """How the program of a cut reports its end, read after it has stopped running.
 
-    `turns` are those of the cut, `finished` whether it came to its last line, `end_asked` whether its flag was
-    set, `stopped_by` the number of the console that says that it has stopped the machine, 0 none.
+    `turns` are those of the cut, `finished` whether it reached its last line, `end_asked` whether its flag was
+    set, `stopped_by` the number of the console that reported stopping the machine, 0 none.
     """
 
     turns: float
@@ -94,9 +94,9 @@ class ProgramEnd:
 
 
 def end_problems(plan: CutPlan, end: ProgramEnd, length: CutLength, *, held: bool) -> tuple[Problem, ...]:
-    """Return why a cut that has ended is not the one that was planned, and who ended it where that is known.
+    """Return why an ended cut is not the planned one, and who ended it where that is known.
 
-    `held` is whether this console has asked it to end early; then it only has to have come to its end.
+    `held` is whether this console asked it to end early; then it only has to have ended properly.
     """
     planned = plan.setup.whole_turns
     short = end.turns != planned or length.problem is not None
@@ -105,7 +105,7 @@ def end_problems(plan: CutPlan, end: ProgramEnd, length: CutLength, *, held: boo
     if not end.finished and not end.stopped_by and length.problem is None:
         return (Problem(code="cut.disturbed"),)
     whole, clear = plan.setup.turns, plan.setup.turns_clear
-    # Told are the turns in the part, as they are shown while it is cut; a program counts begun ones.
+    # Reports turns in the part, as shown during the cut; a program counts turns that have begun.
     value, limit = (f"{max(turns - clear, 0.0):.0f}" for turns in (min(end.turns, whole), whole))
     early = Problem(code="cut.ended_early", value=value, limit=limit)
     return (early, *_reason(end, length, held=held))

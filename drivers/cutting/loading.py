@@ -1,4 +1,4 @@
-"""The program of a cut on the controller: loaded, compared, left as it was found; and what it says of its end."""
+"""The program of a cut on the controller: load, verify, read its end, restore."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 TOLD_WITHIN_S = 0.4
-"""A console that has stopped the machine says so behind its stop."""
+"""A console that stops the machine reports it shortly after its stop."""
 
 STOPPED_BY = f"P{reserved.STOPPED_BY}"
 
 
 class Loading:
-    """One machine's program. `axis_definitions` are those of the controller from its loading on."""
+    """Loads one machine's program. `axis_definitions` are those of the controller once it is loaded."""
 
     def __init__(self, client: Controller, machine: MachineProfile, clock: Clock) -> None:
         self._client, self._machine, self._clock = client, machine, clock
@@ -43,10 +43,10 @@ class Loading:
         self._loaded = load_program(self._client, program, self._dialect)
 
     def verify(self, program: ProgramText, *, ended: bool = False, tables: bool = True) -> None:
-        """Make sure that the controller still holds a program, with all that it was loaded with.
+        """Make sure that the controller still holds a program, with everything loaded with it.
 
         Raises:
-            DriverError: as for `verify_loaded`; `controller.program_differs`, another one was loaded last.
+            DriverError: as for `verify_loaded`; `controller.program_differs`, another program was loaded last.
         """
         if self._loaded is None or self._loaded.program is not program:
             where, key = f"PROG {program.number}", "program"
@@ -54,11 +54,11 @@ class Loading:
         verify_loaded(self._client, self._loaded, ended=ended, tables=tables)
 
     def watch(self) -> ConstantsWatch | None:
-        """Return what reads the constants of the loaded program while it runs."""
+        """Return the reader of the loaded program's constants while it runs."""
         return None if self._loaded is None else self._loaded.watch()
 
     def end(self) -> ProgramEnd:
-        """Ask how the program has ended; of one that was stopped, after a moment, by whom.
+        """Query how the program ended and, if it was stopped, after a moment, by whom.
 
         Raises:
             DriverError: the link broke, or the controller refused to answer.
@@ -70,11 +70,11 @@ class Loading:
         return ProgramEnd(turns=turns, finished=finished == 1.0, end_asked=hold != 0.0, stopped_by=int(by))
 
     def tables_on(self) -> bool:
-        """Ask whether compensation tables are on: what their source moves, they move as well."""
+        """Query whether compensation tables are on: they then move with their source."""
         return self._client.numbers(SWITCH, again=True)[0] != 0.0
 
     def tables_left(self) -> tuple[Problem, ...]:
-        """Return what compensation tables still add to the tool, or would."""
+        """Return what compensation tables still add to the tool, or would add."""
         return table_problems(self._client, self._machine, self._dialect)
 
     def correction_counts(self) -> float:
@@ -82,11 +82,11 @@ class Loading:
         return correction_counts(self._client, self._machine, self._dialect)
 
     def switch_tables_off(self) -> tuple[Problem, ...]:
-        """Switch compensation tables off where they add nothing to the tool; return what is then left."""
+        """Switch off compensation tables that add nothing to the tool; return what is left to fix."""
         return switch_off(self._client, self._machine, self._dialect)
 
     def restore(self, lines: Iterable[str]) -> None:
-        """Send the lines that make the controller what the machine profile says.
+        """Send the lines that restore the controller to the machine profile.
 
         Raises:
             DriverError: a line was refused, or the link broke.

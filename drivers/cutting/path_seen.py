@@ -1,8 +1,8 @@
-"""Whether tool and carriage kept to one path from the first turn of a cut to its last, by what was polled of it.
+"""Check from the polls that tool and carriage kept to one path from the first turn of a cut to its last.
 
-What another host changes for a moment and then puts back is in no constant any more when these are read, and yet
-it is in the part. But a cut is the same turn by turn: a moment in which it was another one stands out from the
-rest, whatever the machine makes of the path. What was over between two polls nobody has seen.
+A change that another host makes and reverts at once does not show when the constants are read, but it is in the
+part. Since a cut repeats turn by turn, such a moment stands out from the rest, however the machine follows the
+path. A change that lasts for less than the interval of two polls remains undetected.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 LEAST_TOOL_UM = 4.0
-"""A moment that is off by less stands out from no real cut."""
+"""Deviations below this do not stand out in any real cut."""
 
 LEAST_CARRIAGE_MM = 0.02
 LEAST_SPINDLE_S = 0.1
-"""The time is that of the host, and one that is held up, or a simulated controller that is, loses some of it."""
+"""Time is that of the host; a delayed host, or a delayed simulated controller, loses some of it."""
 
 MOST_OF_LOBE = 0.5
-"""Share of the lobe that a tool that follows it may be off all along: half as large, or 29 degrees late."""
+"""Fraction of the lobe by which a following tool may deviate throughout: half as large, or 29 degrees late."""
 
 TIMES_USUAL = 12.0
-"""So many times what one poll in two is off by, a moment stands out also where tool and spindle are read apart."""
+"""Multiple of the median deviation that stands out even where tool and spindle are read separately."""
 
 LATE = 1.5
-"""A poll that took so many times the usual was held up in its midst: what it tells is not of one instant."""
+"""A poll that took this many times the usual was interrupted: its values are not of one instant."""
 
 LEAST_POLLS = 16
 POLLS_A_TERM = 6
 LAST_TURN = 0.15
-"""Share of the last turn that is left out: behind it the tool goes out."""
+"""Fraction of the last turn that is left out: after it the tool retracts."""
 
 SWEEPS = 20
 
@@ -46,14 +46,14 @@ Floats = NDArray[np.float64]
 
 
 class PathSeen:
-    """The polls of one cut from where it feeds to where the tool goes out."""
+    """The polls of one cut, from the start of feed to the tool's retract."""
 
     def __init__(self, plan: CutPlan, machine: MachineProfile) -> None:
         self._plan, self._machine = plan, machine
         setup = plan.setup
-        # Clear of the part nothing bends the tool: there it is on another path, and the first turn is on neither.
+        # Clear of the part nothing deflects the tool: its path differs there, and the first turn is on neither.
         self._clear = setup.carriage_face - 0.5 * machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
-        # A tool that dry friction holds has not reached its path where the feed begins; a turn in air it may have.
+        # A tool held by dry friction has not reached its path when the feed begins; a turn in air allows for it.
         self._first = plan.carriage_start + setup.carriage_per_turn
         self._in_part = self._clear + setup.carriage_per_turn
         self._last = plan.carriage_start + (setup.whole_turns - LAST_TURN) * setup.carriage_per_turn
@@ -61,7 +61,7 @@ class PathSeen:
         self._over = False
 
     def see(self, snapshot: Snapshot) -> None:
-        """Take in a poll of the cut."""
+        """Process a poll of the cut."""
         at = snapshot.carriage.commanded
         self._over = self._over or at > self._last
         if self._over or at <= self._first or not snapshot.program_running:
@@ -72,7 +72,7 @@ class PathSeen:
         self._rows.append((took_s, tool.position, spindle.position, carriage.position, middle_s))
 
     def problems(self) -> Iterator[Problem]:
-        """Say where tool or carriage were not on the path that they kept to otherwise."""
+        """Report where tool or carriage left the path that they otherwise kept to."""
         rows = np.array(self._rows).reshape(-1, 5)
         if len(rows):
             rows = rows[rows[:, 0] <= LATE * np.median(rows[:, 0]) + 0.001]
@@ -83,13 +83,13 @@ class PathSeen:
         if not self._machine.spindle.followed:
             yield from self._spindle(turns, rows[:, 4])
         clear, in_part = rows[:, 3] < self._clear, rows[:, 3] > self._in_part
-        # Only what follows the lobe has reached its path where the feed begins.
+        # Only a cut that follows the lobe has reached its path when the feed begins.
         for among in (clear, in_part) if self._plan.strategy.traits.inverts else (in_part,):
             if among.sum() >= LEAST_POLLS:
                 yield from self._tool(rows[among, 1], turns[among], rows[among, 3])
 
     def _tool(self, tool: Floats, turns: Floats, carriage: Floats) -> Iterator[Problem]:
-        """The path of a turn may be any, with what comes once, and with the lobe; it may grow along the cut."""
+        """Model the tool path of a turn: any once-per-turn motion, and the lobe; it may grow along the cut."""
         plan, target = self._plan, self._plan.target
         past_mm = (carriage - plan.setup.carriage_middle) / self._machine.carriage.counts_per_mm
         infeed_um = (tool - plan.setup.surface) * self._machine.tool.count_um
@@ -103,7 +103,7 @@ class PathSeen:
             value, limit = f"{lobe_um:.1f} um", f"{most_um:.1f} um"
             yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
             return
-        # A trim within the cut goes from none to at most its largest wave, and may turn about.
+        # A trim within the cut goes from none to at most its largest wave, and may reverse.
         trim_um = 2.0 * MOST_TRIM_UM if plan.trimmed else 0.0
         limit_um = max(LEAST_TOOL_UM, TIMES_USUAL * float(np.median(left_um))) + trim_um
         if left_um.max() > limit_um:
@@ -111,7 +111,7 @@ class PathSeen:
             yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
 
     def _carriage(self, turns: Floats, carriage: Floats) -> Iterator[Problem]:
-        """So many turns, so much feed; a spindle that nobody programs may be slower or faster than planned."""
+        """Model the carriage: feed in proportion to turns; an external spindle may turn slower or faster."""
         per_mm = self._machine.carriage.counts_per_mm
         off_mm = (carriage - turns * self._plan.setup.carriage_per_turn) / per_mm
         trends = [turns - turns[0]] if self._machine.spindle.followed else []
@@ -122,7 +122,7 @@ class PathSeen:
             yield Problem(code="cut.off_path", key=AxisName.CARRIAGE, value=value, limit=limit)
 
     def _spindle(self, turns: Floats, at_s: Floats) -> Iterator[Problem]:
-        """It turns evenly, as long as nobody has held the program or gone on elsewhere in it."""
+        """Model the spindle: constant speed, unless the program was held or continued elsewhere."""
         off, (_, slope) = _left(turns, harmonic_columns(turns, (), at_s - at_s[0]))
         left, turns_a_second = np.abs(off), abs(float(slope))
         limit = max(LEAST_SPINDLE_S * turns_a_second, TIMES_USUAL * float(np.median(left)))
@@ -132,7 +132,7 @@ class PathSeen:
 
 
 def _left(values: Floats, columns: Floats) -> tuple[Floats, Floats]:
-    """Return the residuals and the coefficients of a fit at which the few values that stand out do not pull."""
+    """Return residuals and coefficients of a fit that is robust against a few outliers."""
     found = fit(columns, values)
     for _ in range(SWEEPS - 1):
         found = fit(columns, values, 1.0 / np.sqrt(np.maximum(np.abs(found.residuals), 1e-3)))

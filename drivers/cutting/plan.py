@@ -1,4 +1,4 @@
-"""What is known of a cut before anything moves."""
+"""Everything known of a cut before anything moves."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from profiles.findings import Finding
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutPlan:
-    """Everything that is known before anything moves. `tool_start` is where the tool stands then, counts.
+    """A planned cut, known before anything moves. `tool_start` is where the tool is then, counts.
 
     `checked` is the whole motion of the program, move by move, with what a compensation table adds to it and with
     a spindle that is not the program's own.
 
-    `axis_definitions` are those of the card from the loading of the program on; `restore` are the lines that make
-    the card what the machine profile says, once the cut is over and everything is at rest, however it ended.
+    `axis_definitions` are those of the controller once the program is loaded; `restore` are the lines that
+    restore the machine profile's settings once the cut is over, however it ended, and everything is at rest.
     `table` is the compensation table that the program switches on. Before it is loaded, and once it has ended,
-    `drivers.cutting.table_state` has nothing to say. After a stop the tool goes out, the carriage to `zero_row_z`
-    (counts), and there the table is switched off. A cut that is `trimmed` is moved by the host while it cuts,
-    one `in_air` meets no part.
+    `drivers.cutting.table_state` finds nothing. After a stop the tool retracts, the carriage moves to
+    `zero_row_z` (counts), and the table is switched off there. A `trimmed` cut is corrected by the host while
+    it cuts; one `in_air` touches no part.
     """
 
     strategy: Strategy
@@ -49,10 +49,10 @@ class CutPlan:
 
     @property
     def spindle_start(self) -> float:
-        """Where the spindle stands at the start, counts from its index."""
+        """The spindle position at the start, counts from its index."""
         return self.setup.spindle_start
 
     @property
     def carriage_start(self) -> float:
-        """Where the carriage stands at the start, clear of the part, counts."""
+        """The carriage position at the start, clear of the part, counts."""
         return self.setup.carriage_start

@@ -1,4 +1,4 @@
-"""From a job on a machine to a planned cut: the program of a strategy, run through before it is sent."""
+"""Plan a cut from a job on a machine: a strategy's program, simulated before it is sent."""
 
 from __future__ import annotations
 
@@ -47,13 +47,14 @@ def plan_cut(
 ) -> CutPlan:
     """Plan a cut. `ts_ms` is the TS of the `paper` strategy in whole ms, None as printed.
 
-    `response` is what a strategy that inverts the servo inverts: of its own path, by default that of the machine
-    profile. `path` is what was learned of this cut, with its own command; it needs none. A cut in air goes
-    `air_mm` further out. One that is `trimmed` listens to the host while it cuts, see `cam_trim`.
+    `response` is the servo response that an inverting strategy inverts: of its own path, by default that of the
+    machine profile. `path` was learned for this cut and carries its own command, so it needs no response. A cut
+    in air runs `air_mm` further out. A `trimmed` cut accepts corrections from the host while it cuts, see
+    `cam_trim`.
 
-    The spindle begins `from_turn` whole turns away from its index: an axis that was never turned back since its
-    home has no reason to go all the way for one angle. `watchdog` is a condition that the program looks at before
-    each turn, such as that a timer of the host has not run out.
+    The spindle begins `from_turn` whole turns away from its index, so that it need not unwind all turns since
+    homing. `watchdog` is a condition that the program checks before each turn, such as that a timer of the host
+    has not expired.
 
     Raises:
         ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `program.too_long`,
@@ -98,7 +99,7 @@ def _judged(
     *,
     in_air: bool,
 ) -> CutPlan:
-    """Return the plan with everything that is found against it."""
+    """Return the plan with all its findings."""
     job, machine = planning.job, planning.machine
     loop = steady_moves(program, checked, machine)
     rpm = speed_rpm(loop, checked, machine)
@@ -129,20 +130,20 @@ def _judged(
 
 
 def first_spindle_counts(job: Job, machine: MachineProfile, strategy: Strategy) -> float:
-    """Return where the spindle begins a cut that is planned from turn 0, in counts from its index."""
+    """Return where the spindle begins a cut planned from turn 0, in counts from its index."""
     begins_at = strategy.traits.begins_at
     return 0.0 if begins_at is None else begins_at(job, machine)
 
 
 def _unleased(planning: Planning) -> Planning:
-    """Return the same without a lease: nobody renews one while a program is run through."""
+    """Return the same without the watchdog: nobody renews it in a simulated run."""
     return replace(planning, setup=replace(planning.setup, watchdog=""))
 
 
 def nominal_command(
     job: Job, machine: MachineProfile, strategy: Strategy, response: ServoResponse | None = None
 ) -> LobedPath:
-    """Return the command that the loop turns into the path that the job wants.
+    """Return the command with which the loop makes the path that the job wants.
 
     `response` is that of the path of this strategy, by default the one of the machine profile.
 
@@ -157,10 +158,10 @@ def nominal_command(
 def _command(
     job: Job, machine: MachineProfile, strategy: Strategy, path: CutPath | None, response: ServoResponse | None
 ) -> LobedPath:
-    """Return what the tool is told: what was learned with the path, or the inverse of the wanted one.
+    """Return the tool command: learned with the path, or the inverse of the target path.
 
     Raises:
-        ProblemError: `program.too_fast` with the speed that would pass, `program.no_overtones`,
+        ProblemError: `program.too_fast` with the speed that would be allowed, `program.no_overtones`,
             `program.no_growth`; those of `nominal_command`.
     """
     if not strategy.traits.inverts:
@@ -172,7 +173,7 @@ def _command(
 
 
 def _refuse_followed(machine: MachineProfile, strategy: Strategy) -> None:
-    """Refuse a strategy that turns the spindle itself, where the card cannot.
+    """Refuse a strategy that turns the spindle itself where the controller cannot.
 
     Raises:
         DriverError: `program.not_turned`.
@@ -183,7 +184,7 @@ def _refuse_followed(machine: MachineProfile, strategy: Strategy) -> None:
 
 
 def _read(text: str, dialect: Dialect) -> ProgramText:
-    """Take a program apart as the controller would.
+    """Parse a program as the controller would.
 
     Raises:
         DriverError: `program.refused`.
@@ -195,7 +196,7 @@ def _read(text: str, dialect: Dialect) -> ProgramText:
 
 
 def _checked(made: Made, program: ProgramText, planning: Planning) -> CheckedProgram:
-    """Run a program through, with what is added to its motion and what turns beside it.
+    """Simulate a program, with its compensation table and external spindle.
 
     Raises:
         DriverError: `program.refused`.
@@ -215,7 +216,7 @@ def _checked(made: Made, program: ProgramText, planning: Planning) -> CheckedPro
     period_ms = machine.controller.servo_period_ms
     rate = planning.job.spindle_speed_rpm * machine.spindle.counts_per_rev / 60_000.0
     if made.clock is not None:
-        # The spindle is ahead of the time that the card has by the cycle that it takes to see it.
+        # The spindle leads the time that the controller knows by the cycle that it takes to read it.
         checked = with_spindle(checked, machine.spindle.motor, rate, rate * period_ms, made.clock.stretch)
     elif machine.spindle.motor not in checked.motors:
         checked = with_spindle(checked, machine.spindle.motor, rate)
@@ -245,7 +246,7 @@ def _refuse_unsegmented(command: LobedPath, job: Job, machine: MachineProfile, s
 
 
 def _fits_at(job: Job, machine: MachineProfile, speed_rpm: float) -> bool:
-    """Whether segments are short enough at another speed, by the profile: an identified band may end before."""
+    """Whether segments would be short enough at another speed, by the profile's response."""
     frequency_hz = job.jaws * speed_rpm / 60.0
     response = complex(sampled_response(machine, frequency_hz))
     if abs(response) * AMPLIFICATION_LIMIT < 1.0:
@@ -254,10 +255,10 @@ def _fits_at(job: Job, machine: MachineProfile, speed_rpm: float) -> bool:
 
 
 def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: Strategy) -> None:
-    """Refuse a path that corrects another cut than this one.
+    """Refuse a path that corrects a cut other than this one.
 
     Raises:
-        DriverError: `path.*`, everything by which it is too far off.
+        DriverError: `path.*`, every deviation that is too large.
     """
     turns_hz = job.spindle_speed_rpm / 60.0
     problems = path_problems(
@@ -271,7 +272,7 @@ def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: S
 
 
 def _refuse_untrimmed(machine: MachineProfile, strategy: Strategy) -> None:
-    """Refuse to learn within a cut that does not listen: without a table, or on a spindle that others turn.
+    """Refuse to trim a cut that cannot be: without a table, or on an external spindle.
 
     Raises:
         DriverError: `program.no_trim`.

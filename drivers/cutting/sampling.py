@@ -1,7 +1,7 @@
-"""What the tool really does while it cuts, in batches: gathered at servo rate, fetched between two looks.
+"""Measure the real tool motion during a cut, in batches: gathered at servo rate, fetched between two polls.
 
-Tool and spindle of a batch are of the same servo cycles, so that an angle belongs to each place of the tool; looks
-at the machine are not that exact. A batch is fetched in pieces so short that the lease is never kept waiting.
+Tool and spindle of a batch are sampled in the same servo cycles, so that each tool position has its exact
+angle; polls are less exact. A batch is fetched in pieces short enough not to delay the watchdog renewal.
 Nothing here moves anything.
 """
 
@@ -31,31 +31,31 @@ Floats = NDArray[np.float64]
 _Result = TypeVar("_Result")
 
 PIECE_LONG_WORDS = 24
-"""Fetched between two looks at most: 80 ms of a serial line with 38 400 baud, and a lease has 300."""
+"""Fetched between two polls at most: 80 ms of a serial line at 38 400 baud; the watchdog timeout is 300 ms."""
 
 LOOK_OF_PIECE_S = 0.06
-"""How long a look may take for whole pieces; they are shorter on a line that takes longer for its looks."""
+"""How long a poll may take for whole pieces; pieces are shorter on a slower line."""
 
 LEAST_PIECE_LONG_WORDS = 4
 
 ANSWER_S = 0.17
-"""How long an answer is waited for while a lease is kept, as for a look."""
+"""Reply timeout under a watchdog, as for a poll."""
 
 MOST_LOST = 3
-"""Batches in a row that may be lost on the line."""
+"""Consecutive batches that may be lost on the line."""
 
 MARGIN_S = 0.05
 """How much longer than its samples a batch is waited for."""
 
 LEAST_SAMPLES_A_WAVE = 12
-"""Of the lobe, in a batch; the overtones have their share of them."""
+"""Minimum samples per lobe in a batch; the overtones get correspondingly fewer."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Batch:
     """A stretch of a cut: spindle angles in deg, infeed of the tip from the surface in um; shape (M,).
 
-    `past_middle_mm` is about where the carriage was, from the middle of the cut towards the jaws.
+    `past_middle_mm` is the approximate carriage position, from the middle of the cut towards the jaws.
     """
 
     angle_deg: Floats
@@ -64,12 +64,12 @@ class Batch:
 
 
 class BatchGather:
-    """Gathers one batch of a cut after another; `take` is given each when it was fetched, between two looks."""
+    """Gathers the batches of a cut in turn; `take` receives each after it is fetched, between two polls."""
 
     def __init__(
         self, client: Controller, machine: MachineProfile, clock: Clock, round_trip: Callable[[], float]
     ) -> None:
-        """`round_trip` is how long the last look took, s."""
+        """`round_trip` returns how long the last poll took, s."""
         self._client, self._machine, self._clock, self._round_trip = client, machine, clock, round_trip
         self._gathering = DataGathering(client=client, dialect=DIALECTS[machine.controller.family])
         self._quick = replace(self._gathering, timeout_s=ANSWER_S)
@@ -81,10 +81,10 @@ class BatchGather:
         self._take: Callable[[Batch], None] = lambda _: None
 
     def prepare(self, cut: CutPlan, lobes: int, seconds: float, take: Callable[[Batch], None]) -> None:
-        """Set the card up, at rest and behind the load of the program: a table that is defined deletes buffers.
+        """Set up the controller, at rest and after the program is loaded: defining a table deletes buffers.
 
         Raises:
-            DriverError: `gather.failed`, the card does not gather what it must; the link broke.
+            DriverError: `gather.failed`, the controller does not gather what it should; the link broke.
         """
         cycle_s = self._machine.controller.servo_period_ms / 1000.0
         wave_s = 60.0 / (lobes * cut.spindle_speed_rpm)
@@ -97,9 +97,9 @@ class BatchGather:
         )
 
     def see(self, snapshot: Snapshot) -> None:
-        """Take in a look at the machine: begin, end or fetch, one request at most that takes any time.
+        """Process a poll of the machine: begin, end or fetch, with at most one request of any length.
 
-        A batch that is lost on the line is given up for the next one.
+        A batch lost on the line is abandoned for the next one.
 
         Raises:
             DriverError: `gather.failed`; the link broke.
@@ -115,7 +115,7 @@ class BatchGather:
             self._state = _Idle()
 
     def finish(self) -> None:
-        """Fetch the rest of a batch that is under way, once the machine rests and nothing waits.
+        """Fetch the rest of a batch in progress, once the machine rests and nothing waits.
 
         Raises:
             DriverError: `gather.failed`; the link broke.
@@ -136,12 +136,12 @@ class BatchGather:
             if not self._in_path(snapshot):
                 return state
             if self._lost:
-                self._quick.stop()  # whether the one that was lost goes on is not known
+                self._quick.stop()  # whether the lost one continues is unknown
             self._quick.start(plan)
             until_s = self._clock.now_s() + plan.duration_ms / 1000.0 + MARGIN_S
             return _Running(until_s=until_s, from_counts=snapshot.carriage.position)
         if not self._in_path(snapshot):
-            self._quick.stop()  # the end of the cut is in this batch: nothing of it is used
+            self._quick.stop()  # the end of the cut is in this batch: none of it is used
             return _Idle()
         if self._clock.now_s() < state.until_s:
             return state
@@ -151,7 +151,7 @@ class BatchGather:
     def _fetched(self, plan: GatherPlan, state: _Fetching) -> _Idle | _Fetching:
         if state.complete:
             return self._taken(plan, state)
-        # On a slow line the look itself takes of the lease, so the share of a piece goes with its square.
+        # On a slow line the poll itself uses up the watchdog timeout, so a piece shrinks with the square.
         share = min(1.0, LOOK_OF_PIECE_S / max(self._round_trip(), LOOK_OF_PIECE_S)) ** 2
         piece = max(LEAST_PIECE_LONG_WORDS, math.floor(share * PIECE_LONG_WORDS))
         count = min(piece, plan.long_words - state.words)
@@ -162,7 +162,7 @@ class BatchGather:
         return replace(state, lines=(*state.lines, *part), words=words, complete=complete)
 
     def _taken(self, plan: GatherPlan, state: _Fetching) -> _Idle:
-        """Give the batch on, once the card has said that nobody has set up something else meanwhile."""
+        """Deliver the batch once the controller confirms that nobody has changed the gathering meanwhile."""
         if not self._quick.set_up_as(plan):
             raise GatherError("somebody else sets up gathering")
         self._lost = 0
@@ -181,7 +181,7 @@ class BatchGather:
         )
 
     def _in_path(self, snapshot: Snapshot) -> bool:
-        """Whether the tool is on its path: in its depth, and the carriage feeds towards the end of the cut."""
+        """Whether the tool is on its path: at depth, with the carriage feeding towards the end of the cut."""
         cut = self._cut
         assert cut is not None  # `see` is nothing before `prepare`
         setup = cut.setup
@@ -190,7 +190,7 @@ class BatchGather:
         return snapshot.program_running and fed and snapshot.tool.position > setup.surface
 
     def _tried(self, work: Callable[[], _Result]) -> _Result:
-        """Do something with the gathering; a card that refuses it has failed to gather."""
+        """Perform a gathering step; a refusal by the controller counts as a failure to gather."""
         try:
             return work()
         except (GatherError, ControllerError) as error:

@@ -1,7 +1,7 @@
-"""Whether anything of compensation tables is added to the tool, and how they are switched off without a step.
+"""Check what compensation tables add to the tool, and switch them off without a step.
 
-I51 = 0 leaves in the register what was added last, and that stays added. So tables are switched off only where
-they add nothing, and the register is looked at before.
+I51 = 0 leaves the last correction in the register, and it stays added. So tables are switched off only where
+they add nothing, after a check of the register.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PARTS = 32
 
 
 def table_problems(client: Controller, machine: MachineProfile, dialect: Dialect) -> tuple[Problem, ...]:
-    """Return what keeps a cut from being loaded: tables that are on, or a correction that was left behind.
+    """Return what prevents a cut from being loaded: tables that are on, or a correction that was left.
 
     Raises:
         DriverError: the link broke, or the controller refused to answer.
@@ -37,7 +37,7 @@ def table_problems(client: Controller, machine: MachineProfile, dialect: Dialect
 
 
 def correction_counts(client: Controller, machine: MachineProfile, dialect: Dialect) -> float:
-    """Return what a table adds to the tool now, counts: its position is told with that in it.
+    """Return what a table adds to the tool now, counts: its reported position includes that.
 
     Raises:
         DriverError: the link broke, or the controller refused to answer.
@@ -48,7 +48,7 @@ def correction_counts(client: Controller, machine: MachineProfile, dialect: Dial
 
 
 def switch_off(client: Controller, machine: MachineProfile, dialect: Dialect) -> tuple[Problem, ...]:
-    """Switch tables off if the register reads 0, everything at rest; return what is then left to be done.
+    """Switch tables off if the register reads 0, everything at rest; return what is left to fix.
 
     Raises:
         DriverError: the link broke, or the controller refused to answer.

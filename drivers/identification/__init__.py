@@ -1,1 +1,1 @@
-"""Identification: a small sine through the controller, the tool's answer gathered, gain and phase of each path."""
+"""Identification: command a small sine, gather the tool's answer, return gain and phase of each path."""

@@ -1,9 +1,9 @@
-"""The path of `cam`: a compensation table, with the carriage in the place of the spindle, which stands.
+"""The path of `cam`: a compensation table driven by the carriage, in place of the spindle at standstill.
 
-The table has one wave over a short way of the carriage and repeats, so the speed of the carriage is the frequency.
-What is gathered is where the carriage is; the reference is what the table says for that place at that instant. So
-everything that lies between is in the response: the cycle by which the source is old, and whether the card feeds a
-correction forward.
+The table has one sine period over a short travel of the carriage and repeats, so the carriage speed sets the
+frequency. The carriage position is gathered; the reference is the table's value for that position at that
+instant. So the response includes everything in between: the one-cycle delay of the source, and whether the
+controller feeds a correction forward.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from drivers.pmac.programs.setup import END_FLAG
 from profiles.machine import MachineProfile
 
 COLUMNS = 40
-"""Straight lines in a wave: within 0.3 % of the amplitude."""
+"""Linear segments per period: within 0.3 % of the amplitude."""
 
 WAVE_COUNTS = 400
-"""The way of a wave where speeds leave the choice: a count of the carriage is a hundredth of the swing then."""
+"""Travel per period where speeds leave the choice: a count of the carriage is then a hundredth of the swing."""
 
 SHARE_OF_SPEED = 0.5
-"""Of Ix16 of the carriage, for the highest frequency."""
+"""Fraction of Ix16 of the carriage, for the highest frequency."""
 
 RAMP_MS, STEP_MS, HOME_IN_MS = 200, 50, 400
 
@@ -62,10 +62,10 @@ CLOSE
 
 
 def wave_counts(machine: MachineProfile, most_hz: float) -> int:
-    """Return the way of the carriage for one wave of the table.
+    """Return the carriage travel per period of the table.
 
-    Long enough that a jog back is no higher frequency than the highest that is asked for, and short enough that
-    half the speed of the carriage is enough.
+    Long enough that a jog back does not exceed the highest requested frequency, and short enough that half the
+    speed of the carriage suffices.
     """
     motor, variables = machine.carriage.motor, machine.controller.variables
     shortest = variables[f"I{motor}22"] * 1000.0 / most_hz
@@ -79,13 +79,13 @@ def return_hz(machine: MachineProfile, most_hz: float) -> float:
 
 
 def way_counts(machine: MachineProfile, most_hz: float, frequency_hz: float, periods: int) -> float:
-    """Return how far the carriage goes at most."""
+    """Return the maximum travel of the carriage."""
     seconds = periods / frequency_hz + SETTLE_S + SLACK_S + 2.0 * (RAMP_MS + STEP_MS) / 1000.0
     return wave_counts(machine, most_hz) * (frequency_hz * seconds + 1.0)
 
 
 class CamPath:
-    """The tool swings about where it stands, by the table, while the carriage goes along it from its zero."""
+    """The tool swings about its position, by the table, while the carriage moves along it from its zero."""
 
     def __init__(self, machine: MachineProfile, amplitude_um: float, most_hz: float) -> None:
         """Raises ProfileError: `identify.axis`."""
@@ -121,14 +121,14 @@ class CamPath:
         return Sweep(text=text, steady_s=RAMP_MS / 1000.0 + SETTLE_S, longest_s=longest_s)
 
     def reference_counts(self, data: GatheredData) -> Floats:
-        """Return what the table says for where the carriage was."""
-        assert self.table is not None  # it is what this path is made of
+        """Return the table's value for each carriage position."""
+        assert self.table is not None  # this path consists of it
         places = data.values[self.channels[0]]
         return np.array([self.table.correction(float(place)) for place in places])
 
     @property
     def late_cycles(self) -> int:
-        """By how many servo cycles the card sees the carriage late; by so many only where the spindle is, too."""
+        """Delay of the carriage as a source, in servo cycles; the spindle's may differ."""
         return int(self.table is not None and source_is_late(self.table, 0))
 
     def _filled(self, amplitude_um: float) -> CompensationTable:

@@ -1,4 +1,4 @@
-"""What every way of exciting the tool gives: a program for one frequency, what is gathered, and the reference."""
+"""The interface of every way to excite the tool: a program per frequency, gathered channels, the reference."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.programs.setup import END_FLAG
 
 PROGRAM = 998
-"""The program that swings the tool; nobody's program may be there, and none is left."""
+"""Number of the program that swings the tool; it must be free before, and is deleted afterwards."""
 
 RAMP_MS = 400
-"""Time in which the swing grows, and in which it fades."""
+"""Time over which the swing grows, and over which it fades."""
 
 SETTLE_S = 0.2
-"""Steady time before anything is gathered: ten time constants of the published loop."""
+"""Steady time before gathering starts: ten time constants of the published loop."""
 
 SLACK_S = 1.2
-"""How much longer than its sine a program goes on, for a host that is slow to begin and to end."""
+"""How much longer than its sine a program runs, for a host that is slow to begin and to end."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """One program. It is steady from `steady_s` after its start on, and ends by itself within `longest_s`."""
+    """One program. It is steady from `steady_s` after its start, and ends by itself within `longest_s`."""
 
     text: str
     steady_s: float
@@ -39,25 +39,25 @@ class Sweep:
 
 
 class Excitation(Protocol):
-    """A way to excite the tool by a sine."""
+    """A way to excite the tool with a sine."""
 
     channels: tuple[str, str]
-    """What is gathered: where the reference comes from, and where the tool is."""
+    """The gathered channels: the source of the reference, and the tool position."""
 
     table: CompensationTable | None
-    """The table that has to be on meanwhile."""
+    """The table that must be on meanwhile."""
 
     @property
     def late_cycles(self) -> int:
-        """By how many servo cycles the card sees the reference late; they are part of what is measured."""
+        """Delay of the reference in servo cycles; it is part of the measured response."""
 
     def sweep(self, frequency_hz: float, periods: int) -> Sweep:
         """Return the program for one frequency."""
 
     def reference_counts(self, data: GatheredData) -> Floats:
-        """Return where the tool is told to be, in its counts, at the instants of what was gathered."""
+        """Return the commanded tool positions, in counts, at the gathered instants."""
 
 
 def go_on(dialect: Dialect) -> str:
-    """Return what a program looks at in each segment between its ramps: nobody has ended it, its lease lives."""
+    """Return what a program checks in each segment between its ramps: not ended, and the watchdog alive."""
     return f"{END_FLAG}=0 AND {watchdog_condition(dialect)}"

@@ -1,4 +1,4 @@
-"""Whether an identified response holds here: for this machine, its gains and servo period, and this path."""
+"""Check that an identified response applies here: to this machine, its gains and servo period, and this path."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 SAME_PERIOD = 1e-4
-"""Share by which two servo periods may differ: a profile need not spell all digits of I10."""
+"""Relative tolerance between two servo periods: a profile need not give all digits of I10."""
 
 _WORLD = {True: "simulated", False: "real"}
 
@@ -25,10 +25,10 @@ def unfit_problems(
     simulated: bool | None = None,
     where: str = "",
 ) -> tuple[Problem, ...]:
-    """Return everything by which a response is another one's, as far as a profile knows: `response.of_another`.
+    """Return every way in which a response belongs to another machine or path: `response.of_another`.
 
-    `simulated` says where the cut will be, None where that is not said. A profile does not know the version of a
-    card; a gain that it does not name is not compared. `where` is the file.
+    `simulated` says where the cut will be, None if unknown. A profile does not know the version of a
+    controller; a gain that it does not name is not compared. `where` is the file.
     """
     differing = [
         *_told(identified, machine, path),
@@ -43,7 +43,7 @@ def unfit_problems(
 def _told(
     identified: IdentifiedResponse, machine: MachineProfile, path: Strategy
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield what differs: its name, as it was identified, as it is here."""
+    """Yield each difference: its name, its value as identified, its value here."""
     origin, controller = identified.origin, machine.controller
     yield from _pair("strategy", identified.path.value, path.value)
     yield from _pair("machine", origin.machine, machine.name)

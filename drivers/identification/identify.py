@@ -1,8 +1,9 @@
-"""Identification, from the drives on to the result: refusals first, then one sine after the other.
+"""Run an identification, from enabling the drives to the result: refusals first, then one sine after the other.
 
-The paths differ in the way of the reference from the spindle to the loop, and the spindle has to stand. So `pvt`
-is measured as it is; `cam` with the carriage in the place of the spindle; and `timebase` is the path of `pvt` and
-the servo cycle by which its time is old, which nothing at rest can show. What is used of the card is put back.
+The paths differ in how the reference gets from the spindle to the loop, and the spindle must be at standstill.
+So `pvt` is measured directly; `cam` with the carriage in place of the spindle; and `timebase` is the path of
+`pvt` plus the one-cycle delay of its time base, which cannot be measured at standstill. The controller is
+restored.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ GAINS = range(30, 36)
 SERVO_TIME = 10
 
 MOST_STEP_COUNTS = 10.0
-"""What switching the table may throw the tool by: the carriage rests within counts of the zero of the table."""
+"""The step that switching the table may cause: the carriage rests within counts of the table's zero."""
 
 Tell = Callable[[IdentifiedPoint], None]
-"""Told each point of the result as soon as there is one."""
+"""Called with each point of the result as soon as it is measured."""
 
 
 def refuse_before(rig: Rig, request: IdentificationRequest) -> None:
-    """Make sure that everything is in order but for the drives.
+    """Make sure that everything but the drives is ready.
 
     Raises:
         RefusedError: every reason why not; nothing has moved.
@@ -55,9 +56,9 @@ def refuse_before(rig: Rig, request: IdentificationRequest) -> None:
 
 
 def take_up(rig: Rig) -> None:
-    """Switch the drives on and search the zeros that there are none of; the axes move.
+    """Enable the drives and home the axes that are not homed; the axes move.
 
-    Whatever goes wrong, the machine is at rest, with its drives off, before the error leaves here.
+    On any error the machine is brought to rest, drives disabled, before the error is raised.
 
     Raises:
         RefusedError: `identify.drives_on`, nothing was sent.
@@ -78,11 +79,10 @@ def take_up(rig: Rig) -> None:
 def identify(
     rig: Rig, request: IdentificationRequest, origin: Origin, date: str, tell: Tell = lambda _: None
 ) -> IdentifiedResponse:
-    """Measure the response of one path, with the drives on, homed, and everything at rest.
+    """Measure the response of one path, with the drives enabled, homed, and everything at rest.
 
-    Whatever goes wrong, and whoever ends it, the machine is stopped and at rest, with its drives off, before the
-    error leaves here; and what was used of the card is put back. A machine that another console has taken is left
-    as it is.
+    On any error or stop the machine is brought to rest, drives disabled, and the controller restored before the
+    error is raised. A machine of which another console has taken control is left as it is.
 
     Raises:
         RefusedError: nothing has moved.
@@ -120,7 +120,7 @@ def identify(
 
 
 def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> Origin:
-    """Read what the response will hold for.
+    """Read what the response will be valid for.
 
     Raises:
         DriverError: the link broke.
@@ -145,10 +145,10 @@ def _excitation(rig: Rig, request: IdentificationRequest) -> Excitation:
 
 
 def _place(rig: Rig, excitation: Excitation) -> None:
-    """Bring the tool to its zero, out of everything; with a table the carriage, too, and switch it on there.
+    """Bring the tool to its zero, clear of everything; with a table the carriage too, and switch it on there.
 
     Raises:
-        DriverError: `identify.table_steps`, the tool would be thrown; those of the jogs.
+        DriverError: `identify.table_steps`, the tool would jump; those of the jogs.
     """
     rig.lathe.jog_to(AxisName.TOOL, 0.0, settle=False)
     if excitation.table is None:
@@ -162,7 +162,7 @@ def _place(rig: Rig, excitation: Excitation) -> None:
 
 
 def _switch_off_table(rig: Rig, excitation: Excitation) -> None:
-    """Bring the carriage back to the zero of the table, where switching it off leaves next to nothing."""
+    """Return the carriage to the zero of the table, where switching it off causes next to no step."""
     if excitation.table is None:
         return
     rig.lathe.jog_to(AxisName.CARRIAGE, 0.0)
@@ -170,7 +170,7 @@ def _switch_off_table(rig: Rig, excitation: Excitation) -> None:
 
 
 def _refuse_step(rig: Rig, excitation: Excitation) -> None:
-    assert excitation.table is not None  # by the callers
+    assert excitation.table is not None  # ensured by the callers
     step = step_counts(excitation.table, [rig.lathe.snapshot().carriage.position])
     if step > MOST_STEP_COUNTS:
         value, limit = f"{step:.1f} counts", f"<= {MOST_STEP_COUNTS:g} counts"
@@ -178,7 +178,7 @@ def _refuse_step(rig: Rig, excitation: Excitation) -> None:
 
 
 def _end(rig: Rig, before: Before, error: BaseException, *, table: bool) -> None:
-    """Leave the machine at rest, and put back what was used, as far as that is ours and throws no tool.
+    """Leave the machine at rest, and restore what was used, as far as it is ours and causes no step.
 
     Raises:
         DriverError: the error, with what could not be proven.
@@ -189,12 +189,12 @@ def _end(rig: Rig, before: Before, error: BaseException, *, table: bool) -> None
         off = True
     finally:
         if not rig.lathe.anothers:
-            with suppress(DriverError):  # what went wrong matters more
+            with suppress(DriverError):  # the first error matters more
                 before.put_back(rig, table=table and off)
 
 
 def _leave_at_rest(rig: Rig, error: BaseException) -> None:
-    """Stop, wait for rest and switch the drives off; what is another's is left, once nothing of ours moves.
+    """Stop, wait for rest and disable the drives; another console's machine is left once nothing of ours moves.
 
     Raises:
         DriverError: the error, with what could not be proven.
@@ -215,12 +215,12 @@ def _leave_at_rest(rig: Rig, error: BaseException) -> None:
 
 
 def _late_cycles(rig: Rig, request: IdentificationRequest, excitation: Excitation) -> int:
-    """Return by how many servo cycles the reference of the path comes later than what is measured here."""
+    """Return by how many servo cycles the path's reference is later than the one measured here."""
     return request.path.traits.late_cycles(rig.machine) - excitation.late_cycles
 
 
 def _later(point: IdentifiedPoint, delay_s: float) -> IdentifiedPoint:
-    """Return the response of a path whose reference comes later by a constant time."""
+    """Return the response of a path whose reference is delayed by a constant time."""
     if not delay_s:
         return point
     measured = cmath.rect(1.0, math.radians(point.phase_deg))

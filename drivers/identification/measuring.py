@@ -1,4 +1,4 @@
-"""One sine on the machine: the program runs on its lease, the card gathers in the middle of it, a fit follows."""
+"""Measure one sine on the machine: run the program under the watchdog, gather in the middle, fit."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from profiles.axis.identification import frequency_response, reference_swing
 from profiles.problem import Problem
 
 SPARE_SAMPLES = 2
-"""Beyond the whole periods."""
+"""Samples beyond the whole periods."""
 
 GATHER_MARGIN_S = 0.05
 """How much longer than its samples the gathering is waited for."""
 
 END_S = 5.0
-"""How long the tool may take, beyond its program, to be in position."""
+"""How long after its program the tool may take to be in position."""
 
 STEADY_SHARE = 0.02
-"""By how much the amplitude of the reference may swing: otherwise the record is not of the steady sine."""
+"""Relative variation of the reference amplitude above which the record is not of a steady sine."""
 
 
 @dataclass(kw_only=True)
 class Watch:
-    """What is sent while the program runs: GATHER once it is steady, and its end when the samples are there."""
+    """Sends commands while the program runs: GATHER once it is steady, its end when all samples are there."""
 
     rig: Rig
     plan: GatherPlan
@@ -44,15 +44,15 @@ class Watch:
     ended: bool = False
 
     def see(self, snapshot: Snapshot) -> None:
-        """Take in a look at the machine.
+        """Process a poll of the machine.
 
         Raises:
-            DriverError: `identify.no_motion`, the tool does not answer; the card does not gather; the link broke.
+            DriverError: `identify.no_motion`, no response of the tool; nothing is gathered; the link broke.
         """
         self.standstill.see(snapshot)
         if math.isinf(self.enough_at_s):
             if snapshot.at_s >= self.steady_at_s and snapshot.program_running:
-                # The buffer was reserved at rest: it is empty, and stays where it is.
+                # The buffer was reserved at rest: it is empty and keeps its place.
                 self.rig.client.request("GATHER")
                 now_s = self.rig.clock.now_s()
                 self.enough_at_s = now_s + self.plan.duration_ms / 1000.0 + GATHER_MARGIN_S
@@ -68,9 +68,9 @@ def measure(
     """Swing the tool at one frequency, and return its response.
 
     Raises:
-        DriverError: `identify.gather`, the card does not gather; `identify.ended_early`; `identify.not_steady`;
+        DriverError: `identify.gather`, nothing is gathered; `identify.ended_early`; `identify.not_steady`;
             what ended the motion, as for `Lathe.follow`.
-        ProfileError: `identification.*`, what was gathered says nothing.
+        ProfileError: `identification.*`, the gathered data cannot be evaluated.
     """
     sweep = excitation.sweep(frequency_hz, request.periods)
     rig.lathe.program.load(read_program(sweep.text))
@@ -91,7 +91,7 @@ def _prepared(rig: Rig, gathering: DataGathering, excitation: Excitation, second
 
 
 def _run(rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill) -> None:
-    out_counts = rig.lathe.snapshot().tool.position  # the tool is out of everything where it swings
+    out_counts = rig.lathe.snapshot().tool.position  # the tool is clear of everything where it swings
     began_s = rig.clock.now_s()
     watch = Watch(rig=rig, plan=plan, standstill=standstill, steady_at_s=began_s + sweep.steady_s)
     rig.lathe.program.start(PROGRAM, out_counts)

@@ -1,7 +1,7 @@
 """The path of `pvt`: a program commands the sine in segments, as it commands the lobe in a cut.
 
-The reference is the commanded position of the tool as the card holds it, so what the segments lose between their
-points is no part of the response.
+The reference is the controller's commanded tool position, so interpolation losses of the segments are not part
+of the response.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ CLOSE
 
 
 class PvtPath:
-    """The tool swings about `centre_counts` by a program of its own."""
+    """The tool swings about `centre_counts`, commanded by its own program."""
 
     table: CompensationTable | None = None
     late_cycles = 0

@@ -1,4 +1,4 @@
-"""What is to be identified, and what forbids it before anything is sent: amplitude, times, drive, clearance."""
+"""The identification request, and what forbids it before anything is sent: amplitude, times, drive, clearance."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from profiles.problem import Problem
 
 MOST_AMPLITUDE_UM = 50.0
 LEAST_AMPLITUDE_COUNTS = 25.0
-"""Below, the steps of the encoder are too much of it, and a tool that stands is not told from one that swings."""
+"""Below this the encoder's resolution is too coarse, and a stuck tool cannot be told from a swinging one."""
 
 FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
-"""Those of Table 5 (10, 30, 50 and 70 Hz) and around."""
+"""The frequencies of Table 5 (10, 30, 50 and 70 Hz) and around them."""
 
 AMPLITUDE_UM = 25.0
-"""That of Table 5: 50 um peak to peak."""
+"""The amplitude of Table 5: 50 um peak to peak."""
 
 PERIODS = 20
 
 LEAST_HZ = 1.0
 CYCLES_A_PERIOD = 10.0
-"""Servo cycles that a period has at least."""
+"""Minimum servo cycles per period."""
 
 LEAST_PERIODS, MOST_PERIODS = 4, 200
 MOST_FREQUENCIES = 40
 MOST_SINE_S = 10.0
-"""How long one sine may be gathered: the time is limited, as the amplitude is, and so is the memory of a card."""
+"""Maximum gathering time per sine: limited like the amplitude, and by the controller's memory."""
 
 CLEAR_MM = 5.0
-"""How far out of everything that it could meet the tool must stand."""
+"""Minimum clearance of the tool from everything."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentificationRequest:
-    """One path, the frequencies in the order in which they are measured, the amplitude and the length of each."""
+    """One path, the frequencies in the order of measurement, the amplitude and the duration of each."""
 
     path: Strategy
     frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ
@@ -49,14 +49,14 @@ class IdentificationRequest:
 
 
 def most_hz(machine: MachineProfile) -> float:
-    """Return the highest frequency that is commanded."""
+    """Return the highest commanded frequency."""
     return 1000.0 / machine.controller.servo_period_ms / CYCLES_A_PERIOD
 
 
 def clearance_mm(machine: MachineProfile, amplitude_um: float) -> float:
-    """Return how far the tool at its zero, swinging, is from the largest radius known: the outside of the jaws.
+    """Return the clearance of the swinging tool at its zero from the outside of the jaws.
 
-    The centre of mass of a jaw is taken for its middle, and its inner end for the spindle axis.
+    The jaw is assumed to have its centre of mass in its middle and its inner end on the spindle axis.
     """
     return machine.tool.home_radius_mm - 2.0 * machine.chuck.jaw_radius_mm - amplitude_um / 1000.0
 
@@ -111,7 +111,7 @@ def _lengths(request: IdentificationRequest) -> Iterator[Problem]:
 
 
 def _drive(machine: MachineProfile, amplitude_um: float, frequency_hz: float) -> Iterator[Problem]:
-    """Compare a sine with what the axis is set to and able to do: Ix16, Ix17, thrust, the limit of the error."""
+    """Compare a sine with the settings and limits of the axis: Ix16, Ix17, thrust, following-error limit."""
     tool, variables = machine.tool, machine.controller.variables
     need = drive_need(machine, amplitude_um, frequency_hz)
     error_um = following_error_um(machine, amplitude_um, frequency_hz)
@@ -134,7 +134,7 @@ def _drive(machine: MachineProfile, amplitude_um: float, frequency_hz: float) ->
 
 
 def _once(problems: Iterator[Problem]) -> list[Problem]:
-    """Return the first of each kind: where one frequency is too much, the next higher one is, too."""
+    """Return the first of each kind: where one frequency is too much, so is the next higher one."""
     return list({problem.key: problem for problem in reversed(list(problems))}.values())
 
 
@@ -147,7 +147,7 @@ def _clearance(machine: MachineProfile, amplitude_um: float) -> Iterator[Problem
 
 
 def _carriage(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
-    """Look whether the way of the table's path fits into the travel."""
+    """Check that the travel of the table's path fits the axis."""
     if not request.path.traits.by_table:
         return
     highest = max(request.frequencies_hz)

@@ -1,4 +1,4 @@
-"""What was identified: one path of one machine, with the firmware and the gains that it holds for."""
+"""The result of an identification: one path of one machine, with the firmware and gains that it is valid for."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from profiles.own_values import positive, read_own
 SCHEMA = 1
 
 MEASURED, COMPOSED = "measured", "composed"
-"""A path that was driven as in a cut, or one that is another path and the delay of its source."""
+"""A path driven as in a cut, or another path combined with the delay of its source."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentifiedPoint:
-    """The response at one frequency: gain and phase with the half-widths of their confidence at 95 %.
+    """The response at one frequency: gain and phase with the half-widths of their 95 % confidence intervals.
 
-    `amplitude_um` is what was commanded, as it was gathered.
+    `amplitude_um` is the commanded amplitude, as gathered.
     """
 
     frequency_hz: float
@@ -35,7 +35,7 @@ class IdentifiedPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Origin:
-    """What a response holds for: the machine by its name, the firmware, gains and servo period of the card.
+    """What a response is valid for: the machine's name, the controller's firmware, gains and servo period.
 
     `gains` are Ix30 to Ix35 of the tool by their names, as they were read.
     """
@@ -50,9 +50,9 @@ class Origin:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentifiedResponse:
-    """The response of a path, from where the spindle is to where the tool is.
+    """The response of a path, from spindle position to tool position.
 
-    `how` is `measured` or `composed`; `delay_cycles` are servo cycles that were added to what was measured.
+    `how` is `measured` or `composed`; `delay_cycles` are servo cycles that were added to the measurement.
     `date` is in UTC, as in 2001-11-30T14:05:00Z.
     """
 
@@ -65,12 +65,12 @@ class IdentifiedResponse:
 
 
 def as_table(identified: IdentifiedResponse) -> dict[str, Any]:
-    """Return it as plain values for a file."""
+    """Return the result as plain values for a file."""
     return {"schema": SCHEMA, **asdict(identified)}
 
 
 def from_table(table: Any, where: str = "") -> IdentifiedResponse:
-    """Read what `as_table` has made.
+    """Read the output of `as_table`.
 
     Raises:
         ProfileError: `schema.unsupported`; `identify.file`, anything else.
@@ -79,7 +79,7 @@ def from_table(table: Any, where: str = "") -> IdentifiedResponse:
 
 
 def _judge(identified: IdentifiedResponse) -> None:
-    """Refuse what nothing measures; gain, frequency and order of points are judged with the curve through them."""
+    """Refuse impossible values; gain, frequency and order of points are judged with the curve through them."""
     if identified.how not in (MEASURED, COMPOSED):
         raise ValueError(f"how {identified.how!r}")
     positive(identified.origin.servo_period_ms)
@@ -88,7 +88,7 @@ def _judge(identified: IdentifiedResponse) -> None:
 
 
 def as_response(identified: IdentifiedResponse, name: str) -> ServoResponse:
-    """Return the points as a curve that can be inverted; `name` says which identification it is.
+    """Return the points as a curve that can be inverted; `name` identifies the measurement.
 
     Raises:
         ProfileError: `response.bad_points`.

@@ -1,4 +1,4 @@
-"""A card with its lathe, for identification: what is looked at first, and what is put back at the end."""
+"""A controller with its lathe, for identification: preconditions, and what is restored at the end."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 HOMED = (AxisName.TOOL, AxisName.CARRIAGE)
-"""What has to know its zero; the spindle stands, wherever that is."""
+"""Axes that must be homed; the spindle only stands still, at any angle."""
 
 CHANNELS = 2
-"""What is gathered at once."""
+"""Channels gathered simultaneously."""
 
 LOOK_S = 0.2
-"""Between two looks at a spindle that must stand."""
+"""Interval between two polls of a spindle that must stand still."""
 
 STANDS_COUNTS = 2.0
-"""What a standing spindle may go meanwhile: the tremble of its encoder."""
+"""Tolerance for a spindle at standstill meanwhile: encoder dither."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rig:
-    """One lathe, with a heartbeat, the client of its card and its clock."""
+    """One lathe, with a heartbeat, the client of its controller and its clock."""
 
     client: PmacClient
     lathe: Lathe
@@ -48,17 +48,17 @@ class Rig:
 
     @property
     def dialect(self) -> Dialect:
-        """The family of the card."""
+        """The family of the controller."""
         return self.client.dialect
 
     @property
     def where(self) -> str:
-        """The address of the card."""
+        """The address of the controller."""
         return self.client.link.address
 
 
 def card_problems(rig: Rig) -> tuple[Problem, ...]:
-    """Return what forbids to identify with this card, whether its drives are on or not; nothing moves.
+    """Return why this controller cannot be used, whether its drives are enabled or not; nothing moves.
 
     Raises:
         DriverError: the link broke, or another console controls the machine.
@@ -67,7 +67,7 @@ def card_problems(rig: Rig) -> tuple[Problem, ...]:
 
 
 def standing_problems(rig: Rig) -> tuple[Problem, ...]:
-    """Return what forbids the first motion: drives off, no zero, something that moves, a fault.
+    """Return why the first motion is refused: drives disabled, not homed, something moving, a fault.
 
     Raises:
         DriverError: the link broke.
@@ -85,7 +85,7 @@ def standing_problems(rig: Rig) -> tuple[Problem, ...]:
 
 
 def _in_use(rig: Rig) -> Iterator[Problem]:
-    """Look for what somebody else has there: a program of that number, a table of the tool, a running gather."""
+    """Find what somebody else uses: a program of that number, a table of the tool, a running gather."""
     if ask_or_none(rig.client, f"LIST PROG{PROGRAM}"):
         yield Problem(code="identify.in_use", where=rig.where, key=f"PROG {PROGRAM}")
     motor = rig.machine.tool.motor
@@ -107,13 +107,13 @@ def _spindle_turns(rig: Rig) -> Iterator[Problem]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Before:
-    """What identification uses of a card and puts back: the settings of gathering."""
+    """What identification uses and restores: the gather settings of the controller."""
 
     settings: Mapping[int, float]
 
     @classmethod
     def read(cls, rig: Rig) -> Before:
-        """Read it.
+        """Read the present settings.
 
         Raises:
             DriverError: the link broke.
@@ -123,9 +123,9 @@ class Before:
         return cls(settings=read_settings(rig.client, (gather.period, *gather.masks, *sources)))
 
     def put_back(self, rig: Rig, *, table: bool) -> None:
-        """Take the program, the gather buffer and the table away; what the card refuses of that stays.
+        """Delete the program, the gather buffer and the table; what the controller refuses is left.
 
-        With a `table` the correction is made 0: at its zero, or with the drives killed.
+        With a `table` the correction is set to 0: at its zero, or with the drives killed.
 
         Raises:
             LinkError: the link broke.

@@ -1,8 +1,8 @@
-"""A tool that does not answer: its encoder has failed, or it is jammed, and nothing else would notice.
+"""Detect a tool that does not respond: its encoder has failed, or it is jammed. Nothing else would detect it.
 
-A swing is smaller than the limit of the following error. So a reading that stands never trips it, while the loop
-pushes the tool away with what it takes for its error. Two numbers of each look tell: the reading stands, and what
-the loop is told does not.
+The swing is smaller than the following-error limit. So a frozen reading never trips it, while the loop drives
+the tool away by the apparent error. Two values of each poll show it: the reading is frozen, and the command is
+not.
 """
 
 from __future__ import annotations
@@ -24,24 +24,21 @@ PROVING_POLLS, MOST_LOOKS = 4, 6
 STANDS_COUNTS = 2.0
 MOVES_COUNTS_A_CYCLE = 0.5
 TOLD_SHARE, TOLD_COUNTS = 0.25, 12.0
-"""Of the amplitude, and at least: so much the command must change before a reading is called standing."""
+"""Fraction of the amplitude, and minimum, by which the command must change before a reading counts as frozen."""
 
 CONFIRMING_PERIODS = (0.25, 0.125)
-"""Two looks half a period apart may see a swing at the same place, or a command: these come a part of one later.
-
-And they come at once: a tool that is pushed away goes on.
-"""
+"""Two polls half a period apart may see a swing, or a command, at the same position: these follow a fraction of
+a period later. And they follow at once: a tool that is driven away keeps moving."""
 
 LONGEST_WAIT_S = 0.02
-"""Well within the lease."""
+"""Well within the watchdog timeout."""
 
 
 def pushed_mm(machine: MachineProfile, amplitude_um: float, round_trip_s: float) -> float:
-    """Return how far the tool may have gone when a reading that stands has been seen, over such a link.
+    """Return how far the tool may have moved, mm, by the time a frozen reading is detected over such a link.
 
-    What is told swings about the place where the reading stands, at most by the amplitude: that is the error that
-    pushes in the mean. Two looks of the watch, two that confirm, and the way of the stop take their time; then the
-    tool runs out.
+    The command swings about the frozen reading, by the amplitude at most: that is the mean error that drives
+    the tool. Two polls of the watch, two to confirm, and the stop take their time; then the tool coasts.
     """
     tool = machine.tool
     force_n = gains_from_variables(machine).kp_v_per_m * tool.loop_gain_n_per_v * amplitude_um * 1e-6
@@ -54,7 +51,7 @@ def pushed_mm(machine: MachineProfile, amplitude_um: float, round_trip_s: float)
 
 
 def link_problems(rig: Rig, amplitude_um: float) -> tuple[Problem, ...]:
-    """Return what forbids a swing over the link as it answered last: seen too late, the tool meets something."""
+    """Return why a swing over the link at its last speed is refused: detected too late, the tool would collide."""
     value_mm = pushed_mm(rig.machine, amplitude_um, rig.lathe.round_trip_s)
     limit_mm = clearance_mm(rig.machine, amplitude_um)
     if value_mm < limit_mm:
@@ -64,7 +61,7 @@ def link_problems(rig: Rig, amplitude_um: float) -> tuple[Problem, ...]:
 
 
 class Standstill:
-    """Looks at the tool while it swings, and opens the loops when it does not."""
+    """Monitors the tool while it swings, and opens the loops when it does not respond."""
 
     def __init__(self, rig: Rig, frequency_hz: float, amplitude_um: float) -> None:
         self._rig = rig
@@ -73,7 +70,7 @@ class Standstill:
         self._poller: deque[tuple[float, float]] = deque(maxlen=MOST_LOOKS)
 
     def see(self, snapshot: Snapshot) -> None:
-        """Take in a look.
+        """Process a poll.
 
         Raises:
             DriverError: `identify.no_motion`, every loop is open then; or the link broke.
@@ -92,9 +89,10 @@ class Standstill:
             raise DriverError(Problem(code="identify.no_motion", key="tool", where=self._rig.where, value=value))
 
     def _confirmed(self) -> float:
-        """Look at the tool alone, and return its velocity in that servo cycle, counts.
+        """Poll the tool alone, and return its velocity in that servo cycle, counts.
 
-        A card answers once in a background cycle; where that is half a period, every look sees the same place.
+        A controller answers once per background cycle; where that is half a period, every poll sees the same
+        position.
 
         Raises:
             DriverError: the link broke.
@@ -109,7 +107,7 @@ class Standstill:
         return signed / (self._rig.machine.controller.variables[f"I{motor}09"] * COUNT_PARTS)
 
     def _stands(self) -> bool:
-        """Whether the reading stood in the last looks, however many of them are taken, and the command did not."""
+        """Whether the reading was frozen over the last polls, however many, while the command changed."""
         for count in range(PROVING_POLLS, len(self._poller) + 1):
             readings, told = zip(*list(self._poller)[-count:], strict=True)
             if max(readings) - min(readings) > STANDS_COUNTS:

@@ -1,4 +1,4 @@
-"""How a motor is spoken of in a program: the letter of its axis, and its counts in units of that axis."""
+"""The words of a motor in a program: the letter of its axis, and its counts in units of that axis."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from profiles.problem import Problem, ProfileError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisWord:
-    """One motor that is an axis of its own: `scale` counts a unit, zero at `offset` counts."""
+    """One motor with an axis of its own: `scale` counts per unit, zero at `offset` counts."""
 
     letter: str
     scale: float
@@ -22,7 +22,7 @@ class AxisWord:
         return (counts - self.offset) / self.scale
 
     def length(self, counts: float) -> float:
-        """Return a way, or a speed, in units of the axis."""
+        """Return a distance, or a speed, in units of the axis."""
         return counts / self.scale
 
 

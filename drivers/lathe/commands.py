@@ -1,4 +1,4 @@
-"""Sending what moves, energises or writes: once, by the owner of the machine, and never past a stop."""
+"""Send commands that move, energise or write: once, only from the owner of the machine, never past a stop."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from drivers.lathe.stop import StopPath
 from profiles.problem import Problem
 
 IN_PART = "link.line_in_part"
-"""Code of a line that was not received as it was sent, and of which something was carried out."""
+"""Code: a line did not arrive as it was sent, and part of it was executed."""
 
 UNBROUGHT = frozenset(("link.line_differs", "link.line_unproven"))
-"""Codes of a line that the controller has not received as it was sent, and that was not carried out."""
+"""Codes: a line did not arrive as it was sent, and none of it was executed."""
 
 
 class Sending:
-    """The way of every order to the controller. `has_moved` says whether anything that moves was ever sent."""
+    """The single path of commands to the controller. `has_moved`: whether a command that moves was ever sent."""
 
     def __init__(
         self,
@@ -30,7 +30,7 @@ class Sending:
         ownership: Ownership | None,
         forgo: Callable[[], None] = lambda: None,
     ) -> None:
-        """`forgo` is told that a line was not carried out: no lease of it is kept."""
+        """`forgo` is called when a line was not executed, so that no watchdog stays armed for it."""
         self.has_moved, self._forgo = False, forgo
         self._client, self._stop, self._poller, self._ownership = client, stop, looks, ownership
 
@@ -44,10 +44,10 @@ class Sending:
             self._ownership.refuse_unless_owner()
 
     def refuse_unsafe(self) -> None:
-        """Look at the safety devices that the controller sees, where it sees any.
+        """Check the safety devices that the controller sees, if it sees any.
 
         Raises:
-            RefusedError: `safety.not_good`, with each that is not as it must be.
+            RefusedError: `safety.not_good`, with each device in the wrong state.
             DriverError: the link broke.
         """
         if not self._poller.sees_devices:
@@ -57,9 +57,9 @@ class Sending:
             raise RefusedError(*problems)
 
     def move(self, line: str, guarded: Callable[[str], str] | None = None) -> None:
-        """Send a line that moves something, to axes that are under control: it must not close an open loop.
+        """Send a motion command; the loops must be closed already, because the command must not close one.
 
-        `guarded` puts a lease in front of it, once nothing stands in its way.
+        `guarded` prefixes the watchdog, once nothing prevents the command.
 
         Raises:
             RefusedError: `machine.not_enabled`, nothing was sent; and those of `once`.
@@ -69,22 +69,22 @@ class Sending:
         self.once(line, guarded)
 
     def once(self, line: str, guarded: Callable[[str], str] | None = None) -> None:
-        """Send a line that moves or energises. A stop that overtook it on the way is sent again behind it.
+        """Send a line that moves or energises. A stop that overtook it is sent again after it.
 
-        Once as soon as the line has left, should its reply not come, and once when the card has carried it out.
-        What comes before the line has left keeps it here: the way back in step, and whatever `guarded` asks the
-        card, take their time.
+        The stop is repeated as soon as the line has been sent, in case its reply does not come, and again when
+        the controller has executed it. A stop before that keeps the line from being sent: resynchronising the
+        link and the queries of `guarded` take time.
 
         Raises:
-            StoppedError: before or behind it.
+            StoppedError: before or after it.
             RefusedError: `machine.hands_in`, and those of `refuse_unless_owner` and `refuse_unsafe`; nothing was
-                sent. `link.line_differs`, `link.line_unproven`: nothing was carried out.
+                sent. `link.line_differs`, `link.line_unproven`: nothing was executed.
             LinkError: the link broke; `link.line_in_part`.
         """
         self._refuse_now()
         self.refuse_unsafe()
         if guarded is not None:
-            line = guarded(line)  # it tells whose the machine is now, too
+            line = guarded(line)  # this also reads who owns the machine
         self.has_moved = True
         try:
             self._client.send(line, check=self._refuse_now, moves=True)
@@ -115,7 +115,7 @@ class Sending:
             raise RefusedError(Problem(code="machine.moving", where=self._client.link.address))
 
     def _refuse_stirred(self, line: str, refused: RefusedError) -> None:
-        """Stop if anything moves behind a line that was not carried out: a character of it acted by itself.
+        """Stop if anything moves after a line that was not executed: one of its characters acted by itself.
 
         Raises:
             LinkError: `link.line_in_part`; or the link broke.

@@ -1,19 +1,19 @@
-"""Who a console is to the machine, for everybody who shows or asks it."""
+"""The role of a console: observer, owner, ousted, or changing."""
 
 from __future__ import annotations
 
 from enum import StrEnum, auto
 
 NOBODY = 0
-"""The number of a console where there is none."""
+"""The console number that means no console."""
 
 
 class Standing(StrEnum):
-    """What this console is to the machine."""
+    """The role of this console towards the machine."""
 
     OBSERVER = auto()
     OWNER = auto()
     OUSTED = auto()
-    """It was the owner, and somebody else has written another number: whatever was armed or moves is not ours."""
+    """It was the owner until another console wrote its number: what is armed or moving is no longer ours."""
     CHANGING = auto()
-    """A claim, a take-over or a release is on its way: only its answer tells whose the machine is."""
+    """A claim, take-control or release is in progress; only its reply shows who owns the machine."""

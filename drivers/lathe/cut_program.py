@@ -1,4 +1,4 @@
-"""The program of a cut on the machine: loaded, compared, started, held, followed to its end, and put back."""
+"""The program of a cut on the machine: load, verify, start, end early, follow to its end, and restore."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from profiles.problem import Problem
 
 
 class CutProgram:
-    """One machine's program. `held` is whether the one that was loaded last was asked to end by itself.
+    """The program of one machine. `held`: whether the last loaded program was asked to end early.
 
     `definitions` are the axis definitions of the controller, which a loaded program may have changed.
     """
 
     def __init__(self, wiring: Wiring, forget_jogs: Callable[[], None]) -> None:
-        """`forget_jogs`: something else than a jog is about to move the axes, or to give them another zero."""
+        """`forget_jogs` is called when anything other than a jog is about to move the axes or re-zero them."""
         self.held = False
         self.definitions = wiring.machine.controller.axis_definitions
         self._to_restore: tuple[str, ...] = ()
@@ -42,15 +42,15 @@ class CutProgram:
 
     @property
     def watchdog(self) -> str:
-        """The condition without which a cutting program ends by itself, empty when nobody keeps a lease."""
+        """The condition without which a cutting program ends by itself; empty without a watchdog."""
         return "" if self._heartbeat is None else self._heartbeat.condition
 
     def load(
         self, program: ProgramText, axis_definitions: tuple[str, ...] = (), restore: tuple[str, ...] = ()
     ) -> None:
-        """Send a program, read it back with the constants and tables in front of it, and compare.
+        """Send a program, read it back with the constants and tables before it, and compare.
 
-        A program that defines axes says which are there from now on, until `put_back` sends the lines `restore`.
+        A program that defines axes replaces the definitions until `put_back` sends the lines `restore`.
 
         Raises:
             ControllerError: a line was refused.
@@ -64,7 +64,7 @@ class CutProgram:
         self.held = False
 
     def put_back(self) -> None:
-        """Set the controller as its profile says where loading has changed that, once all rests; else do nothing.
+        """Restore the controller to its profile where loading has changed it, at rest; otherwise do nothing.
 
         Raises:
             DriverError: `machine.moving`, nothing was sent; a line was refused, or the link broke.
@@ -76,16 +76,16 @@ class CutProgram:
         self._to_restore, self.definitions = (), self._machine.controller.axis_definitions
 
     def tables_left(self) -> tuple[Problem, ...]:
-        """Return what compensation tables still add to the tool, or would: nothing before a cut, nor behind it.
+        """Return what compensation tables still add to the tool, or would; expected empty before and after a cut.
 
         Raises:
             DriverError: the link broke, or the controller refused to answer.
         """
-        self._sending.refuse_unless_owner()  # a pointer of the console is written for it
+        self._sending.refuse_unless_owner()  # needs to write a pointer of the console
         return self._loading.tables_left()
 
     def switch_tables_off(self) -> tuple[Problem, ...]:
-        """Switch compensation tables off where they add nothing to the tool, at rest; return what is then left.
+        """Switch off compensation tables that add nothing to the tool, at rest; return what is left to fix.
 
         Raises:
             DriverError: `machine.moving`, nothing was sent; the link broke.
@@ -98,17 +98,17 @@ class CutProgram:
     def holds(self, program: ProgramText, *, ended: bool = False, tables: bool = True) -> None:
         """Make sure that the controller still holds a program as it was loaded; nothing is written.
 
-        Its lines, the constants in front of it, and, unless without `tables`, every entry of its table. Of one
-        that has `ended`, what it changes itself is left out.
+        Compares its lines, the constants before it and, with `tables`, every entry of its table. For a program
+        that has `ended`, values that it changes itself are skipped.
 
         Raises:
             DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`;
-                the link broke; a program is not there.
+                the link broke; a program is missing.
         """
         self._loading.verify(program, ended=ended, tables=tables)
 
     def end(self) -> ProgramEnd:
-        """Ask how the program that ran last has ended.
+        """Query how the last program ended.
 
         Raises:
             DriverError: the link broke, or the controller refused to answer.
@@ -116,10 +116,10 @@ class CutProgram:
         return self._loading.end()
 
     def start(self, number: int, retracted_counts: float) -> None:
-        """Run a loaded program. This moves the machine; the tool is out of the part at `retracted_counts`."""
+        """Run a loaded program. This moves the machine; at `retracted_counts` the tool is clear of the part."""
 
         def guarded(line: str) -> str:
-            # The system is addressed first: behind a value the & would be an operator of it.
+            # Address the system first: after a value, & would be an operator of the expression.
             guarded = line if self._heartbeat is None else self._heartbeat.cut(line, retracted_counts)
             return f"&1 {guarded}"
 
@@ -127,13 +127,13 @@ class CutProgram:
         self._moves.send(f"B{number}R", guarded)
 
     def end_after_turn(self) -> None:
-        """Ask the program to end at the end of the present turn and to retract; `follow` then sees its end.
+        """Ask the program to end after the present turn and to retract; `follow` then sees its end.
 
-        Between two looks, also from the `watch` of `follow`. It moves nothing by itself, so that it may be sent
-        after a stop, and twice.
+        Call it between two polls, also from the `watch` of `follow`. It moves nothing by itself, so it may be
+        sent after a stop, and retried.
 
         Raises:
-            LinkError: the link broke or is out of step; whether the program was told is unknown.
+            LinkError: the link broke or is out of step; whether the program received it is unknown.
         """
         self._sending.refuse_unless_owner()
         self.held = True
@@ -144,29 +144,29 @@ class CutProgram:
             self._client.request(line, POLL_TIMEOUT_S)
 
     def trim(self, trim_um: complex) -> None:
-        """Ask a cut that listens for the wave Re(c exp(j lobe angle)) beside its table, c in um; see `cam_trim`.
+        """Set the trim of a running cut, the wave Re(c exp(j lobe angle)), c in um; see `cam_trim`.
 
         Raises:
             StoppedError: somebody stopped the machine; nothing was sent.
-            DriverError: the link broke, and whether the cut was told is unknown.
+            DriverError: the link broke, and whether the cut received it is unknown.
         """
         self._stop.check()
         self._sending.refuse_unless_owner()
         line = trim_line(trim_um, self._machine.tool.count_um)
         try:
             self._client.request(line, POLL_TIMEOUT_S)
-        except LinkTimeoutError:  # twice the same wave is the same wave
+        except LinkTimeoutError:  # setting the same trim twice is harmless
             self._client.request(line, POLL_TIMEOUT_S)
 
     def batches(self) -> BatchGather:
-        """Return the gathering of tool and spindle during a cut, see `drivers.cutting.sampling`; nothing moves."""
+        """Return the gatherer of tool and spindle during a cut, see `drivers.cutting.sampling`; nothing moves."""
         return BatchGather(self._client, self._machine, self._clock, lambda: self._poller.round_trip_s)
 
     def follow(self, watch: Callable[[Snapshot], None], timeout_s: float, guard: Guard = unguarded) -> Snapshot:
-        """Look at the machine until the program has ended and the axes have arrived.
+        """Poll the machine until the program has ended and the axes have arrived.
 
-        After `REST_S` it is enough that the tool is commanded to rest and lags by less than its warning limit.
-        Meanwhile `guard` judges each look, and the constants of the program are read in turn.
+        After `REST_S` it suffices that the tool is commanded to rest and lags by less than its warning limit.
+        Meanwhile `guard` judges each poll, and the constants of the program are read in turn.
 
         Raises:
             DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, `controller.constant_differs`,

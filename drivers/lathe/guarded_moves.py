@@ -1,4 +1,4 @@
-"""Lines that move the machine, each with the lease that the controller ends it by; a failed line leaves none."""
+"""Motion commands, each with the watchdog by which the controller ends it; a failed command leaves none armed."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from drivers.lathe.polling import Poller
 
 
 class GuardedMoves:
-    """What moves one machine. Without a `heartbeat` nothing keeps a lease: for tests alone."""
+    """Motion commands of one machine. Without a `heartbeat` there is no watchdog: for tests only."""
 
     def __init__(self, sending: Sending, looks: Poller, heartbeat: Heartbeat | None) -> None:
         self._sending, self._poller, self._heartbeat = sending, looks, heartbeat
 
     def jog(self, line: str) -> None:
-        """Send a line that jogs.
+        """Send a jog.
 
         Raises:
             DriverError: as `send`.
@@ -26,10 +26,10 @@ class GuardedMoves:
         self.send(line, None if self._heartbeat is None else self._heartbeat.jog)
 
     def send(self, line: str, guarded: Callable[[str], str] | None) -> None:
-        """Send a line that moves; `guarded` puts the lease in front of it.
+        """Send a motion command; `guarded` prefixes the watchdog.
 
         Raises:
-            DriverError: as `Sending.move`; no lease is left.
+            DriverError: as `Sending.move`; no watchdog is left armed.
         """
         try:
             self._sending.move(line, guarded)
@@ -38,16 +38,16 @@ class GuardedMoves:
                 self._heartbeat.forgo()
             raise
         except ControllerError:
-            self.end()  # what stands in front of the order on its line was carried out
+            self.end()  # what stands before the command on its line was executed
             with suppress(DriverError):
-                self._poller.look()  # perhaps a loop has opened meanwhile: control-A would close it
+                self._poller.look()  # a loop may have opened meanwhile: control-A would close it
             raise
 
     def end(self) -> None:
-        """Nothing is to be guarded after a stop: the controller must not take the tool out by itself then.
+        """Disarm the watchdog after a stop: the controller must not retract the tool by itself then.
 
-        A link that does not take it is no reason not to look for rest; the controller then does what it was told
-        to do without a host.
+        A link error here must not prevent the wait for rest; the controller then follows its policy for a lost
+        host.
         """
         if self._heartbeat is not None:
             with suppress(DriverError):

@@ -1,6 +1,6 @@
-"""What each poll of a machine in motion is judged by: whether it still does what it was told to do, and only that.
+"""Judge each poll of a machine in motion: whether it does what was commanded, and only that.
 
-Pure: a snapshot goes in, problems come out. Whoever waits for the motion stops the machine for them.
+Pure: a snapshot goes in, problems come out. The code that waits for the motion stops the machine.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ Guard = Callable[[Snapshot], tuple[Problem, ...]]
 """Returns what is wrong with a motion in progress; one guard belongs to one motion."""
 
 STALLED_S = 1.0
-"""A program that runs and moves nothing for so long is held by somebody: the longest DWELL of a cut is half of it,
-and a program that waits for its spindle sees that turn."""
+"""A running program that moves nothing for this long is being held: the longest DWELL of a cut is half of it,
+and a program that waits for its spindle sees the spindle turn."""
 
 STIRRED_COUNTS = 2.0
-"""An axis that moves by less stands."""
+"""An axis that moves by less is at a standstill."""
 
 OVERRIDE_BAND_PERCENT = 0.5
 
 OTHERS_COUNTS = 50.0
-"""An axis that nobody moves may be seen so far off: position and following error are not read at one instant."""
+"""Tolerance for an axis that is not being moved: position and following error are not sampled simultaneously."""
 
 
 def unguarded(_: Snapshot) -> tuple[Problem, ...]:
-    """Find nothing: for a motion of which nothing more is known than that it ends."""
+    """Find nothing: for a motion of which only its end is checked."""
     return ()
 
 
 def reset_problem(before: frozenset[AxisName], snapshot: Snapshot) -> Problem | None:
-    """Return that positions were lost: `before` are the axes that had found their zero and nobody homes now.
+    """Report lost positions: `before` are the axes that were homed and are not being homed now.
 
     A controller that was reset (`$$$`) has lost all of them, and its loops are open.
     """
@@ -47,13 +47,13 @@ def reset_problem(before: frozenset[AxisName], snapshot: Snapshot) -> Problem | 
 
 
 def open_loop_problem(snapshot: Snapshot) -> Problem | None:
-    """Return that a loop has opened under a motion: that axis is held by nothing."""
+    """Report a loop that has opened during a motion: nothing holds that axis."""
     axes = snapshot.open_loops
     return Problem(code="machine.loop_open", key=", ".join(axes)) if axes else None
 
 
 class OthersStill:
-    """Every axis but those that move stays where it was commanded to be when the motion began."""
+    """Check that every axis that is not moving stays where it was commanded when the motion began."""
 
     def __init__(self, moving: Set[AxisName], begun: Snapshot, lengths: Lengths) -> None:
         self._lengths = lengths
@@ -71,7 +71,7 @@ class OthersStill:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisRange:
-    """Where an axis may be commanded to be, counts."""
+    """The range in which an axis may be commanded, counts."""
 
     axis: AxisName
     low: float
@@ -80,10 +80,9 @@ class AxisRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JogGuard:
-    """A jog of one axis between two commanded positions, counts; `beyond_counts` is as far as it may overshoot.
+    """Guard a jog of one axis between two commanded positions, counts; it may overshoot by `beyond_counts`.
 
-    A jog that comes from a line that arrived otherwise than it was sent goes the wrong way, or beyond its target,
-    or moves another axis.
+    A jog from a corrupted line goes the wrong way, or beyond its target, or moves another axis.
     """
 
     axis: AxisName
@@ -94,7 +93,7 @@ class JogGuard:
     lengths: Lengths
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
-        """Judge where the axis is commanded to be."""
+        """Judge the commanded position of the axis."""
         at = snapshot.axis(self.axis).commanded
         low, high = sorted((self.begin, self.end))
         held = snapshot.axis(self.axis).closed
@@ -105,10 +104,10 @@ class JogGuard:
 
 
 class ProgramGuard:
-    """A program in progress: its axes stay where it was planned to take them, in real time, and it advances."""
+    """Guard a running program: its axes stay in their planned ranges, in real time, and it advances."""
 
     def __init__(self, lengths: Lengths, ranges: Iterable[AxisRange] = (), *, real_time: bool = True) -> None:
-        """`real_time` is False for a program whose time is led by another source than the feed override."""
+        """`real_time` is False for a program whose time base is not the feed override."""
         self._lengths, self._ranges, self._real_time = lengths, tuple(ranges), real_time
         self._last: Snapshot | None = None
 
@@ -144,7 +143,7 @@ class ProgramGuard:
 
 
 def _outside(planned: AxisRange, snapshot: Snapshot, code: str, lengths: Lengths) -> Problem | None:
-    """Return that an axis is commanded elsewhere; one whose loop is open is commanded by nobody."""
+    """Report an axis commanded outside its range; an axis in open loop has no command."""
     axis, at = planned.axis, snapshot.axis(planned.axis).commanded
     if not snapshot.axis(axis).closed or planned.low <= at <= planned.high:
         return None

@@ -1,7 +1,8 @@
-"""The heartbeat as a host keeps it: its PLC is on the card and alive, its lease is renewed while something moves.
+"""The host side of the heartbeat: its PLC runs on the controller; the watchdog is renewed while something moves.
 
-When the host falls silent the card ends what moves by itself, as the policy says. A host that was held up for as
-long as a lease asks the card first: a lease that has run out is not renewed, because what it guarded was ended.
+When the host falls silent, the controller ends the motion by itself, according to the policy. A host that was
+delayed for as long as the watchdog timeout asks the controller first: a watchdog that has expired is not
+renewed, because the motion it guarded was ended.
 """
 
 from __future__ import annotations
@@ -25,36 +26,36 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 NOT_OURS = frozenset({"heartbeat.plc_missing", "heartbeat.plc_differs", "heartbeat.definition_differs"})
-"""What loading the heartbeat cures."""
+"""Problems that reloading the heartbeat PLC fixes."""
 
 SHORTEST_WAIT_S = 0.001
 
 RATE = "heartbeat.lease_rate"
 LAPSED = "heartbeat.lapsed"
-"""The code of the problem that the card has ended a motion, because this host was silent."""
+"""Code: the controller has ended a motion because this host was silent."""
 
 RENEWAL_TIMEOUT_S = 0.17
-"""How long the answer to a renewal is waited for: behind it there has to be time for another one."""
+"""Timeout for the reply to a renewal: it must leave time for another one."""
 
 PULSE_TIMEOUT_S = 0.3
 PULSE_POLL_S = 0.01
-"""How long the PLC may take to count on, and how often it is looked at, before anything moves."""
+"""How long the PLC may take to show that it counts, and the polling interval, before anything moves."""
 
 END_MARGIN_S = 1.0
-"""What the card may take beyond the times that it waits for."""
+"""Allowance for the controller beyond the times that it waits for."""
 
 RATE_READINGS = 3
-"""How often the rate of the lease is looked at, before a card that is busy counts as one set otherwise."""
+"""How often the watchdog rate is read before a busy controller counts as one with other settings."""
 
 
 def cut_condition(machine: MachineProfile) -> str:
-    """Return the condition without which a cutting program ends by itself; "" where it is to go on to its end."""
+    """Return the condition without which a cutting program ends by itself; "" if the policy lets it finish."""
     finishes = Policy(machine.heartbeat.policy) is Policy.FINISH
     return "" if finishes else watchdog_condition(DIALECTS[machine.controller.family])
 
 
 class Heartbeat:
-    """The lease of one controller. It guards nothing before `prepare` has found everything in order."""
+    """The watchdog of one controller. It guards nothing before `prepare` has found everything in order."""
 
     def __init__(
         self,
@@ -64,7 +65,7 @@ class Heartbeat:
         policy: Policy | None = None,
         owner_seen: Callable[[float], None] = lambda _: None,
     ) -> None:
-        """Without a `policy` that of the machine profile is kept. `owner_seen` is told whose the machine is."""
+        """Without a `policy`, that of the machine profile applies. `owner_seen` receives the owner read."""
         self._owner_seen = owner_seen
         self._client = client
         self._clock = clock
@@ -78,9 +79,9 @@ class Heartbeat:
         self._echo = EchoWatch()
 
     def prepare(self) -> None:
-        """Make sure that the card would end a motion without a host; load its PLC where it is not there.
+        """Make sure that the controller would end a motion without a host; load its PLC where it is missing.
 
-        Only with the drives off: nothing of it moves anything, but a PLC that is being exchanged guards nothing.
+        Only with the drives disabled: it moves nothing, but a PLC that is being replaced guards nothing.
 
         Raises:
             RefusedError: everything that is not in order, `heartbeat.*`.
@@ -97,7 +98,7 @@ class Heartbeat:
         self._keeper = Keeper(dialect=self._dialect, i10=look.i10)
 
     def problems(self) -> tuple[Problem, ...]:
-        """Return what is not in order now with a heartbeat that was prepared; before that nothing is asked of it.
+        """Return what is wrong with a prepared heartbeat; before `prepare` nothing is queried.
 
         Raises:
             LinkError: the link broke or is out of step.
@@ -105,17 +106,17 @@ class Heartbeat:
         return () if self._keeper is None else self._looked()[1]
 
     def jog(self, line: str) -> str:
-        """Return a line that moves a motor, with its lease in front, to be sent at once."""
+        """Return a jog command with its watchdog before it, to be sent at once."""
         keeper = self._begin()
         return f"{keeper.jog_line()} {line}"
 
     def cut(self, line: str, retracted_counts: float) -> str:
-        """Return a line that starts a cut of the addressed system, with its lease and the way out in front."""
+        """Return the start of a cut in the addressed system, with its watchdog and retract position before it."""
         keeper = self._begin()
         return f"{keeper.cut_line(retracted_counts, self._machine.heartbeat.grace_ms)} {line}"
 
     def renewal(self) -> str:
-        """Return the lease, to be put in front of a line that is sent at once; "" when nothing is guarded.
+        """Return the watchdog renewal to prefix to a line sent at once; "" when nothing is guarded.
 
         Raises:
             DriverError: `heartbeat.lapsed`, as for `pause`.
@@ -129,18 +130,18 @@ class Heartbeat:
 
     @property
     def condition(self) -> str:
-        """The condition without which a cutting program ends by itself; none where it is to go on to its end."""
+        """The condition without which a cutting program ends by itself; none if the policy lets it finish."""
         return "" if self.policy is Policy.FINISH else watchdog_condition(self._dialect)
 
     @property
     def ends_within_s(self) -> float:
-        """How long the card may take to end a motion by itself; a cut that it lets go on has no such time."""
+        """How long the controller may take to end a motion by itself; not for a cut that it lets finish."""
         if self.policy is Policy.FINISH:
             return math.inf
         return (self._machine.heartbeat.grace_ms + RUN_DOWN_MS + OUT_LIMIT_MS) / 1000.0 + END_MARGIN_S
 
     def is_ending(self) -> bool:
-        """Ask the card whether it is about to end something.
+        """Query whether the controller is ending something.
 
         Raises:
             LinkError: the link broke or is out of step.
@@ -148,10 +149,10 @@ class Heartbeat:
         return bool(self._client.numbers(f"P{ENDING}", timeout_s=PULSE_TIMEOUT_S, again=True)[0])
 
     def pause(self, seconds: float, timeout_s: float = RENEWAL_TIMEOUT_S) -> None:
-        """Let time pass, and renew the lease when it is due; an answer is waited for so long.
+        """Let time pass and renew the watchdog when it is due; waiting for an answer is part of that time.
 
         Raises:
-            DriverError: `heartbeat.lapsed`, this host was silent for so long that the card has ended the motion;
+            DriverError: `heartbeat.lapsed`, this host was silent so long that the controller ended the motion;
                 nothing was renewed.
             LinkError: the link broke or is out of step.
         """
@@ -164,30 +165,30 @@ class Heartbeat:
             self._clock.wait(max(min(end_s, due_s) - now_s, SHORTEST_WAIT_S))
 
     def lapse(self) -> DriverError:
-        """Guard nothing any more, and return what has to be told: the card has ended what was guarded."""
+        """Stop guarding, and return the problem to report: the controller has ended what was guarded."""
         self._guarding = False
         return DriverError(Problem(code=LAPSED, where=self._client.link.address))
 
     def forgo(self) -> None:
-        """Guard nothing: the line that was to be guarded was not sent, and the card was told nothing."""
+        """Stop guarding: the guarded line was not sent, and the controller received nothing."""
         self._guarding = False
 
     @property
     def guarding(self) -> bool:
-        """Whether something moves on a lease of this host."""
+        """Whether something moves under this host's watchdog."""
         return self._guarding
 
     @property
     def silent(self) -> Problem | None:
-        """What is wrong with a PLC that does not guard what moves any more: `heartbeat.plc_silent`, or None."""
+        """Return `heartbeat.plc_silent` if the PLC no longer guards what moves, else None."""
         return self._echo.problem if self._guarding else None
 
     def ended(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
-        """What was guarded has come to its end; the lease may run out.
+        """End the guarding of a finished motion; the watchdog may expire.
 
         Raises:
-            DriverError: `heartbeat.lapsed`, the card has ended it before.
-            LinkError: the link broke or is out of step; the card may not know it.
+            DriverError: `heartbeat.lapsed`, the controller ended it before.
+            LinkError: the link broke or is out of step; the controller may not know it.
         """
         if not self._guarding:
             return
@@ -198,7 +199,7 @@ class Heartbeat:
             raise DriverError(Problem(code=LAPSED, where=self._client.link.address))
 
     def loss_seen(self) -> None:
-        """Take back the word that something was ended: an operator has seen it.
+        """Clear the record of an ended motion: an operator has acknowledged it.
 
         Raises:
             LinkError: the link broke or is out of step.
@@ -206,7 +207,7 @@ class Heartbeat:
         self._client.request(LOSS_SEEN)
 
     def _looked(self) -> tuple[HeartbeatLook, tuple[Problem, ...]]:
-        """Read the heartbeat, again where only the rate is off: a host that was held up sees a wrong one, too."""
+        """Read the heartbeat, and again where only the rate is off: a delayed host also reads a wrong rate."""
         for _ in range(RATE_READINGS):
             look = read_heartbeat(self._client, self._clock, self._machine, self._dialect)
             problems = heartbeat_problems(look, self._machine, self._dialect, self.policy)
@@ -223,7 +224,7 @@ class Heartbeat:
         return self._keeper
 
     def _refuse_silent(self) -> None:
-        """Make sure that the PLC runs now: somebody may have switched it off since it was prepared.
+        """Make sure that the PLC runs now: it may have been disabled since it was prepared.
 
         Raises:
             RefusedError: `heartbeat.plcs_forbidden`, `heartbeat.plc_silent`.
@@ -240,9 +241,9 @@ class Heartbeat:
             self._clock.wait(PULSE_POLL_S)
 
     def _watchdog_left(self) -> bool:
-        """Ask the card whether it still waits for this host, with time enough for a renewal to come.
+        """Query whether the watchdog is still armed, with enough time left for a renewal.
 
-        Under another owner it is another's lease, whatever there is of it.
+        Under another owner the watchdog is not ours, whatever is left of it.
         """
         items = (f"P{LOST}", f"P{OWNER}", watchdog_timer(self._dialect).name)
         lost, owner, watchdog = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
@@ -262,9 +263,9 @@ class Heartbeat:
         return keeper
 
     def _send(self, line: str, timeout_s: float) -> None:
-        """Send a renewal, and ask for the echo with it: looks are too long for a slow line as they are.
+        """Send a renewal and query the echo with it: polls are already long for a slow line.
 
-        One whose answer does not come is no end yet: the next look, with a lease, is one.
+        A missing answer is not fatal: the next poll carries a renewal too.
 
         Raises:
             LinkError: the link is gone.
@@ -279,7 +280,7 @@ class Heartbeat:
                 raise
 
     def _renewed(self, timeout_s: float) -> float:
-        """Renew the lease if it or the echo is due; return when the next renewal is."""
+        """Renew the watchdog if it or the echo is due; return when the next renewal is due."""
         keeper = self._kept()
         if keeper is None:
             return math.inf

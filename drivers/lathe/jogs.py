@@ -1,4 +1,4 @@
-"""Jogs of one axis at a time: home, to a position, by a step, out of the part. Each is watched on its way."""
+"""Jogs of one axis at a time: home, to a position, by an increment, retract. Each is monitored while it moves."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 READ_S = 0.01
-"""Within one look position and following error of an axis are not read at one instant."""
+"""Time skew within one poll: position and following error of an axis are not sampled simultaneously."""
 
 SHIFTED_COUNTS = 5.0
-"""An axis that rests is commanded to one place, and told to a tenth of a count."""
+"""Tolerance at rest: a resting axis has one commanded position, reported to a tenth of a count."""
 
 
 def band_counts(machine: MachineProfile, axis: AxisName) -> float:
-    """Return the following error at which an axis warns."""
+    """Return the following-error warning limit of an axis."""
     return settings_of(machine, axis).warning_counts
 
 
 class Jogs:
-    """The jogs of one machine; `send` takes a line that moves, with its lease."""
+    """The jogs of one machine; `send` takes a motion command, with its watchdog."""
 
     def __init__(
         self,
@@ -47,11 +47,11 @@ class Jogs:
         self._left: tuple[Snapshot, object] | None = None
 
     def forget(self) -> None:
-        """From now on something else than a jog may move the axes, or give them another zero."""
+        """Forget the last jog: something other than a jog may move the axes or change their zero."""
         self._left = None
 
     def home(self, timeout_s: float = 60.0) -> None:
-        """Search the zero of each axis: tool out first, then the carriage, then the spindle's index.
+        """Home each axis: tool first, then the carriage, then the spindle's index.
 
         Raises:
             DriverError: `machine.timeout`, `machine.fault`; `machine.home_ended`, before a zero was found;
@@ -84,10 +84,10 @@ class Jogs:
     ) -> None:
         """Jog one axis to a position in counts of its motor.
 
-        With `settle` it is given some time to be in position, see `Settling`; without, it is enough that it is
-        commanded to rest there and lags by less than the warning limit: the integrator of a slow loop may
-        take many seconds for the remainder.
-        `held_counts` is what a compensation table adds to where it is seen.
+        With `settle` it gets time to come in position, see `Settling`; without, it suffices that it is
+        commanded to rest there and lags by less than the warning limit: the integrator of a slow loop may need
+        many seconds for the remainder. `held_counts` is what a compensation table adds to its reported
+        position.
 
         Raises:
             DriverError: `machine.timeout`, `machine.fault`, `machine.not_arrived`, or, while it moves,
@@ -102,13 +102,13 @@ class Jogs:
         self._left, state = (last, self._stop.mark), last.axis(axis)
         there = state.position + state.following_error
         if abs(there - counts - held_counts) > ARRIVED_COUNTS:
-            # It rests, but not where it was sent: somebody else, or the card itself, has ended the jog.
+            # It rests, but not at its target: somebody else, or the controller itself, has ended the jog.
             value, limit = self._lengths.at(axis, there), self._lengths.at(axis, counts)
             self._stop.stop(f"jog {axis}")
             raise DriverError(Problem(code="machine.not_arrived", key=axis, value=value, limit=limit))
 
     def _jog_guard(self, axis: AxisName, end: float) -> JogGuard:
-        """Return what judges a jog to `end`; an axis is seen ahead by what it goes while it is read."""
+        """Return the guard of a jog to `end`; the reported position leads by the travel during one poll."""
         now = self._poller.look()
         self._refuse_shifted(now)
         self.forget()  # until this one is over
@@ -121,10 +121,10 @@ class Jogs:
         )
 
     def _refuse_shifted(self, now: Snapshot) -> None:
-        """Refuse where an axis is no longer where the last jog has left it, and nothing of ours has moved since.
+        """Refuse if an axis is not where the last jog left it, and this console has moved nothing since.
 
         Raises:
-            RefusedError: `controller.home_lost`: another host has given it another zero, or has moved it.
+            RefusedError: `controller.home_lost`: another host has changed its zero or moved it.
         """
         left, mark = self._left or (now, self._stop.mark)
         if mark != self._stop.mark:
@@ -139,12 +139,12 @@ class Jogs:
             raise RefusedError(Problem(code="controller.home_lost", key=", ".join(shifted)))
 
     def _others(self, axis: AxisName, begun: Snapshot) -> OthersStill:
-        """Return what judges the axes that do not jog; by a table that is on, the tool follows another axis."""
+        """Return the guard of the axes that do not jog; with a table on, the tool follows another axis."""
         follows = axis is not AxisName.TOOL and self._loading.tables_on()
         return OthersStill({axis, AxisName.TOOL} if follows else {axis}, begun, self._lengths)
 
     def by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
-        """Jog one axis by an increment in counts, from where it is commanded to be.
+        """Jog one axis by an increment in counts from its commanded position.
 
         Raises:
             DriverError: `machine.moving`, `machine.not_enabled`, `machine.beyond_travel`, and those of `to`.
@@ -156,12 +156,12 @@ class Jogs:
         self.to(axis, end, timeout_s, settle=False, held_counts=held)
 
     def retract(self, to_counts: float, timeout_s: float = 60.0) -> None:
-        """Jog the tool out, after a stop or a hold, to a position in counts; the tool counts towards the work.
+        """Retract the tool to a position in counts, after a stop or an early end; positive is towards the work.
 
         A tool that is already there, within the band of its in-position flag, is left alone.
 
         Raises:
-            DriverError: `machine.retract_direction`, the position is further in than where the tool stands;
+            DriverError: `machine.retract_direction`, the position is further in than the tool;
                 `machine.moving`, `machine.not_enabled`, and those of `to`.
         """
         here = self._ready_to_jog(AxisName.TOOL).position
@@ -175,7 +175,7 @@ class Jogs:
         self.to(AxisName.TOOL, to_counts, timeout_s, held_counts=self._loading.correction_counts())
 
     def _ready_to_jog(self, axis: AxisName) -> AxisState:
-        """Return where an axis stands. A jog would close an open loop, and nothing else may do that unasked.
+        """Return the position of an axis; its loop must be closed, because a jog would close an open one.
 
         Raises:
             DriverError: `machine.moving`, `machine.not_enabled`.

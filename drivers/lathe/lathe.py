@@ -1,6 +1,6 @@
-"""The lathe as the console sees it: axes by name, states read back, every wait bounded.
+"""The lathe as the console sees it: axes by name, states read back, every wait with a timeout.
 
-The controller is the source of truth: what is commanded is read back before it counts as done, and nothing
+The controller is the source of truth: a command counts as done only after it is read back, and nothing
 that moves is sent twice.
 """
 
@@ -30,13 +30,13 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 SPEED_S = 0.5
-"""Over how long the speed of a spindle is seen that somebody else turns."""
+"""Time over which the speed of an external spindle is measured."""
 
 
 class Lathe:
-    """One machine at the end of one link. Methods that move check the stop first and wait for the end.
+    """One machine at the end of one link. Methods that move check for a stop first and wait for the end.
 
-    `program` is that of a cut.
+    `program` is the program of a cut.
     """
 
     def __init__(
@@ -49,10 +49,10 @@ class Lathe:
         heartbeat: Heartbeat | None = None,
         ownership: Ownership | None = None,
     ) -> None:
-        """`seen` is given every look that was read, in whatever wait; it must return at once and not raise.
+        """`seen` is called with each poll, in every wait; it must return at once and not raise.
 
-        With a `heartbeat` nothing moves unless the card would end it without this host. With an `ownership`
-        nothing but looks and stops goes out before `claim`.
+        With a `heartbeat` nothing moves unless the controller would end it without this host. With an
+        `ownership` only polls and stops are sent before `claim`.
 
         Raises:
             DriverError: `safety.bad_input`, in the profile.
@@ -82,20 +82,20 @@ class Lathe:
 
     @property
     def has_moved(self) -> bool:
-        """Whether anything that moves was ever sent."""
+        """Whether a motion command was ever sent."""
         return self._sending.has_moved
 
     @property
     def round_trip_s(self) -> float:
-        """How long the last look took from its request to its reply."""
+        """Round-trip time of the last poll."""
         return self._poller.round_trip_s
 
     def connect(self) -> tuple[str, str]:
-        """Set the link up; return version and type of the controller.
+        """Set up the link; return version and type of the controller.
 
         Raises:
-            LinkError: nothing answers, or not like a PMAC.
-            RefusedError: `controller.family_differs`, it is a card of another family than the profile says.
+            LinkError: no answer, or not that of a PMAC.
+            RefusedError: `controller.family_differs`, the controller is of another family than in the profile.
         """
         version, kind = self._client.connect()
         if dialect_of(kind) is not self._dialect:
@@ -104,10 +104,10 @@ class Lathe:
         return version, kind
 
     def claim(self) -> None:
-        """Become the one console that controls the machine; without ownership there is nothing to claim.
+        """Claim control of the machine for this console; without ownership there is nothing to claim.
 
         Raises:
-            RefusedError: `owner.held`, another one does.
+            RefusedError: `owner.held`, another console has control.
             LinkError: the link broke.
         """
         self._jogs.forget()
@@ -115,7 +115,7 @@ class Lathe:
             self.ownership.claim()
 
     def take_control(self) -> int:
-        """Take the machine from whoever controls it, at rest; return the number of that console.
+        """Take control of the machine at rest, whoever has it; return the number of the previous owner.
 
         Raises:
             RefusedError: `owner.moving`, nothing was written.
@@ -127,7 +127,7 @@ class Lathe:
         return self.ownership.take_control(at_rest=self.snapshot().at_rest)
 
     def release(self) -> None:
-        """Give the machine back; a link that does not take it leaves it to the next one to take over."""
+        """Release control; if the link fails, the next console has to take control."""
         if self.ownership is not None:
             with suppress(DriverError):
                 self.ownership.release()
@@ -140,7 +140,7 @@ class Lathe:
         return tuple(problems)
 
     def snapshot(self) -> Snapshot:
-        """Read the state of the machine in one request, and once more when its reply does not come.
+        """Read the state of the machine in one request; retry once without a reply.
 
         Raises:
             LinkError: the link broke or is out of step.
@@ -148,14 +148,14 @@ class Lathe:
         return self._poller.look()
 
     def confirm_nobody_inside(self) -> None:
-        """Take somebody's word that nobody has hands in the machine any more; nothing is sent."""
+        """Record the operator's confirmation that nobody is inside the guard; nothing is sent."""
         self.stop.inside_guard = False
 
     def enable(self) -> None:
-        """Close the loops of all axes where they stand; a spindle on an inverter is none of them.
+        """Enable the drives: close the loops of all axes where they stand, except a spindle on an inverter.
 
         Raises:
-            RefusedError: `machine.hands_in`, the drives were switched off and nobody has said that it is clear;
+            RefusedError: `machine.hands_in`, the drives were disabled and the guard is not confirmed clear;
                 `heartbeat.*`, nothing would end a motion without this host; `safety.not_good`.
             DriverError: `machine.not_enabled`, an axis does not close.
         """
@@ -171,9 +171,9 @@ class Lathe:
             raise DriverError(Problem(code="machine.not_enabled", where=self._client.link.address))
 
     def switch_off(self) -> None:
-        """Open the loops of all axes at rest: drives off. No stop is in force afterwards.
+        """Disable the drives: open the loops of all axes at rest. No stop is in force afterwards.
 
-        From now on there may be hands in the machine, and nothing closes a loop before `confirm_nobody_inside`.
+        From then on somebody may be inside the guard, and no loop is closed before `confirm_nobody_inside`.
 
         Raises:
             DriverError: `machine.moving`, nothing was sent; `machine.not_switched_off`, an axis does not open.
@@ -186,7 +186,7 @@ class Lathe:
             raise DriverError(Problem(code="machine.not_switched_off", where=self._client.link.address))
 
     def home(self, timeout_s: float = 60.0) -> None:
-        """Search the zero of each axis, see `Jogs.home`."""
+        """Home each axis, see `Jogs.home`."""
         self._jogs.home(timeout_s)
 
     def jog_to(
@@ -206,7 +206,7 @@ class Lathe:
         self._jogs.by(axis, counts, timeout_s)
 
     def retract(self, to_counts: float, timeout_s: float = 60.0) -> None:
-        """Jog the tool out to a position in counts, see `Jogs.retract`."""
+        """Retract the tool to a position in counts, see `Jogs.retract`."""
         self._jogs.retract(to_counts, timeout_s)
 
     @property
@@ -215,7 +215,7 @@ class Lathe:
         return self._driven
 
     def spindle_rpm(self) -> float:
-        """Return how fast the spindle turns, seen over `SPEED_S`; nothing is sent but looks.
+        """Measure the spindle speed over `SPEED_S`; only polls are sent.
 
         Raises:
             LinkError: the link broke or is out of step.
@@ -227,7 +227,7 @@ class Lathe:
         return 60.0 * turns / (0.5 * (last.asked_s + last.at_s) - 0.5 * (first.asked_s + first.at_s))
 
     def say_stopped(self) -> None:
-        """Tell the console that controls the machine who has stopped it; the only word of one that looks on.
+        """Tell the controlling console who stopped the machine; the only write that an observer may send.
 
         Raises:
             LinkError: the link broke or is out of step.
@@ -236,16 +236,16 @@ class Lathe:
             self._client.request(f"{STOPPED_BY}={self.ownership.number}", POLL_TIMEOUT_S)
 
     def wait_for_rest(self) -> Snapshot:
-        """After a stop: repeat it until the controller proves that nothing moves, see `drivers.lathe.standstill`.
+        """Repeat a stop until the controller proves that nothing moves, see `drivers.lathe.standstill`.
 
         Raises:
             DriverError: `machine.not_at_rest`.
-            LinkError: `link.lost`, there is nobody to ask any more.
+            LinkError: `link.lost`, the link is gone.
         """
         return prove_rest(self._poller, self.stop, self._clock, self._moves.end)
 
     def acknowledge_loss(self) -> None:
-        """Take the operator's word that what the card has ended without a host was seen.
+        """Record that the operator has acknowledged what the controller ended without a host.
 
         Raises:
             LinkError: the link broke or is out of step.
@@ -255,15 +255,15 @@ class Lathe:
 
     @property
     def unguarded(self) -> Problem | None:
-        """What is wrong with the guard of what moves now: `heartbeat.plc_silent`, None where nothing is."""
+        """Return what is wrong with the guard of the present motion: `heartbeat.plc_silent`, or None."""
         return None if self._heartbeat is None else self._heartbeat.silent
 
     def in_doubt(self) -> None:
-        """Whatever was seen of the drives is not to be relied on any more: the next stop is a control-K."""
+        """Mark the last known drive state as unreliable: the next stop is a control-K."""
         self._poller.in_doubt()
 
     @property
     def anothers(self) -> bool:
-        """Whether this console does not control the machine, and nothing of it moves any more."""
+        """Whether another console controls the machine and nothing moves on behalf of this one."""
         apart = self.ownership is not None and self.ownership.standing is not Standing.OWNER
         return apart and not (self._heartbeat is not None and self._heartbeat.guarding)

@@ -1,8 +1,8 @@
-"""An axis that was left behind until its following-error limit opened its loops: how far, and what is likely.
+"""Explain an axis that lagged until its following-error limit opened its loops: by how much, and the likely cause.
 
-Dry friction of the tool is the usual cause. While it sticks, its integrator pushes with the friction F; where it
-then turns round, that has to be overcome and F once more the other way, and the loop gives way by c F for each: by
-2 c F it lags, c = 1 / (K Kp) its compliance without the integrator.
+Dry friction of the tool is the usual cause. While the tool sticks, its integrator pushes with the friction
+force F. On reversal that force and F in the other direction must be overcome, and the loop yields by c F for
+each: it lags by 2 c F, with c = 1 / (K Kp) its compliance without the integrator.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ BEHIND = "fatal_following_error"
 
 
 def left_behind(machine: MachineProfile, before: Snapshot | None, seen: Snapshot) -> tuple[Problem, ...]:
-    """Return how far each axis was behind that has tripped; `before` is the poll before the one that saw it.
+    """Return the following error of each tripped axis; `before` is the poll before the one that saw the trip.
 
     A controller that opens a loop sets the command to the actual position, so the poll that shows the trip no
     longer shows the error.

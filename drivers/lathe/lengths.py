@@ -1,4 +1,4 @@
-"""Where an axis is, in the operator's units: mm from its zero, the spindle in degrees."""
+"""Positions in the operator's units: mm from the axis zero, degrees for the spindle."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ _DECIMALS = {AxisName.TOOL: 4, AxisName.CARRIAGE: 3, AxisName.SPINDLE: 2}
 
 
 def motor_of(machine: MachineProfile, axis: AxisName) -> int:
-    """Return the number of the motor of an axis."""
+    """Return the motor number of an axis."""
     motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
     return dict(zip(AxisName, motors, strict=True))[axis]
 
 
 def settings_of(machine: MachineProfile, axis: AxisName) -> MotorSettings:
-    """Return what the machine profile sets the motor of an axis to."""
+    """Return the motor settings of an axis from the machine profile."""
     return MotorSettings(machine, motor_of(machine, axis))
 
 
 @dataclass(frozen=True, slots=True)
 class Lengths:
-    """Writes positions of the axes of a machine, which the controller counts."""
+    """Formats axis positions, which the controller reports in counts."""
 
     machine: MachineProfile
 
@@ -44,7 +44,7 @@ class Lengths:
         return f"{self._number(axis, low)} to {self.at(axis, high)}"
 
     def around(self, axis: AxisName, counts: float, band: float) -> str:
-        """Return a position and how far off it may be, with their unit."""
+        """Return a position with its tolerance, both with their unit."""
         return f"{self._number(axis, counts)} ± {self.at(axis, band)}"
 
     def _number(self, axis: AxisName, counts: float) -> str:

@@ -1,4 +1,4 @@
-"""Waiting for the end of what moves, however it ends; and how far an axis may go, and goes on."""
+"""Wait for the end of a motion, however it ends; check travel limits and stopping distances."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 CUT_POLL_S = 0.023
-"""Time between two looks during a cut: no whole part of any usual turn, so that every angle is met."""
+"""Polling interval during a cut: not an integer fraction of any usual turn, so that every angle is sampled."""
 
 WAY_HOME_S = 10.0
-"""What a held program may do behind its retract, with the tool out: a table is left in its row of zeros."""
+"""How long a program ended early may run after its retract: a table is left in its row of zeros."""
 
 JOG_POLL_S = 0.05
-"""Time between two looks at an axis on its way."""
+"""Polling interval for an axis in motion."""
 
 LINK_LATENCY_MS = 50.0
-"""What a stop may take from the key to the controller."""
+"""Allowance for a stop from the key to the controller."""
 
 
 class Motion:
-    """Waits of one machine. Travel limits on which an axis stands when it begins to move off are no fault."""
+    """The waits of one machine. Travel limits on which an axis stands when it begins to move off are no fault."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class Motion:
         ownership: Ownership | None,
         hold: Callable[[], None],
     ) -> None:
-        """`hold` asks the program that runs to end by itself, with its tool out."""
+        """`hold` asks the running program to end early, with its tool retracted."""
         self._machine, self._poller, self._stop, self._clock = machine, looks, stop, clock
         self._heartbeat, self._ownership, self._hold = heartbeat, ownership, hold
 
@@ -67,9 +67,9 @@ class Motion:
         guard: Guard = unguarded,
         homing: AxisName | None = None,
     ) -> Snapshot:
-        """Look on until it is over; `watch` is told each look of a cut. `what` names it where it goes wrong.
+        """Poll until the motion is over; `watch` is called with each poll of a cut. `what` names it in errors.
 
-        `guard` judges each look. The axis that is `homing` may lose its zero, every other one must keep it.
+        `guard` judges each poll. The axis that is `homing` may lose its zero; every other must keep it.
 
         Raises:
             DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, `controller.was_reset`,
@@ -104,7 +104,7 @@ class Motion:
                 raise DriverError(*alone, Problem(code="machine.timeout", key=what, value=f"{timeout_s:g} s"))
 
     def _refuse_faults(self, before: Snapshot | None, snapshot: Snapshot, what: str, faults: list[str]) -> None:
-        """Stop for what is wrong; a safety device that has ended it by itself is what is told first.
+        """Stop on a fault; a safety device that has ended the motion itself is reported first.
 
         Raises:
             DriverError: `safety.not_good`, `machine.fault`, `machine.left_behind`, `machine.tool_left_behind`.
@@ -118,9 +118,9 @@ class Motion:
             raise DriverError(*problems)
 
     def _refuse_astray(self, snapshot: Snapshot, guard: Guard) -> None:
-        """Stop what does not do what it was told to do, at the look that shows it.
+        """Stop a motion that deviates from its command, at the poll that shows it.
 
-        What a stop of ours has opened or moved since the last look is nobody else's doing.
+        What our own stop has opened or moved since the last poll does not count.
 
         Raises:
             StoppedError: the machine was stopped meanwhile.
@@ -134,9 +134,9 @@ class Motion:
             raise DriverError(*problems)
 
     def _end_unguarded(self, heartbeat: Heartbeat, problem: Problem, *, in_cut: bool) -> float:
-        """End what the card would not end any more, as it would; return when it must have come to its end.
+        """End what the controller would no longer end, as it would; return when it must be over.
 
-        A cut that is to go on without a host goes on: it is as safe as it was.
+        A cut that may continue without a host continues: it is as safe as before.
 
         Raises:
             DriverError: the problem; what moved is stopped.
@@ -151,10 +151,10 @@ class Motion:
     def _next_look(
         self, deadline: float, watch: Callable[[Snapshot], None] | None, homed: frozenset[AxisName]
     ) -> Snapshot:
-        """Let time pass with the lease kept, and look; `homed` are the axes that must have kept their zero.
+        """Let time pass with the watchdog renewed, then poll; `homed` are the axes that must have kept their zero.
 
         Raises:
-            DriverError: `heartbeat.lapsed`, what moved was ended by the card; `controller.was_reset`;
+            DriverError: `heartbeat.lapsed`, the controller ended the motion; `controller.was_reset`;
                 `owner.ousted`, the machine is no longer ours.
             StoppedError: somebody stopped the machine.
         """
@@ -174,7 +174,7 @@ class Motion:
         return snapshot
 
     def _refuse_reset(self, homed: frozenset[AxisName], snapshot: Snapshot) -> None:
-        """Stop where positions are lost: a controller that was reset has forgotten who owned it, too.
+        """Stop when positions are lost: a controller that was reset has also forgotten its owner.
 
         Raises:
             DriverError: `controller.was_reset`, `controller.home_lost`.
@@ -185,12 +185,12 @@ class Motion:
             raise DriverError(problem)
 
     def _see_it_end(self, deadline: float, watch: Callable[[Snapshot], None] | None) -> None:
-        """Look on while the card ends what has lost its host: a stop of ours would leave the tool in the part.
+        """Watch while the controller ends a motion that lost its host: a stop would leave the tool in the part.
 
-        A cut that it lets go on is watched as before: a hold that is asked for is passed on.
+        A cut that it lets finish is followed as before: a request to end early is passed on.
         """
         heartbeat = self._heartbeat
-        assert heartbeat is not None  # it is what has told so
+        assert heartbeat is not None  # it has reported this
         deadline = min(deadline, self._clock.now_s() + heartbeat.ends_within_s)
         while self._clock.now_s() < deadline:
             self._stop.check()
@@ -198,7 +198,7 @@ class Motion:
             if snapshot.at_rest and not heartbeat.is_ending():
                 return
             if self._ownership is not None and self._ownership.standing is Standing.OUSTED:
-                return  # what moves now is another's
+                return  # what moves now is another console's
             if watch is not None:
                 watch(snapshot)
             self._clock.wait(CUT_POLL_S)

@@ -1,11 +1,11 @@
-"""Who controls the machine: one console at a time writes its number into the controller, the others look on.
+"""Ownership of the machine: one console writes its number into the controller, all others are observers.
 
-The number is drawn anew by each console, so that one that died and came back is not taken for the one before.
+Each console draws a new number, so that a restarted console is not taken for the previous one.
 An observer may stop the machine, and nothing else.
 
-Consoles on different computers may claim at the same moment, so that reading and then writing is no claim:
-somebody may write in between. The controller compares and writes by itself, in one line, which it carries out
-whole before the next one of any host: the number is exchanged only where it still is what it was taken for.
+Consoles on different computers may claim simultaneously, so read-then-write would race. The controller compares
+and writes in one line (compare-and-swap), which it executes completely before the next line of any host: the
+number changes only if it still is the expected one.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from drivers.pmac.reserved import OWNER
 from profiles.problem import Problem
 
 OWNER_ITEM = f"P{OWNER}"
-"""What to ask the controller for."""
+"""The variable with the owner's number."""
 
 HIGHEST = 2**31 - 1
 """A P-variable holds it exactly in every family."""
 
 
 def exchange_line(before: float, after: int) -> str:
-    """Return the line that puts `after` in the place of `before` alone, and asks what is there then.
+    """Return the line that replaces `before`, and only that, by `after`, and reads back the result.
 
-    There is no IF on line. INT(1.5/(|difference|+1)) is 1 where there is no difference, and 0 where there is one
-    of 1 or more; 1.5, so that no rounding of the division matters.
+    There is no IF in on-line commands. INT(1.5/(|difference|+1)) is 1 where there is no difference, and 0 where
+    there is one of 1 or more; 1.5, so that no rounding of the division matters.
     """
     sought = f"{'-' if before >= 0.0 else '+'}{format_number(abs(before))}"
     same = f"INT(1.5/(ABS({OWNER_ITEM}{sought})+1))"
@@ -39,7 +39,7 @@ def exchange_line(before: float, after: int) -> str:
 
 
 class Ownership:
-    """The number of this console and what the controller said last."""
+    """The number of this console and the owner last reported by the controller."""
 
     def __init__(self, client: Controller, random: Random | None = None) -> None:
         self.standing = Standing.OBSERVER
@@ -50,21 +50,21 @@ class Ownership:
 
     @property
     def number(self) -> int:
-        """What this console writes."""
+        """The number that this console writes."""
         return self._number
 
     def see(self, held: float) -> None:
-        """Take in what a look at the machine has read."""
+        """Process the owner read by a poll."""
         self.holder = int(held)
         if self.standing is Standing.OWNER and self.holder != self._number:
             self.standing = Standing.OUSTED
 
     def claim(self) -> None:
-        """Become the owner of a machine that nobody owns.
+        """Claim a machine that has no owner.
 
         Raises:
-            RefusedError: `owner.held`, somebody else does, perhaps since this very moment.
-            LinkError: `owner.not_kept`, what was written did not stay, or the link broke.
+            RefusedError: `owner.held`, another console has control, perhaps only just now.
+            LinkError: `owner.not_kept`, the written value did not stay, or the link broke.
         """
         self.see(self._read())
         if self.holder not in (NOBODY, self._number):
@@ -72,10 +72,10 @@ class Ownership:
         self._become_owner(NOBODY)
 
     def take_control(self, *, at_rest: bool) -> int:
-        """Become the owner whoever it was; return the number of that one, for the record.
+        """Take control, whoever has it; return the previous owner's number, for the record.
 
         Raises:
-            RefusedError: `owner.moving`, the machine does not rest: nothing was written. `owner.held`, a third
+            RefusedError: `owner.moving`, the machine is moving: nothing was written. `owner.held`, a third
                 console was quicker.
             LinkError: as for `claim`.
         """
@@ -86,7 +86,7 @@ class Ownership:
         return int(before)
 
     def release(self) -> None:
-        """Give the machine back, if it is still ours; so is one whose claim was never answered.
+        """Release control if it is still ours, also after a claim that was never answered.
 
         Raises:
             LinkError: the link broke.
@@ -100,10 +100,10 @@ class Ownership:
             self.standing, self.holder, self._unanswered = Standing.OBSERVER, NOBODY, False
 
     def refuse_ousted(self) -> None:
-        """Make sure that what moves is still ours.
+        """Make sure that this console still controls the motion.
 
         Raises:
-            DriverError: `owner.ousted`, another console has written its number over ours.
+            DriverError: `owner.ousted`, another console has overwritten our number.
         """
         if self.standing is Standing.OUSTED:
             value, limit = str(self.holder), str(self._number)
@@ -115,7 +115,7 @@ class Ownership:
         """Make sure that this console may command.
 
         Raises:
-            RefusedError: `owner.held`, or `owner.observer` when it has not asked to.
+            RefusedError: `owner.held`, or `owner.observer` when it has not claimed control.
         """
         if self.standing is Standing.OWNER:
             return
@@ -128,17 +128,17 @@ class Ownership:
         return held
 
     def _become_owner(self, before: float) -> None:
-        """Put the number of this console in the place of `before`, and find out whether it is there.
+        """Replace `before` by this console's number, and verify that it is there.
 
         Raises:
-            RefusedError: `owner.held`, there was another one by then.
-            LinkError: `owner.not_kept`; the link broke, and what became of it is unknown.
+            RefusedError: `owner.held`, another console was there by then.
+            LinkError: `owner.not_kept`; the link broke, and the result is unknown.
         """
         self.standing, self._unanswered = Standing.CHANGING, True
         held = None
         try:
             held = self._exchanged(before)
-            if held == NOBODY != before:  # given back in this very moment
+            if held == NOBODY != before:  # released at this very moment
                 held = self._exchanged(NOBODY)
         finally:
             self.standing = Standing.OWNER if held == self._number else Standing.OBSERVER
@@ -152,7 +152,7 @@ class Ownership:
             raise self._held()
 
     def _exchanged(self, before: float) -> float:
-        """Send the exchange, once; return who holds the machine then. An answer that is lost is asked for."""
+        """Send the exchange once; return the owner after it. A lost answer is queried."""
         try:
             (answer,) = self._client.request(exchange_line(before, self._number), lines=1)
         except LinkError as error:

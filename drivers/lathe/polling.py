@@ -1,6 +1,6 @@
-"""Looking at the machine: one request a look, with the lease in front where one is due.
+"""Poll the machine: one request per poll, with the watchdog renewal before it when due.
 
-Each look tells the stop what the drives do, because the right stop depends on that.
+Each poll updates the stop path with the drive state, because the right stop depends on it.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from drivers.pmac.program_constants import ConstantsWatch
 from profiles.problem import Problem
 
 POLL_TIMEOUT_S = 0.3
-"""How long the answer to a look may take: in a cut nothing else tells of a fault."""
+"""Timeout for the reply to a poll: during a cut nothing else reports a fault."""
 
 GUARDED_TIMEOUT_S = 0.17
-"""The same for the first try while a lease is kept: there has to be time for a second one before it runs out."""
+"""The same for the first try under a watchdog: it must leave time for a retry before the timeout."""
 
 QUICK_TIMEOUT_S = 0.17
-"""The least time that an answer is given while a stop is being proven: the next repetition must not wait."""
+"""Minimum reply timeout while rest is being proven: the next repetition of the stop must not wait."""
 
 POLLS_A_READING, CONSTANTS_A_READING = 4, 4
-"""How many looks a reading of constants is apart, and how many of them it reads."""
+"""Polls between two readings of constants, and constants per reading."""
 
 SLOW_LINE_S = 0.05
-"""Over a line on which a look takes longer, a reading is of one constant: leases and looks come first."""
+"""Where a poll takes longer than this, a reading is one constant: watchdog and polls come first."""
 
 
 class Poller:
-    """What the controller says of itself.
+    """The polled state of the controller.
 
-    `last` is the last look that succeeded. `loops_closed` is whether the last look saw every driven axis under
-    control, False when it failed. `verified` is set by whoever has compared the controller with its profile.
-    `round_trip_s` is how long the last look took. `watched` are the constants of the program that
-    runs; `changed` is the first of them that was seen not as planned.
+    `last` is the last successful poll. `loops_closed` is whether the last poll saw every driven axis in closed
+    loop, False when it failed. `verified` is set by the code that has compared the controller with its profile.
+    `round_trip_s` is the duration of the last poll. `watched` are the constants of the program that runs;
+    `changed` is the first of them that differed from the plan.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Poller:
         heartbeat: Heartbeat | None = None,
         ownership: Ownership | None = None,
     ) -> None:
-        """`seen` is given every look that was read; it must return at once and not raise."""
+        """`seen` is called with each poll; it must return at once and not raise."""
         self.last: Snapshot | None = None
         self.loops_closed = False
         self.verified = False
@@ -67,23 +67,23 @@ class Poller:
 
     @property
     def address(self) -> str:
-        """The link that the controller is looked at over."""
+        """The address of the polled link."""
         return self._client.link.address
 
     @property
     def sees_devices(self) -> bool:
-        """Whether a look brings safety devices back."""
+        """Whether a poll includes safety devices."""
         return bool(self._items.inputs)
 
     def in_doubt(self) -> None:
-        """What the drives do now is not known, so the stop must not rely on it."""
+        """Mark the drive state as unknown, so that the stop does not rely on it."""
         self._stop.loops_closed = self.loops_closed = False
 
     def look(self) -> Snapshot:
-        """Read the state of the machine in one request, and once more when its reply does not come, or not whole.
+        """Read the state of the machine in one request; retry once without a complete reply.
 
         Raises:
-            DriverError: `heartbeat.lapsed`, this host was silent for so long that the card has ended the motion.
+            DriverError: `heartbeat.lapsed`, this host was silent so long that the controller ended the motion.
             LinkError: the link broke or is out of step.
         """
         try:
@@ -95,7 +95,7 @@ class Poller:
 
     @property
     def patience_s(self) -> float:
-        """How long the answer to a look may take where the next try must not wait: a slow line takes its time."""
+        """Reply timeout of a poll where the next try must not wait; longer on a slow line."""
         return min(max(QUICK_TIMEOUT_S, 2.0 * self.round_trip_s), POLL_TIMEOUT_S)
 
     @property
@@ -111,7 +111,7 @@ class Poller:
             DriverError: as for `look`.
         """
         watchdog = ""
-        if self._heartbeat is not None and self._stop.reason is None:  # behind a stop nothing of ours goes on
+        if self._heartbeat is not None and self._stop.reason is None:  # after a stop nothing of ours continues
             watchdog = self._heartbeat.renewal()
         asked_s = self._clock.now_s()
         try:
@@ -122,7 +122,7 @@ class Poller:
         except DriverError:
             self.in_doubt()
             raise
-        # A motor that is not ours would be closed by the same control-A, so that must be known, too.
+        # The same control-A would close a motor that is not ours, so that must be known, too.
         self._stop.loops_closed = snapshot.nothing_open and self.verified
         self.last = snapshot
         self.loops_closed = snapshot.loops_closed
@@ -134,9 +134,9 @@ class Poller:
         return snapshot
 
     def watch_constants(self) -> None:
-        """Read a few constants of the program that runs, behind every few looks, and judge them.
+        """Read a few constants of the running program, every few polls, and judge them.
 
-        One that is not answered is left to the next turn: that the line is bad is for the next look to find.
+        An unanswered reading is left to the next round: the next poll reports a bad line.
 
         Raises:
             DriverError: as for `look`.

@@ -1,8 +1,8 @@
-"""The safety devices of a machine, as far as its controller sees them, and whether it may be moved with them.
+"""The safety devices that the controller sees, and whether the machine may be moved with them.
 
-A device that the controller sees is written in the profile in its language: `guard->Y:$FFC2,3=1` is bit 3 of a
-word, which is 1 when the guard is closed. The console reads them and refuses by them. It is no safety device: what
-keeps people whole are the devices themselves.
+The profile names each device in the controller's language: `guard->Y:$FFC2,3=1` is bit 3 of a word, which is 1
+when the guard is closed. The console reads the devices and refuses motion accordingly. The console is not a
+safety device; only the devices themselves protect people.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _INPUT = re.compile(rf"(?P<device>\w+)->{_WORD},(?P<bit>\d{{1,2}})=(?P<good>[01]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafetyInput:
-    """One bit of a word of the controller. `item` asks for the word, `good` is the bit when all is well."""
+    """One bit of a controller word. `item` queries the word, `good` is the value of the bit in the safe state."""
 
     device: str
     item: str
@@ -33,15 +33,15 @@ class SafetyInput:
     good: int
 
     def is_good(self, word: int) -> bool:
-        """Whether all is well, by the word that was read."""
+        """Whether the device is in its safe state, by the word that was read."""
         return (word >> self.bit) & 1 == self.good
 
 
 def inputs_of(safety: Safety) -> tuple[SafetyInput, ...]:
-    """Return the devices that the controller sees.
+    """Return the safety devices that the controller sees.
 
     Raises:
-        DriverError: `safety.bad_input`, with every entry that is not of the form.
+        DriverError: `safety.bad_input`, with every malformed entry.
     """
     found = [_read(text) for text in safety.inputs]
     problems = [each for each in found if isinstance(each, Problem)]
@@ -51,12 +51,12 @@ def inputs_of(safety: Safety) -> tuple[SafetyInput, ...]:
 
 
 def safety_problems(machine: MachineProfile, inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
-    """Return why nobody may be near this machine when it moves; `inputs` are those that were read."""
+    """Return why nobody may be near this machine while it moves; `inputs` are the devices that were read."""
     return (*_unfitted(machine.safety), *device_problems(inputs))
 
 
 def device_problems(inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
-    """Return which of the devices that the controller sees are not as they must be: nothing may be moved then."""
+    """Return the devices in the wrong state: nothing may be moved then."""
     return tuple(
         Problem(code="safety.not_good", key=f"safety.{device}") for device, good in inputs.items() if not good
     )

@@ -1,4 +1,4 @@
-"""One look at the machine: everything that a single request brings back, immutable."""
+"""One status poll of the machine: everything that a single request returns, immutable."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ REAL_TIME_PERCENT = 100.0
 
 
 class AxisName(StrEnum):
-    """The axes by their machine names."""
+    """The axes, by their machine names."""
 
     TOOL = "tool"
     SPINDLE = "spindle"
@@ -39,23 +39,23 @@ class AxisState:
 
     @property
     def commanded(self) -> float:
-        """Where the axis is commanded to be: what it lags by is not there yet."""
+        """The commanded position: actual position plus following error."""
         return self.position + self.following_error
 
     @property
     def closed(self) -> bool:
-        """Whether the axis is under control."""
+        """Whether the axis is in closed loop."""
         return "amplifier_enabled" in self.flags and "open_loop" not in self.flags
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """Everything read in one request, which went out at `asked_s` and was answered at `at_s` (machine time).
+    """Everything read in one request, sent at `asked_s` and answered at `at_s` (machine time).
 
-    `driven` are the axes that the controller moves; a spindle on an inverter is only read. `owner` is the number
-    of the console that controls the machine, 0 nobody. `lost` is what the controller has ended without a host,
-    1 a jog, 2 a cut, 0 nothing. `inputs` are the safety devices that the controller sees, True where all is well.
-    `override_percent` is the time base of programs, 100 for real time: a feed hold makes it 0.
+    `driven` are the axes that the controller moves; a spindle on an inverter is only read. `owner` is the
+    number of the console that controls the machine, 0 nobody. `lost` is what the controller has ended without a
+    host: 1 a jog, 2 a cut, 0 nothing. `inputs` are the safety devices that the controller sees, True in the
+    safe state. `override_percent` is the time base of programs, 100 for real time: a feed hold makes it 0.
     """
 
     asked_s: float
@@ -72,7 +72,7 @@ class Snapshot:
     inputs: Mapping[str, bool] = field(default_factory=lambda: MappingProxyType({}))
 
     def age_s(self, now_s: float) -> float:
-        """Return how old any of this may be: each value was read at some moment behind the request."""
+        """Return the maximum age of the data: each value was sampled at some moment after the request."""
         return now_s - self.asked_s
 
     @property
@@ -91,26 +91,26 @@ class Snapshot:
 
     @property
     def loops_closed(self) -> bool:
-        """Whether every axis that the controller moves is under control."""
+        """Whether every driven axis is in closed loop."""
         return all(axis.closed for axis in self.driven_axes)
 
     @property
     def nothing_open(self) -> bool:
-        """Whether no axis at all is in open loop: a control-A would close it, also one that is only followed."""
+        """Whether no axis is in open loop, driven or not: a control-A would close it."""
         return all(axis.closed for axis in self.axes)
 
     @property
     def loops_open(self) -> bool:
-        """Whether every axis is switched off."""
+        """Whether every axis is disabled."""
         return all("amplifier_enabled" not in a.flags for a in self.axes)
 
     @property
     def at_rest(self) -> bool:
-        """Whether nothing is commanded to move and no program is left."""
+        """Whether no motion is commanded and no program is left."""
         return not self.program_running and all("desired_velocity_zero" in a.flags for a in self.axes)
 
     def obeys_stop(self, *, killed: bool) -> bool:
-        """Whether the controller has taken a stop: every loop is open, or every axis ramps down or rests."""
+        """Whether the controller has obeyed a stop: every loop is open, or every axis ramps down or rests."""
         if killed:
             return self.loops_open
         ramping = all({"abort_deceleration", "desired_velocity_zero"} & axis.flags for axis in self.driven_axes)
@@ -118,7 +118,7 @@ class Snapshot:
 
     @property
     def moving(self) -> bool:
-        """Whether something is commanded to move, or a program is left."""
+        """Whether motion is commanded or a program is left."""
         return not self.at_rest
 
     @property
@@ -128,17 +128,17 @@ class Snapshot:
 
     @property
     def open_loops(self) -> tuple[AxisName, ...]:
-        """The axes that the controller should move and does not hold."""
+        """The driven axes that are in open loop."""
         return tuple(axis for axis in self.driven if not self.axis(axis).closed)
 
     @property
     def homed_axes(self) -> frozenset[AxisName]:
-        """The axes that have found their zero."""
+        """The axes that are homed."""
         return frozenset(axis for axis in self.driven if "home_complete" in self.axis(axis).flags)
 
     @property
     def homed(self) -> bool:
-        """Whether every axis that the controller moves has found its zero."""
+        """Whether every driven axis is homed."""
         return all("home_complete" in a.flags for a in self.driven_axes)
 
     @property
@@ -148,21 +148,21 @@ class Snapshot:
 
     @property
     def axis_faults(self) -> tuple[str, ...]:
-        """The same without the program: its error stays set until the next one runs."""
+        """The same without the program, whose error stays set until the next one runs."""
         pairs = zip(AxisName, self.axes, strict=True)
         return tuple(f"{axis}: {name}" for axis, state in pairs for name in FAULT_FLAGS if name in state.flags)
 
     @property
     def limits(self) -> frozenset[str]:
-        """Those of the faults that are travel limits: an axis may stand on one, and be jogged off it."""
+        """The faults that are travel limits: an axis may stand on one, and be jogged off it."""
         return frozenset(fault for fault in self.axis_faults if fault.endswith("_limit"))
 
     def still(self, other: Snapshot, counts: float) -> bool:
-        """Whether no axis at all, moved by the controller or not, is further than `counts` from where it was."""
+        """Whether no axis, driven or not, has moved by more than `counts`."""
         return all(abs(a.position - b.position) <= counts for a, b in zip(self.axes, other.axes, strict=True))
 
     def near(self, other: Snapshot, counts: float) -> bool:
-        """Whether no axis that the controller moves is further than `counts` from where it was in `other`."""
+        """Whether no driven axis is further than `counts` from its position in `other`."""
         pairs = zip(self.driven_axes, other.driven_axes, strict=True)
         return all(abs(a.position - b.position) <= counts for a, b in pairs)
 
@@ -173,7 +173,7 @@ def driven_axes(machine: MachineProfile) -> tuple[AxisName, ...]:
 
 
 class SnapshotItems:
-    """What one request asks for: each motor, the program, the words of the console, the safety inputs."""
+    """The items of one request: each motor, the program, the console's words, the safety inputs."""
 
     def __init__(self, machine: MachineProfile, dialect: Dialect) -> None:
         """Read the inputs that the profile names.
@@ -198,7 +198,7 @@ class SnapshotItems:
         """Make a snapshot of the replies to `items`.
 
         Raises:
-            LinkError: `link.out_of_step`, a reply is not what was asked for.
+            LinkError: `link.out_of_step`, a reply does not match its query.
         """
         try:
             tool, spindle, carriage = self._axes(replies)
@@ -233,12 +233,12 @@ class SnapshotItems:
         items = dict.fromkeys(each.item for each in self.inputs)
         met = {item: int(number_of(word)) for item, word in zip(items, words, strict=True)}
         good: dict[str, bool] = {}
-        for each in self.inputs:  # a device of two contacts is well when both are
+        for each in self.inputs:  # a device with two contacts is safe when both are
             good[each.device] = good.get(each.device, True) and each.is_good(met[each.item])
         return MappingProxyType(good)
 
 
 def _flags(status: str, dialect: Dialect) -> frozenset[str]:
-    """Return the flags of a motor. In open loop the card reports no desired velocity, and so none that is zero."""
+    """Return the status flags of a motor. In open loop the controller reports no desired velocity."""
     flags = decode(status, dialect.motor_bits)
     return flags | {"desired_velocity_zero"} if "open_loop" in flags else flags

@@ -1,4 +1,4 @@
-"""The proof that a machine rests: after a stop, and where an axis was sent."""
+"""Prove that a machine is at rest, after a stop and after a jog."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ COAST_TIMEOUT_S = 60.0
 STOP_REPEAT_S = 0.2
 POLLS_AT_REST = 3
 REST_BAND_COUNTS = 1.0
-"""Rest is so many looks in a row, between which no axis has gone further than this."""
+"""Rest is this many polls in a row between which no axis has moved further than this."""
 
 ARRIVED_COUNTS = 2.0
-"""How far from its target a jog may be commanded to rest; positions are told in tenths of a count."""
+"""How far from its target a jog may be commanded to rest; positions are reported in tenths of a count."""
 
 SETTLE_S = 15.0
-"""How long an axis that rests near its target is given to be in position: thrice the servo's time constant."""
+"""Time for an axis at rest near its target to come in position: three times the servo's time constant."""
 
 REST_S = 2.0
 """The same where nothing depends on it."""
 
 
 def prove_rest(looks: Poller, stop: StopPath, clock: Clock, end_guard: Callable[[], None]) -> Snapshot:
-    """Look at the machine until it is proven to rest, and repeat the stop while it is not.
+    """Poll the machine until it is proven at rest, and repeat the stop while it is not.
 
-    After control-K every loop must be open as well, and a spindle may take its time to run out. A look that fails
-    is no proof: the stop goes out again, and the next look is tried. So is a stop that somebody sends meanwhile:
-    the proof begins anew. `end_guard` tells the card that nothing is guarded any more; it must not raise. Who has
-    to end this process waits no longer than until `leave_by_s` of the stop.
+    After control-K every loop must be open as well, and the spindle gets time to coast down. A failed poll
+    proves nothing: the stop is sent again, then the next poll is tried. Another stop meanwhile restarts the
+    proof. `end_guard` disarms the watchdog; it must not raise. When this process has to exit, the wait ends at
+    `leave_by_s` of the stop.
 
     Raises:
         DriverError: `machine.not_at_rest`.
-        LinkError: `link.lost`, there is nobody to ask any more.
+        LinkError: `link.lost`, the link is gone.
     """
     began_s = clock.now_s()
     before: Snapshot | None = None
@@ -73,7 +73,7 @@ def prove_rest(looks: Poller, stop: StopPath, clock: Clock, end_guard: Callable[
 
 
 def _timeout_s(stop: StopPath) -> float:
-    """Return how long rest may take; a ramp that had to become a kill on the way has the time to run out, too."""
+    """Return the timeout for rest; a ramp that turned into a kill also gets the time to coast down."""
     return COAST_TIMEOUT_S if stop.killed else REST_TIMEOUT_S
 
 
@@ -87,19 +87,19 @@ def _look(looks: Poller) -> Snapshot | None:
 
 
 class Settling:
-    """Axes that come to rest, seen from look to look: in position, or the tool for some time within a band.
+    """Axes coming to rest, judged from poll to poll: in position, or the tool for some time within a band.
 
-    Its servo is soft: what dry friction holds off is brought in position by the integrator alone, which may take a
-    minute. Any other axis that does not arrive has a fault.
+    The tool servo is soft: against dry friction only the integrator brings it in position, which may take a
+    minute. Any other axis that does not arrive is faulty.
     """
 
     def __init__(self, axes: Iterable[AxisName], tool_band_counts: float, patience_s: float = SETTLE_S) -> None:
-        """The tool may lag by `tool_band_counts` where it rests, once it did so for `patience_s`."""
+        """The tool may lag by `tool_band_counts` at rest, once it has done so for `patience_s`."""
         self._axes, self._tool_band_counts, self._patience_s = tuple(axes), tool_band_counts, patience_s
         self._near_since_s: float | None = None
 
     def is_over(self, snapshot: Snapshot) -> bool:
-        """Whether they rest."""
+        """Whether all axes are at rest."""
         away = [axis for axis in self._axes if "in_position" not in snapshot.axis(axis).flags]
         if not away:
             return True
@@ -112,18 +112,18 @@ class Settling:
 
 
 class HomeSearch:
-    """A search for the zero of an axis, seen from look to look.
+    """A homing move, judged from poll to poll.
 
-    On its way back to the zero the axis rests for an instant: only `RESTS` in a row are an end without one.
+    On its way back to the zero the axis rests for an instant: only `RESTS` in a row mean an end without a zero.
     """
 
     RESTS = 3
 
     def __init__(self, axis: AxisName, tool_band_counts: float, braking_s: float = 0.0) -> None:
-        """`tool_band_counts` is by how much the tool may lag at its zero, see `Settling`.
+        """`tool_band_counts` is how far the tool may lag at its zero, see `Settling`.
 
-        An axis that searches needs `braking_s` to come to rest. `sudden` is whether this one rested on a zero
-        sooner: somebody has called the place home at which it was (`HMZ`), and there is no zero there.
+        A searching axis needs `braking_s` to come to rest. `sudden` is whether this one was at rest on a zero
+        sooner: somebody declared its position home (`HMZ`), and there is no real zero.
         """
         self.sudden = False
         self._axis, self._rests = axis, 0
@@ -150,8 +150,8 @@ class HomeSearch:
 
 
 def nearly_arrived(snapshot: Snapshot, axis: AxisName, band_counts: float) -> bool:
-    """Whether an axis is commanded to rest, and lags by no more than a band."""
+    """Whether an axis is commanded to rest and lags by no more than a band."""
     state = snapshot.axis(axis)
-    # A jog of next to nothing never has a velocity, but until its time is over the controller starts no program.
+    # A tiny jog never shows a velocity, but until its time is over the controller starts no program.
     resting = "desired_velocity_zero" in state.flags and "move_timer_active" not in state.flags
     return resting and abs(state.following_error) <= band_counts

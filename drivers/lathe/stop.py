@@ -1,8 +1,8 @@
-"""The one way to stop the machine: short, past every queue, without waiting for a reply.
+"""The only way to stop the machine: short, ahead of every queue, without waiting for a reply.
 
 Which stop is right depends on the drives (commissioning rules): control-A ramps down, but it also closes open
 loops, so it may only be sent while every activated motor is known to be in closed loop. In every other state,
-the ones with hands in the machine among them, the stop is control-K, which opens all loops.
+including whenever somebody may be inside the guard, the stop is control-K, which opens all loops.
 """
 
 from __future__ import annotations
@@ -18,35 +18,35 @@ KILL_ALL = b"\x0b"
 
 
 class StoppedError(DriverError):
-    """The operator (or a signal) stopped the machine; what was going on does not go on."""
+    """The operator (or a signal) stopped the machine; the current action is abandoned."""
 
 
 def way_problems(way: StopWay) -> tuple[Problem, ...]:
-    """Return why nothing may be armed while a stop would go this way: the one that was asked for is lost."""
+    """Return why nothing may be armed while a stop would go this way: the requested way is lost."""
     return (Problem(code="stops.connection_lost"),) if way is StopWay.LOST else ()
 
 
 class StopPath:
-    """Latched twice, against motion and against energising.
+    """The stop path, latched twice: against motion and against energising.
 
     Once stopped, nothing that moves is sent until `release`; and after one control-K every further stop is a
-    control-K until then, whatever an older reply says of the drives.
+    control-K until then, whatever an older reply reports of the drives.
 
-    `loops_closed` is set by the lathe from what the controller reports, and cleared when that is in doubt; it
-    starts as False, because nothing is known yet. `inside_guard` says that somebody may be inside the guard: until
-    that is taken back every stop is a control-K, whatever the drives are said to be. `delivered` is whether
-    the link took the last stop.
+    `loops_closed` is set by the lathe from the controller's reports and cleared when they are in doubt; it
+    starts as False, because nothing is known yet. `inside_guard` says that somebody may be inside the guard:
+    until that is cleared every stop is a control-K, whatever state the drives report. `delivered` is whether
+    the link accepted the last stop.
 
-    `leave_by_s` is set by whoever has to end this process, in machine time: rest is not waited for beyond it.
-    `given_up` is whether rest was waited for in vain, as long as it may take behind a control-K or until then.
+    `leave_by_s` is the deadline of a process that has to exit, in machine time, for the wait for rest.
+    `given_up` is whether that wait failed, after the time allowed after a control-K or at the deadline.
     """
 
     def __init__(self, link: Link) -> None:
         self._link = link
         self.loops_closed = False
         self.inside_guard = False
-        # No lock: a signal handler may come in the middle of anything. The list of stops only grows, a release
-        # only says how many of them are over, so that no release can take back a stop that it does not know.
+        # No lock: a signal handler may interrupt anything. The list of stops only grows; a release
+        # only records how many of them are over, so no release can cancel a stop that it does not know.
         self._begun: list[str] = []
         self._sent: list[None] = []
         self.delivered = True
@@ -58,7 +58,7 @@ class StopPath:
 
     @property
     def way(self) -> StopWay:
-        """What a stop would go through now."""
+        """The way that a stop would take now."""
         return self._link.stop_way
 
     @property
@@ -74,7 +74,7 @@ class StopPath:
 
     @property
     def count(self) -> int:
-        """How many stops have gone out."""
+        """How many stops were sent."""
         return len(self._sent)
 
     @property
@@ -85,7 +85,7 @@ class StopPath:
 
     @property
     def proven(self) -> bool:
-        """Whether the machine was seen at rest after the last stop that was sent."""
+        """Whether the machine was seen at rest after the last stop."""
         return self.reason is not None and self._proven == len(self._begun)
 
     def stop(self, reason: str) -> None:
@@ -93,7 +93,7 @@ class StopPath:
         self._send(reason, kill=False)
 
     def note(self, reason: str) -> None:
-        """Let nothing that moves go out any more, and send nothing: it is not known yet whose the machine is."""
+        """Block all motion commands without sending anything: it is not yet known who owns the machine."""
         self._begun.append(reason)
         self._sent.append(None)
 
@@ -102,16 +102,16 @@ class StopPath:
         self._send(reason, kill=True)
 
     def repeat(self) -> None:
-        """Send the stop again, while it is not yet proven that the machine rests."""
+        """Send the stop again while rest is not yet proven."""
         self._send("repeated", kill=False)
 
     def rest_proven(self, mark: int) -> None:
-        """Take note that every look since `mark` found the machine at rest."""
+        """Record that every poll since `mark` found the machine at rest."""
         self._proven = mark
         self.given_up = False
 
     def release(self) -> None:
-        """Go on after a stop; does nothing when none is in force. A stop that comes meanwhile stays in force.
+        """Release the stop; do nothing when none is in force. A stop that comes meanwhile stays in force.
 
         Raises:
             RefusedError: `stop.not_proven`, the machine was not seen at rest after the last stop.
@@ -125,7 +125,7 @@ class StopPath:
         self._released = proven
 
     def switch_off(self) -> None:
-        """Open every loop without a stop in force afterwards: an ordinary act, for a machine at rest.
+        """Disable the drives without a stop in force afterwards: a normal action, for a machine at rest.
 
         Raises:
             LinkError: the link broke.
@@ -134,7 +134,7 @@ class StopPath:
         self._link.send_urgent(KILL_ALL)
 
     def check(self) -> None:
-        """Refuse to go on after a stop.
+        """Refuse to continue after a stop.
 
         Raises:
             StoppedError: `machine.stopped`.
@@ -151,7 +151,7 @@ class StopPath:
             self._link.send_urgent(KILL_ALL if self.killed else ABORT_ALL)
             self.delivered = True
         except LinkError:
-            # A link that is gone has nobody to tell here: the wait for rest fails, and says so.
+            # A lost link cannot be reported here: the wait for rest fails and reports it.
             self.delivered = False
         finally:
             self._sent.append(None)

@@ -1,4 +1,4 @@
-"""What the parts of one lathe share: controller, clock, stop path, and the ways to poll and to command."""
+"""What the parts of one lathe share: controller, clock, stop path, polling and commands."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from profiles.machine import MachineProfile
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wiring:
-    """One controller, and everything that goes to it or comes from it."""
+    """One controller, and everything sent to it or read from it."""
 
     client: Controller
     machine: MachineProfile
@@ -46,7 +46,7 @@ def wired(
     ownership: Ownership | None,
     hold: Callable[[], None],
 ) -> Wiring:
-    """Return the parts of a lathe, see `Lathe`; `hold` asks a running program to end by itself.
+    """Build the parts of a lathe, see `Lathe`; `hold` asks a running program to end early.
 
     Raises:
         DriverError: `safety.bad_input`, in the profile.

@@ -1,1 +1,1 @@
-"""What carries bytes between the console and a controller."""
+"""Transports that carry bytes between the console and a controller."""

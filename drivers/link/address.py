@@ -1,4 +1,4 @@
-"""Link addresses as an operator writes them; `str` of one gives back the shortest text that means the same.
+"""Parse link addresses as an operator writes them; `str` of an address gives the shortest equivalent text.
 
 `serial:/dev/NAME[?baud=RATE]`, `tcp:HOST:PORT`, `ethernet:HOST[:PORT][?stop=reserved]`, and `sim:` for the
 simulated lathe.
@@ -14,7 +14,7 @@ from profiles.problem import Problem
 
 HIGHEST_PORT = 65_535
 ETHERNET_PORT = 1025
-"""Where the Ethernet boards of the controllers listen."""
+"""Default port of the controllers' Ethernet boards."""
 
 DEFAULT_BAUD_RATE = 38_400
 HIGHEST_BAUD_RATE = 4_000_000
@@ -31,7 +31,7 @@ _RATE_BEHIND_COLON = re.compile(r".*:[0-9]+")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TcpAddress:
-    """A stream of characters at a host name or number, and port; port 0 lets a listener choose."""
+    """A plain character stream to a host name or number and a port; with port 0 a listener chooses its own."""
 
     host: str
     port: int
@@ -42,9 +42,9 @@ class TcpAddress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EthernetAddress:
-    """The Ethernet board of a controller, which is spoken to in requests.
+    """The Ethernet board of a controller, which speaks a request protocol.
 
-    With `reserves_stop` a second connection is made, for stops alone.
+    With `reserves_stop` a second connection is opened for stops alone.
     """
 
     host: str
@@ -64,17 +64,17 @@ class SerialAddress:
     baud_rate: int = DEFAULT_BAUD_RATE
 
     def __str__(self) -> str:
-        # A name of this kind is not read without a rate: it could be meant as one.
+        # A device name of this kind needs a rate: without one, its own colon part could be read as a rate.
         plain = self.baud_rate == DEFAULT_BAUD_RATE and not _needs_rate(self.device)
         return f"serial:{self.device}" if plain else f"serial:{self.device}?baud={self.baud_rate}"
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedAddress:
-    """The simulated lathe of the machine profile; there is no wire to it.
+    """The simulated lathe of the machine profile, in this process.
 
-    Set up by hand, with the iron of `plant` (a name or a file); what chance decides comes from `seed`, and the
-    chucking force has a standard deviation of `clamping_sd_percent` from clamping to clamping.
+    Set up by hand, with the simulated hardware of `plant` (a name or a file). Random effects use `seed`, and the
+    chucking force varies from clamping to clamping with a standard deviation of `clamping_sd_percent`.
     """
 
     plant: str = "mounted"
@@ -86,18 +86,18 @@ class SimulatedAddress:
 
 
 WiredAddress = TcpAddress | EthernetAddress | SerialAddress
-"""Where there is something to connect to."""
+"""An address that can be connected to."""
 
 LinkAddress = WiredAddress | SimulatedAddress
 
 
 def without_options(address: str) -> str:
-    """Return where an address leads, without what reserves a connection for stops there."""
+    """Return the address without its option for a reserved stop connection."""
     return address.removesuffix(_RESERVED)
 
 
 def parse_address(text: str) -> LinkAddress:
-    """Read a link address.
+    """Parse a link address.
 
     Raises:
         LinkError: `link.bad_address`.
@@ -118,20 +118,20 @@ def parse_address(text: str) -> LinkAddress:
 
 
 def parse_host_port(text: str) -> TcpAddress:
-    """Read `HOST:PORT` of a listener, with brackets round an IPv6 address; port 0 lets it choose.
+    """Parse `HOST:PORT` of a listener, with brackets round an IPv6 address; port 0 lets it choose.
 
     Raises:
-        LinkError: `link.bad_address`, the text is nothing of the kind.
+        LinkError: `link.bad_address`, the text is not of this form.
     """
     host, port = _host_and_port(text, text, _HOST_FORM, lowest_port=0)
     return TcpAddress(host=host, port=port)
 
 
 def parse_device(text: str) -> SerialAddress:
-    """Read `/dev/NAME` or `/dev/NAME?baud=RATE`; names by bus position have colons of their own.
+    """Parse `/dev/NAME` or `/dev/NAME?baud=RATE`; names by bus position contain colons themselves.
 
     Raises:
-        LinkError: `link.bad_address`, the text is nothing of the kind; `/dev/NAME:RATE` is refused, too.
+        LinkError: `link.bad_address`, the text is not of this form; `/dev/NAME:RATE` is refused, too.
     """
     device, asked, query = text.rpartition("?")
     name, _, rate = query.partition("=") if asked else ("baud", "=", str(DEFAULT_BAUD_RATE))
@@ -148,7 +148,7 @@ def _needs_rate(device: str) -> bool:
 
 
 def _with_port(text: str) -> str:
-    """Add the usual port where there is none."""
+    """Add the default port if there is none."""
     behind = text.rpartition("]")[2]
     return text if ":" in behind else f"{text}:{ETHERNET_PORT}"
 
@@ -157,7 +157,7 @@ def _host_and_port(text: str, whole: str, form: str, lowest_port: int = 1) -> tu
     host, colon, port = text.rpartition(":")
     bracketed = host.startswith("[") and host.endswith("]")
     host = host[1:-1] if bracketed else host
-    # Without brackets nobody can tell the port of an IPv6 address from the end of it.
+    # Without brackets the port of an IPv6 address cannot be told from its last group.
     readable = host and not (":" in host and not bracketed) and not re.search(r"[\s\[\]/?]", host)
     if not colon or not readable or not host.isprintable() or not _within(port, lowest_port, HIGHEST_PORT):
         raise _bad_address(whole, form)
@@ -165,7 +165,7 @@ def _host_and_port(text: str, whole: str, form: str, lowest_port: int = 1) -> tu
 
 
 def _within(digits: str, lowest: int, highest: int) -> bool:
-    # The length first: a number of thousands of digits cannot be read.
+    # Check the length first: int() refuses numbers of thousands of digits.
     short = 0 < len(digits) <= len(str(highest)) and digits.isascii() and digits.isdigit()
     return short and lowest <= int(digits) <= highest
 

@@ -1,4 +1,4 @@
-"""What a link to a controller can do, whatever carries the bytes."""
+"""The interface of a link to a controller, whatever the transport."""
 
 from __future__ import annotations
 
@@ -6,50 +6,50 @@ from enum import StrEnum
 from typing import Protocol
 
 GONE = frozenset(("link.lost", "link.closed"))
-"""Codes of the problems after which there is nobody to ask any more on this link."""
+"""Codes of the problems after which this link is dead."""
 
 
 class StopWay(StrEnum):
-    """What a stop goes through."""
+    """The route that a stop takes."""
 
     DIRECT = "direct"
-    """Where everything goes, directly behind what is already being sent."""
+    """The shared connection, directly after whatever is already being sent."""
 
     RESERVED = "reserved"
-    """A connection of its own, so that no pending reply is in front of it."""
+    """A connection of its own, so that it never queues after a pending reply."""
 
     LOST = "lost"
-    """A connection of its own was asked for, and is gone or not answered: it goes where everything goes."""
+    """A connection of its own was requested but is lost or unanswered: the stop takes the shared one."""
 
 
 class Link(Protocol):
-    """A stream of bytes both ways, with a way past everything that waits.
+    """A byte stream in both directions, with a priority path for stops.
 
-    A line that ends in CR goes out, the text of its reply comes back: data lines with their CR, then ACK, or BELL
-    ERRnnn CR. Control-X makes the controller forget what it was asked.
+    A line that ends in CR is sent, and its reply comes back as text: data lines with their CR, then ACK, or BELL
+    ERRnnn CR. Control-X makes the controller discard pending commands and replies.
 
-    All methods raise `LinkError` when the link is gone. `send` and `receive` belong to one thread;
-    `send_urgent` may be called from any thread and from a signal handler, and never waits for a reply.
+    All methods raise `LinkError` when the link is lost. `send` and `receive` belong to one thread; `send_urgent`
+    may be called from any thread and from a signal handler, and never waits for a reply.
     """
 
     address: str
 
     @property
     def checks_bytes(self) -> bool:
-        """Whether what arrives is what was sent, or nothing: all the way to the controller has checksums."""
+        """Whether bytes arrive intact or not at all: checksums protect the whole way to the controller."""
 
     @property
     def stop_way(self) -> StopWay:
-        """What a stop would go through now."""
+        """Return the route that a stop would take now."""
 
     def send(self, data: bytes) -> None:
         """Send bytes in order."""
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what has come, waiting at most `timeout_s` of machine time; empty when nothing came."""
+        """Return the bytes received, waiting at most `timeout_s` of machine time; empty on timeout."""
 
     def send_urgent(self, data: bytes) -> None:
-        """Send a stop, one control character, now, behind no more than what is already being sent."""
+        """Send a stop, one control character, at once: only what is already being sent goes before it."""
 
     def close(self) -> None:
-        """Let go of the link. The machine is not told anything."""
+        """Close the link. Nothing is sent to the machine."""

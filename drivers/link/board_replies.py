@@ -1,11 +1,11 @@
-"""What the replies of a controller's Ethernet board are about: bytes in, the text for the host out.
+"""Match the replies of a controller's Ethernet board to requests: bytes in, text for the host out.
 
-The board keeps what the card says in one queue, and each request fetches the next piece of it: up to an ACK or
-LF, with a BELL or STX up to the next CR, 1400 bytes at most, one NUL if there is nothing. Pieces are counted by
-the requests, answers by their ends. So the answer to a stop is told from that to the line in front of it, however
-the network cuts the bytes, and wherever in a long answer the stop came.
+The board keeps the controller's output in one queue, and each request fetches the next piece of it: up to an ACK
+or LF, with a BELL or STX up to the next CR, 1400 bytes at most, one NUL if there is nothing. Pieces are counted by
+the requests, answers by their ends. So the answer to a stop is distinguished from that to the line before it,
+however the network splits the bytes, and wherever in a long answer the stop came.
 
-`asked` may be called from any thread, before the request is sent; all else belongs to one that reads.
+`asked` may be called from any thread, before the request is sent; everything else belongs to the reading thread.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from drivers.pmac.ethernet import NOTHING, REPLY_LIMIT, TAKEN, buffer_length
 
 ACK, LF, BELL = b"\x06", b"\n", b"\x07"
 FLUSHED = (TAKEN[0], 0x18)
-"""What a board says when it has flushed: the manual's control-X, or what real boards send."""
+"""What a board sends after a flush: the manual's control-X, or what real boards send."""
 
 _STOP_ANSWERS = (ACK, LF, NOTHING)
 
 
 class Asked(Enum):
-    """What a request was for."""
+    """The purpose of a request."""
 
     LINE = auto()
     STOP = auto()
@@ -32,7 +32,7 @@ class Asked(Enum):
 
 
 class BoardReplies:
-    """The bookkeeping of one connection."""
+    """Reply bookkeeping of one connection."""
 
     def __init__(self) -> None:
         self._asked: deque[Asked] = deque()
@@ -43,23 +43,23 @@ class BoardReplies:
         self._told = 0
 
     def asked(self, what: Asked) -> None:
-        """Take note of a request, in the order in which they are sent."""
+        """Record a request, in the order of sending."""
         self._asked.append(what)
 
     @property
     def complete(self) -> bool:
-        """Whether everything that was asked is answered."""
+        """Whether every request has been answered."""
         self._follow()
         return not (self._owed or self._pieces or self._flushes)
 
     @property
     def wants_more(self) -> bool:
-        """Whether an answer goes on, and nobody has asked the board for the rest."""
+        """Whether an answer continues and the rest has not been requested yet."""
         self._follow()
         return bool(self._owed) and not (self._pieces or self._flushes)
 
     def take(self, data: bytes) -> bytes:
-        """Return what of these bytes is for the host."""
+        """Return the part of these bytes that is for the host."""
         self._follow()
         said = bytearray()
         while data:
@@ -68,7 +68,7 @@ class BoardReplies:
             elif self._pieces:
                 data = self._go_on(data, said)
             else:
-                said += data  # nobody asked: the host is to see it
+                said += data  # unsolicited: the host must see it
                 break
         return bytes(said)
 
@@ -86,7 +86,7 @@ class BoardReplies:
                     self._owed.append(what)
 
     def _discard(self, data: bytes) -> bytes:
-        """Drop what was said before the flush."""
+        """Drop output from before the flush."""
         for place, byte in enumerate(data):
             if byte in FLUSHED:
                 self._flushes -= 1
@@ -94,7 +94,7 @@ class BoardReplies:
         return b""
 
     def _go_on(self, data: bytes, said: bytearray) -> bytes:
-        """Add to the piece; return what is behind it."""
+        """Append to the current piece; return the bytes after it."""
         self._piece += data
         nothing = self._piece.startswith(NOTHING)
         length = len(NOTHING) if nothing else buffer_length(self._piece, REPLY_LIMIT)
@@ -112,8 +112,8 @@ class BoardReplies:
         self._pieces -= 1
         self._begin_piece()
         if of_stop and piece not in _STOP_ANSWERS:
-            said += NOTHING  # not what a stop answers: the host must find out where it is
-        # A piece that ends with the CR behind an STX is a message; a full one, or one without an end, goes on.
+            said += NOTHING  # not the answer to a stop: the host must resynchronise
+        # A piece that ends with the CR after an STX is a message; a full one, or one without an end, continues.
         ended = piece == NOTHING or piece.endswith((ACK, LF)) or BELL in piece
         if ended and self._owed:
             self._owed.popleft()

@@ -1,4 +1,4 @@
-"""One connected socket, on which nobody waits to be rid of a few bytes, and why it could not be connected."""
+"""One connected socket without send delay for short writes, and the reasons why connecting can fail."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CONNECT_TIMEOUT_S = 5.0
 CHUNK = 65_536
 
 IDLE_S, PROBE_S, PROBES = 5, 2, 3
-"""A connection on which nothing was said for so long is asked for a sign of life, and given up without one."""
+"""Idle time after which TCP keep-alive probes the connection; without an answer it is closed."""
 
 _REFUSALS = {
     errno.ECONNREFUSED: "link.refused",
@@ -26,7 +26,7 @@ _REFUSALS = {
 
 
 class Connection:
-    """A TCP connection to a controller. `address` is what its problems name."""
+    """A TCP connection to a controller. `address` is the name used in error reports."""
 
     def __init__(self, host: str, port: int, address: str) -> None:
         """Connect.
@@ -54,10 +54,10 @@ class Connection:
             self._socket.setsockopt(level, option, value)
 
     def write(self, data: bytes, wait_s: float) -> None:
-        """Send all of it, waiting for room at most `wait_s` at a time.
+        """Send all of it, waiting at most `wait_s` at a time for room.
 
         Raises:
-            LinkError: `link.lost`; some of it may have gone.
+            LinkError: `link.lost`; part of it may have been sent.
         """
         left = memoryview(data)
         try:
@@ -72,7 +72,7 @@ class Connection:
             raise self._error("link.lost", _reason(error)) from error
 
     def write_whole(self, frame: bytes) -> None:
-        """Send all of it at once. What cannot go whole ends the connection: nothing may come behind half a frame.
+        """Send all of it at once, or end the connection: nothing may follow half a frame.
 
         Raises:
             LinkError: `link.lost`.
@@ -81,13 +81,13 @@ class Connection:
             if self._socket.send(frame) < len(frame):
                 raise BlockingIOError(errno.EAGAIN, "nobody takes what is sent")
         except OSError as error:
-            # No close: another thread may be about to use the number of the socket.
+            # Not closed here: another thread may be about to use the file descriptor.
             with suppress(OSError):
                 self._socket.shutdown(socket.SHUT_RDWR)
             raise self._error("link.lost", _reason(error)) from error
 
     def read(self, timeout_s: float = 0.0) -> bytes:
-        """Return what has come within `timeout_s`; empty when nothing has.
+        """Return the bytes received within `timeout_s`; empty on timeout.
 
         Raises:
             LinkError: `link.lost`, or `link.closed` by the other end.

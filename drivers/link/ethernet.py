@@ -1,4 +1,4 @@
-"""A link to the Ethernet board of a controller: lines become requests, replies become the dialogue again."""
+"""A link to the Ethernet board of a controller: converts lines to requests, and replies back to a dialogue."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from drivers.pmac.ethernet import REPLY_LIMIT, Direction, Request, RequestCode
 from profiles.problem import Problem
 
 REPLY_WAIT_S = 2.0
-"""How long a line waits for the reply in front of it: the board mixes up replies to two lines at a time."""
+"""How long a line waits for the previous reply: the board mixes up the replies to two lines at a time."""
 
 URGENT_WAIT_S = 0.02
-"""How long a stop waits for another thread that is just handing over a request, which takes no time."""
+"""How long a stop waits for another thread that is handing over a request, which takes next to no time."""
 
 FLUSH = b"\x18"
 
@@ -29,10 +29,10 @@ _FLUSH = Request(direction=Direction.DOWNLOAD, code=RequestCode.FLUSH)
 
 
 class EthernetLink:
-    """One request at a time, but for stops: those go directly behind it, as whole requests of their own.
+    """Sends one request at a time, except stops: they follow at once, as whole requests of their own.
 
-    Where the address reserves it they have a second connection. It may be used only where the board was seen to
-    obey there.
+    If the address reserves it, stops have a second connection. Use that only where the board has been seen to obey
+    on it.
     """
 
     checks_bytes = True
@@ -42,11 +42,11 @@ class EthernetLink:
 
         Raises:
             LinkError: `link.unknown_host`, `link.refused`, `link.no_answer`, `link.unreachable`, `link.failed`;
-                `link.no_stop_connection`, there is no second one, or nobody answers on it.
+                `link.no_stop_connection`, the second connection was refused or is not answered.
         """
         self.address = str(address)
         self._replies = BoardReplies()
-        # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not wait for that.
+        # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not block.
         self._requests = threading.RLock()
         self._line = b""
         self._asked_last = ""
@@ -56,16 +56,16 @@ class EthernetLink:
 
     @property
     def stop_way(self) -> StopWay:
-        """What a stop would go through now; `LOST` is found out by what is received, and by time."""
+        """Return the route that a stop would take now; `LOST` is detected from received data and from timeouts."""
         if self._stops is None:
             return StopWay.DIRECT
         return StopWay.RESERVED if self._stops.works else StopWay.LOST
 
     def send(self, data: bytes) -> None:
-        """Send lines that end in CR, each when the one before is answered; control-X is a flush at once.
+        """Send lines that end in CR, each after the previous reply; control-X flushes at once.
 
         Raises:
-            LinkTimeoutError: `link.silent`, the line before was not answered; this one was not sent.
+            LinkTimeoutError: `link.silent`, the previous line was not answered; this one was not sent.
             LinkError: `link.lost`, `link.closed`.
         """
         for part in _PARTS.findall(data):
@@ -80,17 +80,17 @@ class EthernetLink:
                 self._line += part
 
     def send_urgent(self, data: bytes) -> None:
-        """Send a stop now: on its own connection, or directly behind the request in flight.
+        """Send a stop now: on its own connection, or directly after the request in flight.
 
         Raises:
-            LinkError: `link.lost`, the board takes nothing.
+            LinkError: `link.lost`, the board accepts nothing.
         """
         stop = Request(direction=Direction.DOWNLOAD, code=RequestCode.GETRESPONSE, length=len(data), data=data)
         if self._stops is None or not self._stops.send(stop.encode()):
             self._request(stop, Asked.STOP)
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what has been said within `timeout_s`.
+        """Return the reply text received within `timeout_s`.
 
         Raises:
             LinkError: `link.lost`, or `link.closed` by the controller.
@@ -145,7 +145,7 @@ class EthernetLink:
             self._request(_GET_BUFFER, Asked.MORE)
 
     def _request(self, request: Request, what: Asked) -> None:
-        """Send a whole request. What was asked is noted in the order in which it is sent."""
+        """Send a whole request. Requests are recorded in the order of sending."""
         held = self._requests.acquire(timeout=URGENT_WAIT_S)
         try:
             self._replies.asked(what)

@@ -1,6 +1,6 @@
-"""A link inside one process: a null modem whose other end lives in simulated time.
+"""A link inside one process: a null modem whose other end runs in simulated time.
 
-Waiting for bytes advances the simulation, so that nothing ever sleeps and a run is the same each time.
+Waiting for bytes advances the simulation, so that nothing ever sleeps and every run is repeatable.
 """
 
 from __future__ import annotations
@@ -10,31 +10,31 @@ from typing import Protocol
 from drivers.link.base import StopWay
 
 LOOK_S = 0.001
-"""How far the other end is advanced between two looks: well below the background cycle in which it answers."""
+"""Simulated time between two polls: well below the background cycle in which the other end answers."""
 
 
 class Peer(Protocol):
     """The other end of the null modem."""
 
     def receive(self, data: bytes) -> None:
-        """Take bytes."""
+        """Accept bytes."""
 
     def take_output(self) -> bytes:
-        """Return what it has sent."""
+        """Return the bytes sent since the last call."""
 
 
 class SimulatedTime(Protocol):
-    """Time that is advanced, never slept."""
+    """A clock that is advanced, never slept."""
 
     def now_s(self) -> float:
         """Return the simulated time."""
 
     def wait(self, seconds: float) -> None:
-        """Advance it."""
+        """Advance the clock."""
 
 
 class MemoryLink:
-    """Bytes to and from a simulated card."""
+    """Byte stream to and from a simulated controller."""
 
     address = "memory"
     stop_way = StopWay.DIRECT
@@ -45,15 +45,15 @@ class MemoryLink:
         self._time = time
 
     def send(self, data: bytes) -> None:
-        """Hand bytes over."""
+        """Hand bytes to the simulated controller."""
         self._peer.receive(data)
 
     def send_urgent(self, data: bytes) -> None:
-        """Hand a stop over; the card reads it in its next background cycle."""
+        """Hand over a stop; the controller reads it in its next background cycle."""
         self._peer.receive(data)
 
     def receive(self, timeout_s: float) -> bytes:
-        """Advance simulated time until bytes come, or `timeout_s` of it has passed."""
+        """Advance simulated time until bytes arrive, or by `timeout_s`."""
         deadline = self._time.now_s() + timeout_s
         while not (data := self._peer.take_output()):
             left = deadline - self._time.now_s()
@@ -63,4 +63,4 @@ class MemoryLink:
         return data
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing: there is nothing to close."""

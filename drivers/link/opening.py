@@ -1,4 +1,4 @@
-"""Opening whatever link an address names."""
+"""Open the link that an address names."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from drivers.link.base import Link
 
 
 def open_link(address: WiredAddress) -> Link:
-    """Connect.
+    """Connect to the address.
 
     Raises:
-        LinkError: each way to fail with a code of its own, see `docs/links.md`.
+        LinkError: a code of its own for each failure, see `docs/links.md`.
     """
-    # What is not connected to is not loaded.
+    # Import only the transport that is used.
     match address:
         case SerialAddress():
             from drivers.link.serial import SerialLink

@@ -1,7 +1,7 @@
 """A link over a serial line: 8 data bits, no parity, one stop bit, no flow control.
 
-Without flow control nothing but the speed of the line holds back a stop. A line is therefore handed over in small
-portions, no faster than it goes: what the system and the adapter have taken, nobody overtakes any more.
+Without flow control only the line speed delays a stop. Data is therefore written in small portions, no faster than
+the line transmits: a stop cannot overtake what the system and the adapter have already accepted.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from profiles.problem import Problem
 
 SEND_TIMEOUT_S = 2.0
 URGENT_WAIT_S = 0.02
-"""How long a stop waits for room in a line that has none."""
+"""How long a stop waits for room on a full line."""
 
 CHUNK = 65_536
 
 
 class SerialLink:
-    """One open serial device, for this program alone."""
+    """One open serial device, exclusive to this program."""
 
     stop_way = StopWay.DIRECT
     checks_bytes = False
@@ -44,15 +44,15 @@ class SerialLink:
         """
         self.address = str(address)
         self._pace = Pace(address.baud_rate)
-        # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not wait for that.
+        # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not block.
         self._handing = threading.RLock()
         self._line = open_line(address)
 
     def send(self, data: bytes) -> None:
-        """Send bytes in order, no further ahead of the line than a stop may wait for.
+        """Send bytes in order, queueing no more than a stop may have to wait for.
 
         Raises:
-            LinkError: `link.lost`; also when the line has taken nothing for `SEND_TIMEOUT_S`.
+            LinkError: `link.lost`; also when the line has accepted nothing for `SEND_TIMEOUT_S`.
         """
         try:
             left, last_s = memoryview(data), time.monotonic()
@@ -70,10 +70,11 @@ class SerialLink:
             raise self._lost(error) from error
 
     def send_urgent(self, data: bytes) -> None:
-        """Send now: behind what the line has taken already, never behind what still waits in `send`.
+        """Send now: after what the line has accepted already, before whatever still waits in `send`.
 
         Raises:
-            LinkError: `link.lost`; also when the line takes nothing within `URGENT_WAIT_S`, nothing is sent then.
+            LinkError: `link.lost`; also when the line accepts nothing within `URGENT_WAIT_S`, nothing is sent
+            then.
         """
         deadline = time.monotonic() + URGENT_WAIT_S
         held = self._handing.acquire(timeout=URGENT_WAIT_S)
@@ -86,7 +87,7 @@ class SerialLink:
                 self._handing.release()
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what has come within `timeout_s`.
+        """Return the bytes received within `timeout_s`.
 
         Raises:
             LinkError: `link.lost`.
@@ -111,7 +112,7 @@ class SerialLink:
             self._line.close()
 
     def _hand_over(self, data: memoryview) -> int:
-        """Hand the line what there is room for ahead of a stop; return how many bytes that was."""
+        """Write as much as the stop delay allows; return how many bytes that was."""
         with self._handing:
             line, now_s = self._line.fileno(), time.monotonic()
             room = min(self._pace.room(now_s), self._pace.ahead - _queued(line))
@@ -126,7 +127,7 @@ class SerialLink:
 
     def _squeeze_in(self, data: bytes, deadline: float) -> None:
         line = self._line.fileno()
-        # Written first and asked then: a line has room for a stop long before it calls itself writable.
+        # Write first, then wait: a line has room for a stop long before it reports itself writable.
         try:
             sent = os.write(line, data)
         except BlockingIOError:
@@ -142,7 +143,7 @@ class SerialLink:
 
 
 def _queued(line: int) -> int:
-    """Return how many bytes the system still has to give to the line; not every driver tells."""
+    """Return how many bytes the system has not sent yet; not every driver reports it."""
     try:
         return int(struct.unpack("i", fcntl.ioctl(line, termios.TIOCOUTQ, bytes(4)))[0])
     except OSError:

@@ -1,4 +1,4 @@
-"""Opening a serial line for this program alone, and saying what is in the way."""
+"""Open a serial line exclusively, and explain why it cannot be opened."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from drivers.link.address import SerialAddress
 from profiles.problem import Problem
 
 BAUD_TOLERANCE = 0.02
-"""How far the speed of a line may be from the one asked for; characters are still read right then."""
+"""Permitted deviation of the actual line speed; characters are still received correctly within it."""
 
 _REFUSALS = {
     errno.ENOENT: "link.no_device",
     errno.ENOTDIR: "link.no_device",
     errno.ENXIO: "link.no_device",
     errno.ENODEV: "link.no_device",
-    errno.EIO: "link.no_device",  # a name that the system keeps for a port that is not there
-    errno.EAGAIN: "link.busy",  # the lock of another program
+    errno.EIO: "link.no_device",  # a device name that the system keeps for a port that does not exist
+    errno.EAGAIN: "link.busy",  # locked by another program
     errno.EBUSY: "link.busy",
     errno.EISDIR: "link.not_serial",
     errno.ENOTTY: "link.not_serial",
@@ -38,7 +38,7 @@ _REFUSALS = {
 }
 
 _TCGETS2, _TERMIOS2 = 0x802C_542A, struct.Struct("4IB19s2I")
-"""Asks for the settings with the speed as a number; the places of most kinds of processors, not of all."""
+"""Requests the settings with the speed as a number; the layout of most processor architectures, not of all."""
 
 _PSEUDO_TERMINALS = range(136, 144)
 """Major device numbers."""
@@ -67,7 +67,7 @@ def open_line(address: SerialAddress) -> serial.Serial:
 
 
 def speed_of(line: int) -> int | None:
-    """Return the speed of an open line in bit/s, None where the system does not tell."""
+    """Return the speed of an open line in bit/s, None where the system does not report it."""
     try:
         answer = fcntl.ioctl(line, _TCGETS2, bytes(_TERMIOS2.size))
     except OSError:
@@ -76,16 +76,17 @@ def speed_of(line: int) -> int | None:
 
 
 def _check_speed(address: SerialAddress, line: int) -> None:
-    """Ask the line what it made of the speed: a driver that cannot have it keeps another without a word."""
+    """Check the actual speed: a driver that cannot set the requested one silently keeps another."""
     speed = speed_of(line)
     if speed is not None and abs(speed - address.baud_rate) > BAUD_TOLERANCE * address.baud_rate:
         raise _problem(address, "link.baud", value=str(address.baud_rate), limit=str(speed))
 
 
 def _keep_others_out(line: int) -> None:
-    """Let the system refuse programs that do not ask for the lock.
+    """Have the system refuse programs that do not use the lock.
 
-    A pseudo-terminal would keep that when this program is killed, and be closed to everybody from then on.
+    Not on a pseudo-terminal: it would stay exclusive after this program is killed, closed to everybody from then
+    on.
     """
     if os.major(os.fstat(line).st_rdev) not in _PSEUDO_TERMINALS:
         with suppress(OSError):
@@ -104,7 +105,7 @@ def _refusal(address: SerialAddress, error: OSError) -> LinkError:
 
 
 def _number(error: OSError) -> int:
-    """Return the error number; pyserial hides that of the settings in the error in front of its own."""
+    """Return the error number; pyserial hides that of the settings in the error before its own."""
     number, before = error.errno, error.__context__
     if number is None and isinstance(before, termios.error):
         number = before.args[0]
@@ -112,10 +113,10 @@ def _number(error: OSError) -> int:
 
 
 def _not_permitted(address: SerialAddress) -> LinkError:
-    """Say who may open the device: a group that one can be added to, or its owner alone."""
+    """Return the refusal that names who may open the device: a group to join, or its owner alone."""
     try:
         owned = os.stat(address.device)
-    except OSError as error:  # not even the folder may be looked into
+    except OSError as error:  # not even the directory may be read
         return _problem(address, "link.failed", value=os.strerror(error.errno or 0))
     mode = stat.filemode(owned.st_mode)
     if owned.st_mode & stat.S_IRGRP and owned.st_mode & stat.S_IWGRP:
@@ -138,7 +139,7 @@ def _user_name(number: int) -> str:
 
 
 def _holder(device: str) -> str:
-    """Return which program has locked the device, as far as the system tells; empty when it does not."""
+    """Return which program has locked the device, as far as the system reports it; else empty."""
     try:
         node = os.stat(device)
         where = f"{os.major(node.st_dev):02x}:{os.minor(node.st_dev):02x}:{node.st_ino}"

@@ -10,22 +10,22 @@ from drivers.pmac.ethernet import Direction, Request, RequestCode
 from profiles.problem import Problem
 
 OPENING_S = 2.0
-"""How long the board may take to answer on a new connection; a network takes one that no board serves, too."""
+"""How long the board may take to answer a new connection; a network accepts connections that no board serves."""
 
 ANSWER_S = 1.0
-"""How long it may take to answer a stop; who has not answered by then may not have heard it."""
+"""How long the board may take to answer a stop; after that the stop may not have been received."""
 
 _READY = Request(direction=Direction.UPLOAD, code=RequestCode.READREADY, length=2)
 
 
 class StopConnection:
-    """Nothing but stops goes here, so that no pending reply is in front of one.
+    """Carries nothing but stops, so that none queues after a pending reply.
 
-    Used from any thread and from signal handlers: what two of them read at the same time is an answer for both.
+    Used from any thread and from signal handlers: when two of them read at the same time, one answer serves both.
     """
 
     def __init__(self, connection: Connection) -> None:
-        """Ask the board whether something is to be read here, which changes nothing, and wait for its answer.
+        """Ask the board, without side effects, whether there is anything to read, and wait for its answer.
 
         Raises:
             LinkError: `link.no_answer`, the board does not serve it; `link.lost`, `link.closed`.
@@ -43,12 +43,12 @@ class StopConnection:
 
     @property
     def works(self) -> bool:
-        """Whether it is there, and no stop has waited too long for its answer."""
+        """Whether the connection is open and every stop was answered in time."""
         asked_s = self._asked_s
         return self._alive and (asked_s is None or time.monotonic() - asked_s <= ANSWER_S)
 
     def send(self, frame: bytes) -> bool:
-        """Send a stop; return whether that will do: it went, and nothing says that nobody hears it."""
+        """Send a stop; return whether that suffices: it was sent, and nothing suggests that it is not received."""
         self.look()
         will_do = self._alive and self._asked_s is None
         if self._alive:
@@ -60,7 +60,7 @@ class StopConnection:
         return will_do
 
     def look(self) -> None:
-        """Take what the board has answered, and find out whether the connection is still there."""
+        """Read the board's answers and detect a lost connection."""
         try:
             while self._alive and self._connection.read():
                 self._asked_s = None

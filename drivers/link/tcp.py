@@ -1,4 +1,4 @@
-"""A link over TCP that carries the controller's ASCII stream as it is."""
+"""A link over TCP that carries the controller's ASCII stream unchanged."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from drivers.link.connection import Connection
 
 SEND_TIMEOUT_S = 2.0
 URGENT_WAIT_S = 0.02
-"""How long a stop waits for room in a connection that has none."""
+"""How long a stop waits for room on a full connection."""
 
 
 class TcpLink:
-    """One connection. A control character acts in the middle of a line, too: nothing is in a stop's way."""
+    """One connection. A control character also acts in the middle of a line: nothing delays a stop."""
 
     stop_way = StopWay.DIRECT
     checks_bytes = False
-    """A terminal server goes on with a serial line, where nothing checks them any more."""
+    """A terminal server continues on a serial line, where the bytes have no checksum."""
 
     def __init__(self, address: TcpAddress) -> None:
         """Connect.
@@ -31,20 +31,20 @@ class TcpLink:
         """Send bytes in order.
 
         Raises:
-            LinkError: `link.lost`; also when nothing of it is taken for `SEND_TIMEOUT_S`.
+            LinkError: `link.lost`; also when nothing is accepted for `SEND_TIMEOUT_S`.
         """
         self._connection.write(data, SEND_TIMEOUT_S)
 
     def send_urgent(self, data: bytes) -> None:
-        """Send now, past what still waits in `send`.
+        """Send now, before whatever still waits in `send`.
 
         Raises:
-            LinkError: `link.lost`; also when it is not taken within `URGENT_WAIT_S`.
+            LinkError: `link.lost`; also when it is not accepted within `URGENT_WAIT_S`.
         """
         self._connection.write(data, URGENT_WAIT_S)
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what has come within `timeout_s`.
+        """Return the bytes received within `timeout_s`.
 
         Raises:
             LinkError: `link.lost`, or `link.closed` by the controller.

@@ -1,12 +1,12 @@
-"""A link that writes down every byte both ways, readable by a person.
+"""A link that records every byte in both directions, in readable form.
 
     12.345 > #1P
     12.351 < 125.5
     12.351 < [ACK]
     12.400 ! [^K]
 
-A line of the trace is one of the dialogue, with the time (s) of its last byte; `!` is a stop, past everything that
-waits. Its CR is not shown: `[no CR]` says where there was none, `[CR]` stands for an empty line.
+Each line of the trace is one line of the dialogue, with the time (s) of its last byte; `!` is a stop, sent with
+priority. Its CR is not shown: `[no CR]` marks a missing one, `[CR]` stands for an empty line.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from profiles.problem import Problem
 
 CR, ACK, NUL = 0x0D, 0x06, 0x00
 LONGEST_LINE = 4096
-"""Bytes after which a line of the trace ends in any case: something that never says CR is not kept for ever."""
+"""Byte count that forces a new line of the trace: input that never sends CR is not buffered for ever."""
 
 _NAMES = {NUL: "NUL", 0x02: "STX", ACK: "ACK", 0x07: "BEL", 0x0A: "LF", CR: "CR"}
 _ALONE = frozenset(range(0x20)) - {0x02, 0x07, 0x09, 0x0A, CR}
-"""What ends a line of the trace, as a CR does, and is shown there."""
+"""Bytes that end a line of the trace as a CR does, but are shown in it."""
 
 
 class Sink(Protocol):
-    """Where the lines go: each in one call, which may come from a signal handler."""
+    """Receives the lines: each in one call, which may come from a signal handler."""
 
     def write(self, text: str, /) -> object:
         """Append."""
 
 
 class TracedLink:
-    """Passes everything on to `link`. What goes wrong with the trace ends the trace, and nothing else."""
+    """Passes everything on to `link`. A trace that fails ends, and the link continues without it."""
 
     def __init__(self, link: Link, file: Sink, now_s: Callable[[], float]) -> None:
-        """`now_s` gives the times that are written."""
+        """Wrap `link`; `now_s` gives the times that are written."""
         self.address = link.address
         self._link = link
         self._file = file
@@ -48,7 +48,7 @@ class TracedLink:
 
     @property
     def problem(self) -> Problem | None:
-        """What ended the trace, None while it goes on: `link.trace_lost`."""
+        """The problem that ended the trace, `link.trace_lost`; None while it continues."""
         return self._problem
 
     @property
@@ -58,7 +58,7 @@ class TracedLink:
 
     @property
     def stop_way(self) -> StopWay:
-        """What a stop would go through now."""
+        """Return the route that a stop would take now."""
         return self._link.stop_way
 
     def send(self, data: bytes) -> None:
@@ -74,7 +74,7 @@ class TracedLink:
         self._note(now_s, ">", self._out, data)
 
     def send_urgent(self, data: bytes) -> None:
-        """Send a stop now; it is written down afterwards."""
+        """Send a stop now, then record it."""
         try:
             self._link.send_urgent(data)
         except LinkError as error:
@@ -83,7 +83,7 @@ class TracedLink:
         self._put(self._now_s(), "!", shown(data))
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what has come, waiting at most `timeout_s`."""
+        """Return the bytes received, waiting at most `timeout_s`."""
         try:
             data = self._link.receive(timeout_s)
         except LinkError as error:
@@ -95,7 +95,7 @@ class TracedLink:
         return data
 
     def close(self) -> None:
-        """Let go of the link."""
+        """Close the link."""
         self._end(">", self._out)
         self._end("<", self._in)
         self._link.close()
@@ -114,7 +114,7 @@ class TracedLink:
                 self._end(mark, line)
 
     def _end(self, mark: str, line: bytearray) -> None:
-        """Write down what was said without an end."""
+        """Write out a line that has no end yet."""
         if line:
             self._put(self._now_s(), mark, f"{shown(line)} [no CR]")
             line.clear()
@@ -134,7 +134,7 @@ class TracedLink:
 
 
 def shown(data: bytes | bytearray) -> str:
-    """Return bytes as text, with what is not printable by its name."""
+    """Return bytes as text, with unprintable ones by name."""
     return "".join(_shown(byte) for byte in data)
 
 
@@ -143,5 +143,5 @@ def _shown(byte: int) -> str:
         return f"[{_NAMES[byte]}]"
     if byte < 0x20:
         return f"[^{chr(byte + 0x40)}]"
-    # A bracket of the dialogue is not to look like one of ours.
+    # A bracket in the dialogue must not look like one of the trace's own marks.
     return chr(byte) if byte < 0x7F and byte != 0x5B else f"[{byte:#04x}]"

@@ -1,4 +1,4 @@
-"""The file of a trace: appended to, bounded, and never in anybody's way."""
+"""The file of a trace: appended to, limited in size, and never blocking."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from drivers.errors import DriverError
 from profiles.problem import Problem
 
 LIMIT_BYTES = 64 * 1024 * 1024
-"""How long a file gets: some hours of a machine that is looked at twenty times a second."""
+"""Size limit: some hours of a machine that is polled twenty times a second."""
 
 _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NONBLOCK
 _READABLE_BY_ALL = 0o644
 
 
 class TraceFile:
-    """Each line is written at once, in one piece, from whatever thread or signal handler.
+    """Writes each line at once, in one piece, from any thread or signal handler.
 
-    At its limit the file becomes `NAME.1`, in the place of an older one, and begins anew.
+    At its limit the file is renamed `NAME.1`, replacing an older one, and a new file begins.
     """
 
     def __init__(self, path: Path, title: str, limit_bytes: int = LIMIT_BYTES) -> None:
-        """Open the file and write a line that tells what begins here, and when.
+        """Open the file and write a title line with the time.
 
         Raises:
             DriverError: `link.trace_unwritable`.
@@ -51,7 +51,7 @@ class TraceFile:
             OSError: it cannot be written.
         """
         data = text.encode("utf-8")
-        # Whoever comes while another begins anew does not wait for that.
+        # A second writer does not wait while the file is being renewed.
         if self._length + len(data) > self._limit_bytes and self._turning.acquire(blocking=False):
             try:
                 self._begin_anew()
@@ -64,7 +64,8 @@ class TraceFile:
     def close(self) -> None:
         """Write nothing more.
 
-        The number stays taken: a stop in another thread may be about to write, and must not meet another file.
+        The file descriptor stays reserved: a stop in another thread may be about to write, and must not hit
+        another file.
         """
         self._become(os.open(os.devnull, os.O_WRONLY | os.O_CLOEXEC))
 

@@ -1,4 +1,4 @@
-"""Whether, and where to, the links of a command are traced."""
+"""Decide whether, and where, the links of a command are traced."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Tracing:
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """What ended the trace, if anything did; told once."""
+        """Return the problem that ended the trace, if any; reported once."""
         return tuple(link.problem for link in self._traced if link.problem is not None)[:1]
 
     def of(self, link: Link, now_s: Callable[[], float]) -> Link:
-        """Return the link, with its trace; `now_s` gives the times that are written."""
+        """Return the link with its trace; `now_s` gives the times that are written."""
         if self._file is None:
             return link
         traced = TracedLink(link, self._file, now_s)

@@ -1,1 +1,1 @@
-"""The Delta Tau PMAC: its language, its trajectories, its replies. Knows no simulator."""
+"""The Delta Tau PMAC: its language, trajectories and replies. Independent of the simulator."""

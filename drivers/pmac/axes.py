@@ -1,6 +1,6 @@
 """Axis definitions: which motors move which axes, and how many counts make one user unit.
 
-Which axis positions follow from motor positions is a small system of linear equations, solved motor by motor.
+Axis positions follow from motor positions by a small system of linear equations, eliminated motor by motor.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ Row = Mapping[str, float]
 """The coefficients of the axes in one equation."""
 
 NEGLIGIBLE = 1e-12
-"""What is left of a coefficient, as a share of the greatest in its row, when the equation says nothing new."""
+"""A remainder below this fraction of the greatest coefficient in its row is 0: the equation is dependent."""
 
 AXIS_LETTERS = ("A", "B", "C", "U", "V", "W", "X", "Y", "Z")
 
 CARTESIAN = (("X", "Y", "Z"), ("U", "V", "W"))
-"""The axes of one of these may be mixed in a definition."""
+"""The axes of one of these groups may be mixed in a definition."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisDefinition:
     """`#motor->terms + offset`: motor counts = sum of scale x axis position + offset.
 
-    `terms` are the axes with their scales (counts a user unit), in the order in which they were typed.
+    `terms` are the axes with their scales (counts per user unit), in the order in which they were typed.
     """
 
     motor: int
@@ -37,17 +37,17 @@ class AxisDefinition:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The letters of all axes that this motor serves."""
+        """The letters of all axes that this motor drives."""
         return tuple(axis for axis, _ in self.terms)
 
     @property
     def axis(self) -> str:
-        """The axis, of a definition that has one; otherwise the first."""
+        """The axis of a definition with one term; otherwise the first."""
         return self.terms[0][0]
 
     @property
     def scale(self) -> float:
-        """Counts a user unit of `axis`."""
+        """Counts per user unit of `axis`."""
         return self.terms[0][1]
 
     def counts(self, positions: Mapping[str, float]) -> float:
@@ -55,11 +55,11 @@ class AxisDefinition:
         return sum([scale * positions[axis] for axis, scale in self.terms]) + self.offset
 
     def distance(self, distances: Mapping[str, float]) -> float:
-        """Return the motor's share of a distance (or of a velocity); axes that are left out do not move."""
+        """Return the motor's part of a distance (or of a velocity); omitted axes do not move."""
         return sum([scale * distances.get(axis, 0.0) for axis, scale in self.terms])
 
     def shifted(self, origins: Mapping[str, float]) -> AxisDefinition:
-        """Return the definition for axes that call the place of their zero `origins` (user units)."""
+        """Return the definition for axes whose zero points are shifted to `origins` (user units)."""
         return replace(self, offset=self.offset - self.distance(origins)) if origins else self
 
     def __str__(self) -> str:
@@ -68,7 +68,7 @@ class AxisDefinition:
 
 
 def scan_definition(scanner: Scanner, motor: int) -> AxisDefinition | None:
-    """Read what follows `#n->`: a definition such as `8660X-5000Y+10`, or 0, which clears it (None).
+    """Parse what follows `#n->`: a definition such as `8660X-5000Y+10`, or 0, which clears it (None).
 
     Raises:
         PmacError: 003, not a definition.
@@ -95,10 +95,10 @@ def scan_definition(scanner: Scanner, motor: int) -> AxisDefinition | None:
 
 
 def read_definitions(texts: Iterable[str]) -> tuple[AxisDefinition, ...]:
-    """Read whole definitions such as `#1->X`; cleared motors are left out.
+    """Parse whole definitions such as `#1->X`; cleared motors are left out.
 
     Raises:
-        PmacError: 003, a text is no definition.
+        PmacError: 003, a text is not a definition.
     """
     definitions = []
     for text in texts:
@@ -115,8 +115,8 @@ def read_definitions(texts: Iterable[str]) -> tuple[AxisDefinition, ...]:
 def axis_positions(definitions: Mapping[int, AxisDefinition], counts: Mapping[int, float]) -> dict[str, float]:
     """Return the position of every defined axis in user units; `counts` by motor number.
 
-    Where several motors serve an axis, those of the lower numbers decide. An axis that the motors do not
-    determine is at 0.
+    Where several motors drive an axis, the lower motor numbers decide. An axis that the motors do not determine is
+    at 0.
     """
     ordered = [definitions[motor] for motor in sorted(definitions)]
     values = [counts[definition.motor] - definition.offset for definition in ordered]
@@ -125,10 +125,10 @@ def axis_positions(definitions: Mapping[int, AxisDefinition], counts: Mapping[in
 
 
 def refuse_singular(definitions: Iterable[AxisDefinition]) -> None:
-    """Make sure that as many motors as there are axes also determine them; fewer are not yet complete.
+    """Check that a full set of motors (as many as axes) determines all axes; fewer are an incomplete set and pass.
 
     Raises:
-        PmacError: 003, motors that depend on one another.
+        PmacError: 003, motors that are linearly dependent.
     """
     rest = list(definitions)
     while rest:
@@ -146,9 +146,9 @@ def refuse_singular(definitions: Iterable[AxisDefinition]) -> None:
 def preset_origins(
     origins: Mapping[str, float], positions: Mapping[str, float], presets: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the origins after PSET, `X=5` or Z: axes at `positions` are, from now on, at `presets`.
+    """Return the origins after PSET, `X=5` or Z: the axes at `positions` are at `presets` from now on.
 
-    An origin is the position (user units) that an axis has where its definition alone would say 0; axes without
+    An origin is the position (user units) that an axis has where its definition alone would give 0; axes without
     one are left out. The definitions for the new positions are those `shifted` by the new origins.
     """
     moved = {
@@ -160,8 +160,8 @@ def preset_origins(
 def solve(rows: Iterable[Row], values: Iterable[float]) -> dict[str, float]:
     """Return the axes that the equations `sum of coefficient x axis = value` determine, with their positions.
 
-    The equations are taken one after the other; one that says nothing new is left out, whatever its value.
-    An axis that stays free counts as 0, and is not in the answer.
+    The equations are taken one after the other; a dependent one is left out, whatever its value. An axis that
+    remains free counts as 0, and is not in the result.
     """
     solved: dict[str, tuple[dict[str, float], float]] = {}  # axis = value - sum of coefficient x free axis
     for given, value in zip(rows, values, strict=True):
@@ -182,7 +182,7 @@ def solve(rows: Iterable[Row], values: Iterable[float]) -> dict[str, float]:
 
 
 def _replace(row: dict[str, float], value: float, axis: str, known: tuple[dict[str, float], float]) -> float:
-    """Put what is known of an axis into an equation; return its new right-hand side."""
+    """Substitute the known axes into an equation; return its new right-hand side."""
     factor = row.pop(axis, 0.0)
     if not factor:
         return value
@@ -203,14 +203,14 @@ def _term(axis: str, scale: float | None, negative: bool) -> tuple[str, float]:
 
 
 def _partner(scanner: Scanner, terms: Sequence[tuple[str, float]]) -> str | None:
-    """Take another axis of the same Cartesian three, if one follows."""
+    """Consume another axis of the same Cartesian group, if one follows."""
     named = {axis for axis, _ in terms}
     letters = tuple(axis for three in CARTESIAN if named <= set(three) for axis in three if axis not in named)
     return scanner.take_word(letters) if letters else None
 
 
 def _signed(value: float, axis: str) -> str:
-    """Write `+2000X`, `-X`, or an offset; nothing for an offset of 0."""
+    """Format `+2000X`, `-X`, or an offset; nothing for an offset of 0."""
     if not value and not axis:
         return ""
     size = "" if axis and value == 1.0 else format_number(abs(value))

@@ -1,7 +1,7 @@
-"""What a program will really do, found out before it is sent, by the very rules that execute it.
+"""Predict the motion of a program before it is sent, by the very rules that execute it.
 
-The program is run with axes that follow exactly; every move is recorded with the times that were asked for and
-the times that are used. Findings are facts with numbers; whether they stop a cut is decided elsewhere.
+The program is run with axes that follow exactly; every move is recorded with its programmed and its actual times.
+Findings are facts with numbers; whether they block a cut is decided elsewhere.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from drivers.pmac.trajectory.pieces import Piece
 from drivers.pmac.trajectory.planned import MoveRecord
 
 ENDLESS_MOVES = 200_000
-"""Moves after which a program is said to have no end."""
+"""Number of moves after which a program counts as endless."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedMove:
-    """One move: where it was told to go (counts by motor) and with which times."""
+    """One move: its target (counts by motor) and its times."""
 
     record: MoveRecord
     pieces: tuple[Piece, ...]
 
     @property
     def used(self) -> Timing:
-        """The times that are used, ms."""
+        """The times that are actually used, ms."""
         return self.record.timing or self.record.asked
 
 
@@ -58,7 +58,7 @@ def run_through(
 ) -> CheckedProgram:
     """Run a program from `start` (counts by motor) with ideal axes.
 
-    What compensation tables add is not in it, and time passes as the card's own time base has it.
+    Compensation tables are not included, and time runs on the controller's own time base.
 
     Raises:
         PmacError: what the controller would refuse; 003 also for a program without an end.
@@ -77,7 +77,7 @@ def run_through(
 
 
 def loop_lines(program: syntax.Program) -> frozenset[int]:
-    """Return the lines (counted from 0) that stand inside a WHILE."""
+    """Return the lines (counted from 0) that are inside a WHILE."""
     inside: set[int] = set()
     depth = 0
     for number, line in enumerate(program):

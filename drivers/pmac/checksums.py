@@ -1,8 +1,8 @@
-"""The checksum of a line on its way: the controller says on control-N what it has received, before the CR.
+"""The checksum of a command line: the controller reports on control-N what it has received, before the CR.
 
-The Software Reference has it as one byte, the low byte of the sum of the characters: `J+` is 117. Whether anything
-stands around that byte, or digits in its place, no controller was seen to say; a client therefore learns it from a
-line of which it knows the sum.
+By the Software Reference it is one byte, the low byte of the sum of the characters: `J+` is 117. No real
+controller has been observed yet that shows whether anything surrounds that byte, or digits replace it; a client
+therefore learns the form from a line whose sum it knows.
 """
 
 from __future__ import annotations
@@ -17,48 +17,48 @@ ASK = b"\x0e"
 """Control-N."""
 
 PROBE = f"P{MARKER}".encode("ascii")
-"""A line that only asks, should it ever be carried out."""
+"""A query, harmless should it ever be executed."""
 
 _AROUND = frozenset((ACK, LF, CR))
 _AMBIGUOUS = frozenset((NUL, STX, ACK, BELL, LF, CR))
-"""What is said for other reasons, too: of an empty line, in front of a message, to a line that was carried out."""
+"""Sent for other reasons, too: after an empty line, before a message, after a line that was executed."""
 
 
 class LineCheck(StrEnum):
-    """Who sees that a line arrives as it was sent."""
+    """What verifies that a line arrives as it was sent."""
 
     NETWORK = auto()
-    """What carries the bytes has checksums of its own."""
+    """The transport has checksums of its own."""
     CONTROLLER = auto()
-    """The controller says the checksum of a line before it is carried out."""
+    """The controller reports the checksum of a line before it executes the line."""
     NOBODY = auto()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChecksumForm:
-    """How a controller words a checksum: as one byte or in decimal digits, and what stands around it."""
+    """The form of a controller's checksum: one byte or decimal digits, and what surrounds it."""
 
     digits: bool
     before: bytes
     behind: bytes
 
     def answer(self, line: bytes) -> bytes:
-        """Return what the controller says when it has received this line, and nothing in front of it."""
+        """Return exactly what the controller sends once it has received this line."""
         return self.before + _worded(checksum(line), digits=self.digits) + self.behind
 
 
 def checksum(line: bytes) -> int:
-    """Return the low byte of the sum of the characters; control characters do not count."""
+    """Return the low byte of the sum of the characters; control characters are not counted."""
     return sum(byte for byte in line if byte >= 0x20) & 0xFF
 
 
 def unmistakable(line: bytes) -> bytes:
-    """Return a line whose checksum is nothing else that a controller says: with a space behind it, where it is."""
+    """Return the line with a checksum that no other reply equals: with a space appended where necessary."""
     return line + b" " if checksum(line) in _AMBIGUOUS else line
 
 
 def form_of(said: bytes, line: bytes) -> ChecksumForm | None:
-    """Return how a checksum is worded by what was said of a line; None when that is none of it."""
+    """Derive the form of a checksum from the reply to a line; None when the reply is no checksum."""
     for digits in (False, True):
         before, found, behind = said.partition(_worded(checksum(line), digits=digits))
         if found and _AROUND.issuperset(before + behind):
@@ -67,12 +67,12 @@ def form_of(said: bytes, line: bytes) -> ChecksumForm | None:
 
 
 def like_an_answer(said: bytes) -> bool:
-    """Whether what was said may be an acknowledgement or a refusal: a character of the line arrived as its end."""
+    """Whether a reply may be an acknowledgement or a refusal: a character of the line arrived as its end."""
     return said[:1] in (bytes((ACK,)), bytes((BELL,)))
 
 
 def shown(said: bytes) -> str:
-    """Return what was said of a line as people read it: the numbers of its bytes, or its digits."""
+    """Return a reply in readable form: the numbers of its bytes, or its digits."""
     text = said.strip().decode("latin-1")
     return text if len(said) > 1 and text.isascii() and text.isdigit() else " ".join(map(str, said))
 

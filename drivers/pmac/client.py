@@ -1,8 +1,8 @@
 """The host's side of a PMAC: one request in flight, replies matched by framing and by their number of lines.
 
 Nothing that moves or writes is ever sent twice. When its reply does not come, the error says that its outcome is
-unknown: who has sent it reads the machine. Only what asks may be asked `again`. After any fault of the link the
-next line waits until link and card are proven to be in step.
+unknown, and the caller reads the state of the machine. Only queries may be retried (`again`). After any fault of
+the link the next line waits until link and controller are proven to be in step.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from profiles.problem import Problem
 __all__ = ["LINE_LIMIT", "REPLY_TIMEOUT_S", "PmacClient"]
 
 LINE_LIMIT = 250
-"""Characters of one command line; the card's own limit is 255."""
+"""Maximum length of one command line; the controller's own limit is 255 characters."""
 
 HANDSHAKE = "I3=2 I6=1"
 CHECKSUMS_OFF = "I4=0"
 _MARK_MESSAGES = 64
-"""The I-variable that puts a mark in front of what programs say unasked, where the family has it."""
+"""The I-variable that marks unsolicited program messages, where the family has it."""
 
 REFUSALS = frozenset((0, *ErrorCode))
-"""The error numbers that there are words for."""
+"""The error numbers that have an explanation."""
 
 _VERSION = re.compile(r"\d+\.\d+")
 
 
 class PmacClient:
-    """Talks to one controller over one link."""
+    """Communicates with one controller over one link."""
 
     def __init__(self, link: Link, clock: Clock) -> None:
         self.link = link
@@ -49,10 +49,10 @@ class PmacClient:
 
     @property
     def dialect(self) -> Dialect:
-        """The family of the controller, by its answer to TYPE.
+        """The family of the controller, from its reply to TYPE.
 
         Raises:
-            RefusedError: `link.not_connected`, it was not asked yet.
+            RefusedError: `link.not_connected`, it has not been queried yet.
         """
         if self._dialect is None:
             raise RefusedError(Problem(code="link.not_connected", where=self.link.address))
@@ -60,38 +60,38 @@ class PmacClient:
 
     @property
     def faults(self) -> LinkFaults:
-        """What went wrong on the link up to now; may be read from any thread."""
+        """Link faults so far; may be read from any thread."""
         return self._exchange.faults
 
     @property
     def in_step(self) -> bool:
-        """Whether the next line may go out as it is; else it waits for `resynchronise`."""
+        """Whether the next line may be sent as it is; else it waits for `resynchronise`."""
         return self._exchange.in_step
 
     @property
     def buffer_may_be_open(self) -> bool:
-        """Whether a program buffer was opened from here and not yet proven to be closed."""
+        """Whether this client opened a program buffer that is not yet proven to be closed."""
         return self._exchange.buffer_open
 
     @property
     def line_check(self) -> LineCheck:
-        """Who sees that a line that moves something arrives as it was sent."""
+        """What verifies that a line that moves something arrives as it was sent."""
         if self.link.checks_bytes:
             return LineCheck.NETWORK
         return LineCheck.NOBODY if self._exchange.checksums is None else LineCheck.CONTROLLER
 
     def connect(self) -> tuple[str, str]:
-        """Empty the line, set the handshake, and return version and type as the controller states them.
+        """Drain the line, set up the handshake, and return version and type as the controller reports them.
 
         Raises:
-            LinkError: `link.silent`, nothing answers; `link.not_a_pmac`, something else does; `link.unknown_type`,
+            LinkError: `link.silent`, nothing replies; `link.not_a_pmac`, something else does; `link.unknown_type`,
                 a controller of another family; `link.not_in_step`; `controller.buffer_open`; `link.lost`.
         """
         exchange = self._exchange
         self._dialect = None
         exchange.forget()
-        # An earlier client may have left half a line behind: the empty line ends it, its error is not ours.
-        # Checksums may be on (I4), and would stand behind every answer.
+        # An earlier client may have left half a line behind: the empty line ends it, and its error is ignored.
+        # Checksums may be on (I4), and would follow every reply.
         self.link.send(f"\r{CHECKSUMS_OFF}\r".encode("ascii"))
         exchange.drain()
         version, kind = self._identify()
@@ -107,9 +107,9 @@ class PmacClient:
         return version, kind
 
     def resynchronise(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
-        """Prove with a fresh marker that link and card are in step; make I3, I4, I6 and I64 again.
+        """Prove with a fresh marker that link and controller are in step; restore I3, I4, I6 and I64.
 
-        A program buffer that may have been left open from here is closed. Nothing moves.
+        A program buffer that this client may have left open is closed. Nothing moves.
 
         Raises:
             LinkError: `link.not_in_step`, `controller.buffer_open`, or the link is gone.
@@ -117,7 +117,7 @@ class PmacClient:
         self._exchange.resynchronise(timeout_s)
 
     def take_messages(self) -> tuple[str, ...]:
-        """Return, and forget, what programs of the controller have said unasked; of many only the latest."""
+        """Return and clear the unsolicited messages of controller programs; only the latest are kept."""
         messages = tuple(self._exchange.messages)
         self._exchange.messages.clear()
         return messages
@@ -127,14 +127,14 @@ class PmacClient:
     ) -> tuple[str, ...]:
         """Send one line and return the data of its reply: `lines` of them.
 
-        Without `lines` the line itself says how many: a command has none. Where it does not say so (LIST, and what
-        is not known here), any number is taken.
+        Without `lines` the count follows from the line itself: a command has none. Where it does not (LIST, and
+        commands not known here), any number is accepted.
 
         Raises:
-            ControllerError: the controller refused it.
+            ControllerError: the controller refused the line.
             LinkTimeoutError: no complete reply in time.
             LinkError: the link broke or is out of step; `link.outcome_unknown` is among its problems if the line
-                may have done something.
+                have had an effect.
         """
         self.send(line, timeout_s)
         return self.reply(line, timeout_s, lines=lines)
@@ -149,15 +149,16 @@ class PmacClient:
     ) -> None:
         """Send one line without waiting; `reply` must follow, one line is in flight at a time.
 
-        `timeout_s` is for the way back in step, where that is due. `check` is called behind it, directly before
-        the line goes out: what it raises leaves the line unsent. A line that `moves` is carried out only once the
-        controller has said its checksum, where the link does not check its bytes and the controller says any;
-        `check` is called again directly before it is.
+        `timeout_s` limits the resynchronisation where one is due. `check` is called after it, immediately before
+        the line is sent: if it raises, the line is not sent. A line that `moves` is executed only after the
+        controller has reported its checksum, where the link does not check its bytes and the controller supports
+        that; `check` is called again immediately before its end is sent.
 
         Raises:
             ControllerError: `controller.line_too_long`, nothing was sent.
-            RefusedError: `link.line_differs`, `link.line_unproven`: it arrived otherwise, or nothing says how;
-                it was not carried out.
+            RefusedError: `link.line_differs`, `link.line_unproven`: it arrived altered, or that could not be
+            checked;
+                it was not executed.
             LinkError: the link broke; `link.line_in_part`; or `link.not_in_step`, `controller.buffer_open`:
                 nothing was sent.
         """
@@ -172,7 +173,7 @@ class PmacClient:
         """Return the data of the reply to `line`, which was sent before.
 
         Raises:
-            ControllerError: the controller refused it.
+            ControllerError: the controller refused the line.
             LinkError: as for `request`.
         """
         if lines is None and not self._exchange.buffer_open:
@@ -187,9 +188,9 @@ class PmacClient:
         return reply.lines
 
     def query(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S, again: bool = False) -> tuple[str, ...]:
-        """Ask for several values in one line; return exactly one text for each.
+        """Query several values in one line; return exactly one text for each.
 
-        With `again` it is asked once more, in step, when a fault of the link has spoiled the first answer.
+        With `again` the query is retried once, in step, when a fault of the link has spoiled the first reply.
 
         Raises:
             RefusedError: `controller.not_a_question`, with `again`: it may change something; nothing was sent.
@@ -202,12 +203,12 @@ class PmacClient:
     def question(
         self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None
     ) -> tuple[str, ...]:
-        """Return the data of the reply to a line that changes nothing, asked a second time after a fault.
+        """Return the data of the reply to a line that changes nothing; retry once after a fault.
 
         Raises:
             RefusedError: `controller.not_a_question`, nothing was sent.
             ControllerError: the controller refused it.
-            LinkError: the link is gone, or the fault came twice.
+            LinkError: the link is lost, or the fault occurred twice.
         """
         if not foresee(line).reads_only:
             where = self.link.address
@@ -221,18 +222,18 @@ class PmacClient:
         return self.request(line, timeout_s, lines=lines)
 
     def numbers(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S, again: bool = False) -> tuple[float, ...]:
-        """Ask for numbers.
+        """Query numbers.
 
         Raises:
-            LinkError: `link.out_of_step`, a value is no number.
+            LinkError: `link.out_of_step`, a value is not a number.
         """
         return tuple(map(self.number, self.query(*items, timeout_s=timeout_s, again=again)))
 
     def number(self, answer: str) -> float:
-        """Return what was answered as a number.
+        """Return a reply as a number.
 
         Raises:
-            LinkError: `link.out_of_step`, it is none.
+            LinkError: `link.out_of_step`, it is not one.
         """
         try:
             return number_of(answer)
@@ -240,7 +241,7 @@ class PmacClient:
             raise LinkError(Problem(code="link.out_of_step", where=self.link.address, value=str(error))) from error
 
     def download(self, lines: Iterable[str]) -> None:
-        """Send program lines one by one; the first that is not accepted ends it, with the buffer closed again.
+        """Send program lines one by one; stop at the first that is refused, and close the buffer.
 
         Raises:
             ControllerError: with the line that was refused.
@@ -249,7 +250,7 @@ class PmacClient:
         """
         try:
             for line in lines:
-                # A line that is stored answers nothing, whatever it would answer on line.
+                # A stored line gets no data in reply, whatever it would reply on-line.
                 expected = 0 if self._exchange.buffer_open else foresee(line).lines or 0
                 self.request(line, lines=expected)
         except DriverError as error:
@@ -265,7 +266,7 @@ class PmacClient:
             self.request(HANDSHAKE, lines=0)
             version, kind = (reply.strip() for reply in self.query("VERSION", "TYPE"))
         except LinkTimeoutError as error:
-            raise LinkTimeoutError(error.problems[0]) from error  # of the handshake no outcome matters
+            raise LinkTimeoutError(error.problems[0]) from error  # the outcome of the handshake does not matter
         except LinkError as error:
             problem = error.problems[0]
             if problem.code != "link.out_of_step":
@@ -279,7 +280,7 @@ class PmacClient:
         """Close the buffer that a download may have left open.
 
         Raises:
-            LinkError: that cannot be done, or not be proven.
+            LinkError: it cannot be closed, or not proven to be closed.
         """
         if not self._exchange.buffer_open:
             return

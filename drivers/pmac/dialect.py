@@ -9,9 +9,9 @@ from drivers.pmac.families.turbo import TURBO
 __all__ = ["DIALECTS", "PMAC", "TURBO", "Dialect", "Place", "Scope", "Setting"]
 
 DIALECTS: Mapping[str, Dialect] = {dialect.name: dialect for dialect in (PMAC, TURBO)}
-"""By the name that a machine profile or a command line gives."""
+"""Families by the name that a machine profile or a command line uses."""
 
 
 def dialect_of(kind: str) -> Dialect | None:
-    """Return the family of a controller by its answer to TYPE, None when it is of neither."""
+    """Return the family of a controller from its reply to TYPE, None when it is neither."""
     return next((each for each in DIALECTS.values() if kind.strip().startswith(each.type_prefix)), None)

@@ -1,9 +1,9 @@
-"""The wire format of a PMAC's Ethernet board: requests with a header of eight bytes, and replies without any.
+"""The wire format of a PMAC's Ethernet board: requests with a header of eight bytes, replies without one.
 
     RequestType u8 | Request u8 | wValue u16 | wIndex u16 | wLength u16, big-endian | data
 
-Pure: what a client sends is cut out of a stream of bytes, in any segmentation; what waits for it is cut into
-replies. It is the same format over USB, where it began.
+Pure: splits a client's byte stream into requests, in any segmentation, and the waiting output into replies. The
+format is the one used over USB, where it originated.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 DATA_LIMIT = 1492
-"""Bytes behind the header of one request."""
+"""Data bytes after the header of one request."""
 
 REPLY_LIMIT = 1400
 """Bytes of one reply, and of one access to the DPRAM."""
@@ -24,13 +24,13 @@ LINES_LIMIT = 1024
 """Bytes of lines in one WRITEBUFFER."""
 
 DPRAM_BYTES = 0x1_0000
-"""What wValue can reach."""
+"""The range of wValue."""
 
 TAKEN = b"@"
-"""The reply to a request that has nothing else to say."""
+"""The reply to a request that returns no data."""
 
 NOTHING = b"\0"
-"""The reply when no data waits."""
+"""The reply when no data is waiting."""
 
 _HEADER = struct.Struct(">BBHHH")
 _WRITE_REPLY = struct.Struct("<HBB")
@@ -41,14 +41,14 @@ _LINE = re.compile(rb"[^\r\x06\n]*[\r\x06\n]")
 
 
 class Direction(IntEnum):
-    """Which way the data of a request go, seen from the host."""
+    """Direction of a request's data, seen from the host."""
 
     DOWNLOAD = 0x40
     UPLOAD = 0xC0
 
 
 class RequestCode(IntEnum):
-    """What is asked of the board."""
+    """What is requested of the board."""
 
     SENDLINE = 0xB0
     GETLINE = 0xB1
@@ -70,12 +70,12 @@ class RequestCode(IntEnum):
 
 
 class MalformedRequestError(ValueError):
-    """Bytes that are no request. Nobody can tell where the next one begins."""
+    """Bytes that are not a request. The start of the next one cannot be found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """One request. `length` is wLength: of the data, or else of the reply that is wanted."""
+    """One request. `length` is wLength: of the data, or else the maximum length of the reply."""
 
     direction: Direction
     code: RequestCode
@@ -85,20 +85,20 @@ class Request:
     data: bytes = b""
 
     def encode(self) -> bytes:
-        """Return it as it is sent."""
+        """Return the request as it is sent."""
         return _HEADER.pack(self.direction, self.code, self.value, self.index, self.length) + self.data
 
     @property
-    def target(self) -> int:
-        """Bytes that the reply may have. Some clients leave the field at 0, or ask for more than there can be."""
+    def reply_length(self) -> int:
+        """Maximum bytes of the reply. Some clients leave the field at 0, or ask for more than possible."""
         return self.length if 0 < self.length < REPLY_LIMIT else REPLY_LIMIT
 
     @property
     def control_character(self) -> int:
-        """The control character in wValue; there are clients that send it in the other byte.
+        """The control character in wValue; some clients send it in the other byte.
 
         Raises:
-            MalformedRequestError: it is none.
+            MalformedRequestError: it is not one.
         """
         high, low = divmod(self.value, 0x100)
         if min(high, low) or max(high, low) >= 0x20:
@@ -108,7 +108,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class _Form:
-    """Whether data follow the header, and what wLength may be."""
+    """Whether data follow the header, and the permitted wLength."""
 
     carries: bool
     lengths: range = range(0x1_0000)
@@ -150,7 +150,7 @@ def take_request(buffer: bytes | bytearray) -> tuple[Request | None, int]:
     """Return the first complete request in `buffer` and the number of bytes that it takes (0 while incomplete).
 
     Raises:
-        MalformedRequestError: as soon as what has come cannot become a request.
+        MalformedRequestError: as soon as the received bytes cannot become a request.
     """
     if buffer and buffer[0] not in _DIRECTIONS:
         raise MalformedRequestError(f"request type {buffer[0]:#04x}")
@@ -181,15 +181,15 @@ def take_request(buffer: bytes | bytearray) -> tuple[Request | None, int]:
 
 
 def buffer_length(waiting: bytes | bytearray, most: int) -> int:
-    """Return how many of the waiting bytes are one reply, 0 while the end of it may still come.
+    """Return how many of the waiting bytes are one reply, 0 while its end may still come.
 
-    It ends with ACK or LF, behind a BELL or STX with the next CR, and after `most` bytes at the latest.
+    It ends with ACK or LF, after a BELL or STX with the next CR, and after `most` bytes at the latest.
     """
     return _length(_BUFFER, waiting, most)
 
 
 def line_length(waiting: bytes | bytearray, most: int) -> int:
-    """Return how many of the waiting bytes are one line, 0 while the end of it may still come."""
+    """Return how many of the waiting bytes are one line, 0 while its end may still come."""
     return _length(_LINE, waiting, most)
 
 

@@ -1,7 +1,7 @@
-"""One request in flight on a link, and the way back in step when something else than its reply has come.
+"""One request in flight on a link, and resynchronisation after an unexpected reply.
 
-The proof of being in step is a marker: a fresh number is written to a variable of the card and read back in the
-same line. Lines are answered in their order, so that whatever was answered before is over then.
+The proof of being in step is a marker: a fresh number is written to a variable of the controller and read back in
+the same line. Lines are answered in order, so every earlier reply is complete by then.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from profiles.problem import Problem
 CR, FLUSH = b"\r", b"\x18"
 
 CHECKSUM_TIMEOUT_S = 0.3
-"""How long the controller may take to say the checksum of a line; nothing was carried out yet."""
+"""How long the controller may take to report the checksum of a line; nothing is executed yet."""
 
 CHECKSUM_TRIES = 2
-"""How often a controller is asked for one before it is said to say none."""
+"""Attempts to get a checksum from a controller before it counts as unable to report one."""
 
 DRAIN_LIMIT_S = 2.0
-"""After this something that talks without end is no controller; the next reply will show it."""
+"""A source that still sends after this time is not a controller; the next reply will show it."""
 
 MESSAGES_KEPT = 100
-"""Texts of programs that wait to be taken; the oldest go first."""
+"""Maximum number of unread program messages; the oldest are dropped first."""
 
 _MARKERS = 8_000_000
-"""They are whole and below 2^23, so that every variable holds them exactly."""
+"""Markers are integers below 2^23, so that every variable holds them exactly."""
 
 
 class Exchange:
-    """Sends lines and takes their replies; any fault is counted, and the next line waits for the way back.
+    """Sends lines and receives their replies; any fault is counted, and the next line resynchronises first.
 
-    `faults` is replaced by reference, and may be read from any thread. `checksums` is how the controller words the
-    checksum of a line, None while it was not seen to say any.
+    `faults` is replaced by reference, and may be read from any thread. `checksums` is the form of the controller's
+    line checksum, None until one has been seen.
     """
 
     def __init__(self, link: Link, clock: Clock) -> None:
@@ -60,14 +60,14 @@ class Exchange:
         self._was_open = False
         self._settings = ""
         self._marker = 0
-        # Whether a line that moves may lie at the controller without its end: whatever came next would be that.
+        # Whether a line that moves may be at the controller without its end: the next bytes sent would end it.
         self._begun = False
 
     def forget(self) -> None:
-        """Empty the line; from now on nothing is known about the card, and nothing is proven, until `prove`.
+        """Drain the line; from now on nothing about the controller is known or proven, until `prove`.
 
         Raises:
-            LinkError: `link.not_in_step`, a line that was begun cannot be proven to be erased; or the link broke.
+            LinkError: `link.not_in_step`, a partial line cannot be proven to be erased; or the link broke.
         """
         self._erase(self._clock.now_s() + REPLY_TIMEOUT_S)
         self._settings, self.checksums = "", None
@@ -75,7 +75,7 @@ class Exchange:
         self.in_step = True
 
     def prove(self, settings: str) -> None:
-        """Be in step with these settings; they are made again with every way back.
+        """Get in step with these settings; every resynchronisation restores them.
 
         Raises:
             LinkError: `link.not_in_step`, or `controller.buffer_open`.
@@ -85,7 +85,7 @@ class Exchange:
         self.resynchronise()
 
     def learn_checksums(self) -> None:
-        """Find out whether and how the controller says the checksum of a line; nothing is carried out for it.
+        """Find out whether and how the controller reports the checksum of a line; nothing is executed.
 
         Raises:
             LinkError: as for `resynchronise`.
@@ -105,7 +105,7 @@ class Exchange:
         self.resynchronise()
 
     def drain(self, limit_s: float = DRAIN_LIMIT_S) -> None:
-        """Read until the line has been quiet, and forget what came; no longer than who waits has time."""
+        """Read until the line has been quiet, and discard the input; no longer than the caller can wait."""
         deadline = self._clock.now_s() + min(limit_s, DRAIN_LIMIT_S)
         while self.link.receive(QUIET_S) and self._clock.now_s() < deadline:
             pass
@@ -120,15 +120,15 @@ class Exchange:
         *,
         summed: bool = False,
     ) -> None:
-        """Send a line, in step; what came unasked before is sorted out first.
+        """Send a line, in step; unsolicited input is handled first.
 
-        That may take its time. `check` is called behind it, directly before the bytes go out; what it raises keeps
-        them here. A line that is `summed` is ended only when the controller has said the right checksum of it, and
-        `check` is called once more directly before its end.
+        That may take some time. `check` is called after it, immediately before the bytes are sent; if it raises,
+        they are not sent. A line that is `summed` is ended only when the controller has reported the right
+        checksum for it, and `check` is called once more immediately before its end.
 
         Raises:
-            RefusedError: `link.line_differs`, `link.line_unproven`: nothing was carried out.
-            LinkError: `link.line_in_part`, its beginning may have been carried out; the link broke; or those of
+            RefusedError: `link.line_differs`, `link.line_unproven`: nothing was executed.
+            LinkError: `link.line_in_part`, its beginning may have been executed; the link broke; or those of
                 `resynchronise`, and the line was not sent.
         """
         if self._in_flight is not None:
@@ -150,17 +150,17 @@ class Exchange:
             raise self._lost(line, error) from error
 
     def reply(self, line: str, timeout_s: float, lines: int | None) -> Reply:
-        """Return the reply to the line that was sent, of `lines` lines of data where it is not None.
+        """Return the reply to the line that was sent, with `lines` lines of data where that is not None.
 
         Raises:
             LinkTimeoutError: `link.silent`, no complete reply in time.
             LinkError: the link broke, or `link.out_of_step`; with `link.outcome_unknown` if the line may have
-                done anything.
+                have had an effect.
         """
         try:
             reply = self._await(timeout_s)
             accepted = reply.error_number is None
-            # In front of a refusal stands what came before the command that is wrong, which may be anything.
+            # A refusal may follow the replies of earlier commands in the line, which may be anything.
             if accepted and lines is not None and len(reply.lines) != lines:
                 raise FaultError(FaultKind.LINE_COUNT, str(len(reply.lines)), str(lines))
             self._in_flight, self._begun = None, False
@@ -178,13 +178,13 @@ class Exchange:
         return reply
 
     def resynchronise(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
-        """Find out that link and card are in step again, and make the settings again; close what may be open.
+        """Prove that link and controller are in step again, restore the settings, and close what may be open.
 
-        It takes no longer than `REPLY_TIMEOUT_S`, whatever a listing may take.
+        It takes at most `REPLY_TIMEOUT_S`, whatever a listing may take.
 
         Raises:
             LinkTimeoutError: `link.not_in_step`.
-            LinkError: the link broke; or `controller.buffer_open`, somebody else's.
+            LinkError: the link broke; or `controller.buffer_open`, opened by another client.
         """
         timeout_s = min(timeout_s, REPLY_TIMEOUT_S)
         if self.in_step:
@@ -194,24 +194,24 @@ class Exchange:
         self._erase(deadline)
         while True:
             closed = self._closes_buffer(deadline)
-            # Before anything was set there is nothing to go back to, and to know a marker of another by.
+            # Before the first settings there is nothing to restore, and nothing to recognise another's marker by.
             reply = self._marked(self._settings, self._left(deadline)) if self._settings else None
             if self._is_marked(reply) or (closed and not self._settings):
                 self.in_step, self.buffer_open = True, False
                 return
             refusals += reply is not None and reply.error_number is not None
             self._flush(self._left(deadline))
-            if refusals > 1:  # one may have been the error of a program
+            if refusals > 1:  # one may have been the error of a controller program
                 raise LinkError(Problem(code="controller.buffer_open", where=self.link.address))
             if self._left(deadline) <= 0.0:
                 value = f"{timeout_s:g} s"
                 raise LinkTimeoutError(Problem(code="link.not_in_step", where=self.link.address, value=value))
 
     def _bring(self, line: str, data: bytes, form: ChecksumForm, check: Callable[[], None]) -> None:
-        """Bring a line to the controller but for its end; one that must not be ended is erased there.
+        """Send a line except its end; erase it at the controller if it must not be ended.
 
         Raises:
-            RefusedError, LinkError: as for `send`; and what `check` raises.
+            RefusedError, LinkError: as for `send`; and whatever `check` raises.
         """
         expected, said = form.answer(data), b""
         self._begun = True
@@ -223,12 +223,12 @@ class Exchange:
         except LinkError as error:
             raise self._lost(line, error) from error
         except BaseException:
-            self._leave()  # a stop that comes now finds no line that anything could end
+            self._leave()  # a stop that comes now finds no line that could still be ended
             raise
         raise self._not_brought(line, said, expected)
 
     def _checksum_of(self, data: bytes, expected: bytes) -> bytes:
-        """Send characters of a line, and return what the controller says of them. Messages are kept."""
+        """Send characters of a line, and return the controller's output for them. Messages are kept."""
         self.link.send(data + ASK)
         deadline = self._clock.now_s() + CHECKSUM_TIMEOUT_S
         while (left := self._left(deadline)) > 0.0:
@@ -245,17 +245,17 @@ class Exchange:
         return said
 
     def _not_brought(self, line: str, said: bytes, expected: bytes) -> RefusedError | LinkError:
-        """Erase a line that did not arrive as it was sent; return what is to be said of it."""
+        """Erase a line that did not arrive as it was sent; return the problem to report."""
         where = self.link.address
         problem = Problem(code="link.line_unproven", where=where, key=line, value=f"{CHECKSUM_TIMEOUT_S:g} s")
         if said:
             value, limit = shown(said), shown(expected)
             problem = Problem(code="link.line_differs", where=where, key=line, value=value, limit=limit)
         try:
-            # A checksum that looks like an answer to a line is there again: the line lies there yet.
+            # A checksum that looks like a reply is seen again: the line is still there.
             if like_an_answer(said) and self._checksum_of(b"", said) != said:
                 self.faults = self.faults.with_another(FaultKind.DIFFERS, self._clock.now_s(), line)
-                self._leave()  # whatever moves now is to be stopped at once
+                self._leave()  # whatever moves now must be stopped at once
                 return LinkError(Problem(code="link.line_in_part", where=where, key=line))
             self._lose_step(FaultKind.DIFFERS if said else FaultKind.SILENT, line, REPLY_TIMEOUT_S)
             self.resynchronise()
@@ -265,13 +265,13 @@ class Exchange:
         return RefusedError(problem)
 
     def _leave(self) -> None:
-        """Have a line that was begun forgotten, now; the proof of that comes in front of the next line."""
+        """Discard a partial line at the controller now; the proof of that comes before the next line."""
         self.in_step = False
         with suppress(LinkError):
             self.link.send(FLUSH)
 
     def _erase(self, deadline: float) -> None:
-        """Make sure that no line without an end lies at the controller: one of ours is all that it has received.
+        """Make sure that no line without an end remains at the controller: only our own has been received.
 
         Raises:
             LinkTimeoutError: `link.not_in_step`.
@@ -283,40 +283,40 @@ class Exchange:
             expected = form.answer(PROBE)
             if self._checksum_of(PROBE, expected) == expected:
                 self._begun = False
-                self._ask("", CHECKSUM_TIMEOUT_S)  # its end; what it answers is of no matter
+                self._ask("", CHECKSUM_TIMEOUT_S)  # the line's end; its reply does not matter
             elif self._left(deadline) <= 0.0:
                 value = f"{self._clock.now_s() - began_s:.1f} s"
                 raise LinkTimeoutError(Problem(code="link.not_in_step", where=self.link.address, value=value))
 
     def _closes_buffer(self, deadline: float) -> bool:
-        """CLOSE what may have been left open from here: else all that follows would become lines of a program.
+        """CLOSE what this client may have left open: else all that follows would become program lines.
 
-        Its answer is no proof of anything: a card that was set otherwise words it otherwise, or gives none. A
-        marker that is read back is, because an open buffer would have refused it.
+        The reply proves nothing: a controller with other settings replies in another form, or not at all. A marker
+        that is read back does, because an open buffer would have refused it.
         """
         if not self.buffer_open:
             return True
         reply = self._ask("CLOSE", 0.5 * self._left(deadline))
         if reply is None:
-            self.drain()  # no control-X: a card that is slow to read would forget the CLOSE that waits there
+            self.drain()  # no control-X: a controller that reads slowly would discard the CLOSE that waits there
         return reply is not None and not reply.lines and reply.error_number is None
 
     def _prove_refusal(self, timeout_s: float) -> None:
-        """Make sure that a refusal was that of the line, and not the error of a command that a program gave.
+        """Make sure that a refusal belongs to the line, and is not the error of a program's command.
 
         Raises:
-            FaultError: it was not, or nothing answers any more.
+            FaultError: it does not, or nothing replies any more.
         """
         if not self._settings or self._was_open:
             return  # in an open buffer the marker would become a line of the program
         reply = self._marked("", min(timeout_s, REPLY_TIMEOUT_S))
         if reply is not None and reply.error_number is not None and not reply.lines:
-            self.in_step = False  # a buffer that somebody else left open refuses the marker, too
+            self.in_step = False  # a buffer that another client left open refuses the marker, too
         elif not self._is_marked(reply):
             raise FaultError(FaultKind.UNASKED, "BEL ERRnnn")
 
     def _marked(self, settings: str, timeout_s: float) -> Reply | None:
-        """Write a fresh number and read it back, behind some settings; return the reply, None without one."""
+        """Write a fresh number and read it back, after some settings; return the reply, None without one."""
         start = self._marker or int(1000.0 * self._clock.now_s())
         self._marker = start % _MARKERS + 1
         return self._ask(f"{settings} P{MARKER}={self._marker} P{MARKER}".strip(), timeout_s)
@@ -327,7 +327,7 @@ class Exchange:
         return [line.strip() for line in reply.lines] == [str(self._marker)]
 
     def _ask(self, line: str, timeout_s: float) -> Reply | None:
-        """Return the next reply to a line of our own, None when there is none that can be read."""
+        """Return the next reply to a line of our own, None when no readable one comes."""
         self.link.send(line.encode("ascii") + b"\r")
         try:
             return self._await(max(timeout_s, QUIET_S))
@@ -340,7 +340,7 @@ class Exchange:
         return reply
 
     def _unasked(self) -> bool:
-        """Whether anything has come that nobody has asked for. Messages of programs are kept, and are none."""
+        """Whether unsolicited input has come. Program messages are kept, and do not count."""
         self._reader.feed(self.link.receive(0.0))
         try:
             self.messages += self._reader.take_messages()
@@ -362,7 +362,7 @@ class Exchange:
         return deadline - self._clock.now_s()
 
     def _lost(self, line: str, error: LinkError) -> LinkError:
-        """Return that the link is gone, with what that means for the line."""
+        """Return the error for a lost link, with its consequence for the line."""
         self._in_flight, self.in_step = None, False
         self.faults = self.faults.with_another(FaultKind.LOST, self._clock.now_s(), line)
         return type(error)(*error.problems, *self._outcome(line, FaultKind.LOST))
@@ -380,7 +380,7 @@ class Exchange:
         return LinkError(met, *unknown)
 
     def _outcome(self, line: str, kind: FaultKind) -> tuple[Problem, ...]:
-        """Return what is to be said of a line whose reply did not come: nothing, if it only asks."""
+        """Return the problem of a line whose reply did not come: none, if it is a query."""
         if foresee(line).reads_only:
             return ()
         return (Problem(code="link.outcome_unknown", where=self.link.address, key=line, value=kind),)

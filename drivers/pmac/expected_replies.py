@@ -1,7 +1,7 @@
-"""What a line will be answered with, read from its commands before it is sent.
+"""Predict the reply to a line from its commands, before it is sent.
 
-Only what is certain is said: of a line with a command that is not known here, neither how many lines answer it,
-nor that it may be sent twice.
+Only what is certain is predicted: for a line with a command that is not known here, neither the number of reply
+lines, nor that it may be sent twice.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from functools import lru_cache
 
 _NUMBER = r"[-+]?(?:\$[0-9A-F]++|\d++(?:\.\d*+)?|\.\d++)"
 _END_OF_VALUE = r"(?![\w.])(?!\s*(?:[-+*/|^&%(=<>]|\.\.))"
-"""Where a number is the whole value, and not the beginning of an expression."""
+"""Where a number is the whole value, not the beginning of an expression."""
 
 _GAP = r"(?=[\s,]|$)"
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedReplies:
-    """`lines` of data in the reply, None when that is not certain; `reads_only`: nothing on the card changes."""
+    """`lines` of data in the reply, None if uncertain; `reads_only`: nothing on the controller changes."""
 
     lines: int | None
     reads_only: bool
@@ -43,7 +43,7 @@ def _range_lines(found: re.Match[str]) -> int | None:
         return max(0, int(last) - int(first) + 1)
     if count is None:
         return 1
-    return None if step is None else int(count)  # P1,5 without a step is in no manual that was seen
+    return None if step is None else int(count)  # P1,5 without a step appears in no known manual
 
 
 _VARIABLES = r"(?P<first>\d++)(?:\.\.(?P<last>\d++)|,(?P<count>\d++)(?:,(?P<step>\d++))?)?"
@@ -79,7 +79,7 @@ _BUFFERS = re.compile(r"OPEN(?=\s*[A-Z])|CLOSE|CLS")
 
 @lru_cache(maxsize=512)
 def foresee(line: str) -> ExpectedReplies:
-    """Return what is certain about the reply to an on-line line."""
+    """Return what is certain about the reply to an on-line command line."""
     text, place = line.upper(), 0
     lines: int | None = 0
     reads_only = True
@@ -97,16 +97,16 @@ def foresee(line: str) -> ExpectedReplies:
 
 
 def opens_buffer(line: str) -> bool | None:
-    """Return whether a buffer is open behind a line, None when the line says nothing of that."""
+    """Return whether a buffer is open after a line, None when the line does not affect that."""
     words = _BUFFERS.findall(_QUOTED.sub("", line.upper()))
     return words[-1] == "OPEN" if words else None
 
 
 def number_of(text: str) -> float:
-    """Return the number in the report of a variable, in whatever form I9 has it answered (`$C000`, `I5=2`).
+    """Return the number in the report of a variable, in any form of I9 (`$C000`, `I5=2`).
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not a number.
     """
     digits = re.sub(r"^[IPQM]\d+=", "", text.strip())
     return float(int(digits[1:], 16)) if digits.startswith("$") else float(digits)

@@ -1,8 +1,8 @@
-"""Replies of the controller cut out of a stream of bytes, with I3=2 and I6=1.
+"""Split a stream of bytes into replies of the controller, with I3=2 and I6=1.
 
 A line that is accepted answers DATA CR [DATA CR ...] ACK, a line that is refused BELL ERRnnn CR, perhaps after
-data of the commands before the error. With I64=1 what programs say unasked is STX TEXT CR, and may stand between
-any two lines. Incremental: bytes may come in any segmentation, and each is looked at about once.
+data of the commands before the error. With I64=1 unsolicited program messages are STX TEXT CR, and may come
+between any two lines. Incremental: bytes may come in any segmentation, and each is scanned about once.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class FramingError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reply:
-    """The answer to one line: its data, and the ERR number when it was refused (None when accepted).
+    """The reply to one line: its data, and the ERR number when it was refused (None when accepted).
 
-    `messages` are the texts of programs that came in front of its end.
+    `messages` are the program messages that came before its end.
     """
 
     lines: tuple[str, ...]
@@ -47,7 +47,7 @@ class _Part(Enum):
 
 
 class ReplyReader:
-    """Bytes in, replies out. `rest` is what has come and is not yet part of a whole line."""
+    """Bytes in, replies out. `rest` is the received input that is not yet a whole line."""
 
     def __init__(self) -> None:
         self.rest = b""
@@ -56,23 +56,23 @@ class ReplyReader:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing of a reply has come, nor of anything else."""
+        """Whether nothing has been received, of a reply or anything else."""
         return not (self.rest or self._lines or self._messages)
 
     @property
     def presumed(self) -> FaultKind | None:
-        """What it is if nothing more comes soon; None where more may well be on its way."""
+        """The fault if nothing more comes soon; None where more may well be on its way."""
         if self.rest.endswith(bytes((BELL,))):
             return FaultKind.BARE_BELL
         # DATA CR LF, or LF alone, is the end of a reply with I3=1; with I3=2 no line begins like that.
         return FaultKind.HANDSHAKE if self.rest == bytes((LF,)) else None
 
     def feed(self, data: bytes) -> None:
-        """Take what has come."""
+        """Append received bytes."""
         self.rest += data
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Discard everything."""
         self.rest = b""
         self._lines.clear()
         self._messages.clear()
@@ -81,7 +81,7 @@ class ReplyReader:
         """Return the first complete reply, None while there is none.
 
         Raises:
-            FramingError: what has come can be no reply, whatever follows.
+            FramingError: the input cannot be a reply, whatever follows.
         """
         end = self._collect()
         if end is None:
@@ -94,10 +94,10 @@ class ReplyReader:
         return reply
 
     def take_messages(self) -> tuple[str, ...]:
-        """Return the messages at the front while nothing is asked; `empty` then says whether that was all.
+        """Return the leading messages while no request is pending; `empty` then shows whether that was all.
 
         Raises:
-            FramingError: the first of them has something in it that is no text.
+            FramingError: the first of them contains something that is not text.
         """
         texts = []
         while self.rest[:1] == bytes((STX,)) and (taken := _part(self.rest, 0)) is not None:
@@ -108,7 +108,7 @@ class ReplyReader:
 
     @property
     def within_message(self) -> bool:
-        """Whether all that has come is the beginning of a message."""
+        """Whether all input so far is the beginning of a message."""
         return self.rest.startswith(bytes((STX,))) and not self._lines
 
     def _collect(self) -> tuple[_Part, str] | None:
@@ -129,7 +129,7 @@ class ReplyReader:
 
 
 def _part(buffer: bytes, start: int) -> tuple[_Part, str, int] | None:
-    """Return the next part of a reply, its text, and where the next one begins; None while it is not complete."""
+    """Return the next part of a reply, its text, and the start of the following one; None while incomplete."""
     if start == len(buffer):
         return None
     if buffer[start] == ACK:
@@ -157,6 +157,6 @@ def _error_number(text: bytes, end: int) -> str:
     found = _REFUSAL.fullmatch(text)
     if end == CR and found is not None:
         return found[1].decode("ascii")
-    # BELL CR ERRnnn CR is what I6=3 words it like.
+    # BELL CR ERRnnn CR is the form with I6=3.
     kind = FaultKind.HANDSHAKE if end == CR and not text else FaultKind.GARBLED
     raise FramingError("a BELL without an error number", kind)

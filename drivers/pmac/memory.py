@@ -15,10 +15,10 @@ LONG_SPACES = ("D", "L", "DP", "F")
 MULTIPLEXED_SPACES = ("TWB", "TWD", "TWR", "TWS")
 
 WIDTHS = (1, 4, 8, 12, 16, 20, 24)
-"""The widths of the parts of a word that an M-variable may have, in bits."""
+"""The permitted widths of an M-variable's bit field."""
 
 WHOLE_WORD = 24
-"""Given as an offset, it stands for all the bits."""
+"""Given as an offset, it selects all bits."""
 
 HIGHEST_MULTIPLEXED = 255
 
@@ -29,8 +29,8 @@ _SPACES = (*SHORT_SPACES, *LONG_SPACES, *MULTIPLEXED_SPACES)
 class Pointer:
     """`M1->Y:$C0,0,24,S`: `space` X, Y, D (48 bits fixed), L (48 bits floating), DP, F, TWB, TWD, TWR or TWS.
 
-    `offset` and `width` in bits, for X and Y; for TWB and TWD as their accessories count them. A width of 24 at
-    offset 0 is the whole word. TWR has an offset alone, and TWS neither.
+    `offset` and `width` are in bits for X and Y; for TWB and TWD as their accessories count them. A width of 24 at
+    offset 0 is the whole word. TWR has only an offset, TWS neither.
     """
 
     space: str
@@ -54,22 +54,22 @@ class Pointer:
 
 
 class Memory(Protocol):
-    """The words behind the M-variables."""
+    """The memory words that M-variables access."""
 
     def read(self, pointer: Pointer) -> float:
         """Return the value that a definition points at."""
         ...
 
     def write(self, pointer: Pointer, value: float) -> None:
-        """Store a value there; non-integers are rounded, the bits that do not fit are lost."""
+        """Store a value; non-integers are rounded, bits that do not fit are lost."""
         ...
 
 
 def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
-    """Read what follows `M1->`: a definition, or `*`, which points at nothing (None).
+    """Parse what follows `M1->`: a definition, or `*`, which points at nothing (None).
 
     Raises:
-        PmacError: 003, not a definition, or an address, offset or width that there is not.
+        PmacError: 003, not a definition, or an invalid address, offset or width.
     """
     if scanner.accept("*"):
         return None

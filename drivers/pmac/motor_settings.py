@@ -21,10 +21,10 @@ _PER_S = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class MotorSettings:
-    """What the machine profile sets a motor to.
+    """The motor settings of the machine profile.
 
     Lengths are those of its axis: mm, or degrees of the spindle. A position and a following error stay in counts,
-    as the card reports them.
+    as the controller reports them.
     """
 
     machine: MachineProfile
@@ -32,7 +32,7 @@ class MotorSettings:
 
     @property
     def counts_per_unit(self) -> float:
-        """Counts of a millimetre, or of a degree of the spindle."""
+        """Counts per millimetre, or per degree of the spindle."""
         machine = self.machine
         if self.motor == machine.spindle.motor:
             return machine.spindle.counts_per_rev / 360.0
@@ -40,7 +40,7 @@ class MotorSettings:
 
     @property
     def program_speed(self) -> float:
-        """Highest speed of a program, Ix16, per second."""
+        """Maximum speed of a program, Ix16, per second."""
         return self._speed(16)
 
     @property
@@ -50,7 +50,7 @@ class MotorSettings:
 
     @property
     def jog_acceleration(self) -> float:
-        """Highest acceleration of a jog, Ix19, per second squared; 0 means no limit."""
+        """Maximum acceleration of a jog, Ix19, per second squared; 0 means no limit."""
         return self._acceleration(19)
 
     @property
@@ -60,12 +60,12 @@ class MotorSettings:
 
     @property
     def error_limit_counts(self) -> float:
-        """Following error at which the card switches the motor off, Ix11."""
+        """Fatal following error, at which the controller disables the motor, Ix11."""
         return self._value(11) / PARTS_PER_COUNT
 
     @property
     def warning_counts(self) -> float:
-        """Following error at which the card warns, Ix12."""
+        """Following error at which the controller warns, Ix12."""
         return self._value(12) / PARTS_PER_COUNT
 
     @property
@@ -85,17 +85,17 @@ class MotorSettings:
 
     @property
     def home_braking_s(self) -> float:
-        """Time from the speed of a home search, Ix23, to rest."""
+        """Time from the home search speed, Ix23, to rest."""
         dialect = DIALECTS[self.machine.controller.family]
         variables = VariableStore(settings_with(self.machine.controller.variables, dialect), dialect)
         settings = jog_settings(variables, self.motor, 23)
         return sum(piece.duration_ms for piece in change_speed(0.0, settings.speed, 0.0, settings)) / _PER_S
 
     def step_speed(self, way: float) -> float:
-        """Return a bound of the speed that a jog over this way reaches, per second.
+        """Return an upper bound of the speed that a jog over this distance reaches, per second.
 
-        The jog speed; less where the way is over before: way / TA with the acceleration time TA (Ix20, at least
-        twice Ix21), and sqrt(a way), the peak of two ramps at the acceleration limit a.
+        The jog speed; less for short moves: way / TA with the acceleration time TA (Ix20, at least twice Ix21),
+        and sqrt(a way), the peak of two ramps at the acceleration limit a.
         """
         ramp_s = max(self._value(20), 2.0 * self._value(21)) / _PER_S
         bounds = [self.jog_speed]
@@ -106,7 +106,7 @@ class MotorSettings:
         return min(bounds)
 
     def stopping_distance(self, speed: float, late_s: float) -> float:
-        """Return the way to rest from a speed per second: v t + v^2 / (2 a), with a stop that is late by t.
+        """Return the stopping distance from a speed per second: v t + v^2 / (2 a), for a stop delayed by t.
 
         Infinite where a = Ix15 is 0, which never stops a motor.
         """
@@ -114,10 +114,10 @@ class MotorSettings:
         return speed * late_s + speed**2 / (2.0 * rate) if rate > 0.0 else math.inf
 
     def step_stopping_distance(self, way: float, late_s: float) -> float:
-        """Return the longest way from a stop in a jog over `way` to rest.
+        """Return the longest stopping distance from a point in a jog over `way`.
 
-        A stop that brakes at least as hard as the jog does at its own end ends within it; a softer one may go
-        beyond.
+        A stop that brakes at least as hard as the jog's own ramp ends within the jog; a softer one may overshoot
+        it.
         """
         further = self.stopping_distance(self.step_speed(way), late_s)
         return min(further, way) if self.abort_rate >= self.jog_acceleration > 0.0 else further

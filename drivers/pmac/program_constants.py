@@ -1,7 +1,7 @@
 """The values that a program is downloaded with, as planned and as the controller holds them.
 
-The geometry of a cut stands in variables that are set in front of its program, each by one line: a wrong digit on
-the way, or another host, changes the cut without changing the program. So each of them is read back.
+The geometry of a cut is in variables that are set before its program, each by one line: a wrong digit in transit,
+or another host, changes the cut without changing the program. So each of them is read back.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ from drivers.pmac.variables import VariableStore
 from profiles.problem import Problem
 
 RELATIVE = 1e-8
-"""Controllers report variables with some ten digits; a digit behind the eighth changes no part: the lobe angle of
-one segment, off by so much, is off by 0.02 degrees of lobe after 10,000 segments."""
+"""Controllers report variables with some ten digits. A difference after the eighth affects no part: the lobe angle
+of one segment, off by so much, is off by 0.02 degrees of lobe after 10,000 segments.
+"""
 
 ITEMS_A_LINE = 30
 _HIGHEST_ADDRESS = 0xFFFFFF
@@ -44,10 +45,10 @@ _WORDS = re.compile(r"W([XY]):\$([0-9A-F]+),(.+)", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Constant:
-    """A variable that is set in front of a program: `P11`, and the value that it was given.
+    """A variable that is set before a program: `P11`, and its value.
 
     `value` is None where it is a copy of what the controller holds in `copied_from`. `kept` is whether it stays
-    the same while the program runs and when it has ended: a P-variable that the program does not set itself.
+    the same while the program runs and after it has ended: a P-variable that the program does not set itself.
     """
 
     name: str
@@ -57,10 +58,10 @@ class Constant:
 
 
 def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]:
-    """Return what is set in front of a program, each variable once, in order.
+    """Return the variables that are set before a program, each once, in order.
 
     Raises:
-        PmacError: an expression that has no value.
+        PmacError: an expression that cannot be evaluated.
     """
     store, changed = VariableStore(dialect=dialect), _assigned(program)
     found: dict[str, Constant] = {}
@@ -80,7 +81,7 @@ def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]
 
 
 def _source(expression: Expression, known: Mapping[str, Constant]) -> str:
-    """Return the variable of the controller that a value is a copy of, "" where it is a number of ours."""
+    """Return the controller variable that a value is a copy of, "" where it is a number of ours."""
     if isinstance(expression, Variable) and isinstance(expression.index, Number):
         name = f"{expression.kind}{int(expression.index.value)}"
         return "" if name in known else name
@@ -100,7 +101,7 @@ def _assigned(program: ProgramText) -> frozenset[str]:
 
 
 def read_values(client: Controller, names: Iterable[str]) -> dict[str, float]:
-    """Ask for variables, as many in a line as the controller takes.
+    """Query variables, as many in a line as the controller accepts.
 
     Raises:
         DriverError: the link broke, or the controller refused to answer.
@@ -114,7 +115,7 @@ def read_values(client: Controller, names: Iterable[str]) -> dict[str, float]:
 
 
 def value_problem(constant: Constant, met: float, planned: float) -> Problem | None:
-    """Return what is wrong with a value that was read, None where it is as planned."""
+    """Return the problem of an actual value, None where it is as planned."""
     if math.isclose(met, planned, rel_tol=RELATIVE, abs_tol=RELATIVE):
         return None
     value, limit = format_number(met), format_number(planned)
@@ -141,7 +142,7 @@ def constant_problems(
 
 
 def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
-    """Compare the M-variable definitions in front of a program with what the controller has.
+    """Compare the M-variable definitions before a program with those of the controller.
 
     Raises:
         DriverError: the link broke, or the controller refused to answer.
@@ -157,7 +158,7 @@ def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Probl
 
 
 def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
-    """Compare the words of memory that are written in front of a program, such as a conversion table's.
+    """Compare the memory words that are written before a program, such as a conversion table's.
 
     Raises:
         DriverError: the link broke, or the controller refused to answer.
@@ -175,7 +176,7 @@ def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]
 
 
 def _definition(reported: str) -> str:
-    """Return what a variable points at, in whatever form I9 has it answered (`M169->D:$46`)."""
+    """Return what a variable points at, in any form of I9 (`M169->D:$46`)."""
     return reported.strip().rpartition("->")[2]
 
 
@@ -194,10 +195,10 @@ def _hexadecimal(text: str) -> list[int] | None:
 
 
 class ConstantsWatch:
-    """The constants of a program that runs, to be read a few at a time: a change is seen while it runs."""
+    """Monitors the constants of a running program, a few at a time, for changes."""
 
     def __init__(self, constants: Sequence[Constant], copied: Mapping[str, float]) -> None:
-        """`copied` are the values of those that are copies of what the controller held."""
+        """Take `copied`: the values of those that are copies of what the controller held."""
         self._planned = {
             each.name: (each, copied[each.name] if each.value is None else each.value)
             for each in constants
@@ -206,11 +207,11 @@ class ConstantsWatch:
         self._turn = cycle(self._planned)
 
     def names(self, count: int) -> tuple[str, ...]:
-        """Return the next ones to ask for, each once."""
+        """Return the next names to query, each once."""
         return tuple(islice(self._turn, min(count, len(self._planned))))
 
     def see(self, names: Sequence[str], values: Sequence[float]) -> Problem | None:
-        """Judge the values of `names`; return the first that is not as planned."""
+        """Compare the values of `names`; return the first difference from the plan."""
         met = zip(names, values, strict=True)
         problems = (value_problem(self._planned[name][0], value, self._planned[name][1]) for name, value in met)
         return next((problem for problem in problems if problem is not None), None)

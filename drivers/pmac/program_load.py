@@ -1,7 +1,7 @@
-"""Loading a program into the controller: sent, read back, and compared, with all that stands in front of it.
+"""Load a program into the controller: sent, read back and compared, with everything sent before it.
 
-A program is not what moves the machine: its geometry is in the variables and the compensation table that are sent
-in front of it. So those are read back as the lines are. Nothing moves.
+The program alone does not determine the motion: its geometry is in the variables and the compensation table that
+are sent before it. So those are read back as the lines are. Nothing moves.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from drivers.pmac.program_text import ProgramText
 from profiles.problem import Problem
 
 SLOWEST_LINE_BYTES_PER_S = 480.0
-"""Half of what 9600 baud carry: a listing may take so long, and `REPLY_TIMEOUT_S`."""
+"""Half of what 9600 baud carry: a listing may take that long, plus `REPLY_TIMEOUT_S`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedProgram:
-    """A program that the controller holds, with the constants in front of it.
+    """A program that the controller holds, with the constants set before it.
 
     `copied` are the values of those that are copies of what the controller held when it was loaded.
     """
@@ -50,17 +50,17 @@ class LoadedProgram:
     copied: Mapping[str, float] = field(default_factory=dict)
 
     def watch(self) -> ConstantsWatch:
-        """Return what reads the constants in turn while the program runs."""
+        """Return a monitor that reads the constants in turn while the program runs."""
         return ConstantsWatch(self.constants, self.copied)
 
 
 def load_program(client: Controller, program: ProgramText, dialect: Dialect) -> LoadedProgram:
     """Send a program, read all of it back, and compare.
 
-    Whatever goes wrong, no buffer is left open, or the error says that one may be.
+    On any failure no buffer is left open, or the error says that one may be.
 
     Raises:
-        ControllerError: a line was refused; it is named.
+        ControllerError: a line was refused; the error names it.
         LinkError: the link broke or is out of step, see `Controller.download`.
         DriverError: `controller.program_differs`, a buffer does not hold what was sent: line, found, sent;
             `controller.constant_differs`, `controller.table_differs`.
@@ -76,14 +76,14 @@ def load_program(client: Controller, program: ProgramText, dialect: Dialect) -> 
 
 
 def verify_loaded(client: Controller, loaded: LoadedProgram, *, ended: bool = False, tables: bool = True) -> None:
-    """Read a program back with all that stands in front of it, and compare; nothing is written.
+    """Read a program back with everything sent before it, and compare; nothing is written.
 
     When it has `ended`, the variables that it sets itself are left out. Without `tables` the entries of
     compensation tables are not read: over a slow line that takes seconds.
 
     Raises:
         LinkError: the link broke or is out of step.
-        ControllerError: a program is not there.
+        ControllerError: a program does not exist.
         DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`.
     """
     constants = tuple(each for each in loaded.constants if each.kept or not ended)
@@ -112,7 +112,7 @@ def verify_program(client: Controller, program: ProgramText) -> None:
 
     Raises:
         LinkError: the link broke or is out of step.
-        ControllerError: a program is not there.
+        ControllerError: a program does not exist.
         DriverError: `controller.program_differs`.
     """
     for number, lines in {program.number: program.program, **program.subprograms}.items():
@@ -123,7 +123,7 @@ def _compare(client: Controller, number: int, lines: Program) -> None:
     target = tuple(format_line(line) for line in lines)
     found = _listing(client, number, target)
     if found != target:
-        # Of a listing nobody knows the number of lines before: an empty line that came in is no other program.
+        # The number of lines of a listing is not known before: an extra empty line does not make it differ.
         found = _listing(client, number, target)
     for place, (met, sent) in enumerate(zip_longest(found, target, fillvalue=""), start=1):
         if met != sent:
@@ -139,9 +139,9 @@ def _compare(client: Controller, number: int, lines: Program) -> None:
 
 
 def _listing(client: Controller, number: int, target: Sequence[str]) -> tuple[str, ...]:
-    """Ask for all of it at once: where a piece of a listing begins is counted in words of memory on some cards.
+    """List the whole program at once: some controllers count the start of a partial listing in memory words.
 
-    The time allowed follows the length, so that a slow line has it, and one that broke is noticed all the same.
+    The timeout grows with the length, so that a slow line is allowed for, and a broken one still noticed.
     """
     bytes_expected = sum(len(line) + 1 for line in target)
     timeout_s = REPLY_TIMEOUT_S + bytes_expected / SLOWEST_LINE_BYTES_PER_S
@@ -149,7 +149,7 @@ def _listing(client: Controller, number: int, target: Sequence[str]) -> tuple[st
 
 
 def _in_our_spelling(line: str) -> str:
-    """Return a line as we would write it: a card may shorten words, or space them otherwise."""
+    """Return a line in normal form: a controller may shorten words, or space them otherwise."""
     with suppress(PmacError):
         return format_line(parse_line(line))
     return line
@@ -182,7 +182,7 @@ def _compare_table(client: Controller, table: TextTable, dialect: Dialect) -> No
 
 
 def _same_definition(reported: str, planned: str, motor: int, motor_count: int) -> bool:
-    """Whether two definitions say the same, however they are spelled."""
+    """Whether two definitions are equivalent, however they are spelled."""
     if reported.strip() == planned:
         return True
     with suppress(PmacError):

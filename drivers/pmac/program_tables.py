@@ -1,4 +1,4 @@
-"""The compensation tables that a text defines: `#1 DEFINE COMP ...` and the lines of entries behind it."""
+"""The compensation tables that a text defines: `#1 DEFINE COMP ...` and the lines of entries after it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 
 MOST_MOTORS = 32
-"""Of the largest family; what a text is for is not known while it is read."""
+"""Of the largest family; the target controller is not known when the text is read."""
 
 _DEFINE = ("DEFINECOMP", "DEFCOMP")
 _DELETE = ("DELETECOMP", "DELCOMP")
@@ -22,7 +22,7 @@ _ADDRESS = re.compile(r"#\s*(\d+)(?!\d|\s*->)")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextTable:
-    """A table as a text sends it, from line `place` to line `last_place` (from 1); it may lack entries."""
+    """A table as a text sends it, from line `place` to line `last_place` (from 1); entries may be missing."""
 
     definition: TableDefinition
     entries: tuple[int, ...]
@@ -38,7 +38,7 @@ class TextTable:
 
 @dataclass(slots=True)
 class _Waiting:
-    """A definition whose entries are read; one that the card has refused is read past."""
+    """A definition whose entries are being read; one that the controller has refused is skipped."""
 
     definition: TableDefinition
     place: int
@@ -52,7 +52,7 @@ class _Waiting:
 
 
 class TableReader:
-    """Takes the lines of tables out of a text, with the motor that was addressed last, #1 at first."""
+    """Extracts the table lines from a text, tracking the motor that was addressed last, initially #1."""
 
     def __init__(self, motor_count: int = MOST_MOTORS) -> None:
         self._motor_count = motor_count
@@ -62,15 +62,15 @@ class TableReader:
 
     @property
     def tables(self) -> tuple[TextTable, ...]:
-        """The tables that the card holds behind the text, in the order of their definition."""
+        """The tables that the controller holds after the text, in the order of their definition."""
         waiting = self._waiting
         return (*self._tables.values(), *([_kept(waiting)] if waiting and not waiting.refused else []))
 
     def take_entries(self, scanner: Scanner, place: int) -> bool:
-        """Take a line of entries; False when no table waits for one, or it is another line.
+        """Consume a line of entries; False when no table expects one, or it is another line.
 
         Raises:
-            PmacError: 003, no entries, or more than the table waits for; then none of them counts.
+            PmacError: 003, not entries, or more than the table expects; then none of them counts.
         """
         waiting = self._waiting
         if waiting is None or not waiting.target or not _ENTRIES.match(scanner.rest):
@@ -83,10 +83,10 @@ class TableReader:
         return True
 
     def take_word(self, scanner: Scanner, place: int) -> bool:
-        """Take DEFINE COMP or DELETE COMP, with its address; False, with nothing consumed, when neither is there.
+        """Consume DEFINE COMP or DELETE COMP, with its address; False, with nothing consumed, without either.
 
         Raises:
-            PmacError: 003, no definition, or not in the order in which memory is given out (`TableOrderError`).
+            PmacError: 003, not a definition, or not in the order of memory allocation (`TableOrderError`).
         """
         mark = scanner.mark()
         motor = self._motor
@@ -106,7 +106,7 @@ class TableReader:
         return True
 
     def address(self, text: str) -> None:
-        """Note the motor that other commands leave addressed."""
+        """Record the motor that other commands leave addressed."""
         found = _ADDRESS.findall(text)
         if found:
             self._motor = int(found[-1])
@@ -124,7 +124,7 @@ class TableReader:
         self._tables.pop(motor, None)
 
     def _settle(self) -> None:
-        """What was defined before is what it is: it gets no more entries."""
+        """Finish the previous table: it gets no more entries."""
         waiting, self._waiting = self._waiting, None
         if waiting is not None and not waiting.refused:
             self._tables[waiting.definition.motor] = _kept(waiting)

@@ -50,13 +50,13 @@ _ON_LINE_LETTERS = ("B", "I")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramText:
-    """`settings` are executed on line before; `program` is what the buffer `number` is to hold.
+    """`settings` are executed on-line first; `program` is the content of buffer `number`.
 
     `lines` are the texts to send, without comments and empty lines, in order. Of several programs in a text the
     first one that is not reserved for G, M, T and D codes (below 1000) is the program, the others are
     `subprograms`. `definitions` are axis definitions, `plcs` the lines between OPEN PLC and CLOSE, and `commands`
-    the other on-line commands, both as they stand in the text. `tables` are the compensation tables that the card
-    holds then. `places` are the lines of the text, from 1, that the lines of each program stand in,
+    the other on-line commands, both as they are in the text. `tables` are the compensation tables that the
+    controller then holds. `places` are the line numbers (from 1) of each program's lines in the text,
     `setting_places` those of the settings.
     """
 
@@ -84,7 +84,7 @@ class ProgramText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RefusedLine:
-    """A line of a text, from 1, that the card does not take."""
+    """A line of a text, from 1, that the controller refuses."""
 
     place: int
     text: str
@@ -94,12 +94,13 @@ class RefusedLine:
 def read_program(
     text: str, refused: list[RefusedLine] | None = None, motor_count: int = MOST_MOTORS
 ) -> ProgramText:
-    """Take a text apart as a card with so many motors would.
+    """Parse a text as a controller with this many motors would.
 
-    With `refused`, the lines that the card does not take go there, and the next ones are read, as the card does.
+    With `refused`, the lines that the controller refuses are collected there and reading continues, as on the
+    controller.
 
     Raises:
-        PmacError: the line that is wrong is in its detail.
+        PmacError: its detail names the wrong line.
     """
     taken = _Taken(tables=TableReader(motor_count))
     for place, raw in enumerate(text.splitlines(), start=1):
@@ -207,7 +208,7 @@ class _Taken:
             self._on_line(text)
 
     def _on_line(self, text: str) -> None:
-        """Take assignments, axis definitions and tables out of a line; the commands between them stay text."""
+        """Extract assignments, axis definitions and tables from a line; the commands between them stay text."""
         scanner = Scanner(text)
         if self.tables.take_entries(scanner, self.place):
             return
@@ -247,10 +248,10 @@ class _Taken:
 
 
 def _setting(scanner: Scanner) -> syntax.Assign | None:
-    """Read an assignment; None when an on-line command stands there (`I100=*` is one).
+    """Parse an assignment; None when it is an on-line command (`I100=*` is one).
 
     Raises:
-        PmacError: 005, a statement that only a buffer takes.
+        PmacError: 005, a statement that is only valid in a buffer.
     """
     rest = scanner.rest
     try:

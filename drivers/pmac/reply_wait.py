@@ -1,4 +1,4 @@
-"""Waiting for one reply: how long the link may be silent, and what came in the place of a reply."""
+"""Wait for one reply: how long the link may be silent, and what came instead of a reply."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from drivers.pmac.framing import FramingError, Reply, ReplyReader
 from drivers.pmac.link_faults import FaultKind
 
 QUIET_S = 0.06
-"""So long nothing comes in the middle of a reply that is on its way."""
+"""Inter-byte timeout within a reply."""
 
 SILENCE_S, SLOWEST_BYTES_S = 5.0, 100.0
-"""A long reply may take its time while it comes: so long without a byte, no slower than a line of 1200 baud.
+"""Inter-byte timeout of a long reply: an average rate no slower than a line of 1200 baud.
 
-A controller begins to list at once. One that has fallen silent, or that gives a byte now and then, is given up.
+A controller starts a listing at once. One that falls silent, or sends only a byte now and then, times out.
 """
 
 LONGEST_BYTES = 1_000_000
-"""More than any buffer of a controller lists."""
+"""More than any controller buffer can list."""
 
 
 class FaultError(Exception):
-    """Something else than a reply: what kind, what was met (of a silence: how long it was), what is allowed."""
+    """Something other than a reply: its kind, the actual value (of a silence: its duration), and the limit."""
 
     def __init__(self, kind: FaultKind, met: str = "", allowed: str = "") -> None:
         super().__init__(kind)

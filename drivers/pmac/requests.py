@@ -1,8 +1,8 @@
-"""What a motion program asks for, one request at a time: the contract between executing and moving.
+"""What a motion program requests, one request at a time: the interface between execution and motion.
 
 Positions are user units of axes, times ms. `line` counts the lines of the program from 0. `deferred` are the
-assignments (`M1==1`) that take effect when the move starts. `absolute` are the axes that the line sends to a
-position (ABS), which rotary axes may go to by either way round (Ix27); all others go as far as it says.
+assignments (`M1==1`) that take effect when the move starts. `absolute` are the axes with a target position in the
+line (ABS), which rotary axes may approach either way round (Ix27); all others move by the distance given.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Deferred:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearRequest:
-    """A LINEAR move to `targets` (every axis of the system), with the times in force."""
+    """A LINEAR move to `targets` (every axis of the system), with the modal times."""
 
     line: int
     targets: Mapping[str, float]
@@ -38,7 +38,7 @@ class LinearRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CircleRequest:
-    """An arc to `targets`, in the plane normal to `normal` (I, J, K), which also says which way is clockwise.
+    """An arc to `targets`, in the plane normal to `normal` (I, J, K), which also defines clockwise.
 
     The centre is `center` (a vector by X, Y, Z from the start), or at `radius` (below 0: the longer arc). The time
     is `tm_ms`, or None: then the length of the arc over `speed_per_ms`.
@@ -71,7 +71,7 @@ class RapidRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SplineRequest:
-    """A segment of a cubic B-spline; `uniform` is SPLINE1, in which a change of the time ends the sequence."""
+    """A segment of a cubic B-spline; `uniform` is SPLINE1, where a change of the time ends the sequence."""
 
     line: int
     targets: Mapping[str, float]
@@ -103,7 +103,7 @@ class DwellRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HomeRequest:
-    """Come to rest, search the home of these motors (or declare it, `zero`), and go on when all are done."""
+    """Come to rest, home these motors (or declare them homed, `zero`), and continue when all are done."""
 
     line: int
     motors: tuple[int, ...]
@@ -120,12 +120,12 @@ class PresetRequest:
 
 @dataclass(frozen=True, slots=True)
 class BlendBreak:
-    """Nothing to move by, after two backward jumps or a WAIT: let the previous move stop, then ask again."""
+    """No move to blend with, after two backward jumps or a WAIT: let the previous move stop, then call again."""
 
 
 @dataclass(frozen=True, slots=True)
 class Halt:
-    """STOP: come to rest; the program can go on from here."""
+    """STOP: come to rest; the program can resume from here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +138,7 @@ Request = MoveRequest | DwellRequest | HomeRequest | PresetRequest | BlendBreak 
 
 
 class ProgramHost(Protocol):
-    """Where the words of a program go that are not about motion. They act when their line is calculated."""
+    """Receives the program words that are not about motion. They act when their line is calculated."""
 
     def command(self, text: str, port: str) -> None:
         """CMD: an on-line command, executed in the background with addresses of its own, #1 and &1."""
@@ -154,7 +154,7 @@ class ProgramHost(Protocol):
 
 
 class NoHost:
-    """Nobody listens: what a checker needs."""
+    """A host without effect, for the checker."""
 
     def command(self, text: str, port: str) -> None:
         """Ignore it."""

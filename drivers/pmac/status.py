@@ -1,7 +1,7 @@
-"""Status words of motors, coordinate systems and the whole card, by the tables of named bits of a dialect.
+"""Status words of motors, coordinate systems and the whole controller, from a dialect's tables of named bits.
 
-One table serves both sides: the simulator packs with it and the client decodes with it. Words are 24 bits,
-sent as hexadecimal digits, most significant first (PMAC Software Reference, `?`, `??`, `???`).
+One table serves both sides: the simulator packs with it and the client decodes with it. Words are 24 bits, sent as
+hexadecimal digits, most significant first (PMAC Software Reference, `?`, `??`, `???`).
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ BitTable = Mapping[str, tuple[int, int]]
 
 
 def pack(conditions: Mapping[str, bool], table: BitTable, words: int = 2) -> tuple[int, ...]:
-    """Return the words in which the bits of the conditions that hold are set.
+    """Return the words with the bits of the true conditions set.
 
-    What a table has no bit for is left out: not every family reports everything.
+    Conditions that a table has no bit for are left out: not every family reports everything.
     """
     packed = [0] * words
     for name, holds in conditions.items():

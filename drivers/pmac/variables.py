@@ -1,4 +1,4 @@
-"""The numbered variables of a controller: I, P, Q and M, and which I-variable belongs to whom."""
+"""The numbered variables of a controller: I, P, Q and M, and the owner of each I-variable."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.memory import Memory, Pointer
 
 GREATEST_SETTING = 2.0**47
-"""An I-variable that is set beyond this, either way, stays there: no register of the card is wider."""
+"""I-variables saturate here, in either direction: no register of the controller is wider."""
 
 MODAL_NUMBERS = (87, 88, 89)
 """Ix87, Ix88, Ix89: TA, TS, and F or TM, as the last program left them."""
 
 
 class VariableStore:
-    """Values by family and number; what was never set reads 0.
+    """Values by family and number; a variable never set reads 0.
 
-    An M-variable without a definition in `pointers` is a plain value; one with a definition is what `memory`
-    says. `i_revision` changes whenever a setting may have changed, so that what is derived from them can follow;
-    what a program keeps in Ix87 to Ix89 from move to move is none.
+    An M-variable without a definition in `pointers` is a plain value; one with a definition reads and writes
+    `memory`. `i_revision` changes whenever a setting may have changed, so that derived values can follow; updates
+    of Ix87 to Ix89 by a program from move to move do not count.
     """
 
     def __init__(self, i_variables: Mapping[int, float] | None = None, dialect: Dialect = PMAC) -> None:
@@ -49,7 +49,7 @@ class VariableStore:
         return value
 
     def set(self, kind: VariableKind, index: int, value: float, system: int = 1) -> None:
-        """Store a value; an I-variable of limited range wraps without a word, as on the card.
+        """Store a value; an I-variable of limited range wraps silently, as on the controller.
 
         Raises:
             PmacError: 003, no such variable.
@@ -75,15 +75,15 @@ class VariableStore:
         return self._i.get(self.dialect.system_index(system, number), 0.0)
 
     def setting(self, setting: Setting, owner: int = 1) -> float:
-        """Return a setting that has another number in another family; `owner` is a motor or a system."""
+        """Return a setting whose number depends on the family; `owner` is a motor or a system."""
         return self._i.get(self.dialect.index(setting, owner), 0.0)
 
     def blend_ms(self, system: int, number: int) -> float:
-        """Return Ix87 (TA) or Ix88 (TS) of a coordinate system as the card takes it: whole ms, never negative."""
+        """Return Ix87 (TA) or Ix88 (TS) of a coordinate system as the controller uses it: whole ms, at least 0."""
         return float(max(0, math.floor(self.system(system, number) + 0.5)))
 
     def view(self, system: int) -> SystemVariables:
-        """Return the variables as a program or a host sees them that is addressed to a coordinate system."""
+        """Return the variables as seen by a program or host that addresses a coordinate system."""
         return SystemVariables(self, system, self._p)
 
     def settings(self) -> dict[int, float]:
@@ -91,7 +91,7 @@ class VariableStore:
         return dict(self._i)
 
     def replace_i(self, values: Mapping[int, float]) -> None:
-        """Put a whole set of I-variables in the place of the present one (a reset)."""
+        """Replace the whole set of I-variables (a reset)."""
         self._i = dict(values)
         self.i_revision += 1
 
@@ -133,7 +133,7 @@ class SystemVariables:
     """The variables with the Q-variables of one coordinate system."""
 
     def __init__(self, store: VariableStore, system: int, p_variables: Mapping[int, float]) -> None:
-        """`p_variables` are those of the store: a program reads some thousands of them a second."""
+        """Take `p_variables` from the store: a program reads some thousands of them a second."""
         self.store = store
         self.number = system
         self._p = p_variables

@@ -1,7 +1,8 @@
-"""What a cut will leave on the part, and how far from that it may come: the predicted band and its reasons.
+"""The predicted band: what a cut will leave on the part, its uncertainty, and its sources.
 
-An inverse leaves E |1 - T / T_hat| of a lobe E; with T within a disc of radius r around T_hat that is at most r E.
-What nobody has measured of a machine is assumed: by a model the dry friction of its tool, and always its spindle.
+An inverse leaves E |1 - T / T_hat| of a lobe E; with T within a disc of radius r around T_hat that is at most r
+E. What has not been measured on a machine is assumed: in a model the dry friction of its tool, and always its
+spindle error.
 """
 
 from __future__ import annotations
@@ -25,27 +26,27 @@ from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 
 NORMAL_95 = 1.959964
-"""How many standard deviations hold 95 % of a normal distribution."""
+"""Standard deviations that contain 95 % of a normal distribution."""
 
 ASSUMED_SPINDLE_UM_PP = 2.0
-"""Radial error of a spindle that nobody has measured, which the part keeps: 1 to 2 um are usual, an assumption."""
+"""Assumed radial error of an unmeasured spindle, copied to the part: 1 to 2 um are usual."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Band:
-    """The roundness that is left with a strategy, um p-p, `low_um` to `high_um`, and by what: each in um p-p.
+    """The roundness left with a strategy, um p-p, `low_um` to `high_um`, and its contributions, each in um p-p.
 
-    `servo_um` is how far the response may be from the one that was inverted, `clamping_um` how the lobe changes
-    from clamping to clamping, both with 95 %. `cutting_um` is how the tool gives way to the force of the uneven
-    cut, None for a material without numbers: it is there in every part, in a phase of its own. `spindle_um` is by
-    how much the axis of the spindle may wander.
+    `servo_um` is the uncertainty of the inverted response, `clamping_um` the scatter of the lobe between
+    clampings, both at 95 %. `cutting_um` is the tool deflection by the force of the uneven cut, None for a
+    material without data: it occurs in every part, with its own phase. `spindle_um` is the radial error of the
+    spindle.
 
-    `friction_um` is by a model what `assumed_friction_n` keeps the tool from. Where the response was identified
-    nothing is assumed (None): it is what the response may differ for friction, because the tool swings further
-    than it did then, or less.
+    `friction_um` is, in a model, the motion lost to `assumed_friction_n`. Where the response was identified
+    nothing is assumed (None): it is how much friction may change the response, because the tool swings further,
+    or less, than it did then.
 
-    What is independent of the others, or assumed, is put together as a root of squares: that all of it is at its
-    most in one part is not in the band. How the cut pushes the tool, and what is known of its friction, is added.
+    Independent or assumed contributions are combined as a root sum of squares: the band excludes all of them at
+    their maximum in one part. Deflection by the cut and known friction are added.
     """
 
     after_um: float
@@ -66,12 +67,12 @@ class Band:
 
     @property
     def low_um(self) -> float:
-        """The least that may be left."""
+        """The minimum that may be left."""
         return max(self.after_um - self._reach_um, 0.0)
 
     @property
     def high_um(self) -> float:
-        """The most."""
+        """The maximum that may be left."""
         return self.after_um + self._reach_um
 
 
@@ -97,10 +98,10 @@ def predicted_band(seen: Underway, strategy: Strategy) -> Band | None:
 
 
 def _friction_um(seen: Underway, path: Strategy, response: ServoResponse, made: Prediction) -> float:
-    """Return by a model what the friction that is assumed keeps the tool from, p-p.
+    """Return the motion lost to the assumed friction in a model, p-p.
 
-    Where the response was identified, what friction may change from its amplitude a to that of the cut, A. Its
-    share of a response goes with 1 / amplitude. All that differs from the model may be friction, at most:
+    Where the response was identified: the change of friction's effect from its amplitude a to that of the cut,
+    A. Its fraction of a response goes with 1 / amplitude. At most, all deviation from the model is friction:
     |T_model / T_hat - 1| |1 - a / A|.
     """
     path_um, amplitude_um = float(np.ptp(made.path_um)), 0.5 * made.stroke_um
@@ -113,7 +114,7 @@ def _friction_um(seen: Underway, path: Strategy, response: ServoResponse, made: 
 
 
 def _cutting_um(job: Job, machine: MachineProfile, strategy: Strategy) -> float | None:
-    """Return how the tool gives way to a cut as uneven as the lobe, p-p; one that keeps its depth cuts evenly."""
+    """Return the tool deflection in a cut as uneven as the lobe, p-p; a tool at constant depth cuts evenly."""
     if not strategy.traits.follows_lobe:
         return 0.0
     try:

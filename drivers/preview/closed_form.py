@@ -1,4 +1,4 @@
-"""What a strategy will do, where arithmetic says so without its program: for all but the printed one."""
+"""Predict a strategy in closed form, without its program: for all but the printed one."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _TURN_DEG: FloatArray = np.linspace(0.0, 360.0, TURN_POINTS, endpoint=False)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClosedForm:
-    """A cut at the speed of the job, on an axis as it is nominally, or as it was identified.
+    """A cut at the speed of the job, with the nominal or the identified axis.
 
-    The arrays have the shape (TURN_POINTS,), as those of a program, so that a plot of either is dashed alike.
-    `angle_deg` are spindle angles, `command_um` is the infeed that the tool is told there, `residual_um` the
+    The arrays have the shape (TURN_POINTS,), as those of a program, so that plots of both look alike.
+    `angle_deg` are spindle angles, `command_um` is the commanded infeed there, `residual_um` the
     deviation of the released part, positive where it is high, mean 0. `response` is that of the loop at
     `lobe_frequency_hz`, `shares` are the needs of a sine with the amplitude of the command.
     """
@@ -36,12 +36,12 @@ class ClosedForm:
 
     @property
     def stroke_um(self) -> float:
-        """Way of the tool, peak to peak."""
+        """Tool travel, peak to peak."""
         return float(np.ptp(self.command_um))
 
 
 def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
-    """Return what a strategy will do; None where only its program can say.
+    """Predict a strategy; return None where only its program can tell.
 
     Of a lobe E the inverse of T_hat leaves E |1 - T / T_hat| (inverse feedforward at the lobe frequency), a plain
     cut all of it.
@@ -61,7 +61,7 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
     response = seen.sampled
     if _identified(seen, strategy):
         response = response_of(job, loop_response(strategy, machine, seen.response, job.lobe_frequency_hz))
-    # What the tool is told belongs to the angle that the card knew, which the spindle has left since.
+    # The command belongs to the angle that the controller read, which the spindle has left since.
     late_deg = (
         strategy.traits.late_cycles(machine) * machine.controller.servo_period_ms * job.spindle_speed_rpm * 0.006
     )
@@ -76,7 +76,7 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
 
 
 def _answer(seen: Outlook, strategy: Strategy, lobes: int) -> complex:
-    """Return how the axis answers to so many waves in a turn of the spindle, by what this strategy tells it."""
+    """Return the axis response at this order (UPR), along this strategy's command path."""
     frequency_hz = lobes * seen.job.spindle_speed_rpm / 60.0
     if lobes == seen.job.jaws and _identified(seen, strategy):
         return seen.response.at(frequency_hz)

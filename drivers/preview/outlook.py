@@ -1,4 +1,4 @@
-"""What is known of a job without any program: the lobe, the command against it, the drive's need, every rule."""
+"""What is known of a job without any program: the lobe, its command, the drive's load, every rule."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ class Response:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
-    """A need against what the machine has, both in the same unit, both peak or both rms."""
+    """A demand against the machine's capability, both in the same unit, both peak or both rms."""
 
     need: float
     limit: float
 
     @property
     def percent(self) -> float:
-        """The need as a percentage of the limit."""
+        """The demand as a percentage of the limit."""
         return 100.0 * self.need / self.limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlook:
-    """A job on a machine as far as it takes no program: fast enough to follow every key.
+    """A job on a machine as far as it needs no program: fast enough to update at every key.
 
-    `strategy` is the one that was chosen, `response` what it inverts, and `command` what that makes of `target`;
-    where it inverts nothing these are of the default one. `shares` are those of the sine of the command, at the
-    speed of the job. `taught` is what a measured part lets expect of one cut with what it has taught, if that is
-    the path: the model knows nothing of what was learned. None is the model's.
+    `strategy` is the chosen one, `response` what it inverts, and `command` the result for `target`; for a
+    strategy that inverts nothing these are of the default one. `shares` are those of the sine of the command,
+    at the speed of the job. `taught` is the result that a measured part predicts for a cut with the path
+    learned from it: the model does not include learned corrections. None means the model's prediction.
     """
 
     job: Job
@@ -79,8 +79,8 @@ def outlook(
 ) -> Outlook:
     """Compute the outlook; `response` is that of the path of `strategy`, by default by the machine profile.
 
-    `path` is what was learned of a cut with `strategy`, with its own command, as that of
-    `drivers.cutting.planning.plan_cut`, and `taught` what the part lets expect that has taught it.
+    `path` was learned for a cut with `strategy` and carries its own command, as that of
+    `drivers.cutting.planning.plan_cut`, and `taught` the result predicted from the part that it was learned from.
 
     Raises:
         ProblemError: `response.amplified`, `response.outside_band`, `response.too_sparse`: the axis cannot be
@@ -118,10 +118,10 @@ def response_of(job: Job, response: complex) -> Response:
 
 
 def shares_of(machine: MachineProfile, need: DriveNeed) -> dict[str, Share]:
-    """The needs of the sine, by name. All are peak values but `force_rms_n`, which heats the motor.
+    """The demands of the sine, by name. All are peak values but `force_rms_n`, which heats the motor.
 
     The velocity is set against Ix16 of the tool motor, which a program must not exceed (`cut.too_fast`); the
-    voltage is there where the machine profile has that of the amplifier.
+    voltage is included if the machine profile has that of the amplifier.
     """
     tool = machine.tool
     fastest_mm_per_s = MotorSettings(machine, tool.motor).program_speed
@@ -140,6 +140,6 @@ def shares_of(machine: MachineProfile, need: DriveNeed) -> dict[str, Share]:
 
 
 def grip_share(job: Job, machine: MachineProfile) -> Share:
-    """Return what centrifugal loss and cut take of the chucking force that may be counted on at rest, N."""
+    """Return the centrifugal loss and cutting demand against the usable chucking force at rest, N."""
     taken_n = centrifugal_loss_n(job, machine) + needed_grip_n(job, machine)
     return Share(need=taken_n, limit=job.chucking_force_n / machine.chuck.safety_factor)

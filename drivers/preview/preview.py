@@ -1,4 +1,4 @@
-"""What a job will do, computed before anything is sent: the program of each strategy, and what it leaves."""
+"""The full preview of a job, computed before anything is sent: each strategy's program and its result."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """What one program is made of, see `drivers.cutting.planning.plan_cut`."""
+    """The input of one program, see `drivers.cutting.planning.plan_cut`."""
 
     job: Job
     machine: MachineProfile
@@ -49,9 +49,9 @@ class Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Program:
-    """What became of the program of a strategy: the plan and what it leaves, or why there is none.
+    """The outcome of a strategy's program: the plan and what it leaves, or why there is none.
 
-    The moves of the plan are not in it: thousands of them, and what is made of them is in `prediction`.
+    The thousands of moves of the plan are left out; their result is in `prediction`.
     """
 
     plan: CutPlan | ProblemError
@@ -60,9 +60,9 @@ class Program:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Underway(Outlook):
-    """A job on a machine while its programs are run through: the outlook, and every program that is there.
+    """A job on a machine while its programs are simulated: the outlook, and every finished program.
 
-    `strategies` says of those what became of them, `predictions` has those that can be planned. `eq9_loop` is None
+    `strategies` has the outcome of each, `predictions` those that can be planned. `eq9_loop` is None
     until it is known.
     """
 
@@ -73,7 +73,7 @@ class Underway(Outlook):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preview(Underway):
-    """Everything that is known of a job on a machine without moving it: the outlook, and every program."""
+    """The complete preview of a job on a machine, without motion: the outlook, and every program."""
 
     eq9_loop: Eq9Summary
 
@@ -88,7 +88,7 @@ def preview(
 ) -> Preview:
     """Compute the preview of a job; `response` is that of the path of `strategy`, by default by the profile.
 
-    `path` is what was learned of a cut with `strategy`, with its own command.
+    `path` was learned for a cut with `strategy` and carries its own command.
 
     Raises:
         ProblemError: as `outlook`, the axis cannot follow at this speed at all.
@@ -106,7 +106,7 @@ def all_asked(
     path: CutPath | None,
     air_mm: float = 0.0,
 ) -> tuple[Asked, ...]:
-    """Return what the programs of all strategies are made of; the last three are those of `strategy` alone."""
+    """Return the inputs of the programs of all strategies; the last three are for `strategy` alone."""
     return tuple(
         Asked(job=job, machine=machine, strategy=each, response=response, path=path, air_mm=air_mm)
         if each is strategy
@@ -116,7 +116,7 @@ def all_asked(
 
 
 def program_of(asked: Asked) -> Program:
-    """Plan one program, run it through, and predict what it leaves."""
+    """Plan one program, simulate it, and predict what it leaves."""
     with _no_collections():
         return _made(asked)
 
@@ -139,10 +139,10 @@ def _made(asked: Asked) -> Program:
 
 @contextmanager
 def _no_collections() -> Iterator[None]:
-    """Keep the collector away for as long as a program takes.
+    """Suspend garbage collection while a program is simulated.
 
-    Its moves would set off one collection after the other of everything there is, and no key is heard meanwhile.
-    They need none: there is no circle in them.
+    Its moves would trigger one full collection after the other, during which no key is handled. They need none:
+    they contain no reference cycles.
     """
     collected = gc.isenabled()
     gc.disable()
@@ -154,7 +154,7 @@ def _no_collections() -> Iterator[None]:
 
 
 def underway(seen: Outlook, eq9_loop: Eq9Summary | None, programs: Mapping[Strategy, Program]) -> Underway:
-    """Return an outlook with the programs that are there."""
+    """Return an outlook with the finished programs."""
     return Underway(eq9_loop=eq9_loop, **_with_programs(seen, programs))
 
 

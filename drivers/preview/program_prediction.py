@@ -1,4 +1,4 @@
-"""What one planned program makes of the part: its motion, the servo behind it, and what is left."""
+"""Predict what one planned program makes of the part: its motion, the servo that follows it, and the residual."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from profiles.machine import MachineProfile
 FloatArray = NDArray[np.float64]
 
 TURN_POINTS = 720
-"""Points of a turn at which a path is computed: 120 in each move of the paper's program."""
+"""Points per turn at which a path is computed: 120 in each move of the paper's program."""
 
 _STEADY_FROM = 0.4
-"""Share of the feed after which the turn that is looked at begins: far from how the cut begins and ends."""
+"""Fraction of the feed after which the examined turn begins: far from the start and end of the cut."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prediction:
     """What one program makes of the part, over one turn of the steady cut; every array has shape (TURN_POINTS,).
 
-    `angle_deg` are spindle angles, rising in [0, 360). `command_um` is the tool as the program has it, `path_um`
-    as the servo follows that, both um of infeed from the surface of the blank. `residual_um` is the deviation of
-    the released part, positive where it is high, mean 0; the clamped blank is taken as round. The arrays are read
-    only. `response` is that of the loop at `lobe_frequency_hz`, `shares` are the needs of a sine with the stroke
-    of the program, both at the speed that the program reaches.
+    `angle_deg` are spindle angles, rising in [0, 360). `command_um` is the programmed tool path, `path_um` the
+    servo's actual path, both um of infeed from the surface of the blank. `residual_um` is the deviation of the
+    released part, positive where it is high, mean 0; the clamped blank is taken as round. The arrays are read
+    only. `response` is that of the loop at `lobe_frequency_hz`, `shares` are the needs of a sine with the
+    stroke of the program, both at the actual speed of the program.
     """
 
     angle_deg: FloatArray
@@ -56,7 +56,7 @@ class Prediction:
 
     @property
     def stroke_um(self) -> float:
-        """Way of the tool as the program has it, peak to peak."""
+        """Programmed tool travel, peak to peak."""
         return float(np.ptp(self.command_um))
 
     @property
@@ -66,11 +66,11 @@ class Prediction:
 
 
 def predict(job: Job, machine: MachineProfile, plan: CutPlan, response: ServoResponse | None = None) -> Prediction:
-    """Return what a planned cut makes of the part.
+    """Predict what a planned cut makes of the part.
 
-    The motion is that of the program, move by move; the spindle follows it exactly, the tool as the nominal servo
-    does, and at the lobe frequency as it was identified, where `response` is such, and of the path of this plan.
-    Neither the cutting force nor what nobody has measured of the machine is in it.
+    The motion is that of the program, move by move; the spindle follows exactly, the tool as the nominal servo
+    does, and at the lobe frequency as identified, if `response` was identified on the path of this plan.
+    Cutting force and unmeasured properties of the machine are not included.
     """
     angle_deg, command_um = _steady_turn(machine, plan)
     known = _identified(job, machine, plan, response)
@@ -90,9 +90,9 @@ def predict(job: Job, machine: MachineProfile, plan: CutPlan, response: ServoRes
 
 
 def left_by(job: Job, angle_deg: FloatArray, path_um: FloatArray) -> FloatArray:
-    """Return the deviation of the released part behind a tool that went so deep at these angles, mean 0, um.
+    """Return the deviation of the released part after a cut of these depths at these angles, mean 0, um.
 
-    Where the tool is out of the part (a depth below 0) it takes nothing off.
+    Where the tool is clear of the part (a depth below 0) it removes nothing.
     """
     left_um = free_state_lobe(job).at_um(angle_deg) - np.maximum(path_um, 0.0)
     return np.asarray(left_um - left_um.mean(), dtype=np.float64)
@@ -101,11 +101,11 @@ def left_by(job: Job, angle_deg: FloatArray, path_um: FloatArray) -> FloatArray:
 def followed(
     machine: MachineProfile, command: FloatArray, speed_rpm: float, known: Mapping[int, complex] | None = None
 ) -> FloatArray:
-    """Return how the tool servo follows one turn of a motion that comes again every turn.
+    """Return how the tool servo follows one turn of a periodic motion.
 
-    `command` are points at equal times, in any unit; the result is in the same. Each frequency passes through the
-    response of the sampled loop, or through that of `known` for its number of waves in a turn; what lies above
-    half of the loop's frequency is left out.
+    `command` are points at equal times, in any unit; the result is in the same. Each frequency passes through
+    the response of the sampled loop, or through that of `known` for its order (UPR); frequencies above half the
+    loop's are left out.
     """
     spectrum = np.fft.rfft(command)
     frequency_hz = np.arange(spectrum.size) * speed_rpm / 60.0
@@ -120,14 +120,14 @@ def followed(
 def _identified(
     job: Job, machine: MachineProfile, plan: CutPlan, response: ServoResponse | None
 ) -> dict[int, complex]:
-    """Return the loop by its number of waves in a turn, where it was identified."""
+    """Return the loop by its order (UPR), where it was identified."""
     if response is None or response.source is not Source.IDENTIFIED:
         return {}
     return {job.jaws: loop_response(plan.strategy, machine, response, job.lobe_frequency_hz)}
 
 
 def _steady_turn(machine: MachineProfile, plan: CutPlan) -> tuple[FloatArray, FloatArray]:
-    """Return spindle angles (deg, in [0, 360)) and infeed (um) of one turn, at points of equal times."""
+    """Return spindle angles (deg, in [0, 360)) and infeed (um) of one turn, at equal time steps."""
     checked = plan.checked
     pieces = [piece for move in checked.moves for piece in move.pieces]
     ends_ms = list(accumulate(piece.duration_ms for piece in pieces))
@@ -144,7 +144,7 @@ def _steady_turn(machine: MachineProfile, plan: CutPlan) -> tuple[FloatArray, Fl
 
 
 def _at(pieces: Sequence[Piece], ends_ms: Sequence[float], instant_ms: float) -> tuple[Piece, float]:
-    """Return the piece that runs at an instant, and the time since it began, ms."""
+    """Return the piece that runs at a given time, and the time since it began, ms."""
     place = min(bisect_right(ends_ms, instant_ms), len(pieces) - 1)
     return pieces[place], instant_ms - (ends_ms[place] - pieces[place].duration_ms)
 

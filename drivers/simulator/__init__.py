@@ -1,1 +1,1 @@
-"""A PMAC in software, with a lathe and a workpiece behind it."""
+"""A simulated PMAC that controls a simulated lathe and workpiece."""

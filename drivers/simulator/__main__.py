@@ -1,7 +1,7 @@
 """`python -m drivers.simulator`: the simulated lathe as a process of its own, in real time, on a pseudo-terminal.
 
-`drivers.simulator.hosts.process` starts it, and it lives as long as the channel to it: when that ends, however it
-came about, or a signal asks for it, the process is gone and has left nothing behind.
+`drivers.simulator.hosts.process` starts it. It lives as long as the channel to it: when the channel closes for any
+reason, or a signal asks for it, the process ends and cleans up.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ async def _serve(lathe: SimulatedLathe, channel: socket.socket) -> None:
 
 
 def _channel(word: str) -> socket.socket:
-    """Take over an inherited socket; argparse tells of a `ValueError` in one line."""
+    """Adopt an inherited socket; argparse reports a `ValueError` in one line."""
     try:
         return socket.socket(fileno=int(word))
     except OSError as error:

@@ -1,4 +1,4 @@
-"""What one host has addressed, and the data that waits for it; each port has its own."""
+"""The addressing of one host, and its pending data; each port has its own."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.motor import Motor
 
 ALL_CARDS = -1
-"""`@@`: every card on the line is meant."""
+"""`@@`: every controller on the line is addressed."""
 
 HIGHEST_CARD = 15
-"""Cards on one line are numbered from 0."""
+"""Controllers on one line are numbered from 0."""
 
 
 @dataclass(slots=True, eq=False)
 class Context:
     """The addressing of one port. Two ports are never equal, however alike.
 
-    `motor_bank` is which eight motors the control characters report, from 0. `card_number` is the card that was
-    named with `@n`, None before one was. `text` is the line that is being executed, as it was typed. `work` is
-    what its commands have cost: values that were read or set, and lines of data.
+    `motor_bank` is the group of eight motors that the control characters report, from 0. `card_number` is the
+    controller addressed with `@n`, None before any was. `text` is the line being executed, as typed. `work` is the
+    cost of its commands: values read or set, and lines of data.
     """
 
     controller: Controller
@@ -41,12 +41,12 @@ class Context:
 
     @property
     def dialect(self) -> Dialect:
-        """The family of the card."""
+        """The family of the controller."""
         return self.controller.variables.dialect
 
     @property
     def all_cards(self) -> bool:
-        """Whether the host means every card on its line."""
+        """Whether the host addresses every controller on its line."""
         return self.card_number == ALL_CARDS
 
     @property
@@ -56,7 +56,7 @@ class Context:
 
     @property
     def active_motor(self) -> Motor:
-        """The addressed motor, to move it.
+        """The addressed motor, checked to be movable.
 
         Raises:
             PmacError: 013, it is not activated.
@@ -83,10 +83,10 @@ class Context:
         return opened is not None and opened.owner is self
 
     def expression(self, scanner: Scanner) -> float:
-        """Read an expression and return its value.
+        """Parse an expression and return its value.
 
         Raises:
-            PmacError: 003, no expression, or one without a value.
+            PmacError: 003, not an expression, or one without a value.
         """
         degrees = self.controller.variables.i(15) == 0
         return evaluate(parse_expression(scanner), self.variables, degrees, strict=False)

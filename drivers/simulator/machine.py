@@ -1,4 +1,4 @@
-"""The simulated lathe: the card, the iron behind it and the part in its chuck, on one clock that is advanced."""
+"""The simulated lathe: controller, machine and the part in its chuck, on one clock advanced by the caller."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from profiles.traces import Trace
 
 
 class SimulatedLathe:
-    """A machine profile made to move. Time is whole servo cycles; nothing here sleeps."""
+    """A machine profile brought to life. Time is whole servo cycles; nothing here sleeps."""
 
     def __init__(
         self,
@@ -39,10 +39,10 @@ class SimulatedLathe:
         dialect: Dialect | None = None,
         saved: Path | None = None,
     ) -> None:
-        """The card is set up as the profile says; the iron is what `true` says, by default the same.
+        """Set the controller up as the profile says; the machine is as `true` says, by default the same.
 
-        `dialect` is the family of the card, by default that of the profile. `saved` is the file that SAVE writes;
-        what an earlier card has left there comes back.
+        `dialect` is the family of the controller, by default that of the profile. `saved` is the file that SAVE
+        writes; an earlier saved state in it is restored.
 
         Raises:
             ProfileError: `file.unreadable`, there is something else in that file.
@@ -63,7 +63,7 @@ class SimulatedLathe:
         )
         self._block = max(1, round(machine.controller.background_ms / machine.controller.servo_period_ms))
         self._wire_up()
-        self._gains_revision = -1  # what was saved may be other gains than the profile's
+        self._gains_revision = -1  # the saved gains may differ from the profile's
         self.controller.variables.memory = CardMemory(self.controller)
         self._ports: list[Port] = []
         self.lines = Lines(now_s=self.now_s)
@@ -73,7 +73,7 @@ class SimulatedLathe:
         self._debt_cycles = 0.0
 
     def connect(self) -> Port:
-        """Plug a host in.
+        """Connect a host.
 
         Raises:
             LinkError: `link.refused`, the cable is cut.
@@ -85,24 +85,24 @@ class SimulatedLathe:
         return port
 
     def disconnect(self, port: Port) -> None:
-        """Unplug it, if it is not cut off already."""
+        """Disconnect it, if it is not cut off already."""
         if port in self._ports:
             port.disconnect()
             self._ports.remove(port)
 
     def forget(self, port: Port) -> None:
-        """Unplug one without a word: a buffer that it has opened stays open."""
+        """Disconnect a host without notification: a buffer that it has opened stays open."""
         if port in self._ports:
             self._ports.remove(port)
 
     def attend(self, port: Port) -> None:
-        """Let the card look at one host now, between two background cycles; no time passes."""
+        """Let the controller serve one host now, between two background cycles; no time passes."""
         if not self.lines.slow:
             port.obey()
             port.service()
 
     def power_cycle(self) -> None:
-        """Switch the card off and on: a reset, and what hosts have sent is lost. Network boards are cut off."""
+        """Power-cycle the controller: a reset, and pending host input is lost. Network boards are disconnected."""
         self._background.power_cycle()
         for port in tuple(self._ports):
             port.power_up()
@@ -116,7 +116,7 @@ class SimulatedLathe:
         return self.controller.now_ms / 1000.0
 
     def wait(self, seconds: float) -> None:
-        """Advance by `seconds`; what is less than a background cycle is kept for the next call."""
+        """Advance by `seconds`; a remainder below a background cycle is kept for the next call."""
         self._debt_cycles += seconds * 1000.0 / self.controller.servo_period_ms
         while self._debt_cycles >= self._block:
             self._debt_cycles -= self._block
@@ -127,9 +127,9 @@ class SimulatedLathe:
         self._floor.mount(job)
 
     def measure(self, past_middle_mm: float = 0.0) -> Trace:
-        """Release the part and take its trace; until another is clamped, once more.
+        """Release the part and measure its trace; repeatable until another is clamped.
 
-        It is taken so far past the middle of the cut, towards the jaws; see `SimulatedWorkshop.measure`.
+        The trace is taken this far past the middle of the cut, towards the jaws; see `SimulatedWorkshop.measure`.
 
         Raises:
             ValueError: there is no section at `past_middle_mm`.
@@ -138,7 +138,7 @@ class SimulatedLathe:
         return self._floor.measure(past_middle_mm)
 
     def measure_clamped(self) -> Trace:
-        """Take the trace of the part in the chuck, as the tool has left it, the error of the spindle in it.
+        """Measure the trace of the part in the chuck, as cut, including the error of the spindle.
 
         Raises:
             RuntimeError: no part is mounted.
@@ -146,7 +146,7 @@ class SimulatedLathe:
         return self._floor.measure_clamped()
 
     def look(self) -> WorkshopView:
-        """Look at the chuck, as an operator does who knows nothing of counts and zeros."""
+        """Return what an operator sees at the chuck, without counts and zeros."""
         machine, motors = self._machine, self.controller.motors
         axes = (machine.tool, machine.spindle, machine.carriage)
         tool, spindle, carriage = (motors[axis.motor].true_position for axis in axes)
@@ -154,13 +154,13 @@ class SimulatedLathe:
 
     @property
     def collisions(self) -> tuple[Collision, ...]:
-        """What has met since the last blank was clamped, each kind of collision once."""
+        """The collisions since the last blank was clamped, each kind once."""
         return self._floor.collisions
 
     def set_spindle(self, rpm: float | None) -> None:
         """Set a spindle on an inverter at the lathe: it ramps to `rpm`, positive in the direction of the cut.
 
-        None switches it off: it runs out.
+        None disables it: it coasts.
 
         Raises:
             RuntimeError: the controller drives this spindle, or it is not made for that speed.
@@ -174,7 +174,7 @@ class SimulatedLathe:
         self._inverter().set_rpm(rpm)
 
     def _wire_up(self) -> None:
-        """Let the motor of the tool read by the scale of its axis, and the cut see where the axes are."""
+        """Connect the motor of the tool to the scale of its axis, and the cut to the axis positions."""
         machine, motors = self._machine, self.controller.motors
         tool = motors[machine.tool.motor]
         tool.scale = self.tool.scale
@@ -187,7 +187,7 @@ class SimulatedLathe:
         return self._drives.inverter
 
     def _site(self) -> FaultTarget:
-        """Return what faults happen to."""
+        """Return the targets of faults."""
         machine = self._machine
         return FaultTarget(
             controller=self.controller,
@@ -203,7 +203,7 @@ class SimulatedLathe:
         )
 
     def _cut_off(self, port: Port) -> None:
-        """Unplug a host that has not gone, and that hears of it when it next tries."""
+        """Disconnect a host that notices it only at its next access."""
         port.lost = True
         self.disconnect(port)
 
@@ -225,7 +225,7 @@ class SimulatedLathe:
     def _run_background(self) -> None:
         controller = self.controller
         controller.background()
-        # What programs and PLCs command comes first: a stop of a host in the same cycle has the last word.
+        # Program and PLC commands first: a host's stop in the same cycle takes precedence.
         speak(controller, self._ports)
         # Every host's stops before any host's lines.
         for port in self._ports:

@@ -1,4 +1,4 @@
-"""How fast a lobe of some amplitude may be cut: the speed at which each limit of the tool axis is reached.
+"""How fast a lobe of a given amplitude may be cut: the speed at which each limit of the tool axis is reached.
 
 For y = A sin(w t): F = (-M w^2 + j B w) A, I = F / Kt, V = (R + j w L) I + Kb j w A, with a steady cutting force
 taken off first. Speeds in rpm, amplitudes in um (half of peak to peak).
@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 
 AMPLITUDES_UM = (5.0, 16.5, 27.5, 50.0, 100.0, 200.0, 500.0, 1000.0)
 RESERVED_N = 100.0
-"""Cutting force that is kept free."""
+"""Cutting force that is reserved."""
 
 _LEAST_HZ, _GRID = 0.05, 4000
 _MOST_HZ = 1e5
@@ -31,7 +31,7 @@ _MOST_HZ = 1e5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnvelopeRow:
-    """The highest speeds for one amplitude, by the name of the limit; a limit that nobody knows is not in it.
+    """The highest speeds for one amplitude, by the name of the limit; unknown limits are left out.
 
     "peak_thrust", "heat", "current", "encoder_acceleration", "encoder_velocity", "velocity" (Ix16), "voltage",
     "following_error" (Ix11, the lag inverted) and "loop" (a command of `AMPLIFICATION_LIMIT` times the motion).
@@ -50,7 +50,7 @@ class EnvelopeRow:
 class Envelope:
     """The rows over the amplitudes, and the row of the job with its speed as a percentage of each limit.
 
-    A limit of 0 rpm, of a tool that has no force beyond what is kept free, has no percentage (None).
+    A limit of 0 rpm, of a tool without force beyond the reserve, has no percentage (None).
     `plain_sine_rpm` is how fast the job could be cut within its tolerance without inverting the servo; None where
     it always can.
     """
@@ -70,7 +70,7 @@ def envelope(
 ) -> Envelope:
     """Return the envelope of a machine for the jaws of a job."""
     rows = tuple(envelope_row(machine, each, job.jaws, reserved_n=reserved_n) for each in amplitudes_um)
-    # A job without a lobe has no limit; a hundredth of a micrometre is none, either.
+    # A job without a lobe has no limit; nor has a hundredth of a micrometre.
     at_job = envelope_row(machine, max(job.lobe_amplitude_um, 0.01), job.jaws, reserved_n=reserved_n)
     share = job.roundness_tolerance_um / job.lobe_error_um_pp if job.lobe_error_um_pp > 0 else math.inf
     plain_hz = first_beyond(lambda f: np.abs(1 - sampled_response(machine, f)), share, _nyquist_hz(machine))
@@ -104,9 +104,9 @@ def envelope_row(
 
 
 def first_beyond(measure: Callable[[FloatArray], FloatArray], limit: float, top_hz: float) -> float | None:
-    """Return the lowest frequency below `top_hz` at which `measure` is above a limit, None where it never is.
+    """Return the lowest frequency below `top_hz` at which `measure` exceeds a limit, None where it never does.
 
-    The crossing lies between two points of a grid and is closed in by halving.
+    The crossing lies between two points of a grid and is refined by bisection.
     """
     grid = np.geomspace(_LEAST_HZ, top_hz, _GRID)
     above = measure(grid) > limit
@@ -124,7 +124,7 @@ def first_beyond(measure: Callable[[FloatArray], FloatArray], limit: float, top_
 
 
 def _of_force(tool: ToolAxis, amplitude_m: float, force_n: float) -> float:
-    """Solve |-M w^2 + j B w| A = F for the frequency; 0 where nothing of the force is left."""
+    """Solve |-M w^2 + j B w| A = F for the frequency; 0 where no force is left."""
     mass2, damping2 = tool.moving_mass_kg**2, tool.damping_n_s_per_m**2
     target = (max(force_n, 0.0) / amplitude_m) ** 2
     omega2 = (math.sqrt(damping2**2 + 4 * mass2 * target) - damping2) / (2 * mass2)
@@ -147,7 +147,7 @@ def _of_voltage(machine: MachineProfile, amplitude_um: float, reserved_n: float)
 
 
 def _of_loop(machine: MachineProfile, amplitude_um: float) -> dict[str, float]:
-    """The command is A / |T|, and lags behind by A |1/T - 1|; where |T| vanishes nothing can be inverted."""
+    """The command is A / |T|, and lags by A |1/T - 1|; where |T| vanishes nothing can be inverted."""
     top_hz = _nyquist_hz(machine)
     following = first_beyond(
         lambda f: amplitude_um * np.abs(1 / sampled_response(machine, f) - 1), error_limit_um(machine), top_hz

@@ -1,9 +1,9 @@
-"""What dry friction keeps a tool from: by its describing function, through the loop that the controller samples.
+"""The motion that dry friction takes from a tool: by its describing function, through the sampled loop.
 
 Friction of the force F opposes the speed, a square wave: 4 F / (pi k) at each odd multiple k of the lobe
-frequency (describing function of a relay, Gelb and Vander Velde 1968). Each gets through the loop as any other
-force on the tool does, whatever is commanded, so that what inverts the response of the tool neither adds to it nor
-takes of it.
+frequency (describing function of a relay, Gelb and Vander Velde 1968). Each acts through the loop like any
+other force on the tool, independent of the command, so inverting the tool's response neither adds to it nor
+reduces it.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 
 ASSUMED_FRICTION_N = 5.0
-"""Dry friction of a tool that nobody has measured: roller guides of its size have 2 to 5 N, an assumption."""
+"""Assumed dry friction of an unmeasured tool: roller guides of its size have 2 to 5 N."""
 
 HARMONICS = (1, 3, 5)
-"""Multiples of the lobe that count: the fifth is a hundredth of the first, for the mass alone holds against it."""
+"""Multiples of the lobe that count: the fifth has a hundredth of the first, as only the mass resists it."""
 
 
 def sampled_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
-    """Return how far a force pushes the tool out, um/N, in the shape of `frequency_hz`; a lag is a negative phase.
+    """Return the sampled loop's compliance, um/N, in the shape of `frequency_hz`; a lag is a negative phase.
 
-    That of `tool_compliance_um_per_n` for the sampled loop, which acts a period late: G_d = S / (M s^2 + B s) with
+    Like `tool_compliance_um_per_n` for the sampled loop, which acts one period late: G_d = S / (M s^2 + B s) with
     its sensitivity S = 1 / (1 + L). Frequencies above 0 and far below Nyquist.
     """
     gains = gains_from_variables(machine)
@@ -48,8 +48,8 @@ def friction_um_pp(
 ) -> float:
     """Return the most that dry friction leaves of a lobed path, um p-p: the sum of 8 F / (pi k) |G_d(k f)|.
 
-    A tool that sticks leaves all of its path and no more. That the damping of the profile has some of the friction
-    in it already, which the inverse makes good, is not taken off: 9 % at 27.5 um and 50 Hz.
+    A sticking tool leaves all of its path and no more. Part of the friction is already in the profile's
+    damping, which the inverse corrects; this is not subtracted: 9 % at 27.5 um and 50 Hz.
     """
     multiples = np.array(HARMONICS, dtype=np.float64)
     compliance = np.abs(sampled_compliance_um_per_n(machine, multiples * lobe_frequency_hz))
@@ -57,10 +57,10 @@ def friction_um_pp(
 
 
 def held_back_um(machine: MachineProfile, job: Job, waves: int) -> float:
-    """Return by how many um of amplitude friction may hold the tool back, at so many waves in a turn.
+    """Return how much friction may hold the tool back at this order (UPR), um of amplitude.
 
-    (4/(k pi)) F |G_d| at k times the lobe, with the most friction that roller guides have; 0 at a wave that is no
-    odd multiple of the lobe, which friction does not make.
+    (4/(k pi)) F |G_d| at k times the lobe, with the highest friction of roller guides; 0 at orders that are no
+    odd multiple of the lobe, which friction does not excite.
     """
     multiple, rest = divmod(waves, job.jaws)
     if rest or multiple % 2 == 0:

@@ -1,13 +1,13 @@
-"""How an axis answers a sine: gain, phase, their confidence and the coherence, from samples alone.
+"""The response of an axis to a sine: gain, phase, their confidence and the coherence, from samples alone.
 
 In a segment of whole periods each signal is fitted by least squares with
 
-    x(t) = a cos(w t) + b sin(w t) + c + d (t - tm),    w = 2 pi f, tm the middle of the segment,
+x(t) = a cos(w t) + b sin(w t) + c + d (t - tm),    w = 2 pi f, tm the middle of the segment,
 
 so that an offset and a drift (an integrator that settles) do not leak into the sine. Its phasor is X = a - j b,
 with x(t) = Re{X exp(j w t)}. Of the K segments with phasors R_k of the reference and Y_k of the response
 
-    H  = sum Y_k conj(R_k) / sum |R_k|^2                                     least squares over the segments
+H  = sum Y_k conj(R_k) / sum |R_k|^2                                     least squares over the segments
     g2 = |sum Y_k conj(R_k)|^2 / (sum |R_k|^2 sum |Y_k|^2)                   coherence, magnitude squared, 0 to 1
 
 (J. S. Bendat and A. G. Piersol, Random Data: the estimator H1 and its coherence, at one frequency). A lag is a
@@ -35,26 +35,26 @@ from profiles.least_squares import fit, harmonic_columns, harmonic_slice, phasor
 from profiles.problem import Problem, ProfileError
 
 MOST_SEGMENTS = 10
-"""Segments of a record at most; each has as many whole periods as that needs."""
+"""Maximum segments of a record; each has as many whole periods as that requires."""
 
 LEAST_SEGMENTS = 2
-"""One segment has a coherence of 1, whatever it is."""
+"""One segment always has a coherence of 1."""
 
 PARAMETERS = 4
 LEAST_SAMPLES = 2 * PARAMETERS
-"""Of a segment: twice what is fitted, so that there is a residual to speak of."""
+"""Per segment: twice the fitted parameters, for a meaningful residual."""
 
 LEAST_SAMPLES_A_PERIOD = 2.5
-"""More than two, or it is another frequency that is seen."""
+"""Above two, or the sine is aliased."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SineFit:
-    """A sine in samples: `phasor` X in Re{X exp(j w t)}, `residual` the standard deviation of what is left.
+    """A sine in samples: `phasor` X in Re{X exp(j w t)}, `residual` the standard deviation of the residuals.
 
-    `phasor_variance` is that of a component of the phasor if what is left is white.
+    `phasor_variance` is that of a component of the phasor if the residuals are white.
     """
 
     phasor: complex
@@ -87,7 +87,7 @@ class FrequencyResponse:
 
 
 def fit_sine(time_s: ArrayLike, values: ArrayLike, frequency_hz: float) -> SineFit:
-    """Fit a sine of known frequency with offset and drift; times may begin anywhere.
+    """Fit a sine of known frequency with offset and drift; times may start anywhere.
 
     Raises:
         ProfileError: `identification.too_short`, `identification.not_finite`.
@@ -113,11 +113,11 @@ def fit_sine(time_s: ArrayLike, values: ArrayLike, frequency_hz: float) -> SineF
 def frequency_response(
     time_s: ArrayLike, reference: ArrayLike, response: ArrayLike, frequency_hz: float
 ) -> FrequencyResponse:
-    """Return how `response` follows `reference` at one frequency, from samples at the same instants.
+    """Return the response of `response` to `reference` at one frequency, from simultaneous samples.
 
     Raises:
         ProfileError: `identification.too_short`, less than two segments of whole periods;
-            `identification.not_finite`; `identification.no_reference`, there is nothing of that frequency in it.
+            `identification.not_finite`; `identification.no_reference`, it contains nothing at that frequency.
     """
     time, given = _columns(time_s, reference)
     _, answered = _columns(time_s, response)
@@ -144,7 +144,7 @@ def frequency_response(
 
 
 def reference_swing(time_s: ArrayLike, reference: ArrayLike, frequency_hz: float) -> float:
-    """Return by what share the amplitude of the reference differs from its mean in one of the segments, at most.
+    """Return the largest relative deviation of the reference amplitude from its mean over the segments.
 
     Raises:
         ProfileError: as for `frequency_response`.
@@ -164,12 +164,12 @@ def _columns(time_s: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def _segments(time: Floats, frequency_hz: float) -> list[slice]:
-    """Return the pieces of a record, each as near to whole periods as the samples are."""
+    """Return the segments of a record, each as near to whole periods as the samples allow."""
     if len(time) < LEAST_SEGMENTS * LEAST_SAMPLES:
         limit = f">= {LEAST_SEGMENTS * LEAST_SAMPLES}"
         raise ProfileError(Problem(code="identification.too_short", value=f"{len(time)}", limit=limit))
     step_s = (time[-1] - time[0]) / (len(time) - 1)
-    # The sample behind the last one would end its period.
+    # The sample after the last one would end its period.
     periods = math.floor(len(time) * step_s * frequency_hz + 0.5 * step_s * frequency_hz)
     each = max(1, math.ceil(periods / MOST_SEGMENTS))
     edges = [round(k * each / frequency_hz / step_s) for k in range(periods // each + 1)]
@@ -196,12 +196,12 @@ def _by_residuals(r: NDArray[np.complex128], responses: list[SineFit], energy: f
 
 
 def _phase_ci_deg(gain: float, gain_ci: float) -> float:
-    """Return the half-angle under which the circle of confidence is seen; one that contains 0 leaves no phase."""
+    """Return the half-angle subtended by the confidence circle; one that contains 0 determines no phase."""
     return math.degrees(math.asin(gain_ci / gain)) if gain_ci < gain else 180.0
 
 
 def _rounding(samples: Floats) -> float:
-    """Return the amplitude below which a phasor is but the last bits of the samples, which are alike in all."""
+    """Return the amplitude below which a phasor is only rounding of the samples, identical in all."""
     return 1e-12 * float(np.abs(samples).max())
 
 

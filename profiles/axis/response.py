@@ -1,8 +1,8 @@
-"""How a tool axis answers, with how sure that is: by the model of the machine, or as it was identified.
+"""The response of a tool axis with its uncertainty: by the machine's model, or as identified.
 
-Responses are complex, from commanded to actual position, at frequencies in Hz; a lag is a negative phase. One is
-uncertain by a disc around it: with 95 % confidence |T - T_hat| <= r |T_hat|. What inverts T_hat then leaves
-|1 - T / T_hat| <= r of a lobe (inverse feedforward at the lobe frequency).
+Responses are complex, from commanded to actual position, at frequencies in Hz; a lag is a negative phase. Its
+uncertainty is a disc around it: with 95 % confidence |T - T_hat| <= r |T_hat|. Inverting T_hat then leaves |1 -
+T / T_hat| <= r of a lobe (inverse feedforward at the lobe frequency).
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 AMPLIFICATION_LIMIT = 8.0
-"""The most that a command may be larger than the motion that it is to make.
+"""The highest ratio of a command to the motion that it should produce.
 
-A compensation table whose correction no feedforward hears answers with 0.162 at 50 Hz: a cut through it needs 6.2,
-and has to pass. Beyond 8 each hundredth that the response is off would leave 8 % of the lobe, and the swing of the
-command would be lag and little else.
+A compensation table whose correction has no feedforward responds with 0.162 at 50 Hz: a cut through it needs
+6.2, and must be allowed. Beyond 8 each 1 % of error in the response would leave 8 % of the lobe, and the
+command would be mostly lag.
 """
 
 MODEL_TOLERANCE = 0.1
-"""By what share the moving mass and the loop gain of a machine are taken to differ from its profile."""
+"""Fraction by which moving mass and loop gain of a machine are assumed to differ from its profile."""
 
 MOST_TURN_DEG = 45.0
-"""How far the phase may turn between two identified points; further, what lies between is anybody's guess."""
+"""How far the phase may turn between two identified points; beyond that, interpolation is a guess."""
 
 _SAME_HZ = 1e-9
 _WITHIN = 17
-"""Places at which the curves between two points are compared."""
+"""Points at which the curves between two points are compared."""
 
 
 class Source(StrEnum):
-    """Where a response comes from."""
+    """The source of a response."""
 
     MODEL = "model"
     IDENTIFIED = "identified"
@@ -51,11 +51,11 @@ class Source(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServoResponse:
-    """A response over a band of frequencies. `name` says of what machine, or of which identification.
+    """A response over a band of frequencies. `name` is that of the machine, or of the identification.
 
     `curve` is the response and `spread` the radius r of its disc, both of a frequency within the band.
-    `amplitude_um` is the motion that was asked for when it was identified, None for a model: with dry friction it
-    holds for no other.
+    `amplitude_um` is the commanded motion during identification, None for a model: with dry friction it is
+    valid for no other.
     """
 
     source: Source
@@ -102,9 +102,9 @@ class ServoResponse:
 
 
 def model_response(machine: MachineProfile, curve: Callable[[float], complex]) -> ServoResponse:
-    """Return the response by the profile of a machine: any frequency, and as sure as a profile is.
+    """Return the response by the profile of a machine: at any frequency, with the profile's uncertainty.
 
-    `curve` is the sampled loop with the delay of its path, which no tolerance of the machine changes.
+    `curve` is the sampled loop with the delay of its path, which machine tolerances do not affect.
     """
     return ServoResponse(
         source=Source.MODEL,
@@ -119,7 +119,8 @@ def model_response(machine: MachineProfile, curve: Callable[[float], complex]) -
 def model_spread(machine: MachineProfile, frequency_hz: float) -> float:
     """Return the largest |T / T_model - 1| when mass and loop gain are each `MODEL_TOLERANCE` off.
 
-    No confidence but an assumption: nobody has measured this machine. Friction and cutting force are not in it.
+    This is an assumption, not a confidence: this machine was not measured. Friction and cutting force are not
+    included.
     """
     nominal = complex(sampled_response(machine, frequency_hz))
     off = (1.0 - MODEL_TOLERANCE, 1.0 + MODEL_TOLERANCE)
@@ -149,9 +150,9 @@ def identified_response(
 ) -> ServoResponse:
     """Return the response through identified points: columns of shape (n,) in any order, ci half-widths at 95 %.
 
-    Between two points gain and unwrapped phase follow shape-preserving cubics (Fritsch-Carlson), which keep to the
-    values of the two. The radius is that of the less certain of the two, and on top of it twice what the cubics go
-    from straight lines between them, for what the axis may do there unseen.
+    Between two points gain and unwrapped phase follow shape-preserving cubics (Fritsch-Carlson), which keep to
+    the values of the two. The radius is that of the less certain of the two, plus twice the deviation of the
+    cubics from straight lines between them, for what the axis may do there.
 
     Raises:
         ProfileError: `response.bad_points`: none, twice the same frequency, or what is no gain, phase or interval.
@@ -212,7 +213,7 @@ class _Points:
         return np.unwrap(np.radians(self.table[2]))
 
     def _beside(self, frequency_hz: float) -> tuple[int, int]:
-        """Return the points below and above, twice the same on a point.
+        """Return the points below and above, the same one twice on a point.
 
         Raises:
             ProfileError: `response.too_sparse`.
@@ -241,7 +242,7 @@ def _phasor(gain: FloatArray, phase_rad: FloatArray) -> ComplexArray:
 
 
 def _refuse_points(table: FloatArray, name: str) -> None:
-    """Make sure that there are points, and that a response can go through them.
+    """Make sure that there are points, and that a response can pass through them.
 
     Raises:
         ProfileError: `response.bad_points`.

@@ -37,7 +37,7 @@ def speed_limits_rpm(
 
 
 def _highest_invertible_hz(machine: MachineProfile, response: ServoResponse) -> float:
-    """Return the end of the band that can be inverted from its beginning on, by halving."""
+    """Return the end of the invertible band that begins at the lowest frequency, by bisection."""
     low_hz = max(response.lowest_hz, _LEAST_HZ)
     high_hz = min(response.highest_hz, _BELOW_NYQUIST * 500.0 / machine.controller.servo_period_ms)
     if _invertible(response, high_hz):

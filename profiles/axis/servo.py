@@ -1,4 +1,4 @@
-"""The tool axis as a servo: Eq 9, the same loop as the controller samples it, and what a sine costs it.
+"""The tool axis as a servo: Eq 9, the same loop as sampled by the controller, and the load of a sine.
 
 Lengths are in m, voltages are those of the controller's output. Every response is complex, from commanded to
 actual position, at frequencies in Hz; a lag is a negative phase. The gains of the controller and those of
@@ -37,7 +37,7 @@ class Eq9Summary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveNeed:
-    """What a sine asks of motor and amplifier; peak values, and the mean copper loss."""
+    """What a sine requires of motor and amplifier; peak values, and the mean copper loss."""
 
     velocity_mm_per_s: float
     acceleration_m_per_s2: float
@@ -64,7 +64,7 @@ def eq9_summary(machine: MachineProfile) -> Eq9Summary:
     return _summary(tuple(numerator), tuple(denominator))
 
 
-@lru_cache(maxsize=16)  # it is of the tool alone, and asked for with every job on it
+@lru_cache(maxsize=16)  # it depends on the tool alone, and is needed for every job on it
 def _summary(numerator: tuple[float, ...], denominator: tuple[float, ...]) -> Eq9Summary:
     import control
 
@@ -93,14 +93,14 @@ def sampled_response(
 ) -> ComplexArray:
     """Return the response of the sampled loop, in the shape of `frequency_hz` (above 0, below Nyquist).
 
-    The plant M s^2 + B s sits behind a zero-order hold of one servo period, derivatives are backward
+    The plant M s^2 + B s follows a zero-order hold of one servo period, derivatives are backward
     differences, and the output acts one period late. Without `gains` they are those of the controller's
     variables. At 0 Hz the value is 1.
     """
     gains = gains_from_variables(machine) if gains is None else gains
     period_s = machine.controller.servo_period_ms / 1000
     frequency = np.asarray(frequency_hz, dtype=np.float64)
-    # The integrator has a pole at 0 Hz; a microhertz stands in for it.
+    # The integrator has a pole at 0 Hz; a microhertz replaces it.
     z = np.exp(2j * np.pi * np.where(frequency == 0, 1e-6, frequency) * period_s)
     slope = (1 - 1 / z) / period_s
     shared = gains.kp_v_per_m + gains.ki_v_per_m_s / slope
@@ -153,7 +153,7 @@ def _eq9_polynomials(machine: MachineProfile) -> tuple[list[float], list[float]]
 
 
 def _held_plant(machine: MachineProfile, z: ComplexArray, period_s: float) -> ComplexArray:
-    """Return Ka Kt / (M s^2 + B s) behind a zero-order hold, in m/V."""
+    """Return Ka Kt / (M s^2 + B s) after a zero-order hold, in m/V."""
     tool = machine.tool
     gain, mass, damping = tool.loop_gain_n_per_v, tool.moving_mass_kg, tool.damping_n_s_per_m
     x = damping * period_s / mass

@@ -1,11 +1,11 @@
-"""What the settings of the tool motor mean: its gains in V/m, and the same as whole numbers; its limits.
+"""The meaning of the tool motor's settings: its gains in V/m and as whole numbers; its limits.
 
 No other module of `profiles` reads a controller's numbers; all motors are in `drivers.pmac.motor_settings`.
 
 The controller's output in DAC bits, with following error FE, actual velocity AV, commanded velocity CV and
 acceleration CA in counts per servo cycle, and the sum IE of the following error (PMAC PID filter):
 
-    DAC = 2^-19 Ix30 { Ix08 [ FE + (Ix32 CV + Ix35 CA)/128 + Ix33 IE/2^23 ] - Ix31 Ix09 AV/128 }
+DAC = 2^-19 Ix30 { Ix08 [ FE + (Ix32 CV + Ix35 CA)/128 + Ix33 IE/2^23 ] - Ix31 Ix09 AV/128 }
 
 32768 bits are the full scale of the output.
 """
@@ -47,7 +47,7 @@ def eq9_gains(machine: MachineProfile) -> PidGains:
 
 
 def gains_from_variables(machine: MachineProfile) -> PidGains:
-    """Return the gains that the controller's variables make.
+    """Return the gains that the controller's variables produce.
 
     With Ix34 = 1 the integrator stands still in every move, so its gain is 0 here. Raises `ProfileError`
     (`key.missing`) where the profile lacks a gain of the tool motor.
@@ -98,10 +98,10 @@ def program_speed_mm_per_s(machine: MachineProfile) -> float:
 
 
 def error_limit_um(machine: MachineProfile) -> float:
-    """Return the following error at which the controller switches the tool off, Ix11 in sixteenths of a count."""
+    """Return the following error at which the controller disables the tool, Ix11 in sixteenths of a count."""
     return machine.controller.variables[f"I{machine.tool.motor}11"] / 16 * machine.tool.count_um
 
 
 def _volts_per_metre(machine: MachineProfile) -> float:
-    """Return the output voltage of one DAC bit for each count, per metre of error."""
+    """Return the output voltage of one DAC bit per count, per metre of error."""
     return machine.tool.dac_full_scale_v / _DAC_BITS * machine.tool.counts_per_mm * 1000

@@ -1,4 +1,4 @@
-"""How the tool axis gives way to a cutting force: the other input of Eq 9."""
+"""The compliance of the tool axis under a cutting force: the other input of Eq 9."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from profiles.machine import MachineProfile
 def tool_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
     """Return G_d = s / (M s^3 + (B + K Kd) s^2 + K Kp s + K Ki), K = Ka Kt, in um/N, for each frequency.
 
-    From a force that pushes the tool out to how far it goes out; a lag is a negative phase. Without an integrator
-    the value at 0 Hz is 1 / (K Kp), with one it is 0: after some of its time constants Kp / Ki.
+    From a force that pushes the tool out to its displacement; a lag is a negative phase. Without an integrator
+    the value at 0 Hz is 1 / (K Kp), with one it is 0, reached after some time constants Kp / Ki.
     """
     tool, gains = machine.tool, eq9_gains(machine)
     gain = tool.loop_gain_n_per_v

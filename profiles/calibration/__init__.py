@@ -1,1 +1,1 @@
-"""What was measured at a chuck, and what follows from it: force by torque, stiffness by force and load."""
+"""Chuck calibration: force by torque, stiffness by force and load."""

@@ -1,4 +1,4 @@
-"""How far a part gives way in N jaws whose contacts stiffen with force, at a radial load in front of the jaws.
+"""The deflection of a part in N jaws whose contacts stiffen with force, at a radial load in front of the jaws.
 
 The jaws of one ring are those of `profiles.chucking.contact`: the clamping force F_c has pressed each together
 by x0 = m F_c / k, with k ~ F_c^alpha and m = 1 / (1 - alpha). What a load P moves the part by in units of x0
@@ -6,7 +6,7 @@ depends on P / F_c, alpha and the angle alone, so that rows of any force are sol
 a in front of jaws of the length l is carried by two rings of half the stiffness and half the force each,
 P (1 + a/l) in front and -P a/l behind, and the tip of the part moves by
 
-    u_tip = u_front (1 + a/l) - u_rear a/l,
+u_tip = u_front (1 + a/l) - u_rear a/l,
 
 plus the bending of the part as a cantilever, P a^3 / (3 E I) with I = pi d^4 / 64 (Timoshenko). Pure numbers.
 """
@@ -34,7 +34,7 @@ def contact_um(
     past_jaw_deg: ArrayLike,
     overhang_mm: ArrayLike,
 ) -> Floats:
-    """Return the radial deflection at the load by the contacts alone, um along the load; broadcast shapes.
+    """Return the radial deflection at the load from the contacts alone, um along the load; broadcast shapes.
 
     `stiffness_n_per_um` is k of one jaw at `force_per_jaw_n`; at least three jaws.
     """
@@ -46,7 +46,7 @@ def contact_um(
     )
     lever = lever / jaw_length_mm
     give_um = force / k / (1.0 - alpha)
-    share = 2.0 * load / force  # each ring holds with half of the force
+    share = 2.0 * load / force  # each ring carries half of the force
     front = _ring(share * (1.0 + lever), angle, alpha, jaws)
     rear = _ring(-share * lever, angle, alpha, jaws)
     return np.asarray(give_um * (front * (1.0 + lever) - rear * lever), dtype=np.float64)

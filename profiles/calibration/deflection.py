@@ -5,8 +5,8 @@ the model of `profiles.calibration.contact` (contacts and the bending of a solid
 alpha, ln l); with the Jacobian J and s^2 the variance of what is left, cov = s^2 (J' W J)^-1. Half-widths are for
 95 %, by Student's t; of k and l they are taken over from their logarithms to the first order.
 
-A gauge is off by the same everywhere, a load or a contact by a share of the deflection. W is 1 or by the square of
-the deflection, whichever is likelier; where they are about as likely, the half-widths hold what either says.
+A gauge is off by the same everywhere, a load or a contact by a fraction of the deflection. W is 1 or by the square
+of the deflection, whichever is likelier; where they are about as likely, the half-widths hold what either says.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from profiles.problem import Problem, ProfileError
 
 LEAST_JAWS = 3
 LEAST_SPARE = 3
-"""Measurements beyond the parameters, at least: with fewer the confidence is a guess."""
+"""Minimum measurements beyond the parameters: with fewer the confidence is a guess."""
 
 LEAST_ALPHA, MOST_ALPHA = 0.02, 0.9
-"""Between a contact that does not stiffen and one that does without end; a fit that runs there says neither."""
+"""Between a contact that does not stiffen and one without bound; a fit at a limit determines neither."""
 
 _WORST_CONDITION = 100.0
-"""Above this ratio of singular values (of columns of length 1) the parameters can be traded for each other."""
+"""Above this ratio of singular values (of normalised columns) the parameters cannot be separated."""
 
 _AS_LIKELY = 2.0
-"""Loss of log-likelihood up to which the other kind of scatter is about as likely: a choice, as in `wrench`."""
+"""Loss of log-likelihood up to which the other kind of scatter is about as likely: chosen as in `wrench`."""
 
 _STARTS_MM = (10.0, 20.0, 40.0, 80.0, 160.0)
 _START_ALPHA = 0.4
@@ -49,7 +49,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Anisotropy:
-    """Deflection under a load that goes round: its mean, and peak to peak of it with the half-width, um."""
+    """Deflection under a rotating load: its mean, and its peak-to-peak value with the half-width, um."""
 
     mean_um: float
     pp_um: float
@@ -58,10 +58,10 @@ class Anisotropy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeflectionFit:
-    """The contacts of a chuck. `stiffness_n_per_um` is k of one jaw that holds with `REFERENCE_FORCE_N`.
+    """The contacts of a chuck. `stiffness_n_per_um` is k of one jaw at `REFERENCE_FORCE_N`.
 
     `jaw_length_ci` is 0 where the length was given and not fitted. `covariance` is that of (ln k, alpha, ln l),
-    row by row. `sd_um` is what one measurement is off by; `outliers` are places in the table.
+    row by row. `sd_um` is the scatter of one measurement; `outliers` are indices in the table.
     """
 
     jaws: int
@@ -81,7 +81,7 @@ class DeflectionFit:
     def anisotropy(
         self, *, chucking_force_n: float, load_n: float, overhang_mm: float, diameter_mm: float
     ) -> Anisotropy:
-        """Return what a load that goes round a solid bar finds; the force is the total over all jaws."""
+        """Return the deflection of a solid bar under a rotating load; the force is the total over all jaws."""
         angle = np.linspace(0.0, 360.0 / self.jaws, 25)
         sizes = (("chucking_force_n", chucking_force_n), ("load_n", load_n))
         lengths = (("overhang_mm", overhang_mm), ("diameter_mm", diameter_mm))
@@ -114,20 +114,20 @@ def fit_deflection(
     Raises:
         ProfileError: `calibration.jaws`, `calibration.not_positive`, `calibration.few_points`;
             `calibration.bending`, the bar alone would bend more than was measured; `calibration.dependent`,
-            measurements too much alike for all parameters; `calibration.no_alpha`, no stiffening to be seen;
+            measurements too similar for all parameters; `calibration.no_alpha`, no visible stiffening;
             `calibration.no_fit`.
     """
     free = 2 if jaw_length_mm is not None else 3
     _refuse_unfit(columns, jaws, youngs_gpa, free)
     measured = columns["deflection_um"]
     mean_n = float(np.exp(np.log(columns["chucking_force_n"] / jaws).mean()))
-    model = _Model(columns, jaws, youngs_gpa, mean_n)  # there k and alpha are least entangled
+    model = _Model(columns, jaws, youngs_gpa, mean_n)  # there k and alpha are least correlated
     start = _start(model, measured, (jaw_length_mm,) if jaw_length_mm is not None else _STARTS_MM)
     same = _solved(model, measured, start, free, np.ones_like(measured))
     sizes = model.at(same.at)
     try:
         grown = _solved(model, measured, same.at, free, float(np.exp(np.log(sizes).mean())) / sizes)
-    except ProfileError:  # what only one kind of scatter makes of it is no reason to refuse the other
+    except ProfileError:  # one kind of scatter failing is no reason to refuse the other
         grown = same
     best, other = sorted((same, grown), key=lambda each: each.log_likelihood, reverse=True)
     freedom = measured.size - free
@@ -175,7 +175,7 @@ class _Solution:
         return replace(self, at=by @ self.at, covariance=by @ self.covariance @ by.T)
 
     def widened(self, other: _Solution, reach: float) -> float:
-        """Return by what the half-widths grow that are to hold those of another solution."""
+        """Return the factor by which half-widths grow to include another solution."""
         own, its = (reach * np.sqrt(np.diag(each.covariance)) for each in (self, other))
         fitted = own > 0.0
         apart = np.abs(self.at - other.at) + its
@@ -225,7 +225,7 @@ def _refuse_unfit(columns: Mapping[str, Floats], jaws: int, youngs_gpa: float, f
 
 
 def _start(model: _Model, measured: Floats, lengths_mm: tuple[float, ...]) -> Floats:
-    """Return the best start of a few lengths; contacts give way in proportion to 1 / k, which settles k."""
+    """Return the best start among a few lengths; deflection goes with 1 / k, which determines k."""
     target = measured - model.bending_um
     if target.mean() <= 0:
         value, limit = f"{model.bending_um.mean():.4g} um", f"< {measured.mean():.4g} um"
@@ -277,7 +277,7 @@ def _refuse_dependent(jacobian: Floats) -> None:
     _, values, directions = np.linalg.svd(jacobian / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
     if values[-1] * _WORST_CONDITION < values[0]:
         weakest = np.abs(directions[-1])
-        varied = _VARIED_BY[1 + int(np.argmax(weakest[1:]))]  # k itself is never what should be varied
+        varied = _VARIED_BY[1 + int(np.argmax(weakest[1:]))]  # k itself never needs to be varied
         condition = values[0] / values[-1] if values[-1] else math.inf
         raise ProfileError(
             Problem(

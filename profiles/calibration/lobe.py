@@ -1,10 +1,9 @@
-"""The lobe error of a job from the trace of a part that was cut as the job says, without compensation.
+"""Find the lobe error of a job in the trace of a part that was cut as the job says, without compensation.
 
-The trace says in its header lines which way its angles run and where they begin; without both the crest has no
-place on the spindle, and only the amplitude is known. Where the trace counts from jaw 1, the job has that.
-
-A trace that says how its part was cut must say: without compensation. One of a simulated part is for practice
-only, and the source of the job says so.
+The trace's header lines give the direction and the start of its angles; without both, the phase on the spindle
+is unknown, and only the amplitude is known. Where the trace counts from jaw 1, the job has its angle. If a
+trace states how its part was cut, it must be without compensation. A simulated part is for practice only, and
+the source of the job says so.
 
 Problem codes: `lobe.phase_unknown`, `lobe.not_significant`, `lobe.not_free`, `lobe.method`, `lobe.compensated`,
 `lobe.simulated`; as a warning also `lobe.filtered`, `lobe.undeclared`, `lobe.off_axis`, `lobe.biased`.
@@ -28,27 +27,27 @@ from profiles.trace_files.header import TraceHeader, header_of
 from profiles.traces import Trace
 
 INDEX = "spindle index"
-"""What the header line `start_mark` says when the angles of the trace begin where those of the spindle do."""
+"""Value of the header line `start_mark` when the angles of the trace begin at the spindle index."""
 
 MOST_FILTERED = 0.005
 MOST_BIAS = 0.01
 OVAL = 2
-"""Waves a turn that a circle shows which sits off the axis: those of a chuck with two jaws, too."""
+"""UPR of an off-axis circle; a chuck with two jaws makes the same."""
 
 UNDECLARED = 3.0
-"""Times the noise floor above which a wave that was not fitted is told."""
+"""Multiple of the noise floor above which a harmonic outside the fit is reported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundLobe:
     """The lobe of a part: the fit, and what it means for the job.
 
-    `crest_deg` is where the released part is high, in spindle degrees in [0, 360), None where that is not known.
-    `past_jaw_deg` is the crest nearest to jaw 1 from there, positive in the direction of the cut, None where the
-    angle of jaw 1 is not known, and neither is `diagnosis` then, what its place at the jaws speaks for.
-    `phase_assumed`: the crest is known from jaw 1, which is where the job assumes it. `simulated`: no gauge has
-    measured the trace.
-    `reasons` are why a job cannot be given this lobe; `warnings` do not spoil it.
+    `crest_deg` is where the released part is high, in spindle degrees in [0, 360), None where unknown.
+    `past_jaw_deg` is the angle from jaw 1 to the nearest maximum, positive in the direction of the cut, None
+    where the angle of jaw 1 is unknown; so is then `diagnosis`, the cause that its position at the jaws
+    suggests. `phase_assumed`: the phase is relative to jaw 1, whose angle the job assumes. `simulated`: the
+    trace was not measured by a gauge. `reasons` are why a job cannot use this lobe; `warnings` do not prevent
+    it.
     """
 
     fit: LobeFit
@@ -64,10 +63,10 @@ class FoundLobe:
 def find_lobe(
     trace: Trace, job: Job, *, extra: Iterable[int] = (), robust: bool = False, practice: bool = False
 ) -> FoundLobe:
-    """Return the lobe in a trace of a part of this job; for `practice` the part may be a simulated one.
+    """Find the lobe in the trace of a part of this job; for `practice` the part may be simulated.
 
     Raises:
-        ProfileError: what `fit_lobe` refuses.
+        ProfileError: as `fit_lobe`.
     """
     header, unusable = header_of(trace.meta)
     fit = fit_lobe(trace.angle_deg, trace.deviation_um, job.jaws, extra=extra, robust=robust)
@@ -87,7 +86,7 @@ def find_lobe(
 
 
 def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
-    """Return the job with this lobe as its error, fitted in a cut with its own force, speed, lengths and tools.
+    """Return the job with this lobe as its error, found in a cut with its own force, speed and lengths.
 
     `chuck` and `tool` are their names in the machine, "" where they have none. `found` must have no reasons.
     A condition that the job only assumes stays assumed. The source says whether the part was a simulated one.
@@ -123,7 +122,7 @@ def _diagnosis(past_jaw_deg: float, job: Job) -> Diagnosis:
 
 
 def _jaw_known(job: Job) -> bool:
-    """Whether the job knows the spindle angle of jaw 1: a crest that was found from the index alone is none."""
+    """Whether the job has the spindle angle of jaw 1: a phase found from the index alone is none."""
     at_crest = job.lobe_past_jaw_deg is None and job.lobe_error_source == "fitted"
     return "lobe_phase_deg" not in job.assumed and not at_crest
 
@@ -131,7 +130,7 @@ def _jaw_known(job: Job) -> bool:
 def _on_the_spindle(
     fit: LobeFit, header: TraceHeader, job: Job, from_index: bool
 ) -> tuple[float | None, float | None]:
-    """Return the crest in spindle degrees, and past jaw 1; None for what is not known."""
+    """Return the phase in spindle degrees, and from jaw 1; None for what is unknown."""
     if header.direction is None or not (from_index or header.phase_known):
         return None, None
     sign = -1.0 if header.against_spindle else 1.0
@@ -147,7 +146,7 @@ def _on_the_spindle(
 
 
 def _of_cut(meta: Mapping[str, str], simulated: bool) -> Iterable[Problem]:
-    """What a compensation has left is not the lobe; what nobody says was not compensated."""
+    """Judge how the part was cut: what a compensation has left is not the lobe; unstated means uncompensated."""
     for key in ("strategy", "compensation"):
         if meta.get(key, "none") != "none":
             yield Problem(code="lobe.compensated", key=key, value=printable(meta[key], 60), limit="none")

@@ -1,10 +1,9 @@
-"""Reading a table of measurements as a spreadsheet exports it.
+"""Read a table of measurements as exported by a spreadsheet.
 
-Cells are separated by semicolons, tabs or commas; with the first two, numbers may have a decimal comma. The header
-names the columns with their units ("Torque (N m)" is `torque_n_m`); lines `# key: value` before it say what holds
-for all rows. A byte order mark, quotes, empty lines and empty cells behind a row are taken. What a kind of table
-does not know is left out, and its name told. Anything else is refused with its line, all problems (up to a cap) at
-once.
+Cells are separated by semicolons, tabs or commas; with the first two, numbers may have a decimal comma. The
+header names the columns with their units ("Torque (N m)" is `torque_n_m`); lines `# key: value` before it apply
+to all rows. A byte order mark, quotes, empty lines and trailing empty cells are accepted. Unknown columns are
+skipped and reported. Anything else is refused with its line, all problems (up to a cap) at once.
 
 Problem codes: `calibration.unreadable`, `calibration.too_large`, `calibration.not_text`, `calibration.empty`,
 `calibration.columns`, `calibration.cells`, `calibration.not_number`, `calibration.out_of_range`,
@@ -40,7 +39,7 @@ Floats = NDArray[np.float64]
 
 
 class CalibrationKind(StrEnum):
-    """What was measured: force by the torque of the wrench, or deflection by force, load, angle and size."""
+    """The kind of table: force by wrench torque, or deflection by force, load, angle and size."""
 
     WRENCH = "wrench"
     DEFLECTION = "deflection"
@@ -79,7 +78,7 @@ class MeasuredTable:
 
 
 def read_table(path: Path, kind: CalibrationKind | None = None) -> MeasuredTable:
-    """Return the measurements in a file; without a `kind`, of the one whose columns it has.
+    """Read the measurements in a file; without a `kind`, of the one whose columns it has.
 
     Raises:
         ProfileError: every problem of it; see the module.
@@ -89,7 +88,7 @@ def read_table(path: Path, kind: CalibrationKind | None = None) -> MeasuredTable
 
 
 def parse_table(content: bytes, kind: CalibrationKind | None = None, *, where: str = "") -> MeasuredTable:
-    """Return the measurements in the bytes of a file; `where` names it in the problems."""
+    """Parse the measurements in the bytes of a file; `where` names it in the problems."""
     reader = _Reader(where, tuple(CalibrationKind) if kind is None else (kind,))
     for number, line in enumerate(_text(content, where).split("\n"), start=1):
         stripped = line.strip(" \r")
@@ -111,13 +110,13 @@ def _text(content: bytes, where: str) -> str:
 
 
 def column_name(header: str) -> str:
-    """Return a heading as our keys are spelled: "Torque [N·m]" and "torque Nm" are `torque_n_m`."""
+    """Return a heading as a key: "Torque [N·m]" and "torque Nm" are `torque_n_m`."""
     plain = header.strip().lower().replace("µ", "u").replace("μ", "u").replace("°", "deg")
     return re.sub(r"_nm$", "_n_m", re.sub(r"[^a-z0-9]+", "_", plain).strip("_"))
 
 
 class _Reader:
-    """Takes the lines of one file in turn; collects rows and problems."""
+    """Reads the lines of one file in turn; collects rows and problems."""
 
     def __init__(self, where: str, kinds: tuple[CalibrationKind, ...]) -> None:
         self.problems: list[Problem] = []
@@ -164,7 +163,7 @@ class _Reader:
     def _take_meta(self, number: int, line: str) -> None:
         key, colon, value = (part.strip() for part in line.lstrip("#").partition(":"))
         if not colon:
-            return  # a remark for people
+            return  # a remark
         name = column_name(key)
         if not name or name in self._meta or not value.isprintable():
             self._refuse("calibration.meta", number, value=line, limit="# key: value")
@@ -180,7 +179,7 @@ class _Reader:
                     self._kind, self._separator, self._names = kind, separator, names
                     self._ignored = tuple(name for name in names if name and name not in target)
                     return
-        self._names = ["-"]  # the header was met, and says nothing: the rows are not judged
+        self._names = ["-"]  # the header was found, but is unusable: the rows are not judged
         self._refuse("calibration.columns", number, value=line, limit=self._target())
 
     def _take_row(self, number: int, line: str, kind: CalibrationKind) -> None:
@@ -233,6 +232,6 @@ class _Reader:
 def _cells(line: str, separator: str) -> list[str]:
     try:
         cells: Iterable[str] = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
-    except csv.Error:  # then the quotes are no quotes, and the cells are refused as they stand
+    except csv.Error:  # then the quotes are not quotes, and the cells are refused as they are
         cells = line.split(separator)
     return [cell.strip() for cell in cells]

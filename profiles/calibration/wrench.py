@@ -1,14 +1,14 @@
-"""The chucking force by the torque of the wrench, from a wrench and a load cell (Lee & Lee 2001, section 2).
+"""The chucking force by wrench torque, from a wrench and a load cell (Lee & Lee 2001, section 2).
 
 Of a scroll chuck F = 2 pi eta i Tq / p: a line through the origin, F = c Tq. With a preload or a friction that
 must be overcome first it is F = a + c Tq. A gauge scatters by so many newtons, friction by so many percent of the
 force; so one clamping has the variance
 
-    s^2 v,    v = 1 - w + w (Tq / middle)^2,    w from 0 (the same everywhere) to 1 (in proportion to the torque)
+s^2 v,    v = 1 - w + w (Tq / middle)^2,    w from 0 (the same everywhere) to 1 (in proportion to the torque)
 
 and w is that of the greatest restricted likelihood. Weighted least squares of M clampings, W = diag(1 / v):
 
-    the line           F +- t s sqrt(x' (X' W X)^-1 x),        x = (Tq) or (1, Tq)
+the line           F +- t s sqrt(x' (X' W X)^-1 x),        x = (Tq) or (1, Tq)
     a new clamping     F +- t s sqrt(v + x' (X' W X)^-1 x)
     the torque for F   the two Tq at which F leaves that band (E. C. Fieller)
 
@@ -33,16 +33,16 @@ from profiles.least_squares import fit
 from profiles.problem import Problem, ProfileError
 
 LEAST_SPARE = 3
-"""Clampings beyond the parameters, at least: with fewer the confidence is a guess."""
+"""Minimum clampings beyond the parameters: with fewer the confidence is a guess."""
 
 LEAST_SPREAD = 1.5
-"""Largest torque over smallest, at least: a line needs a length."""
+"""Minimum ratio of largest to smallest torque: a line needs a range."""
 
 _GROWING = np.linspace(0.0, 1.0, 21)
 _AS_LIKELY = 0.7
-"""Loss of log-likelihood up to which another share of the scatter that grows is about as likely.
+"""Loss of log-likelihood up to which another growing fraction of the scatter is about as likely.
 
-A choice: with it 95 % of simulated tables hold the truth, whichever way they scatter.
+A choice: with it 95 % of simulated tables include the true value, for either kind of scatter.
 """
 
 Floats = NDArray[np.float64]
@@ -99,16 +99,16 @@ class WrenchFit:
 
     @property
     def middle_n_m(self) -> float:
-        """The middle of the torques that were measured."""
+        """The middle of the measured torques."""
         return 0.5 * (self.lowest_n_m + self.highest_n_m)
 
     @property
     def force_sd_percent(self) -> float:
-        """The scatter of one clamping as a share of the force in the middle of what was measured, %."""
+        """The scatter of one clamping relative to the force in the middle of the measured range, %."""
         return 100.0 * self.sd_n / self._best.at(self.middle_n_m)
 
     def line_n(self, torque_n_m: float) -> Band:
-        """Return the mean force of many clampings at a torque: what is sure of the line itself."""
+        """Return the mean force of many clampings at a torque: the uncertainty of the line alone."""
         reaches = [(line.at(torque_n_m), line.reach_n(torque_n_m, self.freedom)) for line in self._lines]
         return _widest(self._best.at(torque_n_m), reaches)
 
@@ -123,7 +123,7 @@ class WrenchFit:
         return _widest(self._best.at(torque_n_m), reaches)
 
     def torque_n_m(self, force_n: float) -> Band:
-        """Return the torque for a total chucking force, and between which torques that force may have come from.
+        """Return the torque for a total chucking force, and the limits of the torques that may give it.
 
         Raises:
             ProfileError: `calibration.outside`; `calibration.no_slope`, the scatter leaves no limits.
@@ -164,7 +164,7 @@ class WrenchFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Line:
-    """The line of one share w: sd^2 (1 - w + w (Tq / middle)^2) is the variance of one clamping."""
+    """The line for one fraction w: sd^2 (1 - w + w (Tq / middle)^2) is the variance of one clamping."""
 
     growing: float
     intercept_n: float
@@ -186,12 +186,12 @@ class _Line:
         return student(freedom) * self.sd_n * math.sqrt(variance_ratio)
 
     def slope_half(self, best: _Line, freedom: int) -> float:
-        """Return how far the slope may be from that of the best line."""
+        """Return the half-width of the slope, relative to the best line."""
         own = student(freedom) * self.sd_n * math.sqrt(self.cofactors.slope)
         return abs(self.slope - best.slope) + own
 
     def intercept_half_n(self, best: _Line, freedom: int) -> float:
-        """Return how far the intercept may be from that of the best line."""
+        """Return the half-width of the intercept, relative to the best line."""
         own_n = student(freedom) * self.sd_n * math.sqrt(self.cofactors.intercept)
         return abs(self.intercept_n - best.intercept_n) + own_n
 
@@ -212,8 +212,8 @@ def fit_wrench(torque_n_m: ArrayLike, force_n: ArrayLike, *, affine: bool = Fals
     """Return the line through M clampings; shapes (M,), forces as totals over all jaws.
 
     Raises:
-        ProfileError: `calibration.not_positive`; `calibration.few_points`; `calibration.alike`, torques too near
-            to each other; `calibration.no_slope`, the scatter hides that force grows with torque.
+        ProfileError: `calibration.not_positive`; `calibration.few_points`; `calibration.alike`, torques too
+            close together; `calibration.no_slope`, the scatter hides that force grows with torque.
     """
     torque, force = np.asarray(torque_n_m, dtype=np.float64), np.asarray(force_n, dtype=np.float64)
     _refuse_unfit(torque, force, 2 if affine else 1)
@@ -223,7 +223,7 @@ def fit_wrench(torque_n_m: ArrayLike, force_n: ArrayLike, *, affine: bool = Fals
     slope_ci = max(line.slope_half(best, freedom) for line in (best, *others))
     if best.slope <= slope_ci:
         raise ProfileError(_no_slope(best.slope, slope_ci))
-    # On the line to the last digit there is nothing to judge.
+    # An exact line leaves nothing to judge.
     exact = best.sd_n <= ROUNDING * float(force.max())
     root = 1.0 / np.sqrt(_variances(torque, best.growing))
     left = root * (force - best.intercept_n - best.slope * torque)
@@ -246,7 +246,7 @@ def fit_wrench(torque_n_m: ArrayLike, force_n: ArrayLike, *, affine: bool = Fals
 
 
 def _likely_lines(design: Floats, torque: Floats, force: Floats) -> list[_Line]:
-    """Return the likeliest line, then those at both ends of the shares that are about as likely."""
+    """Return the likeliest line, then those at both ends of the fractions that are about as likely."""
     lines = [_line(design, torque, force, float(growing)) for growing in _GROWING]
     best = max(lines, key=lambda line: line.log_likelihood)
     if best.sd_n <= ROUNDING * float(force.max()):
@@ -257,7 +257,7 @@ def _likely_lines(design: Floats, torque: Floats, force: Floats) -> list[_Line]:
 
 
 def _line(design: Floats, torque: Floats, force: Floats, growing: float) -> _Line:
-    """Return the weighted least squares of one share, with its restricted likelihood."""
+    """Return the weighted least squares for one fraction, with its restricted likelihood."""
     variances = _variances(torque, growing)
     found = fit(design, force, 1.0 / np.sqrt(variances))
     *intercept, slope = found.coefficients.tolist()
@@ -277,7 +277,7 @@ def _line(design: Floats, torque: Floats, force: Floats, growing: float) -> _Lin
 
 
 def _variances(torque: Floats, growing: float) -> Floats:
-    """Return the variances of single clampings over that in the middle; shape (M,)."""
+    """Return the variances of single clampings relative to that in the middle; shape (M,)."""
     return np.asarray(1.0 - growing + growing * (torque / _middle(torque)) ** 2, dtype=np.float64)
 
 
@@ -286,7 +286,7 @@ def _middle(torque: Floats) -> float:
 
 
 def _widest(value: float, found: list[tuple[float, float]]) -> Band:
-    """Return a value with the widest limits of middles and their half-widths."""
+    """Return a value with the widest limits among centres and half-widths."""
     low, high = min(at - reach for at, reach in found), max(at + reach for at, reach in found)
     return Band(value=value, low=low, high=high)
 
@@ -312,7 +312,7 @@ def _no_slope(slope: float, ci: float) -> Problem:
 
 
 def _lack_of_fit(torque: Floats, force: Floats, root: Floats, left: Floats, freedom: int) -> float | None:
-    """Return how often chance gives such a lack of fit: against repeated torques, else against a parabola.
+    """Return the chance of such a lack of fit: against repeated torques, else against a parabola.
 
     `root` are the roots of the weights, `left` what the line leaves of each force, by its root.
     """
@@ -331,5 +331,5 @@ def _lack_of_fit(torque: Floats, force: Floats, root: Floats, left: Floats, free
         return None
     if pure <= ROUNDING**2 * missed:
         return 0.0
-    # A line through the means misses no more than they do, and by rounding a little less.
+    # A line through the means misses no more than they do, and by rounding slightly less.
     return chance_of(max(missed - pure, 0.0) / added / (pure / pure_freedom), added, pure_freedom)

@@ -1,1 +1,1 @@
-"""How a chuck bends, moves and holds a part: reaction forces, elastic ring, contact of the jaws, grip."""
+"""Mechanics of the chuck: reaction forces, elastic ring, jaw contact, grip."""

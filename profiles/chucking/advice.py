@@ -1,4 +1,4 @@
-"""The clamping adviser: how hard the part must be held, and how hard it may be, side by side.
+"""The clamping adviser: the least force that holds the part, and the most that it tolerates.
 
 The least force holds the cut at speed (VDI 3106); it is where `rule.grip_need` begins to hold. The most is the
 least of what the chuck gives, what the wall bears, and what the spread of the wrench leaves of the tolerance; it
@@ -31,7 +31,7 @@ from profiles.materials import material_or_none
 
 
 class Stands(StrEnum):
-    """Where a force stands to the forces that will do; `NONE`: no force will."""
+    """The position of a force relative to the permitted span; `NONE`: no force is permitted."""
 
     INSIDE = "inside"
     BELOW = "below"
@@ -41,7 +41,7 @@ class Stands(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceSpan:
-    """The forces at rest that will do for one job, N; there is none where the least is the larger one.
+    """The permitted forces at rest for one job, N; none where the least exceeds the most.
 
     `binding` names the limit at which `most_n` lies: "chuck", "wall" (a thin part yields) or "scatter" (the lobe
     changes by the tolerance from clamping to clamping, one standard deviation). `limits_n` has each of these that
@@ -55,23 +55,23 @@ class ForceSpan:
 
     @property
     def empty(self) -> bool:
-        """Whether no force will do."""
+        """Whether no force is permitted."""
         return self.least_n > self.most_n
 
     @property
     def whole_n(self) -> tuple[int, int]:
-        """The span in whole newtons, rounded inwards: what is shown will do when it is typed."""
+        """The span in whole newtons, rounded inwards: a displayed limit is accepted when typed."""
         return math.ceil(self.least_n), math.floor(self.most_n)
 
     def stands(self, force_n: float) -> Stands:
-        """Return where a force stands; both ends belong to the span."""
+        """Return the position of a force; both ends belong to the span."""
         if self.empty:
             return Stands.NONE
         return Stands.BELOW if force_n < self.least_n else Stands.ABOVE if force_n > self.most_n else Stands.INSIDE
 
 
 def force_span(job: Job, machine: MachineProfile) -> ForceSpan:
-    """Return how hard a job must and may be clamped: the one answer of form, preview and arming."""
+    """Return how hard a job must and may be clamped: the one source for form, preview and arming."""
     limits_n = _limits(job, machine, holding_of(machine))
     binding = min(limits_n, key=limits_n.__getitem__)
     return ForceSpan(
@@ -84,9 +84,9 @@ def force_span(job: Job, machine: MachineProfile) -> ForceSpan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClampingAdvice:
-    """What is advised for one job.
+    """The clamping advice for one job.
 
-    `at_rest_sd_n` is how far the force of one clamping may be from the job's: the root of squares of
+    `at_rest_sd_n` is the uncertainty of one clamping's force: the root sum of squares of
     `scatter_sd_n`, from clamping to clamping, and `line_sd_n`, of the wrench's line where it was calibrated. All
     three are one standard deviation.
 
@@ -137,7 +137,7 @@ def clamping_advice(job: Job, machine: MachineProfile) -> ClampingAdvice:
 
 
 def _torques_n_m(wrench: Wrench, span: ForceSpan) -> tuple[float, float] | None:
-    """Return the span of torques; from 0 on where the wrench presses harder than the least without any."""
+    """Return the span of torques; from 0 where the wrench exceeds the least force without any."""
     if span.most_n <= wrench.offset_n:
         return None
     least = 0.0 if span.least_n <= wrench.offset_n else torque_n_m(wrench, span.least_n)

@@ -3,7 +3,7 @@
 Linear springs k on N >= 3 jaws are equally stiff in every direction, and make no lobes. A contact f = C x^m
 (m = 1/(1 - alpha), k ~ F^alpha) does: for small loads P pushed at an angle phi from a jaw, N = 3,
 
-    u = 2 P/(3 k) (1 - eps cos 3 phi), eps = alpha P / (6 F_c)
+u = 2 P/(3 k) (1 - eps cos 3 phi), eps = alpha P / (6 F_c)
 
 stiffest when a jaw is opposite to the force (Fig 3 of the paper). The tool pushes from the other side of the part:
 a tool at angle theta pushes at theta + 180 deg. Forces in N, F_c on one jaw; k in N/um; deflections in um.
@@ -32,7 +32,7 @@ _STEPS, _HALVINGS, _EXACT = 60, 30, 1e-12
 class Contact:
     """The contacts of one chuck: `stiffness_n_per_um` is that of one jaw at `force_per_jaw_n`.
 
-    `tangential_ratio` is the sideways stiffness as a share; two jaws hold nothing sideways without it.
+    `tangential_ratio` is the tangential over the normal stiffness; without it two jaws hold nothing sideways.
     """
 
     jaws: int
@@ -48,13 +48,13 @@ class Contact:
 
     @property
     def approach_um(self) -> float:
-        """What the clamping force has pressed each contact together: m F_c / k."""
+        """The compression of each contact by the clamping force: m F_c / k."""
         return self.exponent * self.force_per_jaw_n / self.stiffness_n_per_um
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Deflection:
-    """What a load does to the bar, in the direction of the load and across it; `lifted` where a jaw lets go."""
+    """The deflection of the bar along the load and across it; `lifted` where a jaw loses contact."""
 
     along_um: FloatArray
     across_um: FloatArray
@@ -93,7 +93,7 @@ def _balance(contact: Contact, push: FloatArray) -> tuple[FloatArray, FloatArray
     normal = np.stack([np.cos(jaw), np.sin(jaw)], axis=1)
     side = np.stack([-np.sin(jaw), np.cos(jaw)], axis=1)
     m = contact.exponent
-    # Where one jaw alone still presses, nothing else would hold the bar sideways.
+    # Where only one jaw still has contact, nothing else would hold the bar sideways.
     sideways = contact.tangential_ratio * m * side.T @ side + 1e-12 * np.eye(2)
 
     def energy(moved: FloatArray) -> FloatArray:
@@ -114,7 +114,7 @@ def _balance(contact: Contact, push: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def _downhill_share(energy: Callable[[FloatArray], FloatArray], moved: FloatArray, step: FloatArray) -> FloatArray:
-    """Return how much of each step may be gone without going uphill."""
+    """Return the fraction of each step that still goes downhill."""
     share = np.ones(len(moved))
     before = energy(moved)
     for _ in range(_HALVINGS):
@@ -127,7 +127,7 @@ def _downhill_share(energy: Callable[[FloatArray], FloatArray], moved: FloatArra
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overhung:
-    """A load in front of jaws of a length: the front edge carries P (1 + a/l), the rear edge -P a/l.
+    """A load in front of jaws of finite length: the front edge carries P (1 + a/l), the rear edge -P a/l.
 
     Each edge has half of every jaw's stiffness and force. All in mm.
     """
@@ -168,7 +168,7 @@ def overhung_deflection(
 def cantilever_um(
     material: Material, diameter_mm: float, overhang_mm: ArrayLike, load_n: float, *, bore_mm: float = 0.0
 ) -> FloatArray:
-    """Return P a^3 / (3 E I), I = pi (d^4 - bore^4)/64: how a bar bends in front of the jaws, for each a."""
+    """Return P a^3 / (3 E I), I = pi (d^4 - bore^4)/64: the bending of a bar in front of the jaws, for each a."""
     second_moment_mm4 = math.pi * (diameter_mm**4 - bore_mm**4) / 64
     a = np.asarray(overhang_mm, dtype=np.float64)
     return np.asarray(1000 * load_n * a**3 / (3 * material.youngs_modulus_n_per_mm2 * second_moment_mm4))

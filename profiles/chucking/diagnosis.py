@@ -1,4 +1,4 @@
-"""Clamping or compliance? The sign of the lobe at the jaws tells."""
+"""Diagnose the cause of a lobe, clamping or compliance, by its sign at the jaws."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 CLEAR_DEG = 45.0
-"""How far, in degrees of lobe, a crest or a valley may stand from the jaws and still be at them."""
+"""How far, in degrees of lobe, a maximum or minimum may be from the jaws and still count as at them."""
 
 
 class Mechanism(StrEnum):
-    """What makes a lobe."""
+    """The cause of a lobe."""
 
     SPRING_BACK = "spring_back"
     WALL = "wall_compliance"
@@ -19,10 +19,10 @@ class Mechanism(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
-    """Where the part is high, in degrees of lobe from the jaws (-180 to 180), and what that speaks for.
+    """Where the part is high, in degrees of lobe from the jaws (-180 to 180), and the cause that this suggests.
 
-    `mechanism` is None where the lobe stands neither way, a quarter of a lobe off: jaw 1 is marked wrongly, or the
-    part swings near its resonance (Eq 3). `high_at_jaws` is then None, too.
+    `mechanism` is None where the lobe is a quarter of a lobe off: jaw 1 is marked wrongly, or the part vibrates
+    near its resonance (Eq 3). `high_at_jaws` is then None, too.
     """
 
     lobe_phase_deg: float
@@ -31,12 +31,12 @@ class Diagnosis:
 
 
 def diagnose(*, crest_deg: float, jaw_1_deg: float, jaws: int, thin: bool) -> Diagnosis:
-    """Return what a measured lobe speaks for; angles are spindle angles in degrees.
+    """Return the cause that a measured lobe suggests; angles are spindle angles in degrees.
 
-    A thin part that was clamped out of round and turned round is HIGH at the jaws after release. A wall that gives
-    way between the jaws is cut less there: LOW at the jaws. A stiff bar gives way least where a jaw is opposite to
-    the force (Fig 3), and the tool pushes from the other side: an odd number of jaws makes it HIGH at the jaws, an
-    even one LOW.
+    A thin part that was deformed by clamping and turned round is HIGH at the jaws after release. A wall that
+    deflects between the jaws is cut less there: LOW at the jaws. A stiff bar deflects least where a jaw is
+    opposite to the force (Fig 3), and the tool pushes from the other side: HIGH at the jaws with an odd number
+    of jaws, LOW with an even one.
     """
     phase_deg = (jaws * (crest_deg - jaw_1_deg) + 180) % 360 - 180
     high = abs(phase_deg) <= CLEAR_DEG

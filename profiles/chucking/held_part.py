@@ -1,8 +1,9 @@
-"""One part in its chuck under its cut: what makes it out of round, and how far it gives way.
+"""One part in its chuck under its cut: its roundness error and its deflection.
 
-A thin part (wall below a fifth of the radius) springs back and gives way between the jaws; a bar stands in
+A thin part (wall below a fifth of the radius) springs back and deflects between the jaws; a bar rests in
 contacts that stiffen with load, and bends as a cantilever. Angles are from jaw 1, in degrees; Z is from the jaw
-faces, in mm, positive towards the free end; deviations of the released part are in um, positive where it is high.
+faces, in mm, positive towards the free end; deviations of the released part are in um, positive where it is
+high.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from profiles.materials import Material
 FloatArray = NDArray[np.float64]
 
 BAR_DAMPING, WALL_DAMPING = 0.03, 0.02
-"""Damping ratios of a bar in a chuck and of a thin wall, as they are usual."""
+"""Usual damping ratios of a bar in a chuck and of a thin wall."""
 
 _TURN_DEG = np.arange(0.0, 360.0, 5.0)
 
@@ -61,7 +62,7 @@ class HeldPart:
 
     @property
     def tube(self) -> Tube:
-        """The part as a tube that ends behind the jaws."""
+        """The part as a tube that ends in the jaws."""
         return Tube(
             outside_mm=self.job.diameter_mm,
             wall_mm=self.job.wall_thickness_mm,
@@ -72,7 +73,7 @@ class HeldPart:
 
     @cached_property
     def contact(self) -> Contact:
-        """The contacts of the jaws at the force that presses them at speed."""
+        """The jaw contacts at the clamping force at speed."""
         alpha = self.holding.contact_exponent
         return Contact(
             jaws=self.job.jaws,
@@ -81,7 +82,7 @@ class HeldPart:
             ),
             force_per_jaw_n=self.per_jaw_n,
             alpha=alpha,
-            # Three jaws and more hold every direction by what presses; two hold sideways by friction alone.
+            # Three jaws and more hold every direction by normal force; two hold sideways by friction alone.
             tangential_ratio=MINDLIN_RATIO if self.job.jaws == 2 else 0.0,
         )
 
@@ -105,7 +106,7 @@ class HeldPart:
         return {Mechanism.SPRING_BACK: sprung, Mechanism.WALL: _levelled(np.outer(along, wall))}
 
     def error_um_pp(self, z_mm: float) -> float:
-        """Return the deviation that all leave together at one Z, peak to peak; half a lobe has all of it."""
+        """Return the peak-to-peak deviation of all mechanisms together at one Z; half a lobe suffices."""
         angle_deg, z = half_lobe_deg(self.job.jaws), np.array([z_mm])
         if not self.thin:
             return float(np.ptp(self._bar_um(angle_deg, z)[0]))
@@ -115,7 +116,7 @@ class HeldPart:
         return float(np.ptp(sprung + float(axial_share(tube, jaws, z_mm)) * wall))
 
     def size_um(self, z_mm: FloatArray) -> FloatArray:
-        """Return by how much the radius comes out too large, shape (Z,): what gives way is not cut."""
+        """Return how much too large the radius is, shape (Z,): what deflects is not cut."""
         if self.thin:
             return np.full(z_mm.shape, self.compliance_um_per_n * self.force.passive_n)
         bore_mm = self.job.diameter_mm - 2 * self.job.wall_thickness_mm
@@ -123,12 +124,12 @@ class HeldPart:
         return np.asarray(self._bar_um(_TURN_DEG, z_mm)[0].mean(axis=1) + bent)
 
     def lifted(self) -> bool:
-        """Whether a jaw edge lets go of a bar under the cut at the free end."""
+        """Whether a jaw edge loses contact with a bar under the cut at the free end."""
         return not self.thin and bool(self._bar_um(_TURN_DEG, np.array([self.job.overhang_mm]))[1].any())
 
     @cached_property
     def compliance_um_per_n(self) -> float:
-        """Return how far the part gives way to one newton of radial force, mean over a turn, at the free end."""
+        """Return the radial compliance of the part, mean over a turn, at the free end."""
         if self.thin:
             jaws = self.job.jaws
             return float(wall_compliance_um_per_n(self.tube.bent(jaws), jaws, _TURN_DEG).mean())
@@ -136,7 +137,7 @@ class HeldPart:
 
     @property
     def softest_n_per_um(self) -> float:
-        """The stiffness of the part where it is softest."""
+        """The minimum stiffness of the part."""
         if self.thin:
             jaws = self.job.jaws
             return 1 / float(self.tube.bent(jaws).scale_um_per_n * half_lobe_compliance(jaws).max())
@@ -144,11 +145,11 @@ class HeldPart:
 
     @property
     def damping_ratio(self) -> float:
-        """Damping ratio of the part where it stands."""
+        """Damping ratio of the part in its chuck."""
         return WALL_DAMPING if self.thin else BAR_DAMPING
 
     def _bar_um(self, angle_deg: FloatArray, z_mm: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Return how far a bar goes away from a tool at (Z, angle), and where a jaw edge lets go.
+        """Return how far a bar deflects from a tool at (Z, angle), and where a jaw edge loses contact.
 
         A tool at an angle pushes towards the opposite side.
         """

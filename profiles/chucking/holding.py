@@ -1,4 +1,4 @@
-"""What a machine profile says of its jaws, completed by usual values, with the names of what was assumed."""
+"""The jaws of a machine profile, completed by usual values, with the names of what was assumed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from profiles.machine import MachineProfile
 JAW_LENGTH_MM = 40.0
 JAW_STIFFNESS_N_PER_UM = 50.0
 REFERENCE_FORCE_N = 1000.0
-"""Force on one jaw at which its stiffness is stated."""
+"""Force on one jaw at which its stiffness is given."""
 
 CONTACT_EXPONENT = 0.5
 """alpha of k ~ F^alpha: 1/3 for Hertz's smooth bodies, 1/2 for rough surfaces."""
@@ -19,12 +19,12 @@ FRICTION = 0.12
 """Smooth jaws: 0.1 to 0.15."""
 
 FORCE_SD_PERCENT = 5.0
-"""Scatter from one clamping to the next with a wrench at its best."""
+"""Scatter between clampings with a wrench at its best."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Holding:
-    """The jaws as the predictions take them. `assumed` names the keys ("chuck.jaw_length_mm") nobody gave.
+    """The jaws as used by the predictions. `assumed` names the keys ("chuck.jaw_length_mm") that were not given.
 
     `stiffness_n_per_um` is one jaw's at `REFERENCE_FORCE_N`. `wrench` is None without a calibration.
     """

@@ -1,7 +1,7 @@
-"""What holds the part of a job at speed, what its cut needs, and what a newton of it does to the lobe.
+"""The grip of a job at speed, what its cut needs, and the effect of one newton of it on the lobe.
 
-Forces are totals over all jaws, in N; the formulas are those of `profiles.chucking.grip` (VDI 3106). Nothing heavy
-is imported here, because a form asks at every key.
+Forces are totals over all jaws, in N; the formulas are those of `profiles.chucking.grip` (VDI 3106). No heavy
+imports, because a form calls this at every key.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ def centrifugal_loss_n(job: Job, machine: MachineProfile) -> float:
 
 
 def grip_margin_n(job: Job, machine: MachineProfile) -> float:
-    """Return the clamping force that may be counted on at speed: F_sp0 / S_sp - F_c (VDI 3106)."""
+    """Return the usable clamping force at speed: F_sp0 / S_sp - F_c (VDI 3106)."""
     return job.chucking_force_n / machine.chuck.safety_factor - centrifugal_loss_n(job, machine)
 
 
 def needed_grip_n(job: Job, machine: MachineProfile) -> float:
-    """Return what the grip margin should at least be: S_z F_spz of the cut; 0 for a material without numbers."""
+    """Return the required grip margin: S_z F_spz of the cut; 0 for a material without data."""
     material, holding = material_or_none(job.material), holding_of(machine)
     if material is None:
         return 0.0
@@ -47,7 +47,7 @@ def needed_grip_n(job: Job, machine: MachineProfile) -> float:
 
 
 def lobe_um_per_n(job: Job, machine: MachineProfile) -> float:
-    """Return the job's own lobe for one newton of grip at speed, um p-p: E / (F_sp0 - F_c) as it was found.
+    """Return the job's own lobe per newton of grip at speed, um p-p: E / (F_sp0 - F_c) as it was found.
 
     0 where the jaws held nothing then.
     """
@@ -57,14 +57,14 @@ def lobe_um_per_n(job: Job, machine: MachineProfile) -> float:
 
 
 def force_sd_n(job: Job, machine: MachineProfile) -> float:
-    """Return by how much the chucking force at rest scatters from clamping to clamping, one standard deviation."""
+    """Return the scatter of the chucking force at rest between clampings, one standard deviation."""
     return holding_of(machine).force_sd_share * job.chucking_force_n
 
 
 def line_sd_n(job: Job, machine: MachineProfile) -> float:
-    """Return how sure the line of the wrench is of the mean force at the torque of a job, one standard deviation.
+    """Return the uncertainty of the wrench line's mean force at the torque of a job, one standard deviation.
 
-    0 where no calibration says how sure it is, and where no torque gives that force.
+    0 without a calibrated uncertainty, and where no torque gives that force.
     """
     wrench = holding_of(machine).wrench
     torque_n_m = None if wrench is None else torque_or_none_n_m(wrench, job.chucking_force_n)
@@ -72,8 +72,8 @@ def line_sd_n(job: Job, machine: MachineProfile) -> float:
 
 
 def wrench_force_sd_n(job: Job, machine: MachineProfile) -> float:
-    """Return how far the force of one clamping may be from that of the job, one standard deviation.
+    """Return the uncertainty of one clamping's force, one standard deviation.
 
-    Both that clampings scatter, and that the line from torque to force is only as sure as its calibration.
+    Combines the scatter between clampings and the uncertainty of the calibrated line from torque to force.
     """
     return math.hypot(force_sd_n(job, machine), line_sd_n(job, machine))

@@ -46,7 +46,7 @@ class Reaction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForcedHarmonic:
-    """One harmonic of the steady state: cos_um cos(n N angle) + sin_um sin(n N angle), the lag already in it.
+    """One harmonic of the steady state: cos_um cos(n N angle) + sin_um sin(n N angle), lag included.
 
     `dynamic_n_per_m` is D_n, `lag_rad` is psi_n.
     """
@@ -104,7 +104,7 @@ def displacement_um(
 
 
 def eq3_um(reaction: Reaction, spindle_speed_rpm: float, angle_deg: ArrayLike, radius_ratio: float) -> FloatArray:
-    """Return Eq 3 as printed, true at resonance and for the first harmonic alone.
+    """Return Eq 3 as printed, valid at resonance and for the first harmonic only.
 
     N a0 (1 - r/R) / (2 K) + (1 - (r/R)^p) (a1 sin N w t - b1 cos N w t) / (w B). Far below its resonance, where
     chucks work, it overstates the lobe by 1 / (2 zeta) and turns it by a quarter of a lobe.

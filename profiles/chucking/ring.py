@@ -1,4 +1,4 @@
-"""A thin ring under N jaws: how it bends, how hard it is stressed, how fast the lobe decays along a tube.
+"""A thin ring under N jaws: its bending, its stress, and the decay of the lobe along a tube.
 
 N equal inward loads W on a ring of mean radius R = (OD - t)/2 and second moment I = L t^3 / 12 (Timoshenko/Roark
 ring, bending only; good for a wall below a fifth of the radius). What is turned round while the ring is clamped
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from profiles.materials import Material
 
 THIN_WALL = 0.2
-"""Wall as a share of the outer radius below which a part is a ring that bends, and above which it is a bar."""
+"""Wall over outer radius below which a part is a ring that bends, and above which it is a bar."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,12 +42,12 @@ class Ring:
 
 
 def is_thin(wall_mm: float, radius_mm: float) -> bool:
-    """Whether a part bends as a ring rather than standing as a bar."""
+    """Whether a part bends as a ring rather than acting as a bar."""
     return wall_mm / radius_mm < THIN_WALL
 
 
 def ring_coefficients(jaws: int) -> tuple[float, float, float]:
-    """Return what multiplies W R^3 / (E I): inward at a jaw, outward between two, and both together (p-p).
+    """Return the factors of W R^3 / (E I): inward at a jaw, outward between two, and both together (p-p).
 
     With h = pi/N, s = sin h, c = cos h: ((h + s c)/(2 s^2) - 1/h)/2 and (1/h - 1/(2 s) - h c/(2 s^2))/2.
     """

@@ -1,8 +1,8 @@
-"""The lobe of a clamped tube over angle and length, and how the wall gives way under the tool.
+"""The lobe of a clamped tube over angle and length, and the deflection of its wall under the tool.
 
-The jaws keep the length between them straight; in front of them each harmonic n = N, 2N, ... dies away as a beam
-on an elastic foundation, f''''/(4 beta^4) + f = 0, as if the tube went on behind its free end. Lengths are in mm
-from the jaw faces, positive towards the free end; deviations of the part in um, positive where it is high.
+The jaws keep the length between them straight; in front of them each harmonic n = N, 2N, ... decays as a beam
+on an elastic foundation, f''''/(4 beta^4) + f = 0, as if the tube continued beyond its free end. Lengths are in
+mm from the jaw faces, positive towards the free end; deviations of the part in um, positive where it is high.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Tube:
         return self._ring(self.grip_mm)
 
     def bent(self, harmonic: int) -> Ring:
-        """Return the ring that bends as the tube does at the jaws: the grip, and what it takes along in front."""
+        """Return the ring that bends as the tube does at the jaws: the grip and the length bent with it."""
         return self._ring(self.grip_mm + _taken_along_mm(self, harmonic))
 
     def turned_down(self, depth_mm: float) -> Tube:
@@ -54,7 +54,7 @@ class Tube:
 
 
 def axial_share(tube: Tube, harmonic: int, z_mm: ArrayLike) -> FloatArray:
-    """Return f(z), the lobe as a share of that at the jaws, in the shape of `z_mm`; 1 between the jaws.
+    """Return f(z), the lobe relative to that at the jaws, in the shape of `z_mm`; 1 between the jaws.
 
     f = exp(-beta z) (cos beta z + sin beta z): straight at the jaws, and nothing far away.
     """
@@ -86,11 +86,12 @@ def spring_back_um(
 
 
 def wall_compliance_um_per_n(ring: Ring, jaws: int, angle_from_jaw_deg: ArrayLike) -> FloatArray:
-    """Return how far a ring on its jaws gives way under one newton of radial force, in the shape of the angles.
+    """Return the radial compliance of a ring on its jaws, in the shape of the angles.
 
-    The ring is bent by the tool and by the reactions of N rigid jaws, and moves between them as a whole: the jaws
-    do not move, and the forces balance. 0 at a jaw, largest between two: less is cut there, so that what it adds
-    to the part is LOW at the jaws. Two jaws hold it sideways by friction, whose bending is left out.
+    The ring is bent by the tool and by the reactions of N rigid jaws, and moves between them as a whole: the
+    jaws do not move, and the forces balance. 0 at a jaw, largest between two: less is cut there, so its
+    contribution to the part is LOW at the jaws. Two jaws hold it sideways by friction, whose bending is left
+    out.
     """
     angles = np.asarray(angle_from_jaw_deg, dtype=np.float64)
     return np.asarray(ring.scale_um_per_n * _on_jaws(jaws, angles.ravel()), dtype=np.float64).reshape(angles.shape)
@@ -104,14 +105,14 @@ def _on_jaws(jaws: int, angle_deg: FloatArray) -> FloatArray:
     flat = np.radians(angle_deg)
     tool = np.stack([np.cos(flat), np.sin(flat)])
     bent = _bent(jaw[:, None] - flat[None, :])
-    # Sideways of two jaws the system is singular: the least motion is none.
+    # Sideways of two jaws the system is singular: the minimum-norm motion is none.
     found = np.linalg.lstsq(matrix, np.concatenate([-bent, tool]), rcond=None)[0]
     moved = _bent(np.zeros(1)) - np.sum(bent * found[:jaws], axis=0) + np.sum(tool * found[jaws:], axis=0)
     return np.asarray(moved, dtype=np.float64)
 
 
 def half_lobe_deg(jaws: int) -> FloatArray:
-    """Return angles from a jaw to the middle between two: by symmetry they see all that there is."""
+    """Return angles from a jaw to the middle between two: by symmetry this covers everything."""
     return np.linspace(0.0, 180.0 / jaws, HALF_LOBE_ANGLES)
 
 

@@ -1,4 +1,4 @@
-"""From the torque on the key to the force of the jaws.
+"""From wrench torque to jaw force.
 
 A chuck's own calibration with a load cell is better than any formula. Forces are totals over all jaws, in N,
 torques in N m.
@@ -24,7 +24,7 @@ class Wrench:
     variance: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def line_sd_n(self, torque_n_m: float) -> float:
-        """Return how sure the line itself is of the mean force at a torque, one standard deviation, N."""
+        """Return the uncertainty of the line's mean force at a torque, one standard deviation, N."""
         v00, v01, v11 = self.variance
         return math.sqrt(max(v00 + 2 * v01 * torque_n_m + v11 * torque_n_m**2, 0.0))
 

@@ -1,7 +1,7 @@
-"""A compensation that was learned from a part, with what it holds for; plain values, fit for a file.
+"""A learned compensation and what it is valid for; plain values, suitable for a file.
 
-Problem codes: `learned.file`; of one that is for something else `learned.job_changed`, `learned.machine_changed`,
-`learned.strategy`.
+Problem codes: `learned.file`; of one for another job, machine or strategy `learned.job_changed`,
+`learned.machine_changed`, `learned.strategy`.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from profiles.problem import Problem
 SCHEMA = 1
 
 MODEL = 0
-"""The version that nobody has learned: the lobe of the job through the response of the machine profile."""
+"""The version without learning: the lobe of the job through the response of the machine profile."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoldsFor:
-    """What a compensation is for: job and machine with the hashes of their files, and how it is cut.
+    """What a compensation is valid for: job and machine with the hashes of their files, and the strategy.
 
-    What was learned on a simulated lathe is for simulated lathes.
+    What was learned on a simulated lathe is valid for simulated lathes only.
     """
 
     job: str
@@ -36,10 +36,11 @@ class HoldsFor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartRead:
-    """The part that something was learned from: how it was cut, and what was left on it.
+    """The part that a version was learned from: how it was cut, and what was left on it.
 
-    It was cut with the share `share` of `version` (0: of the model, nothing learned); `target` is the lobe of that
-    path, tool into the work, `lobe` that of the released part, outwards, with the standard error of its amplitude.
+    It was cut with the fraction `share` of `version` (0: of the model, nothing learned); `target` is the lobe
+    of that path, tool into the work, `lobe` that of the released part, outwards, with the standard error of its
+    amplitude.
     """
 
     version: int
@@ -54,10 +55,9 @@ class PartRead:
 class LearnedCompensation:
     """A path with its history: learned from `part`, which was cut with version `parent`, with `gain`.
 
-    Versions count from 1. `reverts` is the version that this one is once more, with all that it had; 0 is the
-    model, which has no part. None where it is a new one. `expected_ront_um` is the roundness that its part
-    lets expect of the next one, None where nothing was written of that.
-    `date` is UTC after ISO 8601.
+    Versions count from 1. `reverts` is the version that this one restores unchanged; 0 is the model, which has
+    no part; None for a new one. `expected_ront_um` is the roundness that its part predicts for the next, None
+    where not recorded. `date` is UTC after ISO 8601.
     """
 
     holds_for: HoldsFor
@@ -72,30 +72,30 @@ class LearnedCompensation:
 
     @property
     def is_model(self) -> bool:
-        """Whether this version is the model once more, with nothing learned."""
+        """Whether this version restores the model, with nothing learned."""
         return self.reverts == MODEL
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPart:
-    """What a measured part lets expect of one that is cut with what it has taught.
+    """The result that a measured part predicts for one cut with what was learned from it.
 
-    `ront_um` is its roundness, None where nothing was written of that; `lobe` that of the released part, outwards.
+    `ront_um` is its roundness, None where not recorded; `lobe` that of the released part, outwards.
     """
 
     ront_um: float | None
     lobe: Wave
 
     def turned(self, by_deg: float) -> ExpectedPart:
-        """Return the same of a chuck that is mounted so many degrees of spindle further on."""
+        """Return the same for a chuck mounted so many degrees of spindle further on."""
         return replace(self, lobe=self.lobe.turned(by_deg))
 
 
 def expected_part(learned: LearnedCompensation, share: float = 1.0) -> ExpectedPart | None:
-    """Return what the part of a version lets expect of one that is cut with the share `share` of it.
+    """Return the prediction for a part cut with the fraction `share` of a version.
 
-    None of the model, which no part has taught. Of less than all of it the lobe alone is told, which outweighs the
-    rest.
+    None for the model, which was not learned from a part. For less than all of it only the lobe is given, which
+    dominates.
     """
     part = learned.part
     if part is None or learned.is_model:
@@ -106,7 +106,7 @@ def expected_part(learned: LearnedCompensation, share: float = 1.0) -> ExpectedP
 
 
 def again(older: LearnedCompensation, number: int, date: str) -> LearnedCompensation:
-    """Return an older version as a new one: nothing is taken back, and the one in between stays on record."""
+    """Return an older version as a new one: nothing is deleted, and the one in between stays on record."""
     return replace(older, version=number, date=date, reverts=older.version)
 
 
@@ -125,7 +125,7 @@ def model_again(holds_for: HoldsFor, path: CutPath, number: int, date: str) -> L
 
 
 def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem, ...]:
-    """Return why a compensation may not be used for what is asked; job and machine have the same names."""
+    """Return why a compensation is not valid for the request; job and machine have the same names."""
     holds, problems = learned.holds_for, []
     version = str(learned.version)
     for what in ("job", "machine"):
@@ -147,12 +147,12 @@ def _side(holds: HoldsFor) -> str:
 
 
 def as_table(learned: LearnedCompensation) -> dict[str, Any]:
-    """Return it as plain values for a file."""
+    """Return the compensation as plain values for a file."""
     return {"schema": SCHEMA, **asdict(learned)}
 
 
 def from_table(table: Any, where: str = "") -> LearnedCompensation:
-    """Read what `as_table` has made.
+    """Read the output of `as_table`.
 
     Raises:
         ProfileError: `schema.unsupported`; `learned.file`, anything else.

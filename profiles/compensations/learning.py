@@ -1,12 +1,11 @@
-"""Learning two numbers for each harmonic: from the tool in air, from the tool in the cut, from the measured part.
+"""Learn two numbers per harmonic: from the tool in air, from the tool in the cut, from the measured part.
 
-A harmonic of n waves in a turn is a complex coefficient c in um: Re(c exp(j n angle)), angle from the spindle's
-index. Tool motion is positive into the work, a part's deviation positive outwards, an error wanted minus actual.
-
-The tool is learned against its own scale: U <- U + gain E / T, with U the command, E the error and T the nominal
-response. The error shrinks by |1 - gain T' / T| a pass, T' the true response; below 1 it converges (iterative
-learning control in the frequency domain, Bristow, Tharayil and Alleyne 2006). The part is learned against the
-gauge: what stands high is wanted deeper, W <- W + gain R.
+A harmonic of order n (UPR) is a complex coefficient c in um: Re(c exp(j n angle)), angle from the spindle's
+index. Tool motion is positive into the work, a part's deviation positive outwards, an error target minus
+actual. The tool is learned from its own encoder: U <- U + gain E / T, with U the command, E the error and T the
+nominal response. The error shrinks by |1 - gain T' / T| a pass, T' the true response; below 1 it converges
+(iterative learning control in the frequency domain, Bristow, Tharayil and Alleyne 2006). The part is learned
+from the gauge: where it stands high, the target goes deeper, W <- W + gain R.
 """
 
 from __future__ import annotations
@@ -23,18 +22,18 @@ from profiles.least_squares import fit, harmonic_columns, phasors
 from profiles.problem import Problem, ProfileError
 
 SIGNIFICANT = 2.45
-"""Standard deviations of an amplitude above which a wave is there: 95 %, chi-square of two degrees of freedom."""
+"""Standard deviations above which a harmonic is significant: 95 %, chi-square with two degrees of freedom."""
 
 STEADY_SHARE = 0.02
-"""Below this share of the condition number the angles cannot tell the waves apart."""
+"""Below this reciprocal condition number the angles cannot separate the harmonics."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HarmonicFit:
-    """Waves found in samples: the mean, coefficients by their waves in a turn, and what is left.
+    """Harmonics found in samples: the mean, coefficients by order, and the residual.
 
-    `amplitude_sd_um` is the standard deviation of each amplitude as far as the rest is white, `rest_rms_um` that
-    of the rest itself.
+    `amplitude_sd_um` is the standard deviation of each amplitude if the residual is white, `rest_rms_um` that
+    of the residual itself.
     """
 
     mean_um: float
@@ -43,24 +42,24 @@ class HarmonicFit:
     rest_rms_um: float
 
     def significant(self) -> dict[int, complex]:
-        """Return the coefficients that stand out of the noise."""
+        """Return the coefficients above the noise."""
         least = SIGNIFICANT * self.amplitude_sd_um
         return {n: c for n, c in self.coefficients_um.items() if abs(c) > least}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deviation:
-    """By how much something is off, in um: its mean, and waves by their number in a turn."""
+    """A deviation in um: its mean, and harmonics by order."""
 
     mean_um: float = 0.0
     coefficients_um: Mapping[int, complex]
 
 
 def fit_harmonics(angle_deg: ArrayLike, values_um: ArrayLike, orders: Sequence[int]) -> HarmonicFit:
-    """Fit mean and waves of `orders` together by least squares; both inputs have shape (M,), angles in any order.
+    """Fit mean and harmonics of `orders` by least squares; both inputs have shape (M,), angles in any order.
 
     Raises:
-        ProfileError: `learning.few_samples`, or angles that cannot tell the waves apart.
+        ProfileError: `learning.few_samples`, or angles that cannot separate the harmonics.
     """
     angle = np.radians(np.asarray(angle_deg, dtype=np.float64))
     values = np.asarray(values_um, dtype=np.float64)
@@ -82,9 +81,9 @@ def fit_harmonics(angle_deg: ArrayLike, values_um: ArrayLike, orders: Sequence[i
 def learned_command(
     path: CutPath, error_um: Mapping[int, complex], response: Callable[[int], complex], gain: float = 1.0
 ) -> CutPath:
-    """Return the path with a command that takes the error (wanted minus actual) of the tool away.
+    """Return the path with a command that removes the tool's error (target minus actual).
 
-    `response` is the nominal one from command to tool, by waves in a turn.
+    `response` is the nominal one from command to tool, by order.
     """
     change = {n: gain * error / response(n) for n, error in error_um.items()}
     return CutPath(target=path.target, command=path.command.plus(change))
@@ -93,11 +92,10 @@ def learned_command(
 def learned_part(
     path: CutPath, part: Deviation, tool: Deviation, response: Callable[[int], complex], gain: float = 1.0
 ) -> CutPath:
-    """Return the path for the next part, after one that deviates by `part` while the tool itself was `tool` off.
+    """Return the path for the next part, after one that deviates by `part` while the tool was off by `tool`.
 
-    Both are positive where the part stands high or the tool was not in far enough. What the tool was off is a
-    fault of the command alone; the rest is one of what was wanted, and the command follows it by the nominal
-    response.
+    Both are positive where the part stands high or the tool was not deep enough. The tool's deviation corrects
+    the command alone; the rest corrects the target, and the command follows by the nominal response.
     """
     target = {n: gain * (c - tool.coefficients_um.get(n, 0j)) for n, c in part.coefficients_um.items()}
     mean_um = gain * (part.mean_um - tool.mean_um)
@@ -111,12 +109,12 @@ def learned_part(
 
 
 def convergence(true: complex, nominal: complex, gain: float = 1.0) -> float:
-    """Return |1 - gain T' / T|, by which an error shrinks with each pass; from 1 on it does not."""
+    """Return |1 - gain T' / T|, the factor of an error per pass; it converges below 1."""
     return abs(1.0 - gain * true / nominal)
 
 
 def trimmed(trim_um: complex, error_um: complex, response: complex, gain: float, most_um: float) -> complex:
-    """Return the next trim of a cut that goes on: adaptive feedforward cancellation, once a batch of samples.
+    """Return the next trim of a running cut: adaptive feedforward cancellation, once per batch of samples.
 
     Raises:
         ProfileError: `learning.trim_limit`; the trim that is in effect stays.

@@ -1,8 +1,8 @@
-"""Whether what is learned gets better: each wave against its best pass so far, and back to it where it grows.
+"""Monitor learning: compare each harmonic with its best pass so far, and revert it when it grows.
 
-A pass that learns takes e to (1 - gain T'/T) e. From a factor of 1 on it makes worse what it is to mend, and says
-nothing of it. So a wave that has surely grown is put back to what it was at its best, and stays as it is there:
-what is left of it never ends above the best that was met, but for noise.
+A learning pass changes e to (1 - gain T'/T) e. From a factor of 1 on it makes the error worse without notice.
+So a harmonic that has significantly grown is reverted to its best state and frozen there: its residual never
+ends above the best one, except for noise.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from profiles.compensations.path import CutPath, LobedPath
 Value = TypeVar("Value")
 
 REPEATS_SD_UM = 0.1
-"""By how much a wave differs from pass to pass with one and the same path, beside what a fit can see of it.
+"""Variation of a harmonic from pass to pass with the same path, beyond what a fit can see of it.
 
-Twice the 0.05 um of tool and part on the simulated lathe `realistic`, by friction and by what of its spindle
-repeats in no turn: a real one is hardly better.
+Twice the 0.05 um of tool and part on the simulated lathe `realistic`, from friction and non-repeatable spindle
+error: a real one is hardly better.
 """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grown:
-    """A wave that is learned no more: amplitudes in um at its best, and of the pass that was surely worse."""
+    """A harmonic no longer learned: amplitudes in um at its best, and in the pass that was significantly worse."""
 
     waves: int
     best_um: float
@@ -36,7 +36,7 @@ class Grown:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Best:
-    """What was left of a wave at its best, an amplitude with its standard deviation, and the path of that pass."""
+    """The best residual of a harmonic, an amplitude with its standard deviation, and the path of that pass."""
 
     left_um: float
     sd_um: float
@@ -46,7 +46,7 @@ class Best:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watch:
-    """The best pass of each wave so far, and the waves that have grown since theirs."""
+    """The best pass of each harmonic so far, and the harmonics that have grown since."""
 
     best: Mapping[int, Best] = field(default_factory=dict)
     grown: tuple[Grown, ...] = ()
@@ -58,9 +58,9 @@ class Watch:
         sd_um: Callable[[int], float],
         allowed_um: Callable[[int], float] = lambda _: 0.0,
     ) -> Watch:
-        """Return the watch after a pass with `path` that has left these waves, each with its standard deviation.
+        """Return the watch after a pass with `path` that left these harmonics, each with its standard deviation.
 
-        `allowed_um` is by how much a wave may grow for reasons that learning does not make.
+        `allowed_um` is how much a harmonic may grow for reasons other than learning.
         """
         best, grown = dict(self.best), list(self.grown)
         for n, coefficient in self.learned(left_um).items():
@@ -75,20 +75,20 @@ class Watch:
         return replace(self, best=best, grown=tuple(grown))
 
     def afresh(self) -> Watch:
-        """Return the watch for passes that are no match for those so far; what has grown stays as it is."""
+        """Return a new watch for passes not comparable with those so far; frozen harmonics stay frozen."""
         return replace(self, best={n: each for n, each in self.best.items() if n in self.frozen})
 
     @property
     def frozen(self) -> frozenset[int]:
-        """The waves that are learned no more."""
+        """The harmonics that are no longer learned."""
         return frozenset(each.waves for each in self.grown)
 
     def learned(self, waves: Mapping[int, Value]) -> dict[int, Value]:
-        """Return those of the waves that are learned."""
+        """Return the harmonics that are learned."""
         return {n: value for n, value in waves.items() if n not in self.frozen}
 
     def kept(self, path: CutPath) -> CutPath:
-        """Return a path with each wave that has grown as it was at its best."""
+        """Return a path with each frozen harmonic at its best."""
         back = {n: self.best[n] for n in self.frozen}
         return CutPath(
             target=path.target.plus({n: each.target - coefficient_of(path.target, n) for n, each in back.items()}),
@@ -108,5 +108,5 @@ def _best(path: CutPath, waves: int, left_um: float, sd_um: float) -> Best:
 
 
 def coefficient_of(path: LobedPath, waves: int) -> complex:
-    """Return the c of Re(c exp(j waves angle)) of a path, in um; 0 where it has no such wave."""
+    """Return the c of Re(c exp(j waves angle)) of a path, in um; 0 where it has no such harmonic."""
     return next((wave.coefficient for wave in path.waves if wave.lobes == waves), 0j)

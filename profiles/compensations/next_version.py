@@ -1,15 +1,15 @@
-"""From a measured part to the compensation of the next: what is learned, and whether the parts get better.
+"""Derive the next compensation from a measured part, and judge whether the parts improve.
 
-A wave n of the path W and of the part r, with the share s of the path in the cut, should leave (1 - s) W; what is
-off by more than noise alone shows, e = r - (1 - s) W, is wanted deeper: W <- W + gain e. The first part is learned
-in full, because what is wrong there is large. Later each part brings noise of its own (clamping, gauge), and the
-learned path carries the share gain / (2 - gain) of its variance: 0.54 at a gain of 0.7, all of it at 1.
+Order n of the path W and of the part r, with the fraction s of the path in the cut, should leave (1 - s) W; a
+significant deviation e = r - (1 - s) W is cut deeper: W <- W + gain e. The first part is learned in full,
+because its error is large. Later parts add their own noise (clamping, gauge), and the learned path carries the
+fraction gain / (2 - gain) of its variance: 0.54 at a gain of 0.7, all of it at 1.
 
-Two parts in a row tell what the tool really makes of the path: T'/T = (r1 - r2) / (W2 - W1). An error shrinks by
-|1 - gain T'/T| with each part; from 1 on it does not. That is judged for every wave that is learned: an axis may
-answer well at the lobe and not at three times its frequency. In front of the first part stands the plain cut of
-the job, where its lobe was measured: W = 0, r = the lobe. Of the other waves of the part before no record is kept,
-but of what it has taught: their e is the step of the path over the gain.
+Two consecutive parts give the actual response of the tool to the path: T'/T = (r1 - r2) / (W2 - W1). An error
+shrinks by |1 - gain T'/T| with each part; from 1 on it does not. This is judged for every learned harmonic: an
+axis may follow well at the lobe and not at three times its frequency. Before the first part comes the plain cut
+of the job, where its lobe was measured: W = 0, r = the lobe. For the other harmonics of the previous part only
+the learned step is recorded: their e is the step of the path over the gain.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.problem import Problem, ProfileError
 
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
-"""Of the first part, where what is wrong is large, and of later ones, where a part of it is noise."""
+"""Gain of the first part, where errors are large, and of later ones, where a part of them is noise."""
 
 ROUNDING_UM = 1e-6
-"""A step of a path below this is no step but the rounding of its file."""
+"""A path step below this is only the rounding of its file."""
 
 _NONE = Deviation(coefficients_um={})
 
 
 class Verdict(StrEnum):
-    """Whether the parts get better, as far as two of them can tell."""
+    """Whether the parts improve, as far as two of them show."""
 
     CONVERGES = "converges"
     UNCLEAR = "unclear"
@@ -48,9 +48,10 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contraction:
-    """By how much an error shrinks with each part, 95 % sure within `half_width`.
+    """The factor of an error from part to part, 95 % sure within `half_width`.
 
-    `arrives` is T'/T: the share of the path's wave that reaches the part, its phase that of so many waves a turn.
+    `arrives` is T'/T: the fraction of the path's harmonic that reaches the part, its phase in angles of that
+    harmonic.
     """
 
     value: float
@@ -59,7 +60,7 @@ class Contraction:
 
     @property
     def verdict(self) -> Verdict:
-        """Whether it is below 1, or above."""
+        """Whether the factor is below 1, or above."""
         if self.value - self.half_width >= 1.0:
             return Verdict.DIVERGES
         return Verdict.CONVERGES if self.value + self.half_width < 1.0 else Verdict.UNCLEAR
@@ -67,10 +68,10 @@ class Contraction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutWith:
-    """What the part was cut with: the whole path, the share of it, and the version, None the model.
+    """What the part was cut with: the whole path, the fraction of it, and the version, None the model.
 
-    `parent` is the path that the part before was cut with, from which the version was learned: without it nothing
-    can be told of the convergence of any wave but the lobe.
+    `parent` is the path of the previous part, from which the version was learned: without it only the
+    convergence of the lobe can be judged.
     """
 
     path: CutPath
@@ -85,17 +86,17 @@ class CutWith:
 
     @property
     def spared_um(self) -> dict[int, complex]:
-        """The waves of the path that the tool was not told to make, which are to be left on the part."""
+        """The harmonics of the path that were not commanded and should remain on the part."""
         return {wave.lobes: (1.0 - self.share) * wave.coefficient for wave in self.path.target.waves}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearningStep:
-    """What a part teaches: the version for the next, which waves it changes, and what the next should be like.
+    """What was learned from a part: the next version, the changed harmonics, and the expected next part.
 
-    The expected lobe is 95 % sure within the half-width, by the noise of the trace and the scatter of two
-    clampings. `contractions` are those of the waves, by their number in a turn, of which two parts can tell.
-    `reasons` are why it must not be kept, `warnings` do not forbid it.
+    The expected lobe has a 95 % half-width from the noise of the trace and the scatter of two clampings.
+    `contractions` are those of the harmonics, by order, that two parts determine. `reasons` are why it must not
+    be kept, `warnings` do not forbid it.
     """
 
     next: LearnedCompensation
@@ -108,14 +109,14 @@ class LearningStep:
 
     @property
     def expected_ront_um(self) -> float:
-        """The trace without what was learned."""
+        """The roundness of the trace without what was learned."""
         found = self.next.expected_ront_um
         assert found is not None
         return found
 
     @property
     def contraction(self) -> Contraction | None:
-        """That of the lobe."""
+        """The contraction of the lobe."""
         return self.contractions.get(self.next.path.target.lobes)
 
 
@@ -132,10 +133,10 @@ def next_version(
     scatter_um: float,
     date: str,
 ) -> LearningStep:
-    """Return what a part teaches.
+    """Learn from a measured part.
 
-    `number` is that of the version to make, `gain` None the usual one, `orders` the waves that can be commanded.
-    `response` is the nominal one from command to tool, by waves in a turn. `scatter_um` is the standard deviation
+    `number` is that of the new version, `gain` None the usual one, `orders` the harmonics that can be commanded.
+    `response` is the nominal one from command to tool, by order. `scatter_um` is the standard deviation
     of the lobe's amplitude from clamping to clamping.
 
     Raises:
@@ -148,7 +149,7 @@ def next_version(
     read = _read(cut, part, job.jaws)
     plain = _plain(cut, read, job)
     contractions = _contractions(cut, part, read, job, used_gain, scatter_um, orders)
-    # The next part is lower by what the tool goes deeper.
+    # The next part is lower by the additional depth of the tool.
     deeper = {n: cut.spared_um.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*cut.spared_um, *learned}}
     return LearningStep(
         next=LearnedCompensation(
@@ -205,14 +206,14 @@ def _contractions(
     scatter_um: float,
     orders: Sequence[int],
 ) -> dict[int, Contraction]:
-    """Return what the part and the one before it tell, by waves in a turn: of the lobe, and of the others."""
+    """Return the contractions from this part and the previous one, by order: of the lobe, and of the others."""
     lobe = _lobe(cut, now, job, gain, scatter_um)
     found = {} if lobe is None else {job.jaws: lobe}
     return found | _others(cut, part, orders, gain)
 
 
 def _lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float) -> Contraction | None:
-    """Return what the part and the one before it tell; None where there was none, or where both had one path."""
+    """Return that of the lobe; None without a previous part, or where both had the same path."""
     before = None if cut.version is None else cut.version.part
     if before is not None:
         path, lobe, sd_um = before.target.coefficient, before.lobe.coefficient, before.lobe_sd_um
@@ -228,7 +229,7 @@ def _lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float)
 
 
 def _others(cut: CutWith, part: PartWaves, orders: Sequence[int], gain: float) -> dict[int, Contraction]:
-    """Return what the part and the one before it tell of the waves beside the lobe, if the version has them."""
+    """Return those of the harmonics beside the lobe, if the version has them."""
     version, found = cut.version, {}
     if version is None or version.part is None or cut.parent is None:
         return {}
@@ -239,14 +240,14 @@ def _others(cut: CutWith, part: PartWaves, orders: Sequence[int], gain: float) -
         if n == cut.path.target.lobes or min(abs(now - then), abs(changed)) < ROUNDING_UM:
             continue
         left = (now - then) / version.gain + (1.0 - before.share) * then
-        # A fit over whole turns is as sure of one wave as of another.
+        # A fit over whole turns is equally sure of every harmonic.
         sd_um = math.hypot(before.lobe_sd_um, part.sd_um[n], REPEATS_SD_UM, REPEATS_SD_UM)
         found[n] = _contraction(left - part.coefficients_um[n], changed, sd_um, gain)
     return found
 
 
 def _contraction(less: complex, changed: complex, sd_um: float, gain: float) -> Contraction:
-    """Return what it tells that a part has so much less of a wave by so much of a change of its path, in um."""
+    """Return the contraction from the decrease of a harmonic over the change of its path, in um."""
     arrives = less / changed
     return Contraction(
         value=convergence(arrives, 1.0 + 0j, gain),

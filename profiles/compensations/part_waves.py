@@ -1,4 +1,4 @@
-"""The waves of a measured part in the angles of the spindle, where a tool path can use them.
+"""The harmonics of a measured part in spindle angles, where a tool path can use them.
 
 A trace whose angles are t has Re(c exp(j n t)); at spindle angles a = s t + o, with s = -1 where the trace runs
 against the spindle, that is Re(c' exp(j n a)) with c' = c exp(-j n o), or conj(c) exp(-j n o) against it.
@@ -27,16 +27,16 @@ from profiles.trace_files.header import TraceHeader, header_of
 from profiles.traces import Trace
 
 _OF_A_PLAIN_CUT = ("lobe.not_significant", "lobe.compensated", "lobe.simulated")
-"""Why a part is not one that shows the lobe of its job; it may teach a path all the same."""
+"""Reasons why a part does not show the lobe of its job; a path may still be learned from it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PartWaves:
-    """A part: coefficients in um by waves in a turn, in spindle angle, positive outwards, with standard errors.
+    """A part: coefficients in um by order, in spindle angle, positive outwards, with standard errors.
 
     `angle_deg` and `deviation_um` are one turn of the trace, shape (M,), the angles its own; its angle 0 is at the
     spindle angle `begins_deg`. `mean_um` is the mean of the fit, `filter_upr` the filter of RONt, `radius_mm` the
-    radius of the part. `reasons` are why nothing may be learned from it; `warnings` do not spoil it.
+    radius of the part. `reasons` are why nothing may be learned from it; `warnings` do not prevent it.
     """
 
     mean_um: float
@@ -60,11 +60,11 @@ class PartWaves:
         return evaluate(self.angle_deg, left_um, self.filter_upr, radius_mm=self.radius_mm).ront_um
 
     def significant_um(self) -> dict[int, complex]:
-        """Return the coefficients that stand out of the noise."""
+        """Return the coefficients above the noise."""
         return {n: c for n, c in self.coefficients_um.items() if abs(c) > SIGNIFICANT * self.sd_um[n]}
 
     def turned(self, by_deg: float) -> PartWaves:
-        """Return the part as if it had stood so many degrees of spindle further on, as `LobedPath.turned`."""
+        """Return the part as if mounted so many degrees of spindle further on, as `LobedPath.turned`."""
         turn = math.radians(by_deg)
         turned = {n: c * cmath.exp(-1j * n * turn) for n, c in self.coefficients_um.items()}
         return replace(self, coefficients_um=turned, begins_deg=self.begins_deg + by_deg)
@@ -73,7 +73,7 @@ class PartWaves:
 def part_waves(
     trace: Trace, job: Job, *, filter_upr: float, extra: Iterable[int] = (), robust: bool = False
 ) -> PartWaves:
-    """Return the waves of a part of this job; `filter_upr` is the filter of its RONt, `extra` are further waves.
+    """Return the harmonics of a part of this job; `filter_upr` filters its RONt, `extra` are further orders.
 
     Raises:
         ProfileError: what the fit, or the roundness of such a trace, refuses.
@@ -109,7 +109,7 @@ def part_waves(
 
 
 def _begins_deg(header: TraceHeader, job: Job) -> float:
-    """Return the spindle angle at angle 0 of the trace; 0 where nothing is known of it, which is a reason then."""
+    """Return the spindle angle at angle 0 of the trace; 0 where unknown, which is then a reason."""
     if header.start_mark == INDEX or header.jaw_1_deg is None:
         return 0.0
     return job.jaw_1_deg - (-1.0 if header.against_spindle else 1.0) * header.jaw_1_deg

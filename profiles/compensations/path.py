@@ -1,13 +1,13 @@
 """From the lobe of a job to the motion of the tool: Eqs 4, 6 to 8, 10 and 11 for any number of jaws.
 
 Angles are spindle angles in degrees. Motion and depth are in um, positive into the workpiece. Deviations of the
-released part are positive where it is high. The rule does not ask where the lobe comes from: the tool moves in
+released part are positive where it is high. The rule is independent of the cause of the lobe: the tool moves in
 where the finished part would stand high.
 
-A first part with a compensation nobody has tried gets a share of it, from which sign and angle can be judged. A
-lobe E that is compensated by the share s leaves E |1 - s c|, with c = 1 where the tool does what it was meant to
-do. With half of it a wrong sign (c = -1) leaves 3/2 E, and one that is off by d degrees of spindle leaves
-E |1 - exp(-j N d) / 2|: the part is worse by half a lobe at most, and the two cases are a whole lobe apart.
+A first part with an untried compensation gets a fraction of it, enough to judge sign and angle. A lobe E
+compensated by the fraction s leaves E |1 - s c|, with c = 1 for a tool that follows exactly. At one half, a
+wrong sign (c = -1) leaves 3/2 E, and an error of d degrees of spindle leaves E |1 - exp(-j N d) / 2|: the part
+is worse by half a lobe at most, and the two cases are a whole lobe apart.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PARTIAL_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wave:
-    """amplitude cos(lobes (angle - crest)): `lobes` waves in a turn, a crest at `crest_deg`."""
+    """amplitude cos(lobes (angle - crest)): order `lobes`, a maximum at `crest_deg`."""
 
     lobes: int
     amplitude_um: float
@@ -37,7 +37,7 @@ class Wave:
 
     @classmethod
     def of(cls, lobes: int, coefficient: complex) -> Wave:
-        """Return the wave Re(c exp(j lobes angle)), c in um."""
+        """Return Re(c exp(j lobes angle)), c in um, as a wave."""
         crest_deg = -math.degrees(cmath.phase(coefficient)) / lobes
         return cls(lobes=lobes, amplitude_um=abs(coefficient), crest_deg=crest_deg)
 
@@ -53,7 +53,7 @@ class Wave:
         return np.asarray(self.amplitude_um * wave, dtype=np.float64)
 
     def turned(self, by_deg: float) -> Wave:
-        """Return the wave so many degrees of spindle further on: at angle + by_deg it is what it was at angle."""
+        """Return the wave so many degrees of spindle further on: at angle + by_deg it has its value at angle."""
         return replace(self, crest_deg=self.crest_deg + by_deg)
 
 
@@ -61,8 +61,8 @@ class Wave:
 class LobedPath:
     """mean + amplitude cos(lobes (angle - crest)) + overtones, by the angle of the spindle.
 
-    `lobes` waves in a turn with a crest at `crest_deg` are the lobe itself; `overtones` have other numbers. All
-    waves grow by the share `growth_per_mm` with each mm from the middle of the cut towards the jaws.
+    Order `lobes`, with a maximum at `crest_deg`, is the lobe itself; `overtones` have other orders. All
+    grow by the fraction `growth_per_mm` with each mm from the middle of the cut towards the jaws.
     """
 
     mean_um: float
@@ -79,7 +79,7 @@ class LobedPath:
         return (lobe, *self.overtones)
 
     def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> NDArray[np.float64]:
-        """Return the values at spindle angles, so far past the middle of the cut; in the shape of `angle_deg`."""
+        """Return the values at spindle angles, past the middle of the cut; in the shape of `angle_deg`."""
         waves = np.zeros(np.shape(angle_deg), dtype=np.float64)
         for wave in self.waves:
             waves += wave.at_um(angle_deg)
@@ -87,15 +87,15 @@ class LobedPath:
         return np.asarray(self.mean_um + grown * waves, dtype=np.float64)
 
     def turned(self, by_deg: float) -> LobedPath:
-        """Return the path so many degrees of spindle further on: that of a chuck which is mounted so much further.
+        """Return the path so many degrees of spindle further on, for a chuck mounted so much further.
 
-        A wave of n in a turn comes later by n times that in its own phase.
+        The phase of order n is later by n times that.
         """
         overtones = tuple(wave.turned(by_deg) for wave in self.overtones)
         return replace(self, crest_deg=self.crest_deg + by_deg, overtones=overtones)
 
     def plus(self, coefficients: Mapping[int, complex], mean_um: float = 0.0) -> LobedPath:
-        """Return this path with Re(c exp(j n angle)) added for each n, and so much to its mean, in um."""
+        """Return this path with Re(c exp(j n angle)) added for each n, and an addition to its mean, in um."""
         sums = {wave.lobes: wave.coefficient for wave in self.waves}
         for n, coefficient in coefficients.items():
             sums[n] = sums.get(n, 0j) + coefficient
@@ -112,13 +112,13 @@ class LobedPath:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutPath:
-    """What a cut does: `target` of the tool tip, and `command`, what an axis has to be told for that."""
+    """A cut: the `target` of the tool tip, and the `command` with which an axis makes it."""
 
     target: LobedPath
     command: LobedPath
 
     def turned(self, by_deg: float) -> CutPath:
-        """Return both so many degrees of spindle further on: an axis answers alike wherever the part stands."""
+        """Return both so many degrees of spindle further on: the axis response does not change with angle."""
         return CutPath(target=self.target.turned(by_deg), command=self.command.turned(by_deg))
 
 
@@ -128,7 +128,7 @@ def spindle_speed_rpm(lobe_frequency_hz: float, jaws: int) -> float:
 
 
 def lobe_frequency_hz(spindle_speed_rpm: float, jaws: int) -> float:
-    """Eq 4 the other way round: f = N V / 60."""
+    """Eq 4 inverted: f = N V / 60."""
     return jaws * spindle_speed_rpm / 60
 
 
@@ -162,7 +162,7 @@ def free_state_lobe(job: Job) -> LobedPath:
 
 
 def target_path(job: Job) -> LobedPath:
-    """Return the path that the tool tip must really take: the depth of cut plus the free-state lobe."""
+    """Return the target path of the tool tip: the depth of cut plus the free-state lobe."""
     return replace(free_state_lobe(job), mean_um=1000 * job.depth_of_cut_mm)
 
 
@@ -170,9 +170,9 @@ def invert(target: LobedPath, response: complex | Callable[[int], complex]) -> L
     """Return the command that makes an axis of this response follow `target`.
 
     `response` is T(j w) from command to position: at the lobe frequency for a path without overtones, else a
-    function of the waves in a turn. The amplitude is divided by |T|, the crest comes earlier by -arg T of the
-    wave, an nth of that in spindle angle. The mean passes unchanged (T(0) = 1). Raises `ProfileError`
-    (`response.too_small`) where the command would be more than `AMPLIFICATION_LIMIT` times the motion.
+    function of the order. The amplitude is divided by |T|, the phase is advanced by -arg T, an nth of that in
+    spindle angle. The mean passes unchanged (T(0) = 1). Raises `ProfileError` (`response.too_small`) where the
+    command would be more than `AMPLIFICATION_LIMIT` times the motion.
     """
     lobe, *overtones = (_inverted(wave, response) for wave in target.waves)
     return replace(target, amplitude_um=lobe.amplitude_um, crest_deg=lobe.crest_deg, overtones=tuple(overtones))
@@ -189,31 +189,31 @@ def _inverted(wave: Wave, response: complex | Callable[[int], complex]) -> Wave:
 
 
 def residual_um_pp(error_um_pp: float, compensation: complex) -> float:
-    """Return E |1 - c|: what is left of the lobe E when the tool makes c times the wanted motion."""
+    """Return E |1 - c|: what is left of the lobe E when the tool makes c times the target motion."""
     return error_um_pp * abs(1 - compensation)
 
 
 def misalignment(angle_deg: float, jaws: int) -> complex:
-    """Return the compensation c of a path that lags by `angle_deg` of spindle: exp(-j N angle)."""
+    """Return the effective compensation c of a path that lags by `angle_deg` of spindle: exp(-j N angle)."""
     return cmath.exp(-1j * jaws * math.radians(angle_deg))
 
 
 def delayed(response: complex, frequency_hz: float, delay_s: float) -> complex:
-    """Return the response of an axis whose command comes late by a constant time."""
+    """Return the response of an axis whose command is delayed by a constant time."""
     return response * cmath.exp(-2j * math.pi * frequency_hz * delay_s)
 
 
 def chord_scale(points: float) -> float:
-    """Return by how much the points of a sine are raised so that straight lines between them keep its amplitude.
+    """Return the factor that raises the points of a sine so that straight lines between them keep its amplitude.
 
-    With so many equally spaced `points` in a wave the lines have a fundamental of (sin x / x)^2, x = pi / points.
+    With so many equidistant `points` in a period the lines have a fundamental of (sin x / x)^2, x = pi / points.
     """
     x = math.pi / points
     return (x / math.sin(x)) ** 2
 
 
 def chord_error(points: float) -> float:
-    """Return the largest distance of those lines from the sine, as a share of its amplitude.
+    """Return the largest distance of those lines from the sine, as a fraction of its amplitude.
 
     It is at the points, which are too high, or between them, where the lines are too low.
     """
@@ -223,19 +223,19 @@ def chord_error(points: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expected:
-    """What is left of the lobe, um p-p: with sign and angle as meant, and with the sign (or half a lobe) wrong."""
+    """What is left of the lobe, um p-p: with correct sign and angle, and with the sign (or half a lobe) wrong."""
 
     right_um_pp: float
     wrong_um_pp: float
 
 
 def share_of(path: CutPath, share: float) -> CutPath:
-    """Return a path with this share of its waves, at the same mean; axes answer in proportion."""
+    """Return a path with this fraction of its harmonics, at the same mean; axes respond linearly."""
     return CutPath(target=_shared(path.target, share), command=_shared(path.command, share))
 
 
 def expected(lobe_um_pp: float, share: float) -> Expected:
-    """Return what a share of the compensation leaves of a lobe of `lobe_um_pp`."""
+    """Return what a fraction of the compensation leaves of a lobe of `lobe_um_pp`."""
     return Expected(
         right_um_pp=residual_um_pp(lobe_um_pp, share),
         wrong_um_pp=residual_um_pp(lobe_um_pp, -share),

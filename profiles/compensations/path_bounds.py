@@ -1,7 +1,7 @@
-"""How far a path that was learned may be from what its job wants: a file must not command anything else.
+"""Bounds of a learned path about what its job wants: a file must not command anything else.
 
-What is learned corrects a path; it never becomes another one. Whatever is beyond these bounds is no correction of
-this cut, but a fault of the trace, of the file, or of the set-up.
+Learning corrects a path; it never replaces it. Anything beyond these bounds is not a correction of this cut,
+but a fault of the trace, the file or the set-up.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from profiles.compensations.path import CutPath, LobedPath
 from profiles.problem import Problem
 
 MOST_MEAN_UM = 60.0
-"""By how much the mean may be off: a soft servo under a fine cut is held back by some tens of um."""
+"""Tolerance of the mean: a soft servo under a fine cut is held back by some tens of um."""
 
 MOST_SHARE, MOST_WAVE_UM = 0.6, 10.0
-"""By how much the lobe may be off, a share of itself and so many um; a command also by what friction may hold."""
+"""Tolerance of the lobe, relative and in um; for a command plus what friction may hold back."""
 
 MOST_WAVES = 50
-"""Of an overtone, in a turn."""
+"""Highest order of an overtone."""
 
 
 def path_problems(
@@ -27,10 +27,10 @@ def path_problems(
     response: Callable[[int], complex],
     friction_um: Callable[[int], float] = lambda _: 0.0,
 ) -> tuple[Problem, ...]:
-    """Return why a path is none of a cut that wants `job_wants`: codes `path.*`.
+    """Return why a path does not fit a cut whose target is `job_wants`: codes `path.*`.
 
-    `response` is the nominal one from command to tool, by the waves in a turn; `friction_um` by how much dry
-    friction may hold the tool back at them, an amplitude of its motion, which its command has to make up for.
+    `response` is the nominal one from command to tool, by order; `friction_um` the amplitude by which dry
+    friction may hold the tool back at them, which its command has to make up for.
     """
     shapes = (*_shape(path.target, job_wants), *_shape(path.command, job_wants))
     if shapes:

@@ -1,13 +1,13 @@
-"""A compensated part against the same part without compensation: did it get rounder, and where is its lobe?
+"""Compare a compensated part with the same part uncompensated: is it rounder, and where is its lobe?
 
-The trace says what is left, r; the path says what the tool took off, s W (share s of it). So without compensation
-this very part would have had r + s W, as far as the tool did what it was asked for, and with all of the path
-r + s W - W. A path against a lobe that stands d degrees of spindle further on than it was expected leaves
-2 sin(N d / 2) of it: with three jaws more than there was from 20 degrees on. What such a part teaches is right for
-this mounting alone, and goes wrong with jaw 1 as soon as that is found where it is.
+The trace shows what is left, r; the path gives what the tool removed, s W (fraction s of it). So without
+compensation this part would have had r + s W, if the tool followed its command, and with all of the path r + s
+W - W. A path against a lobe d degrees of spindle further on than expected leaves 2 sin(N d / 2) of it: with
+three jaws more than there was from 20 degrees on. What is learned from such a part is valid for this mounting
+only, and becomes wrong as soon as the angle of jaw 1 is corrected.
 
-Where the lobe of the job was found on a part, that says how large it is; else r + s W says it. A tool that was
-held back leaves a lobe of the full size in its place: that is no fault of the set-up, and can be learned.
+Where the lobe of the job was found on a part, its size is known from there; else from r + s W. A tool that was
+held back leaves a lobe of full size in its expected place: that is no fault of the set-up, and can be learned.
 
 Problem codes: `learned.worse`; as a warning `learned.lobe_elsewhere`.
 """
@@ -26,16 +26,16 @@ from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.problem import Problem
 
 IN_PLACE_DEG = 30.0
-"""How far, in degrees of lobe, it may stand from where it was expected: a choice. That is half of what makes a
+"""Tolerance of its position in degrees of lobe: a choice. That is half of what makes a
 part worse than none, 10 degrees of spindle with three jaws; dry friction of 3 N makes 12 of it at 50 Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uncompensated:
-    """What is known of a part as it would have been: coefficients in um, positive outwards, of the lobe alone.
+    """A part as it would have been: coefficients in um, positive outwards, of the lobe alone.
 
-    `whole_um` is what all of the path would leave of it, `without_um` what no compensation would, `expected_um`
-    where job and jaw 1 have the lobe; `sd_um` is the standard error of each. `found`: seen on a part before.
+    `whole_um` is what all of the path would leave, `without_um` what no compensation would, `expected_um` the
+    lobe by job and jaw 1; `sd_um` is the standard error of each. `found`: seen on a part before.
     """
 
     whole_um: complex
@@ -47,7 +47,7 @@ class Uncompensated:
 
     @property
     def off_deg(self) -> float:
-        """How far further on than expected the lobe stands, degrees of spindle, if the tool did its path."""
+        """How far past its expected position the lobe is, degrees of spindle, if the tool followed its path."""
         if not self.expected_um or not self.without_um:
             return 0.0
         return -math.degrees(cmath.phase(self.without_um / self.expected_um)) / self.lobes
@@ -72,7 +72,7 @@ class Uncompensated:
         return (Problem(code="learned.worse", key=f"{self.off_deg:+.0f} deg", value=value, limit=limit),)
 
     def warnings(self) -> tuple[Problem, ...]:
-        """Return what has to be known before what such a part teaches is kept."""
+        """Return what the operator should know before this learning step is kept."""
         if self.in_place or self._trivial or self.reasons():
             return ()
         limit = f"± {IN_PLACE_DEG / self.lobes:.0f} deg"
@@ -84,12 +84,12 @@ class Uncompensated:
 
     @property
     def _trivial(self) -> bool:
-        """Whether the path and the lobe are too small to tell anything of each other."""
+        """Whether the path and the lobe are too small for a comparison."""
         return min(abs(self.without_um - self.whole_um), self.plain_um) <= 2.0 * self._noise_um
 
 
 def uncompensated(left_um: complex, sd_um: float, path_um: complex, share: float, job: Job) -> Uncompensated:
-    """Return what is known of a part that has `left_um` of its lobe, cut with the share `share` of `path_um`."""
+    """Compare a part that has `left_um` of its lobe, cut with the fraction `share` of `path_um`."""
     without_um = left_um + share * path_um
     return Uncompensated(
         whole_um=without_um - path_um,

@@ -1,4 +1,4 @@
-"""The error in the middle of a cut: what makes most of it, where it is high, and how it compares with the part."""
+"""The error in the middle of a cut: its main mechanism, where it is high, and how it compares with the part."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _ANGLES = 2 * (HALF_LOBE_ANGLES - 1)
 class CutError:
     """The error of the released part `z_mm` in front of the jaws.
 
-    `mechanism` makes most of it, `spring_back_um_pp` is that part alone. `amplitude_um` and `crest_deg` (spindle
-    angle, None below `LEAST_SEEN_UM`) are those of N waves a turn. `sd_um_pp` is what the spread of the chucking
-    force makes of it. `measured_um_pp` is the job's own error where it was found on a part, and `diagnosis` what
-    its place speaks for, where it is known how far past the jaws it stands. `matching_force_n` is the total
-    force at rest at which a part that springs back would show it; None where the diagnosis speaks against that.
-    None else.
+    `mechanism` is its main cause, `spring_back_um_pp` that contribution alone. `amplitude_um` and `crest_deg`
+    (spindle angle, None below `LEAST_SEEN_UM`) are those of order N. `sd_um_pp` is the effect of the scatter of
+    the chucking force. `measured_um_pp` is the job's own error where it was found on a part, and `diagnosis`
+    the cause that its position suggests, where its angle past the jaws is known. `matching_force_n` is the
+    total force at rest at which a part that springs back would show it; None where the diagnosis excludes that.
+    None otherwise.
     """
 
     z_mm: float
@@ -41,7 +41,7 @@ class CutError:
 
 
 def cut_error(part: HeldPart, loss_n: float) -> CutError:
-    """Return the error in the middle of the cut; `loss_n` is the total force that rotation has taken."""
+    """Return the error in the middle of the cut; `loss_n` is the total centrifugal loss of force."""
     job, jaws = part.job, part.job.jaws
     lobe_deg = np.linspace(0.0, 360.0 / jaws, _ANGLES, endpoint=False)
     parts = part.error_parts_um(lobe_deg, np.array([middle_mm(job)]))
@@ -58,7 +58,7 @@ def cut_error(part: HeldPart, loss_n: float) -> CutError:
     matching = None
     sprung_back = seen is None or seen.mechanism is Mechanism.SPRING_BACK
     if measured is not None and largest is Mechanism.SPRING_BACK and sprung_back:
-        # The spring-back grows with the force; what the wall takes from it does not.
+        # The spring-back grows with the force; the wall's deflection does not.
         matching = loss_n + at_speed_n * (measured + sprung_um - um_pp) / sprung_um
     return CutError(
         z_mm=middle_mm(job),
@@ -75,7 +75,7 @@ def cut_error(part: HeldPart, loss_n: float) -> CutError:
 
 
 def scaled_cut(cut: CutError, factor: float, crest_deg: float) -> CutError:
-    """Return the error as high as the lobe that was found, and where that stands; no force belongs to it."""
+    """Return the error scaled to the lobe that was found, and its angle; no force belongs to it."""
     um_pp = factor * cut.um_pp
     return replace(
         cut,

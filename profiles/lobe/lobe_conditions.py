@@ -1,11 +1,11 @@
-"""Is this cut like the one in which the lobe error was found? The error goes with how the part was held and cut.
+"""Compare this cut with the one in which the lobe error was found: the error depends on holding and cutting.
 
-A thin ring springs back in proportion to the force that holds it at speed and to the cube of radius over wall, and
-less the further from the jaws it is cut. So a compensation holds for the conditions of its calibration cut, within
-limits that change the lobe by no more than the next clamping does: 1.5 % of the wall are 4.5 % of the lobe, 0.1 mm
-of a diameter of 52 mm are 0.6 %, and 2 % of the speed are 1 % where a fifth of the force is lost. Another number
-of jaws makes another lobe, and another material springs back by its own modulus. What the job does not state
-cannot be judged; where its error was found on a part, that is told.
+A thin ring springs back in proportion to the force that holds it at speed and to the cube of radius over wall,
+and less the further from the jaws it is cut. So a compensation is valid for the conditions of its calibration
+cut, within limits that change the lobe by no more than the next clamping does: 1.5 % of the wall are 4.5 % of
+the lobe, 0.1 mm of a diameter of 52 mm are 0.6 %, and 2 % of the speed are 1 % where a fifth of the force is
+lost. Another number of jaws makes another lobe, and another material springs back by its own modulus. What the
+job does not state cannot be judged; where its error was found on a part, that is reported.
 
 Problem codes: `rule.lobe_differs`, one for each condition; `rule.lobe_unstated`, one for all that are missing.
 """
@@ -20,7 +20,7 @@ from profiles.materials import material_or_none
 from profiles.problem import Problem
 
 FORCE_SHARE = 0.05
-"""Share by which the force may be off: what a good wrench scatters by from clamping to clamping."""
+"""Relative tolerance of the force: the scatter of a good wrench between clampings."""
 
 SPEED_SHARE = 0.02
 WALL_SHARE = 0.015
@@ -38,7 +38,7 @@ CONDITIONS = {
     "lobe_material": "material",
     "lobe_jaws": "jaws",
 }
-"""What a job says of its calibration cut, and the key of its own that each belongs to."""
+"""The conditions of the calibration cut in a job, and the job's own key for each."""
 
 NAMES = ("lobe_chuck", "lobe_tool")
 
@@ -46,18 +46,18 @@ _STATED_OF = {own: stated for stated, own in CONDITIONS.items()}
 _FOUND_ON_A_PART = ("measured", "fitted")
 
 OTHER_CUT = "other_cut"
-"""Where an error comes from that was found on a part, but not on one that is held and cut as this job says."""
+"""Source of an error found on a part that was held or cut differently from this job."""
 
 
 def found_on_a_part(job: Job) -> bool:
-    """Whether the lobe error was seen on a part in as many jaws; else a model says it, or somebody assumes it."""
+    """Whether the lobe error was found on a part in as many jaws; else it is modelled or assumed."""
     return job.lobe_error_source in _FOUND_ON_A_PART and job.lobe_jaws in (None, job.jaws)
 
 
 def lobe_source(job: Job, *, chuck: str | None = None, tool: str | None = None) -> str:
-    """Return where the lobe error of this cut comes from: `OTHER_CUT` where a condition is not the one measured.
+    """Return the source of the lobe error of this cut: `OTHER_CUT` where a condition differs.
 
-    `chuck` and `tool` are the names of those in the machine; None is no machine to compare with.
+    `chuck` and `tool` are the names of those in the machine; None means no machine to compare with.
     """
     if job.lobe_error_source not in _FOUND_ON_A_PART:
         return job.lobe_error_source
@@ -67,7 +67,7 @@ def lobe_source(job: Job, *, chuck: str | None = None, tool: str | None = None) 
 
 
 def changed_conditions(job: Job) -> dict[str, Any]:
-    """Return the conditions of the job that are not those of its calibration cut, each with what it was there."""
+    """Return the conditions of the job that differ from its calibration cut, each with the value there."""
     differing = {problem.key for problem in _of_conditions(job)}
     if not force_as_found(job):
         differing.add("chucking_force_n")
@@ -82,7 +82,7 @@ def force_as_found(job: Job) -> bool:
 def lobe_differences(job: Job, *, chuck: str, tool: str) -> tuple[Problem, ...]:
     """Return what differs from the calibration cut, except the force.
 
-    `chuck` and `tool` are the names of those in the machine; "" is none that anybody knows.
+    `chuck` and `tool` are the names of those in the machine; "" is unknown.
     """
     found = _of_conditions(job)
     for key, name, named in (("chuck", chuck, job.lobe_chuck), ("tool", tool, job.lobe_tool)):
@@ -92,11 +92,11 @@ def lobe_differences(job: Job, *, chuck: str, tool: str) -> tuple[Problem, ...]:
 
 
 def _of_conditions(job: Job) -> list[Problem]:
-    """Return what differs in numbers and material, except the force."""
+    """Return the differences in numbers and material, except the force."""
     found: list[Problem] = []
     for key, unit, share in _SHARES:
         met, then = getattr(job, key), getattr(job, f"lobe_{key}")
-        # To a millionth, so that a limit that is met is kept.
+        # To a millionth, so that a value at the limit passes.
         if then is not None and round(abs(met - then) / then, 6) > share:
             found.append(_differs(key, f"{met:.6g} {unit}", f"{then:.6g} {unit}"))
     for key in _LENGTHS:
@@ -112,7 +112,7 @@ def _of_conditions(job: Job) -> list[Problem]:
 
 
 def _springs_back_alike(one: str, other: str) -> bool:
-    """Whether two materials have the same elastic constants; of unknown ones the words must be the same."""
+    """Whether two materials have the same elastic constants; unknown ones must have the same name."""
     found, then = material_or_none(one), material_or_none(other)
     if found is None or then is None:
         return one.strip().lower() == other.strip().lower()
@@ -127,7 +127,7 @@ def unstated(job: Job) -> tuple[str, ...]:
 
 
 def lobe_unstated(job: Job) -> tuple[Problem, ...]:
-    """Return `rule.lobe_unstated` where nobody can tell whether this cut is like the one that was measured."""
+    """Return `rule.lobe_unstated` where this cut cannot be compared with the measured one."""
     if not (missing := unstated(job)):
         return ()
     source = job.lobe_error_source
@@ -135,21 +135,21 @@ def lobe_unstated(job: Job) -> tuple[Problem, ...]:
 
 
 def any_stated(job: Job) -> bool:
-    """Whether the job says anything of its calibration cut, except the force."""
+    """Whether the job states anything about its calibration cut, except the force."""
     return any(getattr(job, key) for key in (*CONDITIONS, *NAMES) if key != "lobe_force_n")
 
 
 def as_found(job: Job) -> Job:
-    """Return the job as it was cut when its error was found; what it does not state is its own."""
+    """Return the job as it was cut when its error was found; unstated conditions are its own."""
     stated = {own: getattr(job, key) for key, own in CONDITIONS.items()}
     return replace(job, **{own: value for own, value in stated.items() if value is not None})
 
 
 def kept_condition(saved: Job, key: str, value: Any) -> dict[str, Any]:
-    """Return what keeps the error of a job at the cut that it belongs to, when `key` of it becomes `value`.
+    """Return what ties the error of a job to its calibration cut, when `key` changes to `value`.
 
-    `saved` is the job as its file has it. Where that does not state the condition it is the value in the file;
-    with that value again the condition is as little known as before.
+    `saved` is the job in its file. Where that does not state the condition, it is the value in the file;
+    setting that value again makes the condition unstated as before.
     """
     stated = _STATED_OF.get(key)
     if stated is None or getattr(saved, stated) is not None:

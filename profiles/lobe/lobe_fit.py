@@ -1,25 +1,25 @@
-"""The lobe of a part from its trace: amplitude, crest and how sure they are.
+"""The lobe of a part from its trace: amplitude, phase and their uncertainty.
 
-Model of M deviations r_i (um, positive outwards) at spindle angles theta_i, with the waves n of eccentricity,
+Model of M deviations r_i (um, positive outwards) at spindle angles theta_i, with the orders n of eccentricity,
 ovality and the jaws, n in {1, 2, N, 2N, 3N} and any that are declared:
 
-    r_i = c + sum_n (p_n cos n theta_i + q_n sin n theta_i) + noise,    p cos + q sin = A cos(n (theta - crest))
+r_i = c + sum_n (p_n cos n theta_i + q_n sin n theta_i) + noise,    p cos + q sin = A cos(n (theta - crest))
 
 Weighted least squares with W = diag(1 / sigma_i^2), after C. F. Gauss:
 
-    beta = (X' W X)^-1 X' W r,    cov = s^2 (X' W X)^-1,    s^2 = sum W e^2 / (M - k)
+beta = (X' W X)^-1 X' W r,    cov = s^2 (X' W X)^-1,    s^2 = sum W e^2 / (M - k)
 
-    A = hypot(p, q),           sd(A) = sqrt(J C J'),              J = (p, q) / A
+A = hypot(p, q),           sd(A) = sqrt(J C J'),              J = (p, q) / A
     crest = atan2(q, p) / n,   sd(crest) = sqrt(K C K') / n,      K = (-q, p) / A^2
 
-so that white noise at equal angles gives sd(A) = sigma sqrt(2 / M). What a fit leaves of a real part is not white:
-its form falls with the order, and a wave has more of it than the average order. For each wave s^2 is therefore
-that of its order, see `profiles.metrology.noise_spectrum`, where what is left is not as likely white. Real traces
-repeat from turn to turn, so that with several turns each is fitted for itself, too, and the larger of the two
-standard errors is reported: by the residuals (M - k degrees of freedom, fewer where s^2 is that of an order), by
-the T turns (T - 1).
+so that white noise at equal angles gives sd(A) = sigma sqrt(2 / M). The residual of a real part is not white:
+its form error falls with the order, so that the lobe has more of it than the average order. For each harmonic
+s^2 is therefore that of its order, see `profiles.metrology.noise_spectrum`, unless the residual is about as
+likely white. Real traces repeat from turn to turn, so that with several turns each is fitted for itself, too,
+and the larger of the two standard errors is reported: by the residuals (M - k degrees of freedom, fewer where
+s^2 is that of an order), by the T turns (T - 1).
 
-A wave is significant where A exceeds its sd by sqrt(2 F) with F the 95 % point of Fisher's F of 2 and as many
+A harmonic is significant where A exceeds its sd by sqrt(2 F) with F the 95 % point of Fisher's F of 2 and as many
 degrees of freedom (2.45 for many), and 1e-6 um, below which there is only rounding. Small amplitudes come out too
 large: E[A^2] = A0^2 + 2 sd^2.
 """
@@ -39,31 +39,31 @@ from profiles.metrology.noise_spectrum import NoiseSpectrum, noise_spectrum
 from profiles.problem import Problem, ProfileError
 
 HIGHEST_ORDER = 500
-"""Undulations a turn above which no wave is declared."""
+"""Undulations per revolution above which no harmonic is declared."""
 
 _WORST_CONDITION = 100.0
-"""Above this ratio of singular values the waves can be traded for each other at these angles."""
+"""Above this ratio of singular values these angles cannot separate the harmonics."""
 
 _HIGHEST_LEFT = 50
 _GAP_TOLERANCE_DEG = 1e-6
 _SETTLED = 1e-6
-"""Change of Huber's weights from one round to the next up to which they are settled."""
+"""Change of Huber's weights from one iteration to the next at which they have converged."""
 _STRAY = 4.0
-"""Residuals in robust standard deviations from which a point is a chip or a scratch: one in 16 000 by chance."""
+"""Residual in robust standard deviations from which a point is a chip or a scratch: one in 16 000 by chance."""
 _ROUNDING = 1e-12
 _LEAST_UM = 1e-6
-"""A wave up to this is none, however regular a trace without noise is."""
+"""An amplitude up to this is none, however regular a trace without noise is."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wave:
-    """amplitude cos(n (angle - crest)): one wave of a trace; crest in [0, 360/n) deg of the angle of the trace.
+    """amplitude cos(n (angle - crest)): one harmonic; crest in [0, 360/n) deg of the angle of the trace.
 
     `cos_um` and `sin_um` are p and q. `sd_um` and `sd_deg` are standard errors of amplitude and crest, `ci_um`
-    and `ci_deg` half-widths for 95 % by Student's t. No crest is less certain than any angle at all: that
-    caps `sd_deg` at 360 / (n sqrt 12), the sd of a crest of which nothing is known, and `ci_deg` at 180 / n.
+    and `ci_deg` half-widths for 95 % by Student's t. `sd_deg` is at most 360 / (n sqrt 12), the sd of an
+    entirely unknown phase, and `ci_deg` at most 180 / n.
     """
 
     n: int
@@ -79,18 +79,18 @@ class Wave:
 
     @property
     def bias_um(self) -> float:
-        """By how much noise alone makes the amplitude too large: A - sqrt(A^2 - 2 sd^2), at most all of it."""
+        """The noise bias of the amplitude: A - sqrt(A^2 - 2 sd^2), at most all of it."""
         return self.amplitude_um - math.sqrt(max(self.amplitude_um**2 - 2 * self.sd_um**2, 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LobeFit:
-    """The waves of a trace, by order. `noise_um` is the standard deviation of what they leave.
+    """The harmonics of a trace, by order. `noise_um` is the standard deviation of the residuals.
 
-    `points` were fitted, over `turns` turns (1: only the residuals speak for the confidence); `left_out` were
-    taken for chips and scratches. `left_n` is the order of the wave that stands most out of what is left, of those
-    that were not fitted, and `left_um` its amplitude; `floor_um` is the amplitude that noise like the rest shows
-    at that order once in twenty traces: well above it the wave should have been declared.
+    `points` were fitted, over `turns` turns (1: the confidence is from the residuals alone); `left_out` were
+    taken for chips and scratches. `left_n` is the most prominent order that was not fitted, and `left_um` its
+    amplitude; `floor_um` is the amplitude that noise shows at that order once in twenty traces: well above it
+    the harmonic should have been declared.
     """
 
     jaws: int
@@ -106,7 +106,7 @@ class LobeFit:
 
     @property
     def lobe(self) -> Wave:
-        """The wave of as many crests as there are jaws."""
+        """The harmonic with as many undulations as there are jaws."""
         return self.wave(self.jaws)
 
     @property
@@ -115,7 +115,7 @@ class LobeFit:
         return 2 * self.lobe.amplitude_um
 
     def wave(self, n: int) -> Wave:
-        """Return the wave of order n, which must have been fitted."""
+        """Return the harmonic of order n, which must have been fitted."""
         return next(wave for wave in self.waves if wave.n == n)
 
 
@@ -128,21 +128,18 @@ def fit_lobe(
     extra: Iterable[int] = (),
     robust: bool = False,
 ) -> LobeFit:
-    """Return the lobe in a trace of M points with its confidence.
+    """Fit the lobe in a trace of M points with its confidence.
 
-    Args:
-        angle_deg: shape (M,), in any order, unequal if need be; angles that go on over 360 are further turns.
-        deviation_um: shape (M,), positive outwards, from any nominal radius.
-        jaws: N, the lobes a turn.
-        sigma_um: standard deviation of each point, shape (M,) or one for all. Only their ratios count: how large
-            the noise is, the residuals say.
-        extra: orders of waves that are in the trace besides {1, 2, N, 2N, 3N}.
-        robust: find chips and scratches by a fit with Huber's weights, and leave them out of the last one.
+    Args: angle_deg: shape (M,), in any order, unequal if need be; angles beyond 360 are further turns.
+    deviation_um: shape (M,), positive outwards, from any nominal radius. jaws: N, the lobes a turn. sigma_um:
+    standard deviation of each point, shape (M,) or one for all. Only their ratios count: the size of the noise
+    follows from the residuals. extra: orders in the trace besides {1, 2, N, 2N, 3N}. robust: find chips and
+    scratches by a fit with Huber's weights, and leave them out of the last one.
 
     Raises:
         ProfileError: `trace.columns`, `trace.not_finite`, `trace.few_points`, `trace.narrow_angles`;
-            `lobe_fit.sigma`, one that is not above 0; `lobe_fit.order`, a wave that cannot be declared;
-            `lobe_fit.dependent`, angles that do not tell the waves apart.
+            `lobe_fit.sigma`, one that is not above 0; `lobe_fit.order`, an order that cannot be declared;
+            `lobe_fit.dependent`, angles that cannot separate the harmonics.
     """
     orders = _orders(jaws, extra)
     angle, deviation, root_weight = _checked(angle_deg, deviation_um, sigma_um)
@@ -208,7 +205,7 @@ def _checked(
 
 
 def _refuse_thin(angle: Floats, jaws: int, orders: tuple[int, ...]) -> None:
-    """Refuse too few directions for the highest wave, and a gap in which a whole flank of a lobe can hide."""
+    """Refuse too few directions for the highest order, and a gap that can hide a whole flank of a lobe."""
     places = np.unique(np.round(angle % 360.0, 6) % 360.0)
     needed = 2 * max(orders) + 1
     if places.size < needed:
@@ -224,13 +221,13 @@ def _refuse_thin(angle: Floats, jaws: int, orders: tuple[int, ...]) -> None:
 
 
 def _without_strays(design: Floats, deviation: Floats, root_weight: Floats) -> NDArray[np.bool_]:
-    """Return which points are the part: the others stand off a fit with Huber's weights."""
+    """Return which points belong to the part: the others are far off a fit with Huber's weights."""
     least = _ROUNDING * float(np.abs(deviation).max())
     return np.asarray(huber_distances(design, deviation, root_weight, least, _SETTLED) <= _STRAY)
 
 
 def _turns(angle: Floats, deviation: Floats, design: Floats, root_weight: Floats) -> list[Floats]:
-    """Return the coefficients of each turn that can be fitted for itself; a last piece of one cannot."""
+    """Return the coefficients of each turn that can be fitted on its own; an incomplete last turn cannot."""
     turn = np.floor((angle - angle.min()) / 360.0 + _GAP_TOLERANCE_DEG / 360.0)
     found = []
     for number in np.unique(turn):
@@ -251,7 +248,7 @@ def _covariances(
 
 
 def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, float]]) -> Wave:
-    """Return one wave; its standard errors are the larger ones by any of the covariances (with their freedom)."""
+    """Return one harmonic; its standard errors are the largest by any of the covariances (with their freedom)."""
     both = harmonic_slice(place)
     p, q = (float(part) for part in beta[both])
     amplitude = math.hypot(p, q)
@@ -288,7 +285,7 @@ def _significant_at(freedom: float) -> float:
 
 
 def _most_left(noise: NoiseSpectrum, orders: tuple[int, ...], root_weight: Floats) -> tuple[int, float, float]:
-    """Return order, amplitude and floor of the wave that stands most out of what is left; 0 where none can be."""
+    """Return order, amplitude and floor of the most prominent residual harmonic; 0 where there is none."""
     found = [(0, 0.0, _floor_um(noise.level, root_weight.size))]
     for n, power in enumerate(noise.powers[:_HIGHEST_LEFT], start=1):
         if n not in orders:

@@ -1,8 +1,8 @@
-"""How the lobe that was found on a part compares with that of the model, for the cut in which it was found.
+"""The ratio of the lobe found on a part to that of the model, for the cut in which it was found.
 
-The model knows the shape of a lobe over angle and length well, and its size badly: that hangs on a chucking force
-which hardly anybody has measured. So where a part of the job was measured, what is predicted of it is the shape of
-the model, made as high as the lobe that was found.
+The model predicts the shape of a lobe over angle and length well, and its size badly: that depends on a
+chucking force which is rarely measured. So where a part of the job was measured, the prediction is the shape of
+the model, scaled to the lobe that was found.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from profiles.lobe.lobe_conditions import as_found, found_on_a_part
 from profiles.machine import MachineProfile
 
 LEAST_SEEN_UM = 0.01
-"""Peak to peak below which nobody can see a lobe: a tenth of what a good roundness gauge resolves."""
+"""Peak to peak below which a lobe is invisible: a tenth of the resolution of a good roundness gauge."""
 
 LEAST_AXIAL_SHARE = 0.05
-"""Share of its height at the jaws that a lobe must have to be scaled: where its sign changes any height fits."""
+"""Fraction of its height at the jaws that a lobe needs to be scaled: near its sign change any height fits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LobeScale:
-    """The lobe that was found, um p-p, `z_mm` in front of the jaws, and what the model says of it there.
+    """The lobe that was found, um p-p, `z_mm` in front of the jaws, and the model's value there.
 
     `source` is how it was found: "measured" or "fitted".
     """
@@ -37,12 +37,12 @@ class LobeScale:
 
     @property
     def factor(self) -> float:
-        """How many times the model's the lobe is that was found."""
+        """The lobe that was found over the model's."""
         return self.found_um_pp / self.model_um_pp
 
 
 def lobe_scale(job: Job, machine: MachineProfile) -> LobeScale | None:
-    """Return the scale; None where no part was measured, or where the model has no lobe to be compared.
+    """Return the scale; None where no part was measured, or where the model has no lobe to compare.
 
     Raises:
         ProfileError: `rule.material_unknown`.

@@ -1,4 +1,4 @@
-"""What one pass does to the part: how the lobe changes with the wall, and how wide a cut it bears."""
+"""The effect of one pass on the part: how the lobe changes with the wall, and the width of cut without chatter."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from profiles.machine import MachineProfile
 
 
 def chatter_limit_mm(job: Job, machine: MachineProfile) -> float:
-    """Return the width of cut below which the part of a job does not chatter. Cheap enough for every key.
+    """Return the width of cut below which the part of a job does not chatter. Fast enough for every key.
 
     Raises:
         ProfileError: `rule.material_unknown`.
@@ -22,9 +22,9 @@ def chatter_limit_mm(job: Job, machine: MachineProfile) -> float:
 
 
 def lobe_change_um(job: Job, machine: MachineProfile) -> float | None:
-    """Return by how much the lobe in the middle of the cut grows with one pass, um p-p, at the same force.
+    """Return the change of the lobe in the middle of the cut by one pass, um p-p, at the same force.
 
-    It is that of the lobe that was found, where one was; None where the model has no such lobe to judge it by.
+    Scaled to the lobe that was found, if any; None where the model has no such lobe for comparison.
 
     Raises:
         ProfileError: `rule.material_unknown`.
@@ -33,16 +33,16 @@ def lobe_change_um(job: Job, machine: MachineProfile) -> float | None:
 
 
 def width_without_chatter_mm(part: HeldPart) -> float:
-    """Return the width of cut below which a part does not chatter, where it is softest."""
+    """Return the width of cut below which a part does not chatter at its point of least stiffness."""
     radial = radial_cutting_stiffness_n_per_mm2(part.material, part.job.feed_mm_per_rev)
     return limit_mm(part.softest_n_per_um, part.damping_ratio, radial)
 
 
 def _change_um(part: HeldPart, machine: MachineProfile) -> float | None:
-    """At the same force a thinner wall springs back further, p-p ~ R^3 / t^3.
+    """Return the change: at the same force a thinner wall springs back further, p-p ~ R^3 / t^3.
 
-    Far from the jaws, where the lobe dies away and changes its sign, it may also become smaller. A compensation of
-    the pass before is wrong by the change either way. The contacts of a bar do not know how thick it is.
+    Far from the jaws, where the lobe decays and changes its sign, it may also become smaller. A compensation of
+    the previous pass is wrong by the change either way. The contacts of a bar do not depend on its thickness.
     """
     job, after = part.job, part.turned_down(part.job.depth_of_cut_mm)
     factor = 1.0

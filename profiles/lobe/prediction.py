@@ -1,7 +1,7 @@
-"""What a plain cut of a job will leave: the error over angle and length, where it comes from, and what to mind.
+"""Predict what a plain cut of a job leaves: the error over angle and length, its causes, and warnings.
 
-Where the job's lobe was found on a part, the shape is that of the model, and its height and place are those of the
-lobe that was found; what the model says alone stands beside it.
+Where the job's lobe was found on a part, the shape is that of the model, and height and angle are those of the
+lobe that was found; the unscaled model is given too.
 
 Angles are spindle angles in degrees; `z_mm` is from the jaw faces, positive towards the free end. Deviations of
 the released part are in um, positive where it is high.
@@ -51,12 +51,12 @@ _OF_PREDICTION = (
 class Prediction:
     """The prediction of one job on one machine; the arrays are read only.
 
-    `error_um` has shape (Z, angle) and a mean of 0 over each turn; `parts_um` has the same for each mechanism in
-    it. `size_um` (Z,) is by how much the radius comes out too large because the part gives way. `cut` is the error
-    in its middle, `stock_um_pp` the same when `stock_mm` has come off the radius, at the same force. All of these,
-    and the lobed blank of `process`, are scaled to `scaled_to`, the lobe that was found; None where none was, or
-    where the model has no such lobe there. `model` is `cut` as the model alone has it, `model_um_pp` (Z,) its peak
-    to peak of `error_um`. `assumed` names the keys of the machine that nobody gave.
+    `error_um` has shape (Z, angle) and a mean of 0 over each turn; `parts_um` has the same for each mechanism.
+    `size_um` (Z,) is the excess of the radius because the part deflects. `cut` is the error in its middle,
+    `stock_um_pp` the same after `stock_mm` is removed from the radius, at the same force. All of these, and the
+    lobed blank of `process`, are scaled to `scaled_to`, the lobe that was found; None where none was, or where
+    the model has no such lobe there. `model` is `cut` as the model alone has it, `model_um_pp` (Z,) its peak to
+    peak of `error_um`. `assumed` names the keys of the machine that were not given.
     """
 
     angle_deg: FloatArray
@@ -85,11 +85,11 @@ class Prediction:
 def predict(
     job: Job, machine: MachineProfile, *, angle_deg: ArrayLike | None = None, z_mm: ArrayLike | None = None
 ) -> Prediction:
-    """Return the prediction, for a turn in whole degrees and from the jaws to the free end if not told otherwise.
+    """Return the prediction, by default for a turn in whole degrees and from the jaws to the free end.
 
     Raises:
-        ProfileError: a material without numbers (`rule.material_unknown`), a Z that is not in front of the jaws
-            (`value.out_of_range`), or a part that cannot be held or cut at all, with the rules that say so.
+        ProfileError: a material without data (`rule.material_unknown`), a Z that is not in front of the jaws
+            (`value.out_of_range`), or a part that cannot be held or cut at all, with the rules that were broken.
     """
     of_rules = check(job, machine)
     broken = [f.problem for f in refusals(of_rules) if f.problem.code in IMPOSSIBLE]
@@ -128,7 +128,7 @@ def predict(
 
 
 def _second_pass(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    """Whether a second pass may follow with the same compensation; nothing where no lobe can be judged."""
+    """Judge whether a second pass may use the same compensation; empty where no lobe can be judged."""
     change_um, most_um = lobe_change_um(job, machine), job.roundness_tolerance_um
     if change_um is None:
         return ()
@@ -139,7 +139,7 @@ def _second_pass(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 
 
 def _turned_deg(job: Job, model: CutError) -> float:
-    """Return how far the crest that was found stands past that of the model."""
+    """Return how far the maximum that was found is past that of the model."""
     return 0.0 if model.crest_deg is None else round(job.lobe_phase_deg - model.crest_deg, 6)
 
 

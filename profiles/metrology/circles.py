@@ -1,8 +1,8 @@
 """The four reference circles of ISO 12181-1 in the limacon model: deviation = R + x cos + y sin + residual.
 
 The model is linear, so least squares is one linear fit and the other three are linear programmes with a unique
-optimal value, solved exactly by the exchange of contacts. Where several centres have that value (an oval), the one
-with the least RONt is taken and, if that leaves more than one, the one nearest to the centre of least squares: see
+optimal value, solved exactly by the exchange of contacts. Where several centres have that value (an oval), the
+one with the least RONt is taken and, if not unique, the one nearest to the least squares centre: see
 `profiles.metrology.sliding`. The model holds while eccentricity^2 / (2 radius) is small.
 """
 
@@ -26,9 +26,9 @@ MAXIMUM_INSCRIBED = "MIC"
 CIRCLES = (LEAST_SQUARES, MINIMUM_ZONE, MINIMUM_CIRCUMSCRIBED, MAXIMUM_INSCRIBED)
 
 WIDEST_SEEN_DEG = 90.0
-"""A quarter: below it, none of four is empty of points, and a zone has where to begin."""
+"""A quarter turn: below it no quarter is empty of points, and a zone has a start."""
 
-# Share of the peak to peak deviation by which a point may be outside: far below 1e-9 um of any real part.
+# Fraction of the peak-to-peak deviation by which a point may be outside: far below 1e-9 um of any real part.
 _OUTSIDE = 1e-13
 # Weight, of 1 in all, below which a contact does not hold the circle: two others stand opposite, to 1e-9 rad.
 _WEIGHTLESS = 1e-9
@@ -36,7 +36,7 @@ _WEIGHTLESS = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contact:
-    """A point that a circle rests on: its index in the trace, and whether the circle touches it from outside."""
+    """A contact point of a circle: its index in the trace, and whether the circle touches it from outside."""
 
     index: int
     angle_deg: float
@@ -67,9 +67,9 @@ class ReferenceCircle:
 def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> ReferenceCircle:
     """Return a reference circle of M points; shape (M,) each, in any order, several at one angle are allowed.
 
-    LSC minimises the sum of squares, MZC hi - lo with all points between, MCC is the smallest R with none outside,
-    MIC the largest R with none inside. Of several centres that are as good it is the one with the least RONt,
-    then the one nearest to that of least squares.
+    LSC minimises the sum of squares, MZC hi - lo with all points between, MCC is the smallest R with none
+    outside, MIC the largest R with none inside. Of several equally good centres it is the one with the least
+    RONt, then the one nearest to that of least squares.
 
     Raises:
         ProfileError: as `profiles.metrology.points.checked`.
@@ -78,12 +78,12 @@ def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> 
 
 
 def seen_circle(kind: str, angle: FloatArray, deviation: FloatArray) -> ReferenceCircle:
-    """Return `limacon_circle` of points that are measured all round, as they are seen from another place.
+    """Return `limacon_circle` of points measured all round, as seen from another centre.
 
-    From there a gap may be wider than from the axis of measurement: that is the place, not the data.
+    From there a gap may be wider than from the axis of measurement: that is due to the centre, not the data.
 
     Raises:
-        ProfileError: `trace.narrow_angles`, it is so wide that the place is no centre of any circle of them.
+        ProfileError: `trace.narrow_angles`, it is so wide that no circle of them has its centre there.
     """
     gap_deg = largest_gap_deg(angle)
     if gap_deg >= WIDEST_SEEN_DEG:
@@ -91,7 +91,7 @@ def seen_circle(kind: str, angle: FloatArray, deviation: FloatArray) -> Referenc
     direction = _direction(angle)
     cosine, sine = direction
     mean_um, x_um, y_um = _least_squares(direction, deviation)
-    # Only what is left after least squares goes into the programme: small numbers lose no digits.
+    # Only the residuals of least squares go into the programme: small numbers lose no digits.
     left = deviation - mean_um - x_um * cosine - y_um * sine
     contacts: tuple[Contact, ...] = ()
     if kind != LEAST_SQUARES:
@@ -119,12 +119,12 @@ def seen_circle(kind: str, angle: FloatArray, deviation: FloatArray) -> Referenc
 
 
 def least_squares(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
-    """Return mean, x and y of the least squares circle, um; right for unequal angles, too."""
+    """Return mean, x and y of the least squares circle, um; exact for unequal angles, too."""
     return _least_squares(_direction(angle_deg), deviation_um)
 
 
 def _least_squares(direction: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
-    """By the normal equations, twice: the exchange works on what is left, down to the last digit."""
+    """Solve the normal equations twice: the exchange works on the residuals, down to the last digit."""
     design = np.vstack((np.ones(deviation_um.size), direction))
     normal = design @ design.T
     solution = np.linalg.solve(normal, design @ deviation_um)
@@ -141,7 +141,7 @@ def _direction(angle_deg: FloatArray) -> FloatArray:
 def _extreme(
     kind: str, angle_deg: FloatArray, direction: FloatArray, left_um: FloatArray
 ) -> tuple[float, float, tuple[Contact, ...]]:
-    """Return how far the centre moves in x and y, and what the circle then rests on; `direction` is (2, M)."""
+    """Return the shift of the centre in x and y, and the contacts of the circle; `direction` is (2, M)."""
     span_um = float(np.ptp(left_um))
     if span_um == 0.0:
         return 0.0, 0.0, ()
@@ -180,9 +180,9 @@ def _extreme(
 
 
 def _crossing(direction: FloatArray, left_um: FloatArray) -> NDArray[np.intp]:
-    """Return the highest, lowest, highest and lowest point of four quarters: two chords that cross hold a zone.
+    """Return the highest, lowest, highest and lowest point of four quarters: two crossing chords support a zone.
 
-    No quarter is empty: no gap between points is so large.
+    No quarter is empty: no gap between points is that large.
     """
     cosine, sine = direction
     wide = np.abs(cosine) >= np.abs(sine)
@@ -193,9 +193,9 @@ def _crossing(direction: FloatArray, left_um: FloatArray) -> NDArray[np.intp]:
 
 
 def _enclosing(angle_deg: FloatArray, direction: FloatArray) -> NDArray[np.intp]:
-    """Return three points round the place that the angles are seen from.
+    """Return three points around the centre that the angles are seen from.
 
-    Those that divide the turn best stand all round where no gap is above `LARGEST_GAP_DEG`; else the first point
+    Those that best divide the turn enclose it where no gap is above `LARGEST_GAP_DEG`; else the first point
     does, with its two neighbours across.
     """
     if largest_gap_deg(angle_deg) <= LARGEST_GAP_DEG:
@@ -206,7 +206,7 @@ def _enclosing(angle_deg: FloatArray, direction: FloatArray) -> NDArray[np.intp]
 
 
 def _nearest(direction: FloatArray, parts: int) -> NDArray[np.intp]:
-    """Return the points that divide the turn best into so many parts: they hold a circle, or a zone, in place."""
+    """Return the points that best divide the turn into this many parts: they support a circle, or a zone."""
     target = 2 * math.pi * np.arange(parts) / parts
     return np.asarray(
         np.argmax(np.column_stack((np.cos(target), np.sin(target))) @ direction, axis=1), dtype=np.intp

@@ -1,8 +1,8 @@
-"""The smallest circle round points in a plane: it rests on two points, or on three.
+"""The smallest circle around points in a plane: it rests on two points, or on three.
 
-With two contacts its centre is held across their line by the curvature of the circle alone, which no linear model
-sees; so it is found by exchange: the point that is furthest outside joins the contacts, and the smallest circle
-round these few is the next one. Its radius grows with each step, so it ends.
+With two contacts its centre is fixed across their line only by the curvature of the circle, which a linear
+model lacks; so it is found by exchange: the point that is furthest outside joins the contacts, and the smallest
+circle round these few is the next one. The radius grows with each step, so the search terminates.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from profiles.metrology.points import FloatArray
 
-# Share of the radius that a point may be outside: 3e-8 um of 26 mm.
+# Fraction of the radius that a point may be outside: 3e-8 um of 26 mm.
 _OUTSIDE = 1e-12
 
 

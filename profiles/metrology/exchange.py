@@ -1,9 +1,9 @@
-"""The exchange of contact points: a linear programme with few rows and many columns, solved from a few of them.
+"""Exchange of contact points: a linear programme with few rows and many columns, solved from a few of them.
 
 A minimum zone, circumscribed or inscribed circle rests on three or four of thousands of points. The programme is
 the dual one: weights on the points, max gains w subject to columns w = rhs, w >= 0, by the primal simplex method.
 Its basis is the set of contacts; in each step the point that is furthest outside replaces one of them. Where a
-step brings nothing, Bland's rule (lowest index in, lowest index out) keeps it from going round in circles.
+step brings nothing, Bland's rule (lowest index in, lowest index out) prevents cycling.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def exchanged(
     (in the unit of the gains).
 
     Raises:
-        ProfileError: `trace.no_circle`, the exchange does not end, which no sound profile has been seen to do.
+        ProfileError: `trace.no_circle`, the exchange does not end, which was never observed on a sound profile.
     """
     basis = basis.copy()
     careful = False

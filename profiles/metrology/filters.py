@@ -1,4 +1,4 @@
-"""The Gaussian filters of a closed profile, after ISO 16610-21: by its spectrum, so without end effects.
+"""Gaussian filters of a closed profile, after ISO 16610-21: by its spectrum, so without end effects.
 
 Cut-offs in undulations per revolution (UPR): there the transmission is one half.
 

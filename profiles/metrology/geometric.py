@@ -1,15 +1,16 @@
-"""Reference circles of points in a plane, and of parts that sit too far off the axis for the limacon model.
+"""Reference circles of points in a plane, and of parts too far off the axis for the limacon model.
 
-The distance from a centre is not linear in it. Each step takes it as linear about the centre so far (Gauss-Newton
+The distance from a centre is not linear in it. Each step linearises it about the present centre (Gauss-Newton
 for least squares, sequential linear programming for zone and inscribed circle) and is shortened until the true
 objective drops. Least squares and zone have one optimum near a round part. The circumscribed circle is found
 exactly, and is unique.
 
-The inscribed circle may have several places, so it is looked for from the centre of least squares and from a ring
-round it that turns with the part. In the middle of an oval it rests on two points, and can grow yet by slipping
-between each and its neighbour: by (ovality x step of the angles, rad)^2 / diameter, 2e-7 um for 55 um and 0.1 deg
-on 52 mm, with a RONt that is 0.1 um more. ISO 12181-1 leaves open which to take. Here circles within `SAME_UM` of
-the largest are equal, and the one with the least RONt is taken; of two that mirror each other, either.
+The inscribed circle may have several positions, so it is searched from the centre of least squares and from a
+ring around it that turns with the part. In the middle of an oval it rests on two points, and can still grow by
+slipping between each and its neighbour: by (ovality x step of the angles, rad)^2 / diameter, 2e-7 um for 55 um
+and 0.1 deg on 52 mm, with a RONt that is 0.1 um more. ISO 12181-1 leaves the choice open. Here circles within
+`SAME_UM` of the largest are equal, and the one with the least RONt is taken; of two that mirror each other,
+either.
 """
 
 from __future__ import annotations
@@ -38,10 +39,10 @@ from profiles.problem import ProfileError
 _MOST_STEPS = 50
 _MOST_HALVINGS = 20
 _STILL = 1e-13
-"""Share of the radius below which a step is none: 3e-9 um on a radius of 26 mm."""
+"""Fraction of the radius below which a step counts as zero: 3e-9 um on a radius of 26 mm."""
 _STARTS = 6
 SAME_UM = 1e-3
-"""Difference of the radii of two inscribed circles that no roundness instrument shows."""
+"""Difference of the radii of two inscribed circles that no roundness instrument resolves."""
 
 
 def geometric_circle(
@@ -110,11 +111,11 @@ def _inscribed(x: FloatArray, y: FloatArray, middle: ReferenceCircle) -> Referen
     starts = [centre, *((centre[0] + middle.ront_um * c, centre[1] + middle.ront_um * s) for c, s in ring)]
     found: list[ReferenceCircle] = []
     for each in starts:
-        # A place near the edge of the part, or beside it, sees gaps that the data do not have: none to begin from.
+        # A position near the edge of the part, or outside, sees gaps that the data do not have: not a start.
         with suppress(ProfileError):
             found.append(_descended(MAXIMUM_INSCRIBED, x, y, each))
     if not found:
-        return _descended(MAXIMUM_INSCRIBED, x, y, centre)  # says why
+        return _descended(MAXIMUM_INSCRIBED, x, y, centre)  # reports why
     largest_um = max(circle.deviation_um for circle in found)
     return min((c for c in found if c.deviation_um >= largest_um - SAME_UM), key=lambda circle: circle.ront_um)
 

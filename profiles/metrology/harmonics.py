@@ -1,4 +1,4 @@
-"""The undulations of a profile: amplitude and first crest of each, fitted together for any angles."""
+"""The undulations of a profile: amplitude and first maximum of each, fitted together for any angles."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from profiles.least_squares import fit, harmonic_columns, phasors
 from profiles.metrology.points import FloatArray
 
 HIGHEST_HARMONIC = 15
-# Above this ratio of singular values the angles leave a gap in which harmonics can be traded for each other.
+# Above this ratio of singular values the angles leave a gap in which harmonics cannot be separated.
 _WORST_CONDITION = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Harmonic:
-    """amplitude cos(n (angle - phase)), with `phase_deg` the first crest, in [0, 360/n)."""
+    """amplitude cos(n (angle - phase)), with `phase_deg` the first maximum, in [0, 360/n)."""
 
     n: int
     amplitude_um: float
     phase_deg: float
 
     def past_jaw_1_deg(self, jaw_1_deg: float, *, against_spindle: bool = False) -> float:
-        """Return how far its first crest is past jaw 1 as the spindle counts, in [0, 360/n).
+        """Return the angle of its first maximum past jaw 1 as the spindle counts, in [0, 360/n).
 
         `jaw_1_deg` is where jaw 1 is in the angles of the trace; `against_spindle` says that these run the other
         way round the part than the angles of the spindle.
@@ -34,7 +34,7 @@ class Harmonic:
 
 
 def harmonics(angle_deg: FloatArray, profile_um: FloatArray) -> tuple[Harmonic, ...]:
-    """Fit n = 1 to 15 together, or fewer where the points cannot tell them apart; return those from 2."""
+    """Fit n = 1 to 15 together, or fewer where the points cannot separate them; return those from 2."""
     for highest in range(min(HIGHEST_HARMONIC, (angle_deg.size - 1) // 2), 1, -1):
         orders = range(1, highest + 1)
         found = fit(harmonic_columns(np.radians(angle_deg), orders), profile_um)
@@ -45,7 +45,7 @@ def harmonics(angle_deg: FloatArray, profile_um: FloatArray) -> tuple[Harmonic, 
 
 
 def harmonic(n: int, cosine_um: float, sine_um: float) -> Harmonic:
-    """Return cosine cos(n angle) + sine sin(n angle) as amplitude and first crest."""
+    """Return cosine cos(n angle) + sine sin(n angle) as amplitude and first maximum."""
     phase_deg = _first_deg(math.degrees(math.atan2(sine_um, cosine_um)) / n, n)
     return Harmonic(n=n, amplitude_um=math.hypot(cosine_um, sine_um), phase_deg=phase_deg)
 

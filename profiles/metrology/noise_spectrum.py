@@ -1,17 +1,17 @@
-"""What noise does to a wave that was fitted, where neighbouring points err alike.
+"""The effect of correlated noise on a fitted harmonic.
 
-White noise of the variance s^2 puts the same on every wave. The form of a part, chatter and drift do not: what
-they add falls with the order, so that the lobe has more of it than the rest of the trace. The spectrum of what a
-fit leaves is
+White noise of the variance s^2 affects every order equally. Form error, chatter and drift do not: their
+contribution falls with the order, so that the lobe has more of it than the rest of the trace. The spectrum of
+the residuals is
 
-    S(n) = s^2 (1 + b / (1 + (n / n0)^2)^p),    p in {1, 2, 3}
+S(n) = s^2 (1 + b / (1 + (n / n0)^2)^p),    p in {1, 2, 3}
 
-white noise and noise that forgets within about 1 / n0 rad: p = 1 is a first-order Gauss-Markov process, which
-AR(1) is when it is sampled, and more is a smoother one. s, b, n0 and p are those of the greatest likelihood of the
+white noise and noise with a correlation angle of about 1 / n0 rad: p = 1 is a first-order Gauss-Markov process
+(AR(1) when sampled), and a higher p a smoother one. s, b, n0 and p are those of the greatest likelihood of the
 power at the orders that were not fitted (P. Whittle 1953: each is exponential, of the mean S). A hump is taken
-where white noise would show one as likely in one trace of twenty at most. An order far above its neighbours is a
-wave of the part and no noise; it has no say. A drift that does not close within the turn, as good as a random
-walk, is beyond this: of 95 % some 90 % are left.
+where white noise would show one as likely in one trace of twenty at most. An order far above its neighbours is
+a harmonic of the part and is not counted as noise. A drift that does not close within the turn, close to a
+random walk, is not covered: its 95 % intervals hold about 90 %.
 """
 
 from __future__ import annotations
@@ -28,31 +28,31 @@ from profiles.confidence import student
 Floats = NDArray[np.float64]
 
 HIGHEST_ORDER = 120
-"""Orders up to here are looked at one by one; what lies above them counts as a whole."""
+"""Orders up to here are evaluated one by one; those above count as a whole."""
 
 _BEYOND = 20
-"""Orders above the highest that was fitted that are looked at, at least."""
+"""Minimum orders evaluated above the highest one that was fitted."""
 
 _LEAST_ORDERS = 8
-"""With fewer that were not fitted no spectrum can be told from white."""
+"""With fewer unfitted orders no spectrum can be distinguished from white."""
 
 _COLOURED = 4.0
-"""Gain of log-likelihood above which noise is not white: half of chi-square of three, 95 %."""
+"""Gain of log-likelihood above which noise is not white: half of chi-square with three, 95 %."""
 
 _AS_LIKELY = 1.0
-"""Loss of log-likelihood up to which another steepness is as likely; of these the surest knows too much."""
+"""Loss of log-likelihood for another steepness that is about as likely; the best alone would be overconfident."""
 
 _LINE = 50.0
-"""Times the median of its neighbours: by chance one order in a hundred thousand."""
+"""Multiple of the median of its neighbours: by chance one order in a hundred thousand."""
 
 _NEIGHBOURS = 4
-"""Of an order, to each side."""
+"""Neighbours of an order, on each side."""
 
 _CORNERS, _HUMPS = 32, 32
 _STEEPNESS = (1.0, 2.0, 3.0)
 _MOST_HUMP = 1e6
 _PRIOR = 0.1
-"""What is known of the logarithms of hump and corner before anything was seen: as if within a factor of 20."""
+"""Prior on the logarithms of hump and corner: within a factor of 20."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,10 +75,10 @@ class Hump:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseSpectrum:
-    """The variance that counts at each order, with its degrees of freedom.
+    """The effective variance at each order, with its degrees of freedom.
 
     `level` is that of white noise, of `freedom`; `humps` are those that are about as likely, none where the noise
-    may be white. `powers` are those of what is left, by order from 1: |sum e exp(-j n angle)|^2 / M.
+    may be white. `powers` are those of the residuals, by order from 1: |sum e exp(-j n angle)|^2 / M.
     """
 
     level: float
@@ -87,15 +87,15 @@ class NoiseSpectrum:
     humps: tuple[Hump, ...] = ()
 
     def at(self, n: int) -> tuple[float, float]:
-        """Return the variance at an order and its degrees of freedom, where the spectra differ the least sure."""
+        """Return the variance at an order and its degrees of freedom, by the least certain of the spectra."""
         found = [(variance, min(freedom, self.freedom)) for variance, freedom in (h.at(n) for h in self.humps)]
         return max(found, key=lambda each: student(each[1]) ** 2 * each[0], default=(self.level, self.freedom))
 
 
 def noise_spectrum(angle_deg: Floats, left: Floats, fitted: Sequence[int], parameters: int) -> NoiseSpectrum:
-    """Return the spectrum of what a fit of the waves `fitted` leaves; both have shape (M,), angles in any order.
+    """Return the residual spectrum of a fit of the orders `fitted`; both have shape (M,), angles in any order.
 
-    `parameters` is how many were fitted.
+    `parameters` is how many parameters were fitted.
     """
     freedom = float(left.size - parameters)
     level = float(left @ left) / freedom
@@ -110,7 +110,7 @@ def noise_spectrum(angle_deg: Floats, left: Floats, fitted: Sequence[int], param
 
 
 def _powers(angle_deg: Floats, left: Floats, highest: int) -> Floats:
-    """Return the power at the orders from 1; an order above half of the places is another one seen again."""
+    """Return the power at the orders from 1; an order above half the number of points is an alias."""
     places = np.unique(np.round(angle_deg % 360.0, 6)).size
     turn = np.exp(-1j * np.radians(angle_deg))
     turning = np.ones_like(turn)
@@ -122,7 +122,7 @@ def _powers(angle_deg: Floats, left: Floats, highest: int) -> Floats:
 
 
 def _lines(powers: Floats) -> NDArray[np.bool_]:
-    """Return which powers stand far above those beside them."""
+    """Return which powers are far above their neighbours."""
     found = np.zeros(powers.size, dtype=bool)
     for place, power in enumerate(powers):
         first = min(max(place - _NEIGHBOURS, 0), powers.size - 2 * _NEIGHBOURS - 1)
@@ -134,7 +134,7 @@ def _lines(powers: Floats) -> NDArray[np.bool_]:
 def _with_the_rest(
     powers: Floats, told: NDArray[np.int_], orders: NDArray[np.int_], freedom: float, level: float, points: int
 ) -> tuple[Floats, Floats, Floats]:
-    """Return powers, how many each stands for, and their orders; the last is all that was not looked at singly."""
+    """Return powers, how many each stands for, and their orders; the last combines all orders not taken singly."""
     counts = np.ones(told.size)
     rest = 0.5 * freedom - orders.size
     energy = 0.5 * level * freedom - float(powers[orders - 1].sum())

@@ -1,4 +1,4 @@
-"""The points of a closed profile: what may be evaluated, how they stand round the turn, equal angles from unequal.
+"""The points of a closed profile: validity, spacing round the turn, interpolation to equal angles.
 
 Angles in degrees, in any order and from any start; deviations in um, positive outwards; shape (M,) each.
 """
@@ -14,8 +14,8 @@ FloatArray = NDArray[np.float64]
 
 FEWEST_POINTS = 4
 LARGEST_GAP_DEG = 60.0
-"""Half the wave of a three-lobe, crest to valley: in a larger gap all of it can hide."""
-# Share of a step by which the angles of an equally spaced trace may be off, such as by rounding in a file.
+"""Half the period of a three-lobe, maximum to minimum: a larger gap can hide all of it."""
+# Fraction of a step by which the angles of an equally spaced trace may be off, e.g. by rounding in a file.
 _SPACING_TOLERANCE = 0.01
 _GAP_TOLERANCE_DEG = 1e-6
 _TURN_DEG = 360.0
@@ -47,7 +47,7 @@ def checked(angle_deg: ArrayLike, deviation_um: ArrayLike) -> tuple[FloatArray, 
 
 
 def narrow(gap_deg: float, most_deg: float) -> Problem:
-    """Return the refusal of angles that leave such a gap."""
+    """Return the refusal of angles with such a gap."""
     value, limit = f"{gap_deg:g} deg", f"<= {most_deg:g} deg"
     return Problem(code="trace.narrow_angles", key="angle_deg", value=value, limit=limit)
 

@@ -1,8 +1,8 @@
-"""Points that do not belong to the part, such as chips and scratches: found, told, and left out.
+"""Find points that do not belong to the part, such as chips and scratches, report them and leave them out.
 
-Huber weights (1 within 1.345 sigma, falling with the distance beyond) keep such points from pulling the waves of
-the part; sigma is 1.4826 times the median of the absolute residuals. What is then further off than `FAR_SIGMA` is
-suspect, and the figures come from a second least squares without it.
+Huber weights (1 within 1.345 sigma, falling with the distance beyond) limit the influence of such points on the
+harmonics; sigma is 1.4826 times the median of the absolute residuals. Points further off than `FAR_SIGMA` are
+suspect, and the results come from a second least squares fit without them.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from profiles.metrology.points import FloatArray
 from profiles.problem import Problem, ProfileError
 
 FAR_SIGMA = 4.5
-"""A wave between the fitted ones has its crests at 1 sigma / 0.95; of 3600 Gaussian points 0.02 lie beyond."""
+"""A harmonic between the fitted ones has its maxima at 1 sigma / 0.95; of 3600 Gaussian points 0.02 lie beyond."""
 LARGEST_SHARE = 0.1
 _SETTLED = 1e-3
-# Share of the peak to peak below which a residual is the rounding of the arithmetic.
+# Fraction of the peak-to-peak value below which a residual is arithmetic rounding.
 _ROUNDING = 1e-9
 
 
@@ -41,7 +41,7 @@ def suspects(angle_deg: FloatArray, deviation_um: FloatArray) -> NDArray[np.bool
 
 
 def filled(angle_deg: FloatArray, profile_um: FloatArray, missing: NDArray[np.bool_]) -> FloatArray:
-    """Return the profile with straight lines where points are missing, for a filter that needs every angle."""
+    """Return the profile with missing points interpolated linearly, for a filter that needs every angle."""
     kept = ~missing
     result = profile_um.copy()
     result[missing] = np.interp(angle_deg[missing], angle_deg[kept], profile_um[kept], period=360.0)

@@ -1,4 +1,4 @@
-"""The size of a measured part, and the step of the tool that would put it right."""
+"""The size of a measured part, and the tool offset that would correct it."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ def mean_diameter_mm(radius_mm: float, mean_deviation_um: float) -> float:
 
 
 def tool_offset_um(mean_diameter_mm: float, target_diameter_mm: float) -> float:
-    """Return half of what the part is too large by: how far the tool has to go on, positive into the work."""
+    """Return half of the oversize: how far the tool has to move, positive into the work."""
     return 500.0 * (mean_diameter_mm - target_diameter_mm)

@@ -1,13 +1,12 @@
-"""Where a circle may slide: of its equally good places the one that the data alone determine.
+"""Choose among equally good positions of a circle the one that the data alone determine.
 
-Two points that stand exactly opposite each other, as the crests of an oval do, hold a circumscribed or inscribed
-circle across their line and not along it: within bounds every place is as good, and which of them a programme
-ends at would be chance. ISO 12181-1 leaves it open. Here it is the place with the least RONt and, where that is
-not unique either, the one nearest to the centre of least squares: both turn with the part, and for an oval they
-are its middle. A minimum zone that may slide has one RONt; its centre is the nearest one, too.
-
-A handful of points is no profile: nothing is known between them. There a circumscribed or inscribed circle slides
-until a third point holds it, the nearer way from the centre of least squares, as published examples have it.
+Two exactly opposite points, such as the maxima of an oval, fix a circumscribed or inscribed circle in one
+direction only: within bounds every position is equally good, and a programme would end at an arbitrary one. ISO
+12181-1 leaves it open. Here it is the position with the least RONt and, where that is not unique either, the
+one nearest to the centre of least squares: both turn with the part, and for an oval they are its middle. A
+minimum zone that may slide has one RONt; its centre is the nearest one, too. A handful of points is not a
+profile: nothing is known between them. There a circumscribed or inscribed circle slides until a third point
+stops it, the shorter way from the centre of least squares, as in published examples.
 """
 
 from __future__ import annotations
@@ -17,24 +16,24 @@ from numpy.typing import NDArray
 
 from profiles.metrology.points import FloatArray
 
-# Rate, per step of the centre, below which a point keeps its distance: the points that hold the circle.
+# Rate, per step of the centre, below which a point keeps its distance: the contacts of the circle.
 _KEEPS_DISTANCE = 1e-9
 HANDFUL = 32
-"""Points below which they are not taken for a profile."""
+"""Fewer points than this are not a profile."""
 
 _LEVEL = 1e-13
-"""Difference of two deviations, a share of the peak to peak, that is rounding."""
+"""Difference of two deviations, as a fraction of the peak to peak, that is rounding."""
 
 
 def settled(
     columns: FloatArray, gains: FloatArray, prices: FloatArray, held: NDArray[np.intp], *, one_sided: bool
 ) -> FloatArray:
-    """Return the prices of the place that is chosen among all optima; the given ones where there is no other.
+    """Return the prices of the position chosen among all optima; the given ones where there is no other.
 
-    `columns` (m, n), `gains` (n,) and `prices` (m,) are those of `profiles.metrology.exchange`: columns^T prices
-    >= gains, and the last two prices are the centre from that of least squares. `held` are the contacts with a
-    weight. `one_sided` is a circumscribed or inscribed circle, whose RONt hangs on the place. Several heights at
-    one angle may let a zone slide in two directions; it then stays where it is.
+    `columns` (m, n), `gains` (n,) and `prices` (m,) are those of `profiles.metrology.exchange`: columns^T
+    prices >= gains, and the last two prices are the centre from that of least squares. `held` are the contacts
+    with a weight. `one_sided` is a circumscribed or inscribed circle, whose RONt depends on the position.
+    Several heights at one angle may let a zone slide in two directions; it then stays where it is.
     """
     free = len(prices) - held.size
     if free != 1:
@@ -51,14 +50,14 @@ def settled(
 
 
 def _held_by_three(low: float, high: float, nearest: float, least: tuple[float, float]) -> tuple[float, float]:
-    """Return the end nearer to a place; of two that are as near, the one nearer to the least RONt."""
+    """Return the end nearer to a position; of two equally near, the one nearer to the least RONt."""
     sums = (low + high - 2.0 * nearest, low + high - least[0] - least[1])
     further = next((each for each in sums if abs(each) > _KEEPS_DISTANCE * (high - low)), 0.0)
     return (low, low) if further >= 0.0 else (high, high)
 
 
 def _allowed(slack: FloatArray, rates: FloatArray, low: float, high: float) -> tuple[float, float]:
-    """Return the part of [low, high] where slack + rates t >= 0 in every place."""
+    """Return the part of [low, high] where slack + rates t >= 0 everywhere."""
     rising, falling = rates > _KEEPS_DISTANCE, rates < -_KEEPS_DISTANCE
     low = max(low, float(np.max(-slack[rising] / rates[rising], initial=-np.inf)))
     high = min(high, float(np.min(-slack[falling] / rates[falling], initial=np.inf)))

@@ -1,4 +1,4 @@
-"""Several turns of one part: what repeats with the angle belongs to it, what differs from turn to turn does not.
+"""Several turns of one part: what repeats with the angle belongs to the part, the rest is random.
 
 Problem code: `trace.turns`.
 """
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from profiles.metrology.points import FloatArray
 from profiles.problem import Problem, ProfileError
 
-# Share of a step by which the angles of a turn may differ from those of the first one.
+# Fraction of a step by which the angles of a turn may differ from those of the first one.
 _SAME_ANGLE = 0.01
 _TURN_DEG = 360.0
 

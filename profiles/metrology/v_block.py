@@ -1,4 +1,4 @@
-"""What an indicator over a V-block sees of a lobed part, and what it cannot see.
+"""The response of an indicator over a V-block to a lobed part, and the lobes that it cannot see.
 
 Problem codes: `trace.two_point`, `trace.v_block_blind`, `value.out_of_range`.
 """
@@ -14,7 +14,7 @@ TWO_POINT_DEG = 180.0
 
 
 def v_block_factor(lobes: int, included_deg: float) -> float:
-    """Return F_n, the reading's amplitude over the lobe's; the sign is that of a crest under the indicator.
+    """Return F_n, the reading's amplitude over the lobe's; the sign is that of a maximum under the indicator.
 
     The part turns in a V of included angle 2 h, the indicator is on the bisector opposite the V:
     F_n = 1 + (-1)^n cos(n (90 deg - h)) / sin h. A V of 180 deg is the measurement of a diameter: 0 for odd n.
@@ -33,11 +33,11 @@ def v_block_factor(lobes: int, included_deg: float) -> float:
 
 
 def usable_factor(lobes: int, included_deg: float) -> float:
-    """Return the factor by which a reading is to be divided.
+    """Return the factor by which a reading must be divided.
 
     Raises:
         ProfileError: as `v_block_factor`; `trace.two_point`; `trace.v_block_blind`, the factor is below
-            `SMALLEST_FACTOR`, so that next to nothing of the lobes would be read.
+            `SMALLEST_FACTOR`, so that the lobes would hardly be read.
     """
     factor = v_block_factor(lobes, included_deg)
     if included_deg == TWO_POINT_DEG:

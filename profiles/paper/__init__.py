@@ -1,1 +1,1 @@
-"""Lee & Lee (2001) recomputed: what the paper says, figure by figure, beside what comes out here."""
+"""Lee & Lee (2001) recomputed: the paper's values, figure by figure, beside ours."""

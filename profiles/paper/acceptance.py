@@ -1,4 +1,4 @@
-"""Those of the twelve acceptance numbers that are formulas: 2 to 5 and 10 to 12. The others need the lathe."""
+"""The formulas among the twelve acceptance numbers: 2 to 5 and 10 to 12. The others need the lathe."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from profiles.paper.record import Record, Section
 from profiles.paper.residual import left_um_pp
 
 MISALIGNED_UM = {1.0: 2.88, 0.347: 1.0, 20.0: 55.0, 60.0: 110.0}
-"""What a path leaves of 55 um that is so many degrees of spindle off."""
+"""What a path leaves of 55 um when its spindle angle is off by so many degrees."""
 
 _RING_JAW_N = 438.0
 
@@ -65,7 +65,7 @@ def servo(machine: MachineProfile) -> tuple[Record, ...]:
 
 
 def through_servos(paper: Experiments) -> tuple[Record, ...]:
-    """Numbers 3, 4 and 5: what a sine and the moves of Prog. 1 leave behind Eq 9 and behind the measured servo."""
+    """Numbers 3, 4 and 5: what a sine and the moves of Prog. 1 leave after Eq 9 and after the measured servo."""
     target = (
         (3, "sine_eq9", (38.8, 23.3), 0.2),
         (4, "sine_measured", (14.0, 8.4), 0.1),
@@ -107,7 +107,7 @@ def alignment() -> tuple[Record, ...]:
 
 
 def stiffness(machine: MachineProfile) -> tuple[Record, ...]:
-    """Number 11: how the axis gives way to a force."""
+    """Number 11: the compliance of the axis under a force."""
     held = replace(machine, tool=replace(machine.tool, gain_ki_v_per_m_s=0.0))
 
     def of(at: str, ours: float, expected: float, tolerance: float, unit: str) -> Record:
@@ -123,7 +123,7 @@ def stiffness(machine: MachineProfile) -> tuple[Record, ...]:
 
 
 def recovery_s(machine: MachineProfile) -> float:
-    """Return the time constant with which the integrator takes a step of force back, seen from 2 s to 6 s."""
+    """Return the time constant with which the integrator corrects a step of force, from 2 s to 6 s."""
     early, late = (pushed_um_per_n(machine, time_s) for time_s in (2.0, 6.0))
     return 4.0 / math.log(early / late)
 
@@ -151,7 +151,7 @@ def clamping(paper: Experiments) -> tuple[Record, ...]:
 
 
 def _left_at_speed(paper: Experiments) -> float:
-    """Return which share of its spring-back experiment 1 has left at 1000 rpm."""
+    """Return the fraction of its spring-back that experiment 1 has left at 1000 rpm."""
     job, machine = paper.jobs[0], paper.machine
     slow = replace(job, spindle_speed_rpm=1.0)
     sprung = [

@@ -1,4 +1,4 @@
-"""Figs 3 to 6 and Eqs 1 to 3: how a chuck gives way around the turn, and how many lobes that makes.
+"""Figs 3 to 6 and Eqs 1 to 3: the chuck's compliance around the turn, and the number of lobes that it makes.
 
 The paper gives conditions, not readings: what can be compared is where the stiffness is largest and what makes it
 larger. Jaw length and contacts are those of the machine profile, assumed there.
@@ -40,7 +40,7 @@ SWINGING = Reaction(
     b_n=(0.0, 0.8, 0.0),
     exponent=2.0,
 )
-"""A chuck that resonates at 50 Hz, where Eq 3 is true; the paper has no numbers of its own. Eq 1 as printed."""
+"""A chuck that resonates at 50 Hz, where Eq 3 is valid; the paper gives no numbers. Eq 1 as printed."""
 
 _RPM = 1000.0
 
@@ -65,7 +65,7 @@ def bar_um(
     chucking_n: float,
     angle: ArrayLike,
 ) -> FloatArray:
-    """Return how far a steel bar gives way at the load, pushed at angles (deg) from a jaw; in their shape."""
+    """Return the deflection of a steel bar at the load, pushed at angles (deg) from a jaw; in their shape."""
     held = holding_of(machine)
     per_jaw_n = chucking_n / 3
     contact = Contact(
@@ -102,7 +102,7 @@ def _fig_3(machine: MachineProfile) -> tuple[Record, ...]:
 
 
 def _by_the_contacts(record: Record) -> Record:
-    """Return a record that three contacts which stiffen with their load make true, however much they do."""
+    """Return a record that holds for three contacts of any stiffening exponent."""
     return constructed(record, "stiffening")
 
 
@@ -173,7 +173,7 @@ def _eq3_lobe_um(jaws: int, angle_deg: FloatArray) -> FloatArray:
 
 
 def _eq_3() -> tuple[Record, ...]:
-    """At resonance Eq 3 is the first harmonic of the general steady state; far below it, it is not."""
+    """Compare Eq 3 with the general steady state: equal to its first harmonic at resonance, not far below."""
     gain, _ = amplification(0.1, 0.03)
     resonant, _ = amplification(1.0, 0.03)
     printed_um = float(np.ptp(eq3_um(SWINGING, _RPM, np.arange(360.0), 0.0))) / 2

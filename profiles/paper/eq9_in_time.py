@@ -13,13 +13,13 @@ from profiles.machine import MachineProfile
 
 
 def step_error(machine: MachineProfile, time_s: float) -> float:
-    """Return how much of a step of the command is left at a time after it: N = M s^2 + B s."""
+    """Return the remaining error of a step command at a time after it: N = M s^2 + B s."""
     tool = machine.tool
     return _sum(machine, [tool.moving_mass_kg, tool.damping_n_s_per_m, 0.0], time_s)
 
 
 def pushed_um_per_n(machine: MachineProfile, time_s: float) -> float:
-    """Return how far a step of force has pushed the axis at a time after it, um/N: N = 1."""
+    """Return the displacement by a step of force at a time after it, um/N: N = 1."""
     return 1e6 * _sum(machine, [1.0], time_s)
 
 

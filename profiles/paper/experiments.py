@@ -1,4 +1,4 @@
-"""The lathe and the two experiments of the paper (Tables 2 to 4 and 6), and what it measured on the parts."""
+"""The lathe and the two experiments of the paper (Tables 2 to 4 and 6), with the measured parts."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ FULL_BLEND = 1.0
 """TA = TM: every move of Prog. 1 is all acceleration time."""
 
 WITHIN_UM = 6.0
-"""How near to a measured part a model without any tuned factor is wanted."""
+"""Required agreement with a measured part of a model without any tuned factor."""
 
 _TURN_DEG = np.arange(0.0, 360.0, 0.5)
 
@@ -34,7 +34,7 @@ def section(paper: Experiments) -> Section:
 
 
 def models(paper: Experiments) -> dict[str, tuple[dict[int, float], Servo, float]]:
-    """Return what may have left the residual: a trajectory, a servo, and the lobe frequency in Hz."""
+    """Return what may explain the residual: a trajectory, a servo, and the lobe frequency in Hz."""
     eq9 = partial(eq9_response, paper.machine)
     sine = dict(SINE)
     s_curve, linear = zigzag(Ramps.S_CURVE, FULL_BLEND), zigzag(Ramps.LINEAR, FULL_BLEND)
@@ -64,7 +64,7 @@ def _path(paper: Experiments) -> tuple[Record, ...]:
 
 
 def _put_in(name: str, ours: float, unit: str, expected: float, at: str = "", tolerance: float = 1e-9) -> Record:
-    """Return a record of what the paper's own numbers were put in for."""
+    """Return a record whose numbers come from the paper itself."""
     record = Record(name=name, at=at, ours=ours, unit=unit, expected=expected, tolerance=tolerance)
     return constructed(record, "put_in")
 
@@ -102,7 +102,7 @@ def _prog_1(paper: Experiments) -> tuple[Record, ...]:
 
 
 def _fig_14(paper: Experiments) -> tuple[Record, ...]:
-    """The part that Eq 7 leaves, through the same evaluation as a measured one."""
+    """Evaluate the part that Eq 7 leaves like a measured one."""
     records = []
     for number, (job, error) in enumerate(zip(paper.jobs, paper.errors_um_pp, strict=True), start=1):
         removed = removed_depth_um(_TURN_DEG, a0_um=1000 * job.depth_of_cut_mm, a1_um=job.lobe_amplitude_um)
@@ -137,7 +137,7 @@ def _fig_16(paper: Experiments) -> tuple[Record, ...]:
 
 
 def _causes(paper: Experiments) -> tuple[Record, ...]:
-    """What each explanation leaves of 55 and of 33 um."""
+    """Return what each explanation leaves of 55 and of 33 um."""
     records = []
     for number, (error, measured) in enumerate(zip(paper.errors_um_pp, COMPENSATED_UM, strict=True), start=1):
         for name, (waves, servo, hz) in models(paper).items():

@@ -1,9 +1,9 @@
-"""The motion that Prog. 1 really commands: alternating blended moves, as waves of a lobe.
+"""The motion that Prog. 1 really commands: alternating blended moves, as harmonics of a lobe.
 
-Two moves +P and -P of a time TM whose corners are blended over TA <= TM. The wave that comes out, as a share of P
-and with its crest at phase 0, is sum c_k cos(k phase) over odd k about its mean (PMAC, blended LINEAR moves):
+Two moves +P and -P of a time TM whose corners are blended over TA <= TM. The result, as a fraction of P and
+with its maximum at phase 0, is sum c_k cos(k phase) over odd k about its mean (PMAC, blended LINEAR moves):
 
-    c_k = 4 / (pi k)^2 for a triangle, times sin(x)/x, x = k pi TA / (2 TM), with linear ramps,
+c_k = 4 / (pi k)^2 for a triangle, times sin(x)/x, x = k pi TA / (2 TM), with linear ramps,
     times (sin(x/2)/(x/2))^2 with full S-curves.
 """
 
@@ -18,21 +18,21 @@ HARMONICS = 201
 
 
 class Ramps(StrEnum):
-    """How the velocity goes from one move over into the next: TS 0, or TA = 2 TS."""
+    """How the velocity passes from one move to the next: TS 0, or TA = 2 TS."""
 
     LINEAR = "linear"
     S_CURVE = "s_curve"
 
 
 SINE: Mapping[int, float] = {1: 0.5}
-"""The path that was wanted: its swing is P."""
+"""The target path: its swing is P."""
 
 
 def zigzag(ramps: Ramps, blend_share: float) -> dict[int, float]:
-    """Return the c_k of a zig-zag that blends over `blend_share` = TA / TM (0 to 1) of each move."""
+    """Return the c_k of a zigzag that blends over `blend_share` = TA / TM (0 to 1) of each move."""
     waves = {}
     for k in range(1, HARMONICS, 2):
-        x = k * blend_share / 2  # numpy's sinc has its pi inside
+        x = k * blend_share / 2  # numpy's sinc includes pi
         blend = np.sinc(x) if ramps is Ramps.LINEAR else np.sinc(x / 2) ** 2
         waves[k] = float(4 / (np.pi * k) ** 2 * blend)
     return waves
@@ -44,5 +44,5 @@ def stroke_share(ramps: Ramps, blend_share: float) -> float:
 
 
 def fundamental_share(waves: Mapping[int, float]) -> float:
-    """Return the swing of the first wave over P."""
+    """Return the swing of the first harmonic over P."""
     return 2 * waves[1]

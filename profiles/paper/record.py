@@ -1,4 +1,4 @@
-"""What is compared: a number of the paper with ours, and the curves of a figure."""
+"""The elements of the comparison: a number of the paper with ours, and the curves of a figure."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 class Relation(StrEnum):
-    """How ours must stand to what is expected."""
+    """The required relation of our value to the expected one."""
 
     NEAR = "="
     AT_MOST = "<="
@@ -21,11 +21,11 @@ class Relation(StrEnum):
 
 
 class Basis(StrEnum):
-    """What a comparison is worth.
+    """The significance of a comparison.
 
-    One that is true by `CONSTRUCTION` follows from what the model is, whatever is assumed in it: a formula of the
-    paper put in and taken out, or a trend that the model has for any value. One that is `FITTED` is with the very
-    numbers that the model was fitted to. Neither tells anything of the paper, and both are counted apart.
+    One that holds by `CONSTRUCTION` follows from the model itself, whatever its assumptions: a formula of the
+    paper put in and taken out, or a trend that the model has for any value. One that is `FITTED` uses the
+    numbers that the model was fitted to. Neither is evidence about the paper, and both are counted separately.
     """
 
     COMPUTED = "computed"
@@ -35,12 +35,11 @@ class Basis(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """One number. `expected` is what the paper says or, with an acceptance `number` (1 to 12), what must come out.
+    """One number. `expected` is the paper's value or, with an acceptance `number` (1 to 12), the required one.
 
-    `expected` is None where the paper says nothing. `at` tells records of one name apart (a frequency, an
-    experiment), `why` names the reason that is given for the difference, `facts` are the numbers in that reason,
-    each with its unit in its name. `tolerance` is in `unit`. `basis` says whether it could have come
-    out otherwise.
+    `expected` is None where the paper gives none. `at` distinguishes records of one name (a frequency, an
+    experiment), `why` names the reason for the difference, `facts` are the numbers in that reason, each with
+    its unit in its name. `tolerance` is in `unit`. `basis` says whether it could have come out otherwise.
     """
 
     name: str
@@ -57,14 +56,14 @@ class Record:
 
     @property
     def difference(self) -> float | None:
-        """Ours minus what is expected; None where nothing is, or only a bound."""
+        """Our value minus the expected one; None where there is none, or only a bound."""
         if self.expected is None or self.relation is not Relation.NEAR:
             return None
         return self.ours - self.expected
 
     @property
     def holds(self) -> bool | None:
-        """Whether ours stands to what is expected as it must; None where nothing is expected."""
+        """Whether our value satisfies the relation; None where nothing is expected."""
         if self.expected is None:
             return None
         if self.relation is Relation.AT_MOST:
@@ -77,7 +76,7 @@ class Record:
 
 
 def constructed(record: Record, why: str) -> Record:
-    """Return a record that is true by construction, and why."""
+    """Return a record that holds by construction, and why."""
     return replace(record, basis=Basis.CONSTRUCTION, why=why)
 
 
@@ -97,7 +96,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Figure:
-    """The curves of one figure in its units; `at` tells figures of one name apart."""
+    """The curves of one figure in its units; `at` distinguishes figures of one name."""
 
     name: str
     x_unit: str

@@ -1,4 +1,4 @@
-"""The paper beside what comes out here, as far as it needs no lathe."""
+"""The paper's results beside ours, as far as no lathe is needed."""
 
 from __future__ import annotations
 

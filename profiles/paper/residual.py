@@ -1,4 +1,4 @@
-"""What a cut leaves of a lobe: the trajectory that was commanded, through the servo that followed it.
+"""The residual of a cut: the commanded trajectory through the servo that followed it.
 
 The part stands high by (E/2) cos(phase); the tool goes in by E sum c_k Re(T(k f) exp(j k phase)), see `prog_1`.
 """
@@ -36,13 +36,13 @@ def left_um(
 
 
 def left_um_pp(error_um_pp: float, waves: Mapping[int, float], servo: Servo, lobe_hz: float) -> float:
-    """Return the roundness error that is left: waves that come N times a turn move no circle off its centre."""
+    """Return the remaining roundness error: order N does not move the centre of a circle."""
     phase = 2 * np.pi * np.arange(PLACES) / PLACES
     return float(np.ptp(left_um(error_um_pp, waves, servo, lobe_hz, phase)))
 
 
 def left_by_compliance_um_pp(error_um_pp: float, depth_um: float, mean_shift_um: float) -> float:
-    """Return the lobe that a perfect sine leaves where the error is one of compliance, in proportion to the depth.
+    """Return the lobe that a perfect sine leaves where the error is caused by compliance, in proportion to depth.
 
     removed = s (depth + shift - tool), s = s0 + (E / 2 D) sin(3 angle), and s0 = 1 - E / (2 D), because nothing
     is cut deeper than the tool goes: E (1 - s0) + E shift / D are left.

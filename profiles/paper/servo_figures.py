@@ -1,4 +1,4 @@
-"""Section 4.2, Figs 11 and 12 and Table 5: the closed loop of Eq 9, and what the real one did."""
+"""Section 4.2, Figs 11 and 12 and Table 5: the closed loop of Eq 9, and the real one."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def section(machine: MachineProfile) -> Section:
 
 
 def sampled_bandwidth_hz(machine: MachineProfile) -> float | None:
-    """Return where the loop, as the controller samples it, has lost half of its power; None if nowhere."""
+    """Return the half-power frequency of the sampled loop; None if there is none."""
     nyquist_hz = 0.999 * 500 / machine.controller.servo_period_ms
     return first_beyond(lambda f: 1 / np.abs(sampled_response(machine, f)), math.sqrt(2), nyquist_hz)
 
@@ -75,12 +75,12 @@ def _fig_11(machine: MachineProfile) -> tuple[Record, ...]:
 
 
 def _step_error_percent(machine: MachineProfile) -> float:
-    """Return how far a step is off after 0.1 s."""
+    """Return the error of a step after 0.1 s."""
     return 100 * abs(step_error(machine, _SETTLED_S))
 
 
 def _table_5(machine: MachineProfile) -> tuple[Record, ...]:
-    """Eq 9 as printed against the rows of the table, in its own units."""
+    """Compare Eq 9 as printed with the rows of the table, in its own units."""
     met = eq9_response(machine, table_5.FREQUENCIES_HZ)
     fit = table_5.fitted_feedforward(machine)
     fitted = table_5.feedforward_response(machine, table_5.FREQUENCIES_HZ, fit.acceleration_share, fit.delay_s)
@@ -100,7 +100,7 @@ def _table_5(machine: MachineProfile) -> tuple[Record, ...]:
 
 
 def _chi_square(chi2: float) -> Record:
-    """Return whether the fit itself is any good: chance alone exceeds the limit in one of twenty."""
+    """Return whether the fit itself is acceptable: chance alone exceeds the limit in one of twenty."""
     from scipy.special import chdtrc, chdtri
 
     freedom = 2 * len(table_5.FREQUENCIES_HZ) - table_5.UNKNOWNS
@@ -177,7 +177,7 @@ def _figures_11(machine: MachineProfile) -> tuple[Figure, Figure]:
 
 
 def _figure_12(machine: MachineProfile, frequency_hz: float) -> Figure:
-    """Two lobes of the commanded 50 um and of what follows it, in counts as the paper has them."""
+    """Return two lobes of the commanded 50 um and of the response, in counts as in the paper."""
     time_s = np.linspace(0.0, 2 / frequency_hz, 400)
     turning = np.exp(2j * np.pi * frequency_hz * time_s)
     counts = table_5.COMMAND_UM_PP / 2 / machine.tool.count_um

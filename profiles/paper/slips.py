@@ -1,4 +1,4 @@
-"""The slips of the paper: arithmetic that does not come out, and text of Prog. 1 that says another thing."""
+"""The slips of the paper: arithmetic that does not hold, and misprints in Prog. 1."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _SECOND_PERCENT = 57.0
 """Improvement of experiment 2, section 5.2.3."""
 
 _NO_GAIN_DEG = 20.0
-"""A path that is so far off in spindle angle leaves the whole lobe of three jaws: |1 - exp(-j 60 deg)| = 1."""
+"""A path off by this spindle angle leaves the whole lobe of three jaws: |1 - exp(-j 60 deg)| = 1."""
 
 
 def section(paper: Experiments) -> Section:
-    """Return what the paper computes beside what comes out."""
+    """Return the paper's computations beside the correct results."""
     records = (*_gains(paper.errors_um_pp), *_program(paper), *_motor(paper.machine))
     return Section(name="slips", records=records)
 
@@ -72,12 +72,12 @@ def _program(paper: Experiments) -> tuple[Record, ...]:
 
 
 def _meant(name: str, ours: float, unit: str, expected: float) -> Record:
-    """Return what a misprint must have been: it was corrected until it gave the paper's result."""
+    """Return the correction of a misprint: it was chosen to give the paper's result."""
     return constructed(Record(name=name, ours=ours, unit=unit, expected=expected, tolerance=1e-9), "meant")
 
 
 def _whole_counts(machine: MachineProfile, job: Job) -> Record:
-    """How many turns it takes to lose `_NO_GAIN_DEG` where every move is cut off to whole counts."""
+    """Return the turns it takes to lose `_NO_GAIN_DEG` where every move is truncated to whole counts."""
     counts = machine.spindle.counts_per_rev / (2 * job.jaws)
     lost_deg = 360.0 * 2 * job.jaws * (counts - math.floor(counts)) / machine.spindle.counts_per_rev
     turns = _NO_GAIN_DEG / lost_deg

@@ -1,7 +1,7 @@
-"""Table 5: what the real axis made of a command of 50 um, the readings of it, and models that fit it.
+"""Table 5: the real axis's response to a command of 50 um, its readings, and models that fit it.
 
-The paper does not say whether its "amplitude error" is of the amplitude or of peak to peak, nor its sign.
-Responses are complex, from commanded to actual position, at frequencies in Hz; a lag is a negative phase.
+The paper does not say whether its "amplitude error" is of the amplitude or of the peak-to-peak value, nor its
+sign. Responses are complex, from commanded to actual position, at frequencies in Hz; a lag is a negative phase.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ PHASE_ERROR_RAD = (0.0, 0.126, 0.241, 0.275)
 COMMAND_UM_PP = 50.0
 
 WEIGHT = 0.03
-"""Of a gain, and of a phase in rad, in the fits: what a reading is taken to be off by, one standard deviation."""
+"""Assumed reading error in the fits, of a gain and of a phase in rad, one standard deviation."""
 
 UNKNOWNS = 2
 """What is fitted: acceleration feedforward and delay."""
 
 
 class Reading(Enum):
-    """What the amplitude error is a share of, in um, and with which sign."""
+    """What the amplitude error is relative to, in um, and its sign."""
 
     LOSS_OF_AMPLITUDE = -1.0 / 25.0
     LOSS_PEAK_TO_PEAK = -1.0 / 50.0
@@ -42,7 +42,7 @@ class Reading(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feedforward:
-    """Eq 9 with a share of full acceleration feedforward and a delay of its output, and how well that fits.
+    """Eq 9 with a fraction of full acceleration feedforward and a delay of its output, and the quality of the fit.
 
     `chi2` is the sum over gains and phases of (misfit / `WEIGHT`)^2: eight data, two unknowns.
     """
@@ -53,7 +53,7 @@ class Feedforward:
 
 
 def measured_gains(reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> FloatArray:
-    """Return |T| at `FREQUENCIES_HZ`; the loss of peak to peak is the reading that a simple loop can make."""
+    """Return |T| at `FREQUENCIES_HZ`; loss of peak to peak is the reading that a simple loop can produce."""
     return np.asarray(1.0 + reading.value * np.array(AMPLITUDE_ERROR_UM), dtype=np.float64)
 
 
@@ -71,7 +71,7 @@ def measured_response(frequency_hz: ArrayLike, reading: Reading = Reading.LOSS_P
 
 
 def pure_delay_s() -> tuple[float, float]:
-    """Return the delay that fits the phases best, and the misfit that it leaves, rms in rad."""
+    """Return the delay that fits the phases best, and its misfit, rms in rad."""
     omega, lag = 2 * np.pi * np.array(FREQUENCIES_HZ), np.array(PHASE_ERROR_RAD)
     delay_s = float(omega @ lag / (omega @ omega))
     return delay_s, float(np.sqrt(np.mean((lag - omega * delay_s) ** 2)))
@@ -116,7 +116,7 @@ def fitted_gain(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO
 
 
 def _misfit(met: ComplexArray, reading: Reading) -> FloatArray:
-    """Return how far a response is off in gain and phase, in weights; shape (8,)."""
+    """Return the misfit of a response in gain and phase, in weights; shape (8,)."""
     off = np.concatenate([np.abs(met) - measured_gains(reading), np.angle(met) + PHASE_ERROR_RAD])
     return np.asarray(off / WEIGHT, dtype=np.float64)
 

@@ -1,1 +1,1 @@
-"""The kinds of files that a trace may come in. Bytes in, columns and header out."""
+"""The file formats of traces. Bytes in, columns and header out."""

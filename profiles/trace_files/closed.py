@@ -1,6 +1,6 @@
-"""What the formats of surface texture have in common: one profile at equal steps, taken as one closed turn.
+"""Common parts of the surface-texture formats: one profile at equal steps, taken as one closed turn.
 
-None of them has a word for closed profiles, start marks or directions: heights are along a line. Such a profile is
+None of them can express closed profiles, start marks or directions: heights are along a line. Such a profile is
 taken as one turn, so that its length, the number of points times the step, is the circumference. The phase stays
 unknown, and so does the size: the heights are from any zero.
 
@@ -21,18 +21,18 @@ from profiles.trace_files.limits import MOST_POINTS, too_large
 from profiles.trace_files.table import FEWEST_POINTS, LARGEST_DEVIATION_UM
 
 Content = TypeVar("Content", bytes, str)
-"""Of a file: its bytes, or the text that they are."""
+"""The content of a file: its bytes, or their text."""
 
 UM_PER_M = 1e6
 ABOVE_ZERO = math.ulp(0.0)
-"""The least number that a step or a scale may be."""
+"""The smallest step or scale."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedProfile:
     """Deviations in um at equal angles, and the radius in mm that the step implies (None without a step).
 
-    `format` is what the file is called by people.
+    `format` is the common name of the format.
     """
 
     format: str
@@ -42,9 +42,9 @@ class ClosedProfile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceFormat(Generic[Content]):
-    """A format: what people call it, where it is laid down, how a file of it is recognised and read.
+    """A format: its common name, its standard, and how a file of it is recognised and read.
 
-    `read` takes the content and what names the file in problems; it raises `ProfileError`.
+    `read` takes the content and the file's name for problems; it raises `ProfileError`.
     """
 
     name: str
@@ -54,7 +54,7 @@ class TraceFormat(Generic[Content]):
 
 
 def closed(kind: str, deviation_um: list[float], points: float, step_m: float, where: str) -> ClosedProfile:
-    """Return a profile of as many points as its file says it has; a `step_m` of 0 is none.
+    """Return a profile with as many points as its file states; a `step_m` of 0 means none.
 
     Raises:
         ProfileError: `trace.format`, there are more or fewer.
@@ -79,10 +79,10 @@ def point_count(stated: str, key: str, where: str) -> float:
 
 
 def number(stated: str, key: str, where: str, least: float, most: float) -> float:
-    """Return a number of a file's head that is within bounds.
+    """Return a number from a file's header that is within bounds.
 
     Raises:
-        ProfileError: `trace.format`, it is none, or out of bounds.
+        ProfileError: `trace.format`, not a number, or out of bounds.
     """
     value, code = Dialect(",").number(stated)
     if code or not least <= value <= most:
@@ -91,7 +91,7 @@ def number(stated: str, key: str, where: str, least: float, most: float) -> floa
 
 
 def heights_um(cells: Iterable[tuple[str, str]], um_per_unit: float, points: float) -> list[float]:
-    """Return heights in um of cells, each with where it stands; not more than one beyond the `points` of the head.
+    """Return heights in um of cells, each with its position; at most one beyond the header's `points`.
 
     Raises:
         ProfileError: `trace.not_number`, `trace.not_finite` (a value marked BAD, too), `trace.out_of_range`.

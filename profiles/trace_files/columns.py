@@ -1,6 +1,6 @@
-"""The tables that a trace file may hold, told by the names of its columns.
+"""The tables that a trace file may hold, identified by their column names.
 
-Columns are named as instruments and spreadsheets name them: "Angle [deg]", "θ (°)", "Deviation / µm", "편차 [um]".
+Column names are those of instruments and spreadsheets: "Angle [deg]", "θ (°)", "Deviation / µm", "편차 [um]".
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ ANGLE = "angle_deg"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
-    """One kind of table: the names of its columns in order, and what their numbers are in um.
+    """One kind of table: the names of its columns in order, and the unit of their numbers in um.
 
     `um_per_unit` is 0 where the header has to say it (`# units: mm`). `plane` are points x, y; otherwise there are
     angles, or the header says that they are equal (`# angles: equal`), and deviations.
@@ -58,7 +58,7 @@ def columns_named(headings: tuple[str, ...]) -> Columns | None:
 
 
 def column_name(heading: str) -> str:
-    """Return a heading as `TABLES` spells it, such as `deviation_um`; another one as its words."""
+    """Return a heading as `TABLES` spells it, such as `deviation_um`; an unknown one as its words."""
     words = re.findall(r"°|[^\W_]+", _plain(heading))
     unit = _UNITS.get(words[-1]) if len(words) > 1 else None
     quantity = "_".join(words[:-1] if unit else words)
@@ -66,10 +66,10 @@ def column_name(heading: str) -> str:
 
 
 def unit_named(stated: str) -> str:
-    """Return a unit as we write it, such as "um" for "µm"; another word as it is."""
+    """Return a unit in our spelling, such as "um" for "µm"; an unknown word as it is."""
     return _UNITS.get(_plain(stated), stated)
 
 
 def _plain(text: str) -> str:
-    """Return small letters with one sign for micro, of the two that look alike."""
+    """Return lower case with one of the two look-alike signs for micro."""
     return unicodedata.normalize("NFKC", text.strip()).lower().replace("μ", "u")

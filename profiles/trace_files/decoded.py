@@ -1,4 +1,4 @@
-"""The bytes of a trace file as text, whoever wrote it.
+"""The bytes of a trace file as text, whatever program wrote it.
 
 UTF-8 with or without a byte order mark, or UTF-16 with one, as spreadsheets save "Unicode text". Lines end with
 LF, CR LF or CR.

@@ -1,7 +1,7 @@
-"""How a table separates its cells and writes its numbers, told from its header line and held to on every line.
+"""The cell separator and number format of a table, detected from its header line and required on every line.
 
-Separators are a semicolon, a comma, a tab or blanks. Where the comma is no separator it may be the decimal sign,
-if it is that in the whole file.
+Separators are a semicolon, a comma, a tab or blanks. Where the comma is no separator it may be the decimal
+sign, consistently in the whole file.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ _LONGEST_CELL = 60
 
 
 class Dialect:
-    """The separator of one file and, once it was met, its decimal sign."""
+    """The separator of one file and, once found, its decimal sign."""
 
     def __init__(self, header: str) -> None:
-        """Take the separator from the header line; the names of columns have none of its characters in them.
+        """Detect the separator in the header line; the names of columns contain none of its characters.
 
         Between blanks a unit in brackets belongs to the name before it.
         """
@@ -31,19 +31,19 @@ class Dialect:
         self._decimal = "." if self.separator == "," else ""
 
     def cells(self, line: str) -> list[str]:
-        """Return the cells of a line without the blanks and the quotes round them."""
+        """Return the cells of a line without surrounding blanks and quotes."""
         if self.separator == " ":
             return line.split()
         cells = line.split(self.separator)
         if '"' in line:
             try:
                 cells = next(csv.reader([line], delimiter=self.separator, skipinitialspace=True))
-            except csv.Error:  # then the quotes are no quotes, and the cells are refused as they stand
+            except csv.Error:  # then the quotes are not quotes, and the cells are refused as they are
                 pass
         return [cell.strip() for cell in cells]
 
     def cause(self, cells: Sequence[str], target: int) -> str:
-        """Return the code of a cause that spoils a whole file, "" where the line shows none."""
+        """Return the code of a fault that spoils a whole file, "" where the line shows none."""
         others = [mark for mark in ";\t" if mark != self.separator]
         if any(mark in cell for mark in others for cell in cells):
             return "trace.separator"
@@ -61,7 +61,7 @@ class Dialect:
         return ""
 
     def number(self, cell: str) -> tuple[float, str]:
-        """Return a number and the problem code of what is none; Python's own reading would take 1_000 too."""
+        """Return a number and the problem code if it is none; Python's own parser would accept 1_000 too."""
         if cell.lstrip("+-").lower() in _WORDS_FOR_NO_NUMBER:
             return math.nan, "trace.not_finite"
         plain = cell.replace(",", ".") if self._decimal == "," else cell
@@ -71,5 +71,5 @@ class Dialect:
         return value, "" if math.isfinite(value) else "trace.not_finite"
 
     def is_point(self, cells: Sequence[str]) -> bool:
-        """Whether these are numbers and no names."""
+        """Whether these are numbers and not names."""
         return all(_NUMBER.fullmatch(cell.replace(",", ".")) for cell in cells)

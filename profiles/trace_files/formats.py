@@ -1,4 +1,4 @@
-"""The formats of one profile that are read beside tables: a new one is a reader and a place in this list."""
+"""The single-profile formats beside tables: to add one, write a reader and list it here."""
 
 from __future__ import annotations
 
@@ -14,5 +14,5 @@ OF_TEXT: tuple[TraceFormat[str], ...] = (SDF, SMD, PRF)
 
 
 def recognised(content: Content, formats: Sequence[TraceFormat[Content]]) -> TraceFormat[Content] | None:
-    """Return the format that the content of a file begins like, None where it is of none of them."""
+    """Return the format that the start of a file matches, None where it matches none."""
     return next((each for each in formats if each.begins(content)), None)

@@ -1,7 +1,7 @@
-"""What the lines `# key: value` of a trace say about how it was measured.
+"""The meaning of the `# key: value` lines of a trace: how it was measured.
 
-A part of it changes the numbers and is applied while the file is read (`units`, `angles`, `angle_range`); the rest
-is told here. What a trace does not state is unknown, never assumed.
+Some keys change the numbers and are applied while the file is read (`units`, `angles`, `angle_range`); the rest
+is kept here. What a trace does not state is unknown, never assumed.
 
 Problem code, as a warning: `trace.header_value`.
 """
@@ -17,25 +17,26 @@ from profiles.job import Job
 from profiles.problem import Problem
 
 DIRECTIONS = ("spindle", "cw", "ccw")
-"""Which way the angles run over the part, seen from the tailstock. Those of a spindle that turns counter-clockwise
-in the cut (M3), taken at the tool, run clockwise over the part: `spindle` and `cw` are the same."""
+"""Direction of the angles over the part, seen from the tailstock. Those of a spindle that turns
+counter-clockwise in the cut (M3), taken at the tool, run clockwise over the part: `spindle` and `cw` are the
+same."""
 START_MARKS = ("spindle index", "jaw 1", "unknown")
-"""What stood at angle 0."""
+"""The mark at angle 0."""
 METHODS = ("radial", "v_block", "two_point")
 SIZES = ("absolute", "relative")
 APPLIED = ("units", "angles", "angle_range")
-"""Keys that are applied while the file is read and are gone then."""
+"""Keys that are applied while the file is read and then dropped."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceHeader:
-    """How a trace was measured; None where it does not say.
+    """How a trace was measured; None where it is not stated.
 
     `direction` is one of `DIRECTIONS`, `start_mark` one of `START_MARKS`, `jaw_1_deg` the angle of jaw 1 in the
     angles of the trace (0 where jaw 1 is the start mark). `filter_upr` is the cut-off of a filter that the
-    instrument has applied, `radius_mm` the radius at which the deviation is 0. `size` "relative" says that the
-    instrument does not know the size, so that the mean deviation means nothing. `method` is how it was measured,
-    one of `METHODS`. `turns` of the part follow each other.
+    instrument has applied, `radius_mm` the radius at which the deviation is 0. `size` "relative" means that the
+    instrument does not measure size, so that the mean deviation has no meaning. `method` is how it was
+    measured, one of `METHODS`. `turns` of the part follow each other.
     """
 
     state: str = "unknown"
@@ -60,13 +61,13 @@ class TraceHeader:
         return self.direction == "ccw"
 
     def radius_of(self, job: Job) -> float:
-        """Return the radius of the part, mm: what the trace states, else that of its job after the cut."""
+        """Return the radius of the part, mm: from the trace, else that of its job after the cut."""
         return job.finished_radius_mm if self.radius_mm is None else self.radius_mm
 
     def jaw_1_of(self, spindle_deg: float | None) -> float | None:
         """Return the angle of jaw 1 in the angles of the trace, None where it is unknown.
 
-        `spindle_deg` is the spindle angle of jaw 1, None where nobody says it; it is used where the trace begins
+        `spindle_deg` is the spindle angle of jaw 1, None where unknown; it is used where the trace begins
         at the spindle index and does not state jaw 1 itself.
         """
         if not self.phase_known or self.jaw_1_deg is not None or spindle_deg is None:
@@ -75,7 +76,7 @@ class TraceHeader:
 
 
 def header_of(meta: Mapping[str, str]) -> tuple[TraceHeader, tuple[Problem, ...]]:
-    """Return what the lines say, with a warning for each value that cannot be used; it is then not stated."""
+    """Return the header of these lines, with a warning for each unusable value, then treated as not stated."""
     unusable: list[Problem] = []
 
     def number(key: str, above: float, limit: str) -> float | None:

@@ -1,6 +1,6 @@
-"""How much of a trace file is read. What is larger is no trace, and is told with its size before it costs memory.
+"""Limits on the size of a trace file. A larger one is refused with its size before it uses memory.
 
-A thousand turns of 360 points, or a hundred of 3600, are within. A file may be small and what is in it large: an
+A thousand turns of 360 points, or a hundred of 3600, are within. A small file may have large content: an
 archive unpacks to a thousand times its size, an element of two letters costs a hundred bytes.
 
 Problem code: `trace.too_large`.
@@ -24,7 +24,7 @@ _WORD = re.compile(r"\S+")
 
 
 def lines_of(text: str, where: str) -> Iterator[str]:
-    """Return the lines of a text one by one, as `split` does, without making all of them at once.
+    """Return an iterator over the lines of a text, as `split` does, without creating all of them at once.
 
     Raises:
         ProfileError: `trace.too_large`, there are more than `MOST_LINES`.
@@ -36,12 +36,12 @@ def lines_of(text: str, where: str) -> Iterator[str]:
 
 
 def words_of(line: str) -> Iterator[str]:
-    """Return the words of a line one by one: a million may stand on one."""
+    """Return an iterator over the words of a line: it may contain a million."""
     return (found.group() for found in _WORD.finditer(line))
 
 
 def too_large(where: str, met: str, most: str) -> ProfileError:
-    """Return the refusal of more than is read."""
+    """Return the refusal of a file above a limit."""
     return ProfileError(Problem(code="trace.too_large", where=where, value=met, limit=f"<= {most}"))
 
 

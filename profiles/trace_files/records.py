@@ -1,12 +1,12 @@
-"""Profiles in records of text: SMD files (ISO 5436-2) and the PRF files of the NPL's softgauges.
+"""Profiles in text records: SMD files (ISO 5436-2) and the PRF files of the NPL's softgauges.
 
 Both begin with a record that names the file, its feature (`PRF`, a profile) and its axes, one a line: name, type,
 number of points, unit, scale, type of the numbers; the heights follow, a value times the scale is in that unit.
 
-An SMD file parts its fields with NUL and blanks and its records with ETX, and its X axis is incremental (`I`) with
-the step at the end of its line. Its check sum is not compared: writers take another modulus. A PRF file parts its
-records with `EOR`; its axes are measured (`M`), and its second record maps the numbers, here only as in the
-published example. The unit of its `SPACING` is not told with certainty, so no radius follows from it.
+An SMD file separates its fields with NUL and blanks and its records with ETX, and its X axis is incremental
+(`I`) with the step at the end of its line. Its checksum is not compared: writers use another modulus. A PRF
+file separates its records with `EOR`; its axes are measured (`M`), and its second record maps the numbers, here
+only as in the published example. The unit of its `SPACING` is uncertain, so no radius follows from it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _UM_PER_UNIT: Mapping[str, float] = {"m": 1e6, "mm": 1e3, "um": 1.0, "nm": 1e-3}
 _MAPS = {("1", "CZ", "CZ", "1", "1"), ("2", "CZ", "CX", "1", "0")}
 
 _Lines = list[tuple[str, str]]
-"""Lines with where they stand."""
+"""Lines with their positions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +83,7 @@ def read_prf(text: str, where: str) -> ClosedProfile:
 
 
 def _records(text: str, end: str, where: str) -> tuple[_Lines, _Lines, _Lines]:
-    """Return the lines of the first three records; what follows them are sums and remarks."""
+    """Return the lines of the first three records; checksums and remarks follow."""
     records: list[_Lines] = [[]]
     for place, line in enumerate(lines_of(text.replace("\0", " "), where), start=1):
         plain = line.strip(" \t\x1a")
@@ -97,7 +97,7 @@ def _records(text: str, end: str, where: str) -> tuple[_Lines, _Lines, _Lines]:
 
 
 def _feature(head: _Lines, where: str) -> None:
-    """Refuse what is no profile."""
+    """Refuse anything but a profile."""
     line = head[1][1] if len(head) > 1 else ""
     if "PRF" not in line.split():
         raise unusable(where, "feature", line, "PRF")
@@ -124,7 +124,7 @@ def _heights(lines: _Lines, axis: _Axis) -> list[float]:
 
 
 def _plain(word: str) -> str:
-    """Return a number as short as it can be written, a word as it is."""
+    """Return a number in its shortest form, a word as it is."""
     try:
         return f"{float(word):g}"
     except ValueError:

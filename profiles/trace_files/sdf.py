@@ -29,7 +29,7 @@ def read_sdf(text: str, where: str) -> ClosedProfile:
     """Return the profile in the text of a surface data file.
 
     Raises:
-        ProfileError: `trace.format`, a field is missing or cannot be used, or the number of values is another; and
+        ProfileError: `trace.format`, a field is missing or cannot be used, or the number of values differs; and
             what `profiles.trace_files.closed.heights_um` refuses.
     """
     lines = [line.strip() for line in lines_of(text, where)]

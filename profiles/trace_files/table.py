@@ -22,7 +22,7 @@ LARGEST_DEVIATION_UM = 1e6
 LARGEST_PLACE_UM = 1e7
 MOST_TURNS = 1000
 PLAIN_HEADER = ",".join(TABLES[0].names)
-# How far the point that closes the turn at 360 deg may be from the one at 0, for the rounding of a file.
+# How far the point that closes the turn at 360 deg may be from the one at 0, to allow for rounding in a file.
 CLOSING_TOLERANCE_UM = 1e-9
 PROBLEM_CAP = 20
 _TURN_DEG = 360.0
@@ -30,7 +30,7 @@ _RANGES = {"0..360": 0.0, "-180..180": -180.0}
 
 
 class TableReader:
-    """Takes the lines of one file in turn; collects problems and points: first column, second column in um."""
+    """Reads the lines of one file in turn; collects problems and points: first column, second column in um."""
 
     def __init__(self, where: str) -> None:
         self.where = where
@@ -50,7 +50,7 @@ class TableReader:
         self._closed = False
 
     def take(self, number: int, line: str) -> None:
-        """Take one line that is not blank, without the blanks round it."""
+        """Process one line that is not blank, without surrounding blanks."""
         if line.startswith("#"):
             if not self.second:
                 self._take_meta(number, line)
@@ -89,7 +89,7 @@ class TableReader:
     def _take_meta(self, number: int, line: str) -> None:
         key, colon, value = (part.strip() for part in line[1:].partition(":"))
         if not colon:
-            return  # a remark for people
+            return  # a remark
         value = unit_named(value) if key == "units" else value
         if not key or key in self.meta or not (key + value).isprintable():
             self._refuse("trace.meta", number, value=line, limit="# key: value")
@@ -126,7 +126,7 @@ class TableReader:
         if self.columns is None:
             code = "trace.no_header" if self._dialect.is_point(cells) else "trace.columns"
             self._refuse(code, number, value=line, limit=PLAIN_HEADER)
-            self.spoilt = True  # nothing is known of the lines that follow
+            self.spoilt = True  # nothing is known of the following lines
             return
         stated = self.meta.get("units")
         self._um_per_unit = self.columns.um_per_unit or UM_PER_UNIT.get(stated or "", 0.0)
@@ -185,7 +185,7 @@ class TableReader:
         self._refuse("trace.duplicate_angle", number, key=ANGLE, value=cell, limit=limit)
 
     def _keep_place(self, number: int, cells: Sequence[str], x_um: float, y_um: float) -> None:
-        """Keep a point in the plane; the first one again, as the last, closes the turn and is left out."""
+        """Keep a point in the plane; a last point equal to the first closes the turn and is left out."""
         if self._closed_by:  # then it was not the last
             self._refuse_place(*self._closed_by, self._line_of_place[self.first[0], self.second[0]])
             self._closed_by = None
@@ -207,7 +207,7 @@ class TableReader:
         return abs(deviation - at_start) <= CLOSING_TOLERANCE_UM
 
     def _spoil(self, code: str, number: int, *, key: str = "", value: str, limit: str) -> None:
-        """Refuse the whole file for a cause that is on every line of it."""
+        """Refuse the whole file for a fault that is on every line of it."""
         self.spoilt = self._header_met = True
         self.problems.clear()
         self._refuse(code, number, key=key, value=value, limit=limit)

@@ -1,4 +1,4 @@
-"""X3P files (ISO 25178-72) with one profile: a zip archive with `main.xml` and the heights, there or beside it.
+"""X3P files (ISO 25178-72) with one profile: a zip archive with `main.xml` and the heights, inside or beside it.
 
 `Record1` has the feature (`PRF`) and the axes: X incremental with its step in m, Z absolute; a stored integer
 times the increment of Z is a height in m, a stored float is one. `Record3` has the dimensions and the heights, as
@@ -42,12 +42,12 @@ MOST_MEMBERS = 1000
 MOST_ELEMENTS = MOST_POINTS + 1000
 MOST_ATTRIBUTES = 1000
 LONGEST_ATTRIBUTE = 300
-"""Characters: that of a namespace stands in front of every name below it."""
+"""Characters: that of a namespace is repeated in every name below it."""
 
 _TYPES = {"I": "<i2", "L": "<i4", "F": "<f4", "D": "<f8"}
 _INTEGERS = ("I", "L")
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError)
-"""What `zipfile` raises of an archive that is broken, encrypted, or packed in a way it does not know."""
+"""The errors of `zipfile` for an archive that is broken, encrypted, or packed by an unknown method."""
 
 _QUOTED = re.compile(r"""=\s*(?:"[^"]*"|'[^']*')""")
 
@@ -58,11 +58,11 @@ def read_x3p(content: bytes, where: str) -> ClosedProfile:
     """Return the profile in the bytes of an X3P file.
 
     Raises:
-        ProfileError: `trace.format`, it is no such archive, or holds something else than one profile at equal
-            steps; `trace.too_large`, a part of it exceeds its cap; and what
+        ProfileError: `trace.format`, not such an archive, or not one profile at equal steps;
+            `trace.too_large`, a part of it exceeds its cap; and what
             `profiles.trace_files.closed.heights_um` refuses.
     """
-    if (members := content.count(_MEMBER)) > MOST_MEMBERS:  # each costs memory before any is opened
+    if (members := content.count(_MEMBER)) > MOST_MEMBERS:  # each uses memory before any is opened
         raise unusable(where, "X3P", f"{members} files", f"<= {MOST_MEMBERS} files")
     try:
         archive = zipfile.ZipFile(io.BytesIO(content))
@@ -83,7 +83,7 @@ def read_x3p(content: bytes, where: str) -> ClosedProfile:
 
 
 def _member(archive: zipfile.ZipFile, name: str, cap_bytes: int, where: str) -> bytes:
-    """Return one file of the archive; what its directory says of its size is not believed."""
+    """Return one file of the archive; the size in its directory is not trusted."""
     shown = printable(name, 60)
     try:
         with archive.open(name) as file:
@@ -98,7 +98,7 @@ def _member(archive: zipfile.ZipFile, name: str, cap_bytes: int, where: str) -> 
 
 
 def _document(content: bytes, where: str) -> _Element:
-    """Return the root of main.xml, from text, so that no encoding it declares can hide anything."""
+    """Return the root of main.xml, parsed from text, so that no declared encoding can hide anything."""
     try:
         text = content.decode("utf-8-sig")
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
@@ -113,7 +113,7 @@ def _document(content: bytes, where: str) -> _Element:
 
 
 def _refuse_swelling(text: str, where: str) -> None:
-    """Refuse a document that would cost far more memory than it has characters."""
+    """Refuse a document that would use far more memory than its length."""
     # Each element has a `<`, and all but empty ones another; each attribute has a `=`.
     elements = text.count("<") - text.count("</")
     attributes = text.count("=")
@@ -152,7 +152,7 @@ def _expect(root: _Element, path: str, allowed: tuple[str, ...], where: str) -> 
 
 
 def _scale_um(root: _Element, where: str) -> float:
-    """Return what a stored number is in um."""
+    """Return the scale of a stored number, um."""
     integer = _expect(root, "Record1/Axes/CZ/DataType", tuple(_TYPES), where) in _INTEGERS
     stated = _said(root, "Record1/Axes/CZ/Increment") or "1"
     return number(stated, "CZ/Increment", where, *((ABOVE_ZERO, 1.0) if integer else (1.0, 1.0))) * UM_PER_M

@@ -27,6 +27,10 @@ Console = Callable[..., Any]
 LANGUAGES = ("en", "ko")
 
 
+on_one = pytest.mark.parametrize("card", ["pmac"], indirect=True)
+"""For what the command decides; that both families are proven, the other tests show."""
+
+
 @pytest.fixture(params=["pmac", "turbo"])
 def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Commissioned:
     """The controller that the commands meet, on simulated time."""
@@ -163,6 +167,7 @@ def test_iron_is_not_moved_without_its_name(
     assert not any("J" in line or "OPEN" in line or "DEFINE" in line for line in card.lines)
 
 
+@on_one
 def test_iron_is_moved_when_its_name_is_typed(
     console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -180,6 +185,7 @@ def stop_lines(said: Any) -> dict[str, str]:
     return {code: severity for code, severity in codes.items() if code.startswith(("stops_", "stop_record"))}
 
 
+@on_one
 def test_a_proven_machine_of_iron_has_a_stop_record_until_it_stops_otherwise(
     console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, data_folder: Path
 ) -> None:
@@ -201,12 +207,14 @@ def test_a_proven_machine_of_iron_has_a_stop_record_until_it_stops_otherwise(
     assert not file.exists()
 
 
+@on_one
 def test_a_simulated_machine_leaves_no_record(console: Console, card: Commissioned, data_folder: Path) -> None:
     said = console("doctor", "--prove", "--json")
     assert (said.code, stop_lines(said)) == (0, {})
     assert not (data_folder / "trilobe" / "stops").exists()
 
 
+@on_one
 def test_a_machine_of_another_console_is_not_proven(
     console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -253,6 +261,7 @@ def test_verify_tells_only_what_is_worth_telling(console: Console, card: Commiss
     assert [c["code"] for c in checks if c["outcome"] == "fails"] == ["compensation"]
 
 
+@on_one
 def test_apply_shows_first_and_sends_when_told(console: Console, card: Commissioned, data_folder: Path) -> None:
     card.tell("I130=600", "I115=20")
     card.line.heard = b""
@@ -337,6 +346,7 @@ def test_a_signature_for_the_simulator_fails_on_iron(
     assert not any("J" in line or "OPEN" in line for line in card.lines)
 
 
+@on_one
 def test_gains_of_a_profile_that_is_signed_for_the_simulator_are_not_written_to_iron(
     console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from console.session.station.commands import Start
-from console.session.station.ripple import HANDLERS, WITHIN_LIMIT_PERCENT, spindle_ripple
+from console.session.station.ripple import ORDERS, WITHIN_LIMIT_PERCENT, spindle_ripple
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.plant.spindle import Spindle
@@ -33,7 +33,7 @@ def swinging(mean: Floats, share: float, per_turn: int, turn: float = TURN) -> F
 
 @given(
     st.floats(0.0, 0.05),
-    st.sampled_from(HANDLERS),
+    st.sampled_from(ORDERS),
     st.integers(40, 240),
     st.integers(0, 1000),
 )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from drivers.commissioning.check import Check
-from drivers.commissioning.proofs.bench import TestRig
+from drivers.commissioning.proofs.bench import ProofRig
 from drivers.commissioning.verification import Verification, verify
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
@@ -95,10 +95,10 @@ class Commissioned:
 
         monkeypatch.setattr(self.client, "query", newer)
 
-    def bench(self) -> TestRig:
+    def bench(self) -> ProofRig:
         """What the proofs work with."""
         judged = self.verify().judged
-        return TestRig(client=self.client, stop=self.stop, clock=self.sim, judged=judged)
+        return ProofRig(client=self.client, stop=self.stop, clock=self.sim, judged=judged)
 
     def verify(self) -> Verification:
         return verify(self.client, self.machine, self.dialect)

@@ -19,6 +19,7 @@ from profiles.axis.servo import sampled_response
 from profiles.compensations.path import CutPath, Wave, target_path
 from profiles.findings import Severity
 from profiles.problem import ProblemError
+from tests.drivers.cut_floor import short
 
 if TYPE_CHECKING:
     from profiles.job import Job
@@ -120,7 +121,7 @@ def test_the_angle_is_not_rounded_over_a_thousand_turns(machine: MachineProfile,
 def test_pvt_segments_are_whole_milliseconds(
     machine: MachineProfile, experiment: JobMaker, rpm: float, strategy: Strategy
 ) -> None:
-    plan = plan_cut(replace(experiment(1), spindle_speed_rpm=rpm), machine, strategy)
+    plan = plan_cut(replace(short(experiment), spindle_speed_rpm=rpm), machine, strategy)
     times = {move.used.tm_ms for move in checked(plan, machine).moves}
     assert all(time == int(time) and time >= 1 for time in times)
 
@@ -218,7 +219,7 @@ def test_pvt_warns_of_nothing(machine: MachineProfile, experiment: JobMaker) -> 
 def test_a_cut_beyond_a_limit_of_the_machine_is_refused(
     machine: MachineProfile, experiment: JobMaker, settings: Mapping[str, float], code: str, key: str
 ) -> None:
-    plan = plan_cut(experiment(1), with_settings(machine, settings), Strategy.PVT)
+    plan = plan_cut(short(experiment), with_settings(machine, settings), Strategy.PVT)
     refusals = [f.problem for f in plan.findings if f.severity is Severity.REFUSAL]
     assert [(problem.code, problem.key) for problem in refusals] == [(code, key)]
 
@@ -230,7 +231,7 @@ FOLLOWING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE, Strategy.PAPER)
 def test_a_path_that_leaves_the_part_is_refused_and_a_plain_cut_of_the_same_job_is_not(
     machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:
-    shallow = replace(experiment(1), depth_of_cut_mm=0.02)
+    shallow = replace(short(experiment), depth_of_cut_mm=0.02)
     (problem,) = [
         f.problem for f in plan_cut(shallow, machine, strategy).findings if f.severity is Severity.REFUSAL
     ]
@@ -245,7 +246,7 @@ def test_a_learned_path_is_judged_by_its_own_waves_at_the_depth_of_the_job(
     """The lobe is lowest at 150 deg, and so is a wave of 6 um, four in a turn, with a crest at 15: 33.5 um out."""
     lobe = target_path(experiment(1))
     for depth_mm, refused in ((0.0334, True), (0.0336, False)):
-        job = replace(experiment(1), depth_of_cut_mm=depth_mm)
+        job = replace(short(experiment), depth_of_cut_mm=depth_mm)
         # The mean that was learned is 20 um deeper, for a tool that gives way; the part is not.
         oval = Wave(lobes=4, amplitude_um=6.0, crest_deg=15.0)
         waves = replace(lobe, mean_um=1000 * depth_mm + 20.0, overtones=(oval,))
@@ -261,7 +262,7 @@ def test_the_predicted_following_error_is_that_of_the_reference(
     error_um = 27.5 * abs(1 - response) / abs(response)
     for limit_um, refused in ((error_um - 0.3, True), (error_um + 0.3, False)):
         settings = {"I111": limit_um / 0.2 * 16}
-        plan = plan_cut(experiment(1), with_settings(machine, settings), Strategy.PVT)
+        plan = plan_cut(short(experiment), with_settings(machine, settings), Strategy.PVT)
         assert ("cut.following_error" in codes(plan, Severity.REFUSAL)) is refused
 
 
@@ -286,8 +287,8 @@ def test_a_lease_is_looked_at_in_every_turn_and_changes_nothing_else(
     machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:
     """It has run out while a program is only planned; the motion is planned as if it were renewed."""
-    plain = plan_cut(experiment(1), machine, strategy)
-    guarded = plan_cut(experiment(1), machine, strategy, watchdog="I5111>0")
+    plain = plan_cut(short(experiment), machine, strategy)
+    guarded = plan_cut(short(experiment), machine, strategy, watchdog="I5111>0")
     assert guarded.text.count("M26=0 AND I5111>0 AND ") == 1
     assert guarded.text.replace(" AND I5111>0", "") == plain.text
     assert guarded.duration_s == plain.duration_s

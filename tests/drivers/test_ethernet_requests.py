@@ -72,10 +72,10 @@ def test_an_upload_carries_no_data_whatever_its_length_field_says() -> None:
 
 
 @pytest.mark.parametrize(
-    ("length", "wanted"), [(0, 1400), (1, 1), (1399, 1399), (1400, 1400), (2048, 1400), (65_535, 1400)]
+    ("length", "target"), [(0, 1400), (1, 1), (1399, 1399), (1400, 1400), (2048, 1400), (65_535, 1400)]
 )
 def test_a_reply_has_1400_bytes_unless_the_client_wants_fewer(length: int, target: int) -> None:
-    assert Request(direction=UP, code=RequestCode.GETBUFFER, length=length).target == target
+    assert Request(direction=UP, code=RequestCode.GETBUFFER, length=length).reply_length == target
 
 
 @pytest.mark.parametrize("on_the_wire", ["0002", "0200"])

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from drivers.pmac.heartbeat.watchdog import watchdog_condition
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.heartbeat.plc import Policy
+from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.program_text import read_program
 from drivers.pmac.programs.pvt import pvt_program
 from drivers.pmac.programs.setup import cut_setup

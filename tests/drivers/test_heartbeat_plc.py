@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import pytest
-from drivers.pmac.heartbeat.watchdog import wait_timer, watchdog_line, watchdog_timer
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import DIALECTS, PMAC, TURBO, Dialect
 from drivers.pmac.heartbeat.plc import Policy, plc_lines, plc_text
+from drivers.pmac.heartbeat.watchdog import wait_timer, watchdog_line, watchdog_timer
 from drivers.pmac.plcs.plc import count_down
 from profiles.machine import MachineProfile
 from profiles.store import load_machine

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from drivers.pmac.heartbeat.watchdog import MARGIN_MS, PERIOD_MS, WATCHDOG_MS
 
+from drivers.pmac.heartbeat.watchdog import MARGIN_MS, PERIOD_MS, WATCHDOG_MS
 from drivers.simulator.hosts.real_time import HEARD_S, PATIENCE_S, PatientTime
 
 TICK_S = 0.005

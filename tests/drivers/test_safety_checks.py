@@ -55,7 +55,7 @@ def test_what_is_not_fitted_needs_a_name(machine: MachineProfile, nobody: str) -
 
 
 @pytest.mark.parametrize(
-    ("word", "good", "outcome"),
+    ("word", "good", "severity"),
     [(8, 1, Severity.OK), (7, 1, Severity.REFUSAL), (8, 0, Severity.REFUSAL), (7, 0, Severity.OK)],
 )
 def test_an_input_that_the_card_sees_is_read(

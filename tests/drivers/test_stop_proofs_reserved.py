@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from drivers.commissioning.proofs.bench import TestRig
+from drivers.commissioning.proofs.bench import ProofRig
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.stop_record import needed_stops
 from drivers.commissioning.verification import verify
@@ -71,7 +71,7 @@ def measured(*, obeys: bool = True, keeps_apart: bool = True) -> tuple[Board, Me
     client = PmacClient(link, sim)
     client.connect()
     judged = verify(client, MACHINE, client.dialect).judged
-    found = prove_stops(TestRig(client=client, stop=StopPath(link), clock=sim, judged=judged))
+    found = prove_stops(ProofRig(client=client, stop=StopPath(link), clock=sim, judged=judged))
     sim.wait(1.0)
     assert not any(motor.jogging for motor in sim.controller.motors.values())
     return board, found

@@ -46,7 +46,7 @@ class Wire:
         pass
 
 
-@pytest.mark.parametrize(("rate", "run_on"), [(0.25, 3732.48), (13.6, 68.6)])
+@pytest.mark.parametrize(("rate", "stopping_distance"), [(0.25, 3732.48), (13.6, 68.6)])
 def test_control_a_runs_on_by_the_square_of_the_speed_over_twice_ix15(
     closed: Bench, rate: float, stopping_distance: float
 ) -> None:

@@ -36,7 +36,7 @@ def test_what_learning_does_is_let_through() -> None:
 
 
 @pytest.mark.parametrize(
-    "wanted",
+    "target",
     [
         {"mean_um": 500.0},
         {"amplitude_um": 1000.0},

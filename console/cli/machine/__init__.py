@@ -1,1 +1,1 @@
-"""Commands that work a machine or its controller, simulated or real."""
+"""Commands that operate a machine or its controller, simulated or real."""

@@ -1,4 +1,4 @@
-"""Connecting a command to the controller that it is told, or to a fresh simulated one."""
+"""Connection of a command to the addressed controller, or to a new simulated one."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Card:
-    """A controller that answers, with what it calls itself; `stop` is the way to stop what a command moves."""
+    """A connected controller with its identification; `stop` stops what a command moves."""
 
     client: PmacClient
     stop: StopPath
@@ -41,13 +41,13 @@ class Card:
 
     @property
     def dialect(self) -> Dialect:
-        """The family of the controller, by what it calls itself."""
+        """Family of the controller, by its identification."""
         return self.client.dialect
 
 
 @contextmanager
 def opened_card(options: Namespace, text: Catalogue) -> Iterator[Card]:
-    """Connect, with a trace where one is asked for, and let go again at the end.
+    """Connect, with a trace if requested, and close the connection at the end.
 
     Raises:
         ProfileError: the machine profile.

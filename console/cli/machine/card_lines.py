@@ -1,4 +1,4 @@
-"""Which controller a command speaks with, for people and for JSON."""
+"""Identification of the connected controller, for people and for JSON."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from console.text.catalogue import Catalogue
 
 
 def card_line(card: Card, text: Catalogue) -> str:
-    """Return the line that says which controller this is."""
+    """Return the line that identifies the controller."""
     mark = f"{text('sim')}  " if card.simulated else ""
     return mark + text(
         "card.head", machine=card.machine.name, address=card.address, kind=card.kind, version=card.version

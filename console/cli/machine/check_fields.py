@@ -15,7 +15,7 @@ _OUTCOMES = {
     Severity.WARNING: "warned",
     Severity.REFUSAL: "fails",
 }
-"""How the JSON of checks names a severity."""
+"""JSON names of the severities of checks."""
 
 
 def check_fields(checks: Iterable[Check], text: Catalogue) -> list[dict[str, object]]:

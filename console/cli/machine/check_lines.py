@@ -14,7 +14,7 @@ WIDTH = 80
 
 
 def check_lines(checks: Sequence[Check], text: Catalogue) -> list[str]:
-    """Return the checks by their groups, a mark in front of each; what is long goes on below itself."""
+    """Return the checks by group, each with a mark; long lines continue below."""
     lines: list[str] = []
     group = None
     for check in checks:
@@ -28,7 +28,7 @@ def check_lines(checks: Sequence[Check], text: Catalogue) -> list[str]:
 
 
 def check_line(check: Check, text: Catalogue) -> str:
-    """Return what is to be said of a check."""
+    """Return the sentence for a check."""
     key = f"check.{check.code}"
     if check.severity is Severity.OK:
         key += ".holds"
@@ -48,7 +48,7 @@ def check_line(check: Check, text: Catalogue) -> str:
 
 
 def summary_line(checks: Iterable[Check], text: Catalogue) -> str:
-    """Return how many there are of each severity."""
+    """Return the number of checks of each severity."""
     severities = [check.severity for check in checks]
     return text(
         "card.summary",
@@ -60,7 +60,7 @@ def summary_line(checks: Iterable[Check], text: Catalogue) -> str:
 
 
 def _subject(subject: str, text: Catalogue) -> str:
-    """Return whose it is, in the operator's language; `motor 5` has a number of its own."""
+    """Return the subject of a check in the operator's language; `motor 5` keeps its number."""
     kind, _, number = subject.partition(" ")
     return text(f"card.subject.{kind}", number=number) if kind else ""
 

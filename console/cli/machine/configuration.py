@@ -1,4 +1,4 @@
-"""What `console controller` does with a configuration: back up, verify, compare, apply."""
+"""Actions of `console controller` on a configuration: back up, verify, compare, apply."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
 
 
 def _apply_whole(card: Card, writes: tuple[Write, ...]) -> None:
-    """Write everything as the one who controls the machine; a signal ends the command once it is given back.
+    """Write everything with control of the machine; a signal ends the command after control is released.
 
     Raises:
         DriverError: another console controls it; the controller refuses a line; the link broke.
@@ -139,7 +139,7 @@ def _backup_path(options: Namespace, card: Card) -> Path:
 
 
 def _written(card: Card, path: Path, *, private: bool = False) -> Configuration:
-    """Read the whole controller and write it down, `private` for its owner alone; an existing file stays as it is.
+    """Back up the whole controller to a file, `private` for its owner alone; never overwrite.
 
     Raises:
         ProfileError: `file.exists`, `file.not_writable`.

@@ -1,4 +1,4 @@
-"""`console controller`: back up, verify and compare what a controller is set to; apply gains, when asked."""
+"""`console controller`: back up, verify and compare a controller's configuration; apply gains on request."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ WITH_A_FILE = ("backup", "diff")
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add what can be done with a configuration; each takes the machine and its address."""
+    """Add the actions on a configuration; each takes the machine and its address."""
     for name, action in add_actions(parser, "controller", ACTIONS, text).items():
         if name in WITH_A_FILE:
             action.add_argument("file", metavar="FILE", help=text("help.backup_file"))
@@ -25,7 +25,7 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Do what is asked for; 1 when something fails or differs."""
+    """Run the requested action; 1 when something fails or differs."""
     from console.cli.machine.card_access import opened_card
     from console.cli.machine.configuration import WORKS
 

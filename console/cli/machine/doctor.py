@@ -1,4 +1,4 @@
-"""`console doctor`: may this machine be moved? Every check with a tick or a cross, and what helps."""
+"""`console doctor`: pre-flight checks, each with its fix."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from console.text.catalogue import Catalogue
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add the machine, its address, and whether to prove what only a motion can prove."""
+    """Add the machine, its address, and whether to run the commissioning tests, which move it."""
     add_machine(parser, text)
     add_link(parser, text)
     parser.add_argument("--prove", action="store_true", help=text("help.prove"))
@@ -19,7 +19,7 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Check, and prove if that is asked for; 1 when something fails."""
+    """Run the checks, and the commissioning tests if requested; 1 when something fails."""
     from console.cli.agreement import agreed
     from console.cli.machine.card_access import opened_card
     from console.cli.machine.card_lines import card_fields, card_line
@@ -39,7 +39,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         asked = options.prove and not unsigned
         moves = asked and agreed(options, card.machine.name, card.simulated, text, "doctor")
         if moves and not card.simulated:
-            verification = verify(card.client, card.machine, card.dialect)  # the answer may have taken its time
+            verification = verify(card.client, card.machine, card.dialect)  # the answer may have taken time
         proofs = proven_checks(options, card, verification, text) if moves else unproven(names_of(card.machine))
         stops = stop_checks(options, card, date.today())
     arrival = arrival_check(card.client.line_check)

@@ -1,4 +1,4 @@
-"""Checks that `console doctor` makes beside those of the configuration: of the link, and by moving."""
+"""Checks of `console doctor` besides those of the configuration: of the link, and by moving."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from drivers.pmac.checksums import LineCheck
 from profiles.findings import Severity
 
 DISTRIBUTION = "trilobe"
-"""The name of this one, and of the command that no other claims."""
+"""Name of this distribution, and of the command that no other one claims."""
 
 
 def arrival_check(line_check: LineCheck) -> Check:
-    """Return who sees that a line that moves something arrives as it was sent."""
+    """Return the check of what ensures that a motion command arrives as it was sent."""
     code = "network_checksums" if line_check is LineCheck.NETWORK else "line_checksums"
     severity = Severity.WARNING if line_check is LineCheck.NOBODY else Severity.OK
     return Check(group=Group.CARD, code=code, severity=severity)
 
 
 def command_checks() -> list[Check]:
-    """Return a warning for each other distribution whose `console` may stand in the place of ours."""
+    """Return a warning for each other distribution whose `console` may shadow ours."""
     claims = entry_points(group="console_scripts", name="console")
     others = sorted({claim.dist.name for claim in claims if claim.dist} - {DISTRIBUTION})
     return [
@@ -46,8 +46,8 @@ def command_checks() -> list[Check]:
 def proven_checks(
     options: Namespace, card: Card, verification: Verification, text: Catalogue
 ) -> tuple[Check, ...]:
-    """Prove as the one who controls the machine, with every signal that would end the command as a stop."""
-    # What gathers loads numerics; nobody waits for them who proves nothing.
+    """Run the commissioning tests with control of the machine; every ending signal becomes a stop."""
+    # Gathering loads numerics, which are needed only for these tests.
     from drivers.commissioning.proofs.proving import prove
 
     interruption = Interruption()
@@ -58,7 +58,7 @@ def proven_checks(
         changing=lambda: ownership.standing is Standing.CHANGING,
     )
     interruption.install()
-    # Stops are measured here, so that nobody may repeat them; only the end of the process is seen to.
+    # Stops are measured here, so nothing may repeat them; only the end of the process is enforced.
     with Stopping(interruption, text).watching(card.stop, ends_only=True):
         try:
             ownership.claim()

@@ -1,4 +1,4 @@
-"""`console fault`: asks a served simulator for a fault, or about its faults."""
+"""`console fault`: request a fault from a served simulator, or query its faults."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ CHUNK = 65_536
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add where the simulator listens, and what to say to it."""
+    """Add the simulator's address, and the request."""
     parser.add_argument("address", metavar="ADDRESS", type=control_address, help=text("help.fault_address"))
     parser.add_argument("words", metavar="WORD", nargs="+", help=text("help.fault_words"))
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Send one line and print what is answered; 1 when it is refused."""
+    """Send one line and print the reply; 1 when it is refused."""
     from drivers.simulator.hosts.control_address import REFUSED
 
     if any("\n" in word for word in options.words):
@@ -48,7 +48,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 
 def _answer(address: ControlAddress, line: str) -> list[str]:
-    """Return the lines of the answer, the verdict last."""
+    """Return the lines of the reply, the verdict last."""
     from drivers.errors import LinkError
     from profiles.problem import Problem
 

@@ -1,4 +1,4 @@
-"""`console identify`: how the tool answers a sine on the path of a strategy, in a table like the paper's fifth."""
+"""`console identify`: frequency response of the tool on the path of a strategy, as a table like Table 5."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ WRONG_USAGE = 2
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add the machine, simulated or real, the path, and what it is excited with."""
+    """Add the machine, simulated or real, the path, and the excitation."""
     add_machine(parser, text)
     add_sim(parser, text, "help.identify.sim")
     add_hardware(parser, text)
@@ -59,7 +59,7 @@ def _frequencies(words: str) -> tuple[float, ...]:
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Identify, print and keep the result; 2 for words that belong to a simulated machine alone.
+    """Identify, print and keep the result; 2 for options that belong to a simulated machine alone.
 
     Raises:
         ProblemError: a refusal before anything moved, or what ended it; the machine is at rest.
@@ -71,7 +71,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     if plant_given(options) and not options.sim:
         print(f"console identify: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE
-    # Numerics take longer to load than the whole command line; the signals are already in hand.
+    # Numerics take longer to load than the whole command line; signals are already handled.
     from console.cli.library import data_of, machine_of
     from console.cli.machine.identify_fields import response_fields
     from console.cli.machine.identify_lines import Teller
@@ -101,7 +101,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 
 def _request(options: Namespace, machine: LoadedMachine) -> IdentificationRequest:
-    """Return what is asked for.
+    """Return the request.
 
     Raises:
         SessionError: everything that forbids it; nothing was opened.
@@ -129,12 +129,12 @@ def _request(options: Namespace, machine: LoadedMachine) -> IdentificationReques
 def _reached(
     options: Namespace, machine: LoadedMachine, interruption: Interruption, tracing: Tracing, text: Catalogue
 ) -> Iterator[tuple[Rig, Owning | None, bool]]:
-    """Reach the machine: one in memory with --sim, else the one at the address that somebody says.
+    """Connect to the machine: one in memory with --sim, else the one at the given address.
 
-    Of the latter it is said on stderr how a stop goes.
+    For the latter, print on stderr how to stop it.
 
     Raises:
-        ProblemError: nobody says, or nothing can be reached there.
+        ProblemError: no address was given, or nothing can be reached there.
     """
     from console.cli.library import data_of
     from console.cli.machine.stopping import Stopping
@@ -157,7 +157,7 @@ def _reached(
 
 
 def _in_memory(options: Namespace, machine: LoadedMachine, interruption: Interruption, tracing: Tracing) -> Rig:
-    """Return a simulated machine whose time is as fast as it is calculated.
+    """Return a simulated machine that runs as fast as it can be calculated.
 
     Raises:
         ProblemError: as `true_parameters_of`.
@@ -181,7 +181,7 @@ def _in_memory(options: Namespace, machine: LoadedMachine, interruption: Interru
 
 
 def _agreed(options: Namespace, rig: Rig, text: Catalogue) -> bool:
-    """Ask, while nothing was sent yet and nobody is kept from the machine: the answer may take its time.
+    """Ask for consent before anything is sent or control is taken: the answer may take time.
 
     Raises:
         LinkError: no PMAC answers.
@@ -199,7 +199,7 @@ def _identified(
     request: IdentificationRequest,
     teller: Teller,
 ) -> IdentifiedResponse:
-    """Switch on, identify, switch off.
+    """Enable the drives, identify, disable them.
 
     Raises:
         ProblemError: a refusal, or what went wrong; the machine is at rest with its drives off.

@@ -1,4 +1,4 @@
-"""An identified response for JSON, beside what the machine profile says: lengths in um, angles in degrees."""
+"""Identified response for JSON, beside the machine profile's: lengths in um, angles in degrees."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drivers.identification.result import IdentifiedPoint, IdentifiedResponse
 from profiles.machine import MachineProfile
 
 LEAST_COHERENCE = 0.95
-"""Below, a point is marked: what was answered is not only what was asked."""
+"""Coherence below which a point is marked as doubtful: the response is not due to the excitation alone."""
 
 
 def response_fields(identified: IdentifiedResponse, machine: MachineProfile, file: str) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""An identified response as a table for people, beside what the machine profile says."""
+"""Identified response as a table for people, beside the machine profile's."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ COLUMNS = (
     ("difference", "deg", 7),
     ("coherence", "1", 7),
 )
-"""The columns with their units and widths: they are set before the first number is known."""
+"""Columns with their units and widths, fixed before the first value is known."""
 
 
 class Teller:
-    """Prints the table row by row, as it is measured."""
+    """Print the table row by row, as it is measured."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class Teller:
         silent: bool,
         interruption: Interruption,
     ) -> None:
-        """With `silent` nothing is printed. When nobody can read it any more, the machine is stopped."""
+        """With `silent` nothing is printed. When the output can no longer be written, the machine is stopped."""
         self._machine, self._request, self._text = machine, request, text
         self._silent, self._interruption = silent, interruption
 
@@ -88,7 +88,7 @@ class Teller:
         self._print(_row(cells) + ("" if point.coherence >= LEAST_COHERENCE else " !"))
 
     def end(self, identified: IdentifiedResponse, file: Path) -> list[str]:
-        """Return what is said behind the table."""
+        """Return the lines after the table."""
         text = self._text
         doubtful = doubtful_points(identified)
         said = [text(f"strategy.{identified.path}.{identified.how}", cycles=identified.delay_cycles)]
@@ -105,7 +105,7 @@ class Teller:
             print("\n".join(lines))
             sys.stdout.flush()
         except OSError:
-            # Nobody can see the machine any more, so it is not to go on.
+            # The operator no longer sees the machine, so it must not continue.
             self._interruption.end("output closed")
 
 

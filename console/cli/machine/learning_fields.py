@@ -1,4 +1,4 @@
-"""Parts in a row that learn for JSON, unrounded."""
+"""Series of learning parts for JSON, unrounded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parts in a row that learn as lines for people."""
+"""Series of learning parts as lines for people."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`console run`: a whole job, from the saved job to the measured part."""
+"""`console run`: a whole job, from the job file to the measured part."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from console.text.catalogue import Catalogue
 
 WRONG_USAGE = 2
 MOST_PARTS = 20
-"""Parts in a row that learn."""
+"""Largest number of parts in a learning series."""
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add the job, the machine, simulated or real, how it is cut, and where its trace goes."""
+    """Add the job, the machine (simulated or real), how it is cut, and the file of its trace."""
     add_job(parser, text)
     add_machine(parser, text)
     add_sim(parser, text, "help.sim")
@@ -43,9 +43,9 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Run a job, on a machine or simulated, and print what became of it.
+    """Run a job on a real or simulated machine, and print the result.
 
-    The exit code is 1 when nobody agreed to move a machine, 2 for words that belong to a simulated one alone.
+    The exit code is 1 without consent to move a machine, 2 for options that belong to a simulated one alone.
 
     Raises:
         ProblemError: a refusal before anything moved, or what ended the cut; the machine is at rest.
@@ -57,7 +57,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     if plant_given(options) and not options.sim:
         print(f"console run: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE
-    # Numerics take longer to load than the whole command line; the signals are already in hand.
+    # Numerics take longer to load than the whole command line; signals are already handled.
     from console.cli.library import data_of
     from console.cli.machine.run_cut import agreed_to, cut_requested
     from console.cli.machine.run_request import requested

@@ -1,4 +1,4 @@
-"""What `console run` says, prints and keeps around the cut that was ordered."""
+"""Output and records of `console run` around the cut."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Result = TypeVar("Result")
 
 
 def agreed_to(options: Namespace, request: RunRequest, text: Catalogue) -> bool:
-    """Say what the cut rests on where nobody has touched off, and have the name of the machine typed."""
+    """Report what the cut rests on without a touch-off, and have the name of the machine typed."""
     machine, job = request.plan.machine, request.plan.job
     rests_on = text(
         "run.rests_on",
@@ -56,9 +56,9 @@ def agreed_to(options: Namespace, request: RunRequest, text: Catalogue) -> bool:
 def cut_requested(
     options: Namespace, request: RunRequest, interruption: Interruption, warnings: list[str], text: Catalogue
 ) -> None:
-    """Cut with a record and, where one is asked for, a trace, and print what became of it.
+    """Cut with a record and, if requested, a trace, and print the result.
 
-    What ended the trace is added to the warnings.
+    A reason why the trace ended early is added to the warnings.
     """
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {request.job.job.name}")
     data, parts = data_of(options), request.parts
@@ -97,7 +97,7 @@ def _teller(
     keep: Callable[[str, dict[str, object]], None],
     request: RunRequest,
 ) -> TellPart:
-    """Return what is told at each step: a line for people, an event for the record."""
+    """Return the callback for each step: a line for people, an event for the record."""
     sim = f"{text('sim')}  " if request.simulated else ""
 
     def tell(part: str, step: Step, detail: str) -> None:
@@ -110,16 +110,16 @@ def _teller(
             print(f"{sim}{text(f'part.{part}')}  {text(f'step.{step}')}  {detail}".rstrip())
             sys.stdout.flush()
         except OSError:
-            # Nobody can see the machine any more, so it is not to go on.
+            # The operator no longer sees the machine, so it must not continue.
             interruption.end("output closed")
 
     return tell
 
 
 def tell_cut_with(options: Namespace, request: RunRequest, text: Catalogue) -> None:
-    """Print, for people, the lines in front of the steps: the stage, which compensation it is cut with, the force.
+    """Print, for people, the lines before the steps: the stage, the compensation, the force.
 
-    A machine was cut on only after somebody has agreed, who has read the force before that.
+    On a real machine, the operator has read the force before giving consent.
     """
     if options.json:
         return
@@ -127,12 +127,12 @@ def tell_cut_with(options: Namespace, request: RunRequest, text: Catalogue) -> N
     which = "run.cut_with_none" if plan.compensation is None else "run.cut_with"
     said = text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)
     lines = [said] if request.address else [said, force_line(request.job.job, request.machine.machine, text)]
-    # In one piece: a reader that goes away behind the first line is missed at the first step, which stops the cut.
+    # In one piece: a reader that closes after the first line is noticed at the first step, which stops the cut.
     print("".join(f"{text('sim')}  {line}\n" if request.simulated else f"{line}\n" for line in lines), end="")
 
 
 def _save_part(request: RunRequest, result: RunResult) -> None:
-    """Write the trace of the part where one was asked for, with header lines that say what it was cut with.
+    """Write the trace of the part if requested, with header lines that state how it was cut.
 
     Raises:
         ProfileError: `file.exists`, `file.not_writable`.
@@ -151,7 +151,7 @@ def _save_part(request: RunRequest, result: RunResult) -> None:
 
 
 def learn_hint(options: Namespace, request: RunRequest, text: Catalogue) -> list[str]:
-    """Return how to learn from the part; nothing of one in air, or by a strategy that follows no path."""
+    """Return how to learn from the part; nothing for an air cut, or a strategy that follows no path."""
     if not request.plan.cut.strategy.traits.inverts or request.plan.stage is Stage.AIR:
         return []
     if request.simulated and request.part_file is None:
@@ -165,7 +165,7 @@ def learn_hint(options: Namespace, request: RunRequest, text: Catalogue) -> list
 
 
 def _record(data: Path, request: RunRequest) -> RunRecord:
-    """Begin the record of a run. On a lathe in this process no drive waits for other writers.
+    """Begin the record of a run. On a lathe in this process, a wait for other writers keeps no real drive enabled.
 
     Raises:
         SessionError: as `RunRecord`; nothing was started.
@@ -189,9 +189,9 @@ def _recorded(
     work: Callable[[], Result],
     told: Callable[[Result, list[str]], dict[str, object]],
 ) -> Result:
-    """Run, and keep in the record how it went, as it is `told`, however it ends.
+    """Run, and record the course as `told`, however it ends.
 
-    With the plan it keeps the dates of the calibrations with which the job was judged.
+    With the plan it records the dates of the calibrations with which the job was judged.
     """
     try:
         duration_s, used = request.plan.cut.duration_s, request.machine.used
@@ -199,7 +199,7 @@ def _recorded(
         result = work()
         record.add("result", told(result, warnings))
     except BaseException as error:
-        # What ended the run matters more than a record that cannot take it.
+        # What ended the run matters more than a record that cannot be written.
         with suppress(SessionError):
             record.add("ended", {"reason": str(error) or type(error).__name__})
         raise

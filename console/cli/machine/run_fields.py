@@ -1,4 +1,4 @@
-"""A job that was run for JSON, unrounded; what nobody has measured is null."""
+"""Result of a run for JSON, unrounded; what was not measured is null."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from console.session.cut.run import RunResult
 
 
 def run_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
-    """Return the result, with the warnings that were told on stderr."""
+    """Return the result, with the warnings that were printed on stderr."""
     plan, figures = result.plan, result.figures
     return {
         "job": plan.job.name,

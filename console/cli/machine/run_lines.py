@@ -1,4 +1,4 @@
-"""A job that was run as lines for people."""
+"""Result of a run as lines for people."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _verdict(result: RunResult, text: Catalogue) -> str:
 
 
 def _parts(result: RunResult, text: Catalogue) -> list[str]:
-    """Return the table of the parts that were measured, with a line below it; nothing without any."""
+    """Return the table of the measured parts, with a line below it; nothing without any."""
     after = "partial" if result.plan.stage is Stage.PARTIAL else "after"
     parts = {"before": result.before, after: result.after}
     measured = {name: part for name, part in parts.items() if part is not None}

@@ -24,7 +24,7 @@ from profiles.problem import Problem
 def cut_learning(
     request: RunRequest, parts: int, interruption: Interruption, tracing: Tracing, tell: TellPart
 ) -> LearnResult:
-    """Cut parts in a row on one simulated machine, each with what the ones before have taught.
+    """Cut a series of parts on one simulated machine, each corrected by the ones before.
 
     Raises:
         ProblemError: a refusal, or what ended a cut; the machine is at rest.
@@ -35,7 +35,7 @@ def cut_learning(
 def cut(
     request: RunRequest, data: Path, interruption: Interruption, tracing: Tracing, tell: TellPart, text: Catalogue
 ) -> RunResult:
-    """Cut what was ordered, where it was ordered.
+    """Cut the requested job at the requested place.
 
     Raises:
         ProblemError: a refusal, or what ended the cut; the machine is at rest.
@@ -54,7 +54,7 @@ def _run_there(
     tell: TellPart,
     text: Catalogue,
 ) -> RunResult:
-    """Cut one part on a machine behind a link, and leave it with its drives off; say on stderr how a stop goes."""
+    """Cut one part on a machine behind a link; print on stderr how to stop it; leave its drives off."""
     stopping = Stopping(interruption, text)
     reached = reach(request.machine, address, data, tracing, stopping.seen)
     try:
@@ -80,7 +80,7 @@ def _cut_there(request: RunRequest, reached: Reached, data: Path, tell: TellPart
 
 
 def _simulated(request: RunRequest, interruption: Interruption, tracing: Tracing) -> Callable[[], CutContext]:
-    """Return a function that opens a simulated machine of its own for each part."""
+    """Return a function that opens a new simulated machine for each part."""
 
     def open_machine() -> CutContext:
         context, _ = simulated_context(request.machine.machine, request.true, tracing)

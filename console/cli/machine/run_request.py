@@ -1,4 +1,4 @@
-"""What `console run` was asked for: a job on a machine at a place, planned, with nothing sent yet."""
+"""Request of `console run`: a job on a machine at a place, planned, with nothing sent yet."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from profiles.store import LoadedJob, LoadedMachine
 
 @dataclass(frozen=True, kw_only=True)
 class RunRequest:
-    """`address` is None for a simulated machine in this process, in the time that computing it takes.
+    """`address` is None for a simulated machine in this process, which runs as fast as it is computed.
 
-    `true` is what that one is really like, None as its profile says. `parts` are so many in a row that learn.
-    `part_file` is where the trace of the part is written. `warnings` are told before anything moves, among them
-    what was learned that this cut does without.
+    `true` is the actual plant of that one, None for one as its profile says. `parts` is the length of a learning
+    series. `part_file` is the file for the trace of the part. `warnings` are reported before anything moves, among
+    them what was learned and is not used in this cut.
     """
 
     job: LoadedJob
@@ -49,12 +49,12 @@ class RunRequest:
 
     @property
     def simulated(self) -> bool:
-        """Whether no iron is behind it."""
+        """Whether it is simulated."""
         return self.address is None or isinstance(self.address, SimulatedAddress)
 
 
 def requested(options: Namespace) -> RunRequest:
-    """Load and plan what the command line asks for.
+    """Load and plan what the command line requests.
 
     Raises:
         ProblemError: everything that forbids it; nothing was opened.
@@ -99,13 +99,13 @@ def requested(options: Namespace) -> RunRequest:
 
 
 def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simulated: bool) -> tuple[Problem, ...]:
-    """Return that a version was learned for this job and is not asked for; parts in a row begin from the job."""
+    """Return the notice that a learned version is not used; a learning series begins from the job."""
     if options.compensation != NONE or options.learn is not None or not Strategy(options.strategy).traits.inverts:
         return ()
     try:
         newest = accepted(job, machine, data_of(options), simulated=simulated)
     except ProblemError as error:
-        return tuple(error.problems)  # a cut without them does not need them
+        return tuple(error.problems)  # a cut without learned versions does not need them
     if newest is None or newest.is_model:
         return ()
     strategy = newest.holds_for.strategy
@@ -115,7 +115,7 @@ def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simul
 
 
 def _inverted(options: Namespace, machine: MachineProfile, *, simulated: bool) -> ServoResponse | None:
-    """Return the identified response that is to be inverted, None where the model is."""
+    """Return the identified response to invert, None for the model's."""
     if options.identified is None:
         return None
     return response_in(Path(options.identified), machine, Strategy(options.strategy), simulated=simulated)
@@ -128,7 +128,7 @@ def _path(
     learned: LearnedCompensation | None,
     inverted: ServoResponse | None,
 ) -> CutPath | None:
-    """Return what was learned, or the inverse of what was identified; None where nothing of it was asked for.
+    """Return the learned path, or the inverse of the identified response; None where neither was requested.
 
     Raises:
         SessionError: `run.two_inverses`, both were.
@@ -141,7 +141,7 @@ def _path(
 
 
 def _part_file(options: Namespace, *, simulated: bool) -> Path | None:
-    """Return where the trace of the part goes; better refused now than when the part is cut.
+    """Return the file for the trace of the part; refuse it now rather than after the cut.
 
     Raises:
         SessionError: `run.no_part`, nobody measures it here; `file.exists`.
@@ -157,7 +157,7 @@ def _part_file(options: Namespace, *, simulated: bool) -> Path | None:
 
 
 def _refuse_beside_learning(options: Namespace) -> None:
-    """Refuse what parts in a row do by themselves.
+    """Refuse options that a learning series sets by itself.
 
     Raises:
         SessionError: `learning.alone`.

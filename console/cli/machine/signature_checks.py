@@ -1,4 +1,4 @@
-"""Whether a machine behind a real link was signed for, as `console doctor` and `controller verify` report it."""
+"""Signature of a machine on a real link, as `console doctor` and `controller verify` report it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from profiles.machine import real_machine_problems
 
 
 def signature_checks(card: Card) -> list[Check]:
-    """Return what fails where the profile of a simulated lathe meets a real link; nothing where all is well."""
+    """Return a failure where the profile of a simulated lathe meets a real link; otherwise nothing."""
     if card.simulated:
         return []
     return [

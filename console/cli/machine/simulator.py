@@ -1,4 +1,4 @@
-"""`console simulator`: the simulated machine as a server that speaks like a PMAC."""
+"""`console simulator`: the simulated machine as a server with a PMAC interface."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ SLOWEST, FASTEST = 0.01, 100.0
 
 WITHOUT_CHANCE = (DEFAULT_PLANT, "paper")
 SET_UP_BY_HAND = ("mounted", "realistic")
-"""Whoever connects has to align these: the chuck is at any angle. The others, and files, are as said."""
+"""Plants whose chuck is at any angle and must be aligned; the others, and files, are as specified."""
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add where to listen, the machine, what it is really like, and how fast its time goes."""
+    """Add the address to listen on, the machine, its actual plant, and its time scale."""
     parser.add_argument("--tcp", metavar="HOST:PORT", type=_host_port, help=text("help.tcp"))
     parser.add_argument("--ethernet", metavar="HOST:PORT", type=_host_port, help=text("help.ethernet"))
     parser.add_argument("--pty", action="store_true", help=text("help.pty"))
@@ -55,7 +55,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
     def ready(address: str) -> None:
         if options.json:
-            # A line each: who reads them cannot wait for the end of the output.
+            # A line each: the reader cannot wait for the end of the output.
             print(json.dumps({"listening": address, "machine": machine.name, "simulated": True}))
         else:
             print(text("simulator.ready", machine=machine.name, address=address))
@@ -67,7 +67,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 
 def _lathe(machine: MachineProfile, options: Namespace) -> SimulatedLathe:
-    """Return the machine with the controller that its profile names, or with the one that is asked for."""
+    """Return the machine with the controller of its profile, or with the requested one."""
     from drivers.pmac.dialect import DIALECTS
     from drivers.simulator.machine import SimulatedLathe
     from drivers.simulator.plant.presets import plant_named

@@ -1,4 +1,4 @@
-"""The stopping-performance record of a machine, as `console doctor` judges and keeps it."""
+"""Stopping-performance record of a machine, as `console doctor` judges and keeps it."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from drivers.commissioning.proofs.proving import Proven
 
 STOPS = ("proof_lease", "proof_stop_")
-"""The codes of the proofs that a record rests on."""
+"""Codes of the commissioning tests that a record rests on."""
 
 
 def stop_checks(options: Namespace, card: Card, today: date) -> list[Check]:
-    """Return whether the machine may be armed by its stop record; a simulated one measures its own when it is."""
+    """Check that the stopping-performance record allows arming; a simulated machine measures its own then."""
     return [] if card.simulated else [*_connection_checks(card.stop.way), *_record_checks(options, card, today)]
 
 
 def _connection_checks(stop_way: StopWay) -> list[Check]:
-    """Return whether stops have the connection that was asked for; nothing where none was."""
+    """Check that stops have the requested connection; nothing where none was requested."""
     if stop_way is StopWay.DIRECT:
         return []
     severity = Severity.OK if stop_way is StopWay.RESERVED else Severity.REFUSAL
@@ -58,7 +58,7 @@ def _record_checks(options: Namespace, card: Card, today: date) -> list[Check]:
 
 
 def keep_stops(options: Namespace, card: Card, proven: Proven, today: date) -> None:
-    """Write down how the machine was seen to stop; a stop that was not as it should be takes the record away.
+    """Store the measured stopping performance; a stop out of specification removes the record.
 
     Raises:
         ProfileError: `file.not_writable`.
@@ -86,7 +86,7 @@ def keep_stops(options: Namespace, card: Card, proven: Proven, today: date) -> N
 
 
 def _now(card: Card, today: date) -> StopsNow:
-    """Return what a record has to be of to be believed.
+    """Return what a valid record must match.
 
     Raises:
         DriverError: the link broke.
@@ -96,7 +96,7 @@ def _now(card: Card, today: date) -> StopsNow:
 
 
 def _warned(problem: Problem) -> Check:
-    """Such a machine may be moved, or nobody could prove its stops; it is only not armed."""
+    """Return a warning: such a machine may be moved, or its stops could not be tested; it cannot be armed."""
     area, _, name = problem.code.partition(".")
     code = f"stops_{name}" if area == "stops" else "stops_unreadable"
     return Check(

@@ -1,8 +1,7 @@
-"""What a command says on stderr while its machine is being stopped, and how it ends when nobody answers any more.
+"""Progress of a stop on stderr, and the end of the process when the controller no longer answers.
 
-A controller that has fallen silent holds up whoever asks it. So this is a thread beside the one that works the
-machine: it says each second what was tried, sends the stop again while that one waits, and ends the process in
-time.
+A silent controller blocks whoever queries it. So a second thread beside the one that operates the machine
+reports each second what was tried, repeats the stop while the other waits, and ends the process in time.
 """
 
 from __future__ import annotations
@@ -25,16 +24,16 @@ TICK_S = 0.1
 TELL_S = 1.0
 REPEAT_S = 0.2
 SILENT_S = 1.0
-"""So long no look takes at a machine that answers; a stop in between would disturb the proof of rest."""
+"""Longer than any poll of a machine that answers; a stop in between would disturb the proof of rest."""
 
 END_WITHIN_S = 8.5
-"""How soon after a signal the process ends, whatever holds it up: who supervises it kills it after ten seconds."""
+"""Time from a signal to the end of the process, whatever blocks it: a supervisor kills it after ten seconds."""
 
 FAILED = 1
 
 
 class Stopping:
-    """Watches one stop path. All its times are real, in seconds of `time.monotonic`."""
+    """Monitor one stop path. All its times are real, in seconds of `time.monotonic`."""
 
     def __init__(
         self,
@@ -45,7 +44,7 @@ class Stopping:
         say: Callable[[str], None] | None = None,
         give_up: Callable[[int], object] = os._exit,
     ) -> None:
-        """`say` takes a line, `give_up` ends the process; a test may put something else there."""
+        """`say` takes a line, `give_up` ends the process; a test may pass other functions."""
         self._interruption, self._text = interruption, text
         self._now_s, self._say, self._give_up = now_s, say or _to_stderr, give_up
         self._seen_s = self._sent_s = now_s()
@@ -54,12 +53,12 @@ class Stopping:
         self._told_s = 0.0
 
     def seen(self, _: Snapshot) -> None:
-        """Take note of an answer of the controller; from the thread that works the machine."""
+        """Note a reply of the controller; called from the thread that operates the machine."""
         self._seen_s = self._now_s()
 
     @contextmanager
     def watching(self, stop: StopPath, *, ends_only: bool = False) -> Iterator[None]:
-        """Watch beside what is done within; `ends_only` where stops are measured, which nobody must disturb."""
+        """Monitor the block; `ends_only` where stops are measured, which nothing must disturb."""
         over = threading.Event()
 
         def watch() -> None:
@@ -92,7 +91,7 @@ class Stopping:
         self._say(self._text("stopping.begun", stop=self._named(stop)))
 
     def _repeat(self, stop: StopPath, now_s: float) -> None:
-        """Send the stop again where nobody else does; looks that come prove rest, and must not be disturbed."""
+        """Repeat the stop where nothing else does; arriving polls prove rest, and must not be disturbed."""
         if stop.count != self._count:
             self._sent_s, self._count = now_s, stop.count
         elif now_s - self._seen_s > SILENT_S and now_s - self._sent_s >= REPEAT_S:
@@ -131,7 +130,7 @@ class Stopping:
 
 
 def _to_stderr(line: str) -> None:
-    """Write a line past everything that may hold up others there; where there is no room, it is left out."""
+    """Write a line, bypassing other writers that may block; without buffer space, drop it."""
     with suppress(OSError, ValueError):
         number = sys.__stderr__.fileno() if sys.__stderr__ is not None else 2
         if select.select([], [number], [], 0.0)[1]:

@@ -1,1 +1,1 @@
-"""Commands about what was measured: a part, the chuck, the paper."""
+"""Commands about measurements: a part, the chuck, the paper."""

@@ -1,4 +1,4 @@
-"""`console calibrate`: the chuck from measurements at it, the lobe of a job from the trace of a part."""
+"""`console calibrate`: the chuck from measurements at it, or a job's lobe from the trace of a part."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ KINDS = ("wrench", "deflection")
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add what can be calibrated."""
+    """Add the kinds of calibration."""
     actions = add_actions(parser, "calibrate", ("chuck", "lobe"), text)
     _add_chuck(actions["chuck"], text)
     _add_lobe(actions["lobe"], text)
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Fit what was measured and print it with its confidence; keep it where that was asked for."""
+    """Fit the measurements and print the result with its confidence; keep it if requested."""
     if options.action == "chuck":
         from console.cli.measured.calibrate_chuck import calibrate_chuck
 

@@ -26,7 +26,7 @@ from profiles.problem import Problem, ProfileError
 Rows = list[tuple[str, ...]]
 
 WIDE_SLOPE = 0.10
-"""Half-width of a slope, a share of it, above which the torque for a force is too unsure to be set by."""
+"""Relative half-width of a slope above which the torque for a force is too uncertain to set by."""
 
 NO_SCATTER = 1e-6
 """Scatter in % of the force, below which there is nothing but rounding."""
@@ -98,7 +98,7 @@ def _fitted(measured: MeasuredTable, machine: MachineProfile, affine: bool) -> W
 
 
 def _stated(meta: Any, key: str) -> float | None:
-    """Return the number of a header line, None where there is none."""
+    """Return the number in a header line, None where there is none."""
     if key not in meta:
         return None
     try:
@@ -112,7 +112,7 @@ def _stated(meta: Any, key: str) -> float | None:
 
 
 def _asked(fit: WrenchFit | DeflectionFit, options: Namespace) -> dict[str, Band]:
-    """Return the force for a torque, and the torque for a force, that the command line asks for."""
+    """Return the force for a torque, and the torque for a force, requested on the command line."""
     asked: dict[str, Band] = {}
     for key in ("torque", "force"):
         value = getattr(options, key)
@@ -151,7 +151,7 @@ def _rows(fit: WrenchFit | DeflectionFit, measured: MeasuredTable, text: Catalog
 
 
 def _softest(fit: DeflectionFit, measured: MeasuredTable, text: Catalogue) -> Rows:
-    """Return what a load that goes round finds where the part gave way most."""
+    """Return the softest direction of the part under a rotating load."""
     place = int(measured.columns["deflection_um"].argmax())
     at = {key: float(measured.columns[key][place]) for key in ("chucking_force_n", "load_n", "overhang_mm")}
     seen = fit.anisotropy(**at, diameter_mm=float(measured.columns["diameter_mm"][place]))
@@ -162,12 +162,12 @@ def _softest(fit: DeflectionFit, measured: MeasuredTable, text: Catalogue) -> Ro
 
 
 def _profile_lines(fit: WrenchFit | DeflectionFit) -> dict[str, float]:
-    """Return the keys of [chuck] in a machine profile that this calibration finds."""
+    """Return the keys of [chuck] in a machine profile that this calibration determines."""
     if isinstance(fit, WrenchFit):
         found = {"force_per_torque_n_per_n_m": fit.slope_n_per_n_m}
         if fit.intercept_ci:
             found["force_offset_n"] = fit.intercept_n
-        # A table without any scatter says nothing of the next clamping.
+        # A table without any scatter does not predict the next clamping.
         return found | ({"force_sd_percent": fit.force_sd_percent} if fit.force_sd_percent > NO_SCATTER else {})
     found = {"jaw_stiffness_n_per_um": fit.stiffness_n_per_um, "jaw_contact_exponent": fit.alpha}
     return found | ({"jaw_length_mm": fit.jaw_length_mm} if fit.jaw_length_ci else {})

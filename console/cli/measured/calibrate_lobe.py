@@ -40,7 +40,7 @@ _STATED = (
 
 
 def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
-    """Fit the lobe of a trace; with `--keep` give it to the job, unless something speaks against it.
+    """Fit the lobe of a trace; with `--keep` write it to the job, unless something speaks against it.
 
     Raises:
         ProfileError: what the trace, the job or the fit refuses; with `--keep` why the job keeps its error.
@@ -81,7 +81,7 @@ def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
 
 
 def _record(found: FoundLobe, before: LoadedJob, after: LoadedJob) -> dict[str, object]:
-    """Return what a calibration of a job keeps: the fit, and what the job said before and says now."""
+    """Return the record of a job calibration: the fit, and the job's values before and after."""
     said = {
         name: {key: getattr(loaded.job, key) for key in _STATED}
         for name, loaded in (("job_before", before), ("job", after))
@@ -90,7 +90,7 @@ def _record(found: FoundLobe, before: LoadedJob, after: LoadedJob) -> dict[str, 
 
 
 def _end(written: LoadedJob | None, kept: Path | None, asked: bool, text: Catalogue) -> list[str]:
-    """Return where it was kept; nothing where it was to be and could not."""
+    """Return where it was kept; nothing where that was requested and failed."""
     if written is None:
         return [] if asked else ["", text("calibrate.not_kept")]
     job = text("calibrate.job_kept", job=printable(str(written.path)), revision=written.sha256[:6])

@@ -1,4 +1,4 @@
-"""The paper beside what comes out here, and the twelve acceptance numbers: computed, cut and printed."""
+"""The paper beside our results, and the twelve acceptance numbers: computed, cut and printed."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from profiles.paper.record import Figure, Record, Section
 from profiles.paper.reproduction import sections
 
 Draw = Callable[[Figure], list[str]]
-"""Makes a figure into lines of text."""
+"""Render a figure as lines of text."""
 
 
 def reproduce(options: Namespace, text: Catalogue, draw: Draw | None) -> int:
-    """Print the comparison, with figures where somebody draws them; 1 where an acceptance number is missed.
+    """Print the comparison, with figures where `draw` is given; 1 where an acceptance number is missed.
 
     Raises:
         ProblemError: the simulated lathe did not do what was planned.
@@ -39,7 +39,7 @@ def reproduce(options: Namespace, text: Catalogue, draw: Draw | None) -> int:
 
 
 def _on_the_lathe(paper: Experiments, options: Namespace, text: Catalogue) -> tuple[Record, ...]:
-    """Cut what has to be cut; each number is announced on stderr, for it takes its time."""
+    """Cut what has to be cut; announce each slow number on stderr."""
     records: list[Record] = []
     for number, measure in NUMBERS.items():
         if not options.json:
@@ -49,7 +49,7 @@ def _on_the_lathe(paper: Experiments, options: Namespace, text: Catalogue) -> tu
 
 
 def _with(section: Section, further: Sequence[Record]) -> Section:
-    """Return the section of the acceptance numbers with those of the lathe among them; others as they are."""
+    """Return the acceptance section including the numbers from the lathe; other sections unchanged."""
     if section.name != ACCEPTANCE:
         return section
     records = sorted((*section.records, *further), key=lambda record: record.number)
@@ -57,7 +57,7 @@ def _with(section: Section, further: Sequence[Record]) -> Section:
 
 
 def _held(found: Sequence[Section], incomplete: Collection[int]) -> dict[int, bool]:
-    """Return whether each acceptance number holds, of those to which nothing is missing."""
+    """Return whether each complete acceptance number is met."""
     held: dict[int, bool] = {}
     for record in (record for section in found for record in section.records if record.number):
         if record.number not in incomplete:

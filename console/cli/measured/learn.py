@@ -20,7 +20,7 @@ from drivers.cutting.strategy import INVERTING
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add the trace or what to do with the versions, the cut that the part is from, and how to learn."""
+    """Add the trace or the action on versions, the cut that the part is from, and how to learn."""
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("file", metavar="TRACE", nargs="?", help=text("help.calibrate.trace"))
     what.add_argument("--list", action="store_true", help=text("help.learn.list"))
@@ -39,7 +39,7 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Learn from a part, list the versions, or go back to one of them; nothing is kept without `--keep`.
+    """Learn from a part, list the versions, or revert to one of them; keep nothing without `--keep`.
 
     Raises:
         ProblemError: why nothing can be learned, or with `--keep` why it must not be kept.

@@ -1,4 +1,4 @@
-"""A learned compensation for JSON, unrounded: the step that a part teaches, and the versions of a job."""
+"""Learned compensation for JSON, unrounded: the learning step of a part, and the versions of a job."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from profiles.compensations.next_version import Contraction
 
 
 def lesson_fields(found: Taught) -> dict[str, object]:
-    """Return what a part teaches; what two parts cannot tell is null."""
+    """Return a learning step; what cannot be determined from two parts is null."""
     lesson = found.lesson
     lobes = lesson.next.path.target.lobes
     return {
@@ -30,7 +30,7 @@ def lesson_fields(found: Taught) -> dict[str, object]:
 
 
 def version_fields(version: LearnedCompensation, asked: HoldsFor) -> dict[str, object]:
-    """Return a version, and whether it holds for what is asked for."""
+    """Return a version, and whether it applies to this cut."""
     return {**as_table(version), "holds": still_holds(version, asked)}
 
 
@@ -46,7 +46,7 @@ def _contraction_fields(contraction: Contraction, waves: int) -> dict[str, objec
 
 
 def arrival(contraction: Contraction, waves: int) -> tuple[float, float]:
-    """Return the share of a wave of the path that arrives, and by how many spindle degrees late."""
+    """Return the fraction of a harmonic of the path that reaches the part, and its lag in spindle degrees."""
     return abs(contraction.arrives), -math.degrees(cmath.phase(contraction.arrives)) / waves
 
 

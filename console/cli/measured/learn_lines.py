@@ -1,4 +1,4 @@
-"""A learned compensation as lines for people: the step that a part teaches, and the versions of a job."""
+"""Learned compensation as lines for people: the learning step of a part, and the versions of a job."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from profiles.files import printable
 
 
 def lesson_lines(found: Taught, text: Catalogue) -> list[str]:
-    """Return a lesson in words."""
+    """Return a learning step in words."""
     lesson, made = found.lesson, found.made
     holds, part = lesson.next.holds_for, lesson.next.part
     assert part is not None
@@ -42,7 +42,7 @@ def lesson_lines(found: Taught, text: Catalogue) -> list[str]:
 def kept_lines(
     version: LearnedCompensation, kept: Path | None, asked: bool, options: Namespace, text: Catalogue
 ) -> list[str]:
-    """Return where a version was kept and how to cut with it; nothing where it was `asked` and could not be."""
+    """Return where a version was kept and how to cut with it; nothing where that was `asked` and failed."""
     if kept is None:
         return [] if asked else ["", text("calibrate.not_kept")]
     words = ["console", "run", options.job, "--strategy", version.holds_for.strategy, "--compensation", "newest"]

@@ -1,4 +1,4 @@
-"""What `console learn` does: learn from a part, list the versions, or go back to one."""
+"""Actions of `console learn`: learn from a part, list the versions, or revert to one."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def list_versions(options: Namespace, job: LoadedJob, machine: LoadedMachine, te
 
 
 def revert(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Catalogue) -> int:
-    """Make an older version the newest once more; with `--keep` store it."""
+    """Make an older version the newest again; with `--keep` store it."""
     data = data_of(options)
     back = reverted(options.revert, job, machine, data, simulated=options.sim, date=utc_now())
     kept = store(data, back) if options.keep else None
@@ -88,7 +88,7 @@ def revert(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Cat
 
 
 def refuse_unused(options: Namespace) -> None:
-    """Refuse what says how to learn where nothing is learned.
+    """Refuse learning options where nothing is learned.
 
     Raises:
         SessionError: `learned.unused`.

@@ -1,4 +1,4 @@
-"""What `console roundness` makes of a trace: by its header, for a job, with the filter that was asked for."""
+"""Evaluation of a trace by `console roundness`: by its header, for a job, with the requested filter."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from profiles.traces import Trace, read_trace
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTrace:
-    """A trace with what it says of itself and what came of it.
+    """A trace with its header and results.
 
     `jaw_1_deg` is the angle of jaw 1 in the angles of the trace, None where it is unknown. `mean_diameter_mm` is
-    None where the trace tells no size; `tool_offset_um`, positive into the work, where there is no job to compare
-    it with either.
+    None where the trace has no size; `tool_offset_um`, positive into the work, also where there is no job to
+    compare it with.
     """
 
     trace: Trace
@@ -38,14 +38,14 @@ class MeasuredTrace:
     tool_offset_um: float | None = None
 
     def past_jaw_1_deg(self, wave: Harmonic) -> float | None:
-        """Return how far the first crest of an undulation is past jaw 1, None where that is unknown."""
+        """Return the phase of an undulation (its first maximum) from jaw 1, None where that is unknown."""
         if self.jaw_1_deg is None:
             return None
         return wave.past_jaw_1_deg(self.jaw_1_deg, against_spindle=self.header.against_spindle)
 
 
 def measured_trace(options: Namespace) -> MeasuredTrace:
-    """Return what came of the trace with every warning.
+    """Evaluate a trace and return the results with every warning.
 
     Raises:
         ProfileError: every problem of the trace, the job or the arguments; each names the file.
@@ -95,7 +95,7 @@ def of_circle(result: RoundnessResult, kind: str) -> RoundnessResult:
 
 @contextmanager
 def naming(where: str) -> Iterator[None]:
-    """Have every problem name the file."""
+    """Add the file name to every problem."""
     try:
         yield
     except ProfileError as error:

@@ -1,4 +1,4 @@
-"""`console reproduce`: the paper beside what comes out here, and the twelve acceptance numbers."""
+"""`console reproduce`: the paper beside our results, and the twelve acceptance numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper beside ours for JSON, unrounded."""
+"""Paper and own results for JSON, unrounded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper beside ours as rows and lines for people."""
+"""Paper and own results as rows and lines for people."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ BY_CONSTRUCTION = "≡"
 _SIGNS = {Relation.NEAR: "", Relation.AT_MOST: "≤ ", Relation.ABOVE: "> ", Relation.OTHER: "≠ "}
 _REASON_COLUMNS = 100
 _EXACT = 1e-6
-"""A tolerance up to this is only for rounding, and not told."""
+"""Tolerances up to this are only for rounding, and not shown."""
 
 Row = tuple[str, str, str, str, str]
 
 
 def head(section: Section, text: Catalogue) -> Row:
-    """Return the titles of the columns; of the acceptance numbers the first is what must come out."""
+    """Return the column titles; for the acceptance numbers the first is the expected value."""
     said = text("reproduce.head.target" if section.name == ACCEPTANCE else "reproduce.head.paper")
     what, ours, difference = (text(f"reproduce.head.{name}") for name in ("what", "ours", "difference"))
     return what, said, ours, difference, ""
 
 
 def rows(records: Sequence[Record], text: Catalogue) -> list[Row]:
-    """Return what, paper, ours, difference and whether it holds for each record."""
+    """Return subject, paper, ours, difference and verdict for each record."""
     return [_row(record, text) for record in records]
 
 
 def reason_lines(records: Sequence[Record], text: Catalogue) -> list[str]:
-    """Return why ours is another number, each reason once, with the row that asks for it first."""
+    """Return why our number differs, each reason once, with the first row that needs it."""
     first = {record.why: record for record in reversed(records) if record.why}
     asked = dict.fromkeys(record.why for record in records if record.why)
     return [f"{name(first[why], text).strip()} – {reason_line(first[why], text)}" for why in asked]
@@ -48,23 +48,23 @@ def section_lines(section: Section, text: Catalogue) -> list[str]:
 
 
 def name(record: Record, text: Catalogue) -> str:
-    """Return what a record is about."""
+    """Return the subject of a record."""
     sentence = text(f"reproduce.row.{record.name}", at=word(record.at, text))
     return f"{record.number:>2}  {sentence}" if record.number else sentence
 
 
 def title(figure: Figure, text: Catalogue) -> str:
-    """Return what a figure shows."""
+    """Return the title of a figure."""
     return text(f"reproduce.figure.{figure.name}", at=word(figure.at, text))
 
 
 def word(name: str, text: Catalogue) -> str:
-    """Return a word of the catalogue in this language; a value such as "10 Hz" is itself."""
+    """Return a catalogue word in this language; a value such as "10 Hz" stays unchanged."""
     return text(f"reproduce.word.{name}") if name.isidentifier() else name
 
 
 def reason_line(record: Record, text: Catalogue) -> str:
-    """Return why ours is another number."""
+    """Return why our number differs."""
     return text(f"reproduce.why.{record.why}", **record.facts)
 
 
@@ -82,7 +82,7 @@ def _row(record: Record, text: Catalogue) -> Row:
 
 
 def mark(record: Record) -> str:
-    """Return how a comparison came out; one that was fitted stands in brackets."""
+    """Return the mark of a comparison's verdict; a fitted one is in brackets."""
     if record.holds is None:
         return ""
     if not record.holds:
@@ -91,7 +91,7 @@ def mark(record: Record) -> str:
 
 
 def counted(sections: Sequence[Section], text: Catalogue) -> str:
-    """Return how many comparisons with the paper hold, those that tell nothing of it counted apart."""
+    """Return how many comparisons with the paper agree; inconclusive ones are counted apart."""
     judged = [r for s in sections if s.name != ACCEPTANCE for r in s.records if r.holds is not None]
     own = [record.holds for record in judged if record.basis is Basis.COMPUTED]
     return text(

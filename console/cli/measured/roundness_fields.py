@@ -1,4 +1,4 @@
-"""The roundness of a trace for JSON; lengths in um, angles in degrees from the spindle index."""
+"""Roundness of a trace for JSON; lengths in um, angles in degrees from the spindle index."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from profiles.roundness import RoundnessResult
 
 
 def trace_fields(measured: MeasuredTrace) -> dict[str, object]:
-    """Return everything that came of a trace."""
+    """Return all results of a trace."""
     result, header = measured.result, measured.header
     return {
         **roundness_fields(result),
@@ -29,7 +29,7 @@ def trace_fields(measured: MeasuredTrace) -> dict[str, object]:
 
 
 def roundness_fields(result: RoundnessResult) -> dict[str, object]:
-    """Return what every command tells of a roundness."""
+    """Return the roundness fields that all commands share."""
     return {
         "RONt_um": result.ront_um,
         "RONp_um": result.ronp_um,

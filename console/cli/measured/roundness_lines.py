@@ -1,4 +1,4 @@
-"""The roundness of a trace as lines for people."""
+"""Roundness of a trace as lines for people."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def filter_line(result: RoundnessResult, text: Catalogue) -> str:
 
 
 def state_line(result: RoundnessResult, text: Catalogue) -> str:
-    """Return in which state the part was measured, in this language where it is one of the usual ones."""
+    """Return the state of the measured part, translated where it is one of the usual ones."""
     return text(f"state.{result.state}") if result.state in _STATES else result.state
 
 
@@ -96,7 +96,7 @@ def _harmonics(measured: MeasuredTrace, text: Catalogue) -> list[str]:
 
 
 def _unknown(measured: MeasuredTrace, text: Catalogue) -> list[str]:
-    """Say which lines the file would need for the angles to be those of jaw 1."""
+    """Return which header lines the file needs for angles from jaw 1."""
     header = measured.header
     stated = {"direction": header.direction is not None, "jaw_1_deg": measured.jaw_1_deg is not None}
     if header.phase_known:

@@ -1,4 +1,4 @@
-"""`console roundness --vblock`: the lobes behind the readings of an indicator over a V-block."""
+"""`console roundness --vblock`: the lobe from indicator readings over a V-block."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from profiles.trace_files.header import TraceHeader
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VBlockLobe:
-    """What was read, and the lobe of the part behind it.
+    """The readings, and the lobe of the part derived from them.
 
-    It is the undulation of the filtered readings over the factor of the V-block and over `passed`, the share of it
-    that the filter let pass.
+    It is the undulation of the filtered readings over the factor of the V-block and over `passed`, the fraction of
+    it that the filter let pass.
     """
 
     included_deg: float
@@ -31,11 +31,11 @@ class VBlockLobe:
 
 
 def read_v_block(result: RoundnessResult, included_deg: float, lobes: int) -> VBlockLobe:
-    """Return the lobe behind readings that were evaluated like a trace.
+    """Return the lobe from readings that were evaluated like a trace.
 
     Raises:
-        ProfileError: as `usable_factor`; `value.out_of_range`, the points cannot tell so many lobes, or the filter
-            takes them for roughness or form.
+        ProfileError: as `usable_factor`; `value.out_of_range`, the points cannot resolve so many lobes, or the
+            filter takes them for roughness or form.
     """
     factor = usable_factor(lobes, included_deg)
     read = next((h for h in result.harmonics if h.n == lobes), None)
@@ -43,7 +43,7 @@ def read_v_block(result: RoundnessResult, included_deg: float, lobes: int) -> VB
         limit = f"2 - {max((h.n for h in result.harmonics), default=0)}"
         raise ProfileError(Problem(code="value.out_of_range", key="--lobes", value=str(lobes), limit=limit))
     passed = _passed(result, lobes)
-    # A factor below 0 reads a valley under the indicator as a crest.
+    # With a factor below 0 the indicator reads a valley as a maximum.
     turned_deg = 180.0 / lobes if factor < 0.0 else 0.0
     lobe = Harmonic(
         n=lobes,

@@ -1,1 +1,1 @@
-"""Commands about a part that is still to be cut: what is to come of it, and its program."""
+"""Commands about a part that is still to be cut: its prediction, and its program."""

@@ -1,4 +1,4 @@
-"""What makes a predicted band as wide as it is: each reason with its code, its size, and in words."""
+"""Uncertainty budget of the predicted band: each contribution with its code, its size, and in words."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from profiles.axis.response import Source
 
 
 def band_reasons(band: Band, source: Source, text: Catalogue) -> list[tuple[str, float | None, str]]:
-    """Return code, um p-p (None is not known) and sentence of each reason; `source` is that of the response."""
+    """Return code, um p-p (None is not known) and sentence of each contribution; `source`: the response's."""
     servo, force_n = f"band.servo.{source}", band.assumed_friction_n
     friction, words = "band.friction.identified", text("band.friction.identified")
     if force_n is not None:

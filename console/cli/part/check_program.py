@@ -1,4 +1,4 @@
-"""`console check-program`: what a controller program will really do, move by move, before it is sent."""
+"""`console check-program`: what a controller program will do, move by move, before it is sent."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from console.text.catalogue import Catalogue
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add the program, the machine, where its motors start and what the operator changes at the machine."""
+    """Add the program, the machine, the start positions of its motors, and changes made at the machine."""
     parser.add_argument("file", metavar="FILE", help=text("help.program_file"))
     add_machine(parser, text)
     parser.add_argument("--from", metavar="X=N,Y=N", type=_start, dest="start", help=text("help.start"))
@@ -28,7 +28,7 @@ def _start(word: str) -> dict[str, float]:
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Print what a program does; 1 when the controller or the machine would not put up with it."""
+    """Print what a program does; 1 when the controller or the machine would refuse it."""
     from console.cli.library import profile_of
     from console.cli.output import print_json
     from console.cli.part.check_program_fields import program_fields

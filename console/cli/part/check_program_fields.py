@@ -1,4 +1,4 @@
-"""A checked program for JSON: counts and ms, and the units of the axes where a motor has one."""
+"""Checked program for JSON: counts and ms, and the units of the axes where a motor has one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from profiles.findings import Severity
 from profiles.machine import MachineProfile
 
 _LEVELS = {Severity.REFUSAL: "fault", Severity.WARNING: "warning", Severity.NOTICE: "notice"}
-"""How the JSON of a program names a severity."""
+"""JSON names of the severities in a program."""
 
 
 def program_fields(

@@ -1,4 +1,4 @@
-"""A checked program as lines for people: what it is, its moves, what was found, and what it does."""
+"""Checked program as lines for people: its summary, its moves, its findings, and its explanation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from profiles.machine import MachineProfile
 
 WIDTH = 80
 MOST_RANGES = 4
-"""Places that a finding names in its line; --json has them all."""
+"""Line ranges that a finding lists; --json has them all."""
 
 
 def program_lines(
@@ -38,7 +38,7 @@ def program_lines(
     if not checked.moves:
         return [*head, *judged]
     tables = move_tables(machine, checked, text)
-    # Who reads the first screen of a long text shall have read what matters.
+    # The first screen of a long text must show what matters.
     return [*head, *tables.lines, "", *judged] if tables.whole else [*head, *judged, "", *tables.lines]
 
 
@@ -80,7 +80,7 @@ def finding_line(finding: ProgramFinding, text: Catalogue) -> str:
 
 
 def _places(lines: Sequence[int]) -> str:
-    """Return line numbers, those that follow each other as a range, and not too many of them."""
+    """Return line numbers, consecutive ones as a range, up to a limit."""
     ranges: list[tuple[int, int]] = []
     for line in lines:
         if ranges and line == ranges[-1][1] + 1:

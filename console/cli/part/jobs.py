@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add nothing: the command takes what all take."""
+    """Add nothing: the command has only the common options."""
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """List every job by the name that other commands take; one that cannot be read is listed with its reason."""
+    """List every job by the name that other commands take; an unreadable one with its reason."""
     from console.cli.library import data_of
     from console.cli.output import print_json
     from console.cli.part.jobs_fields import job_fields

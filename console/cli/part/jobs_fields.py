@@ -9,7 +9,7 @@ from profiles.store import LoadedJob
 
 
 def job_fields(listed: Listed, text: Catalogue) -> dict[str, object]:
-    """Return the job, or what makes it unreadable."""
+    """Return the job, or why it is unreadable."""
     entry, loaded = listed
     fields: dict[str, object] = {"name": entry.name, "path": str(entry.path), "bundled": entry.bundled}
     if not isinstance(loaded, LoadedJob):

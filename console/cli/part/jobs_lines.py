@@ -12,7 +12,7 @@ from profiles.problem import Problem
 from profiles.store import LibraryEntry, LoadedJob
 
 Listed: TypeAlias = tuple[LibraryEntry, LoadedJob | tuple[Problem, ...]]
-"""An entry with its job, or with what makes it unreadable."""
+"""An entry with its job, or why it is unreadable."""
 
 
 def job_lines(listed: Sequence[Listed], text: Catalogue) -> list[str]:

@@ -1,4 +1,4 @@
-"""The moves of a checked program as two tables that fit 80 columns; what repeats is folded."""
+"""Moves of a checked program as two tables that fit 80 columns; repeats are folded."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class MoveTables:
 
 
 def move_tables(machine: MachineProfile, checked: ProgramCheck, text: Catalogue) -> MoveTables:
-    """Return the table of times and ways, and that of the peaks; rows beyond `MOST_ROWS` are counted."""
+    """Return the table of times and distances, and that of the peaks; rows beyond `MOST_ROWS` are counted."""
     folds = fold(checked.moves)
     ways, more_ways = _capped([rows for each in folds for rows in _ways(checked, each)])
     peaks, more_peaks = _capped([rows for each in folds for rows in _peaks(machine, checked, each)])
@@ -80,7 +80,7 @@ def _left_out(rows: int, text: Catalogue) -> list[str]:
 
 
 def _ways(checked: ProgramCheck, folded: Fold) -> Iterator[list[Row]]:
-    """Yield the rows of each move."""
+    """Yield the rows of times and distances of each move."""
     for move in folded.moves:
         place, times = _where(checked, move, folded.times)
         asked, used = move.asked, move.used
@@ -103,7 +103,7 @@ def _way(motor: MotorMove) -> Row:
 
 
 def _peaks(machine: MachineProfile, checked: ProgramCheck, folded: Fold) -> Iterator[list[Row]]:
-    """Yield the rows of each move."""
+    """Yield the rows of peaks of each move."""
     for move in folded.moves:
         head = _where(checked, move, folded.times)
         yield _headed(head, [_peak(machine, motor) for motor in _moving(move)])
@@ -121,7 +121,7 @@ def _peak(machine: MachineProfile, motor: MotorMove) -> Row:
 
 
 def _quantity(counts: float, per_count: float, unit: str) -> str:
-    """Return a quantity in its unit; what is nothing but the rounding of counts is 0."""
+    """Return a quantity in its unit; a value within the rounding of counts is 0."""
     return f"{_number(counts * per_count if abs(counts) > NOTHING else 0.0)} {unit}"
 
 
@@ -130,7 +130,7 @@ def _where(checked: ProgramCheck, move: MoveAnalysis, times: int) -> tuple[str, 
 
 
 def _moving(move: MoveAnalysis) -> list[MotorMove]:
-    """Return the motors that a move tells to go, or that go in it."""
+    """Return the motors that a move commands, or that move in it."""
     return [motor for motor in move.motors if abs(motor.commanded) > SAME_COUNTS or abs(motor.made) > SAME_COUNTS]
 
 

@@ -1,16 +1,16 @@
-"""Numbers for people at a machine: rounded as asked for, and never with an exponent."""
+"""Numbers for people at a machine: rounded as requested, and never with an exponent."""
 
 from __future__ import annotations
 
 _DECIMALS = 9
-"""Of a number that is too small for the digits that are asked for; what is still smaller is 0."""
+"""Decimals of a number too small for the requested digits; what is still smaller is 0."""
 
 
 class PlainNumber(float):
-    """A number whose `g` format writes out what would get an exponent."""
+    """Number whose `g` format writes out what would get an exponent."""
 
     def __format__(self, spec: str) -> str:
-        """Return the number in that format; a large one has all digits that stand before the point."""
+        """Return the number in that format; a large one keeps all digits before the point."""
         shown = super().__format__(spec)
         if "e" not in shown:
             return shown

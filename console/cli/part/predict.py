@@ -1,4 +1,4 @@
-"""`console predict`: what a plain cut leaves, how hard to clamp, how fast the lobe may be followed."""
+"""`console predict`: form error of a plain cut, clamping force, and the speed limits for following the lobe."""
 
 from __future__ import annotations
 

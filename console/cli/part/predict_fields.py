@@ -1,4 +1,4 @@
-"""The prediction of a plain cut for JSON: lengths in um, angles in degrees, nothing rounded."""
+"""Prediction of a plain cut for JSON: lengths in um, angles in degrees, nothing rounded."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ def _clamping_fields(advice: ClampingAdvice, machine: MachineProfile) -> dict[st
 
 
 def limits_n(advice: ClampingAdvice) -> dict[str, float]:
-    """Return where each limit lies, with that of a plain cut, which is none of a compensated one."""
+    """Return each force limit, including that of a plain cut, which does not apply to a compensated one."""
     plain_n = advice.uncompensated_n
     return {**advice.span.limits_n, **({} if plain_n is None else {"uncompensated": plain_n})}
 
 
 def beyond_spindle(seen: Envelope, machine: MachineProfile) -> list[str]:
-    """Return the limits of the axis that lie above what the spindle can turn: they limit nothing."""
+    """Return the limits of the axis above the maximum spindle speed: they limit nothing."""
     return [name for name, rpm in seen.at_job.rpm.items() if rpm > machine.spindle.max_speed_rpm]
 
 

@@ -1,4 +1,4 @@
-"""The prediction of a plain cut as lines for people."""
+"""Prediction of a plain cut as lines for people."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def prediction_lines(job: Job, machine: MachineProfile, seen: Prediction, text: 
 
 
 def source_lines(sources: Mapping[str, str], text: Catalogue) -> list[str]:
-    """Return where each fact about the chuck comes from: the profile, or a calibration of a date."""
+    """Return the source of each fact about the chuck: the profile, or a calibration with its date."""
     keys: dict[str, list[str]] = {}
     for key, date in sorted(sources.items(), key=lambda each: each[1]):
         keys.setdefault(date, []).append(f"chuck.{key}")
@@ -79,12 +79,12 @@ def _height(job: Job, cut: CutError, text: Catalogue) -> str:
 
 
 def _place(cut: CutError, text: Catalogue) -> str:
-    """What the place of the lobe speaks for, where it is known how far past the jaws it stands."""
+    """Return what the lobe's position suggests, where its angle from the jaws is known."""
     return "" if cut.diagnosis is None else f", {lobe_place_line(cut.diagnosis, text)}"
 
 
 def _places(job: Job, seen: Prediction, text: Catalogue) -> list[tuple[str, ...]]:
-    """The error at each Z: at a jaw, between two, peak to peak; and how much too large the part is."""
+    """Return the error at each Z: at a jaw, between two, peak to peak; and the oversize of the part."""
     lobe_deg = np.array([0.0, 180.0 / job.jaws]) + job.jaw_1_deg
     at_jaw, between = (int(np.argmin(np.abs((seen.angle_deg - deg + 180) % 360 - 180))) for deg in lobe_deg)
     columns = ("z", "jaw", "between", "pp", *(() if seen.scaled_to is None else ("model_pp",)), "size")
@@ -105,7 +105,7 @@ def _places(job: Job, seen: Prediction, text: Catalogue) -> list[tuple[str, ...]
 
 
 def _clamping(advice: ClampingAdvice, machine: MachineProfile, text: Catalogue) -> list[tuple[str, str]]:
-    """The forces; what lies above the chuck's most, or the spindle's, limits nothing and is left out."""
+    """Return the forces; limits above the maximum of chuck or spindle are left out."""
     least_n, most_n = advice.span.whole_n
     rows = [
         (text("predict.force_span"), f"{least_n} … {most_n} N"),
@@ -137,7 +137,7 @@ def _process(seen: Prediction, text: Catalogue) -> list[tuple[str, str]]:
 
 
 def _envelope(job: Job, seen: Envelope, machine: MachineProfile, text: Catalogue) -> list[tuple[str, str, str]]:
-    """The speeds at which the limits are reached with the amplitude of the job, the nearest first."""
+    """Return the speeds at which the limits are reached with the job's amplitude, the nearest first."""
     head = (text("predict.limit", amplitude=f"{seen.at_job.amplitude_um:.1f}"), "rpm", "%")
     most_rpm, beyond = machine.spindle.max_speed_rpm, beyond_spindle(seen, machine)
     ordered = sorted((n for n in seen.at_job.rpm if n not in beyond), key=seen.at_job.rpm.__getitem__)

@@ -1,4 +1,4 @@
-"""A preview as fields for JSON: lengths in um, angles in degrees, nothing rounded."""
+"""Preview as fields for JSON: lengths in um, angles in degrees, nothing rounded."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from profiles.problem import ProblemError
 
 
 def preview_fields(seen: Preview, text: Catalogue) -> dict[str, object]:
-    """Return the whole preview; what belongs to one strategy is of the one that was chosen."""
+    """Return the whole preview; fields of one strategy are those of the chosen one."""
     return {
         "job": seen.job.name,
         "machine": seen.machine.name,
@@ -46,7 +46,7 @@ def preview_fields(seen: Preview, text: Catalogue) -> dict[str, object]:
 
 
 def _predicted(seen: Preview, text: Catalogue) -> dict[str, object] | None:
-    """Roundness of the released part without compensation and with the strategy; None where that is refused."""
+    """Return the roundness of the released part without and with the strategy; None where that is refused."""
     band = predicted_band(seen, seen.strategy)
     if band is None:
         return None
@@ -60,7 +60,7 @@ def _predicted(seen: Preview, text: Catalogue) -> dict[str, object] | None:
 
 
 def _response(seen: Preview) -> dict[str, object]:
-    """What the command inverts; a model has no band."""
+    """Return what the command inverts; a model has no band."""
     response, frequency_hz = seen.response, seen.job.lobe_frequency_hz
     here = response.at(frequency_hz)
     return {
@@ -76,7 +76,7 @@ def _response(seen: Preview) -> dict[str, object]:
 
 
 def _trajectory(seen: Preview) -> dict[str, list[float]] | None:
-    """One turn of the steady cut, None where the strategy is refused."""
+    """Return one turn of the steady cut, None where the strategy is refused."""
     made = seen.predictions.get(seen.strategy)
     if made is None:
         return None
@@ -91,9 +91,9 @@ def _drive(seen: Preview) -> dict[str, float]:
 
 
 def _margins(seen: Preview) -> dict[str, float | str | None]:
-    """Needs in percent of what there is, with the stroke of the program where there is one; None is not known.
+    """Return the needs in percent of the limits, including the program's stroke; None is not known.
 
-    With them the forces at rest between which the part is held, and not bent too far.
+    Included are the static forces between which the part is held without bending too far.
     """
     made = seen.predictions.get(seen.strategy)
     shares = {**(seen.shares if made is None else made.shares), "grip_n": grip_share(seen.job, seen.machine)}
@@ -102,7 +102,7 @@ def _margins(seen: Preview) -> dict[str, float | str | None]:
 
 
 def _envelope(seen: Preview) -> dict[str, object]:
-    """How fast a lobe of some amplitude may be cut, by the limits of the axis; and this job, by every limit."""
+    """Return the axis's speed limits over lobe amplitude, and this job with every limit."""
     found = envelope(seen.job, seen.machine)
     limits = speed_limits_rpm(seen.job, seen.machine, seen.response, found.at_job)
     binding = min(limits, key=limits.__getitem__)

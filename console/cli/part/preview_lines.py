@@ -1,4 +1,4 @@
-"""A preview as lines for people."""
+"""Preview as lines for people."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from profiles.problem import ProblemError
 
 
 def preview_lines(seen: Preview, text: Catalogue) -> list[str]:
-    """Return the preview: what is known of the lobe, the servo at it, what the drive needs, every check."""
+    """Return the preview: the lobe, the servo at its frequency, the drive's needs, every check."""
     loops = [
         (text("preview.loop"), text("preview.gain"), text("preview.phase"), text("preview.residual")),
         _loop_row(text("preview.eq9", bandwidth=f"{seen.eq9_loop.bandwidth_hz:.1f}"), seen.eq9),
@@ -67,7 +67,7 @@ def _facts(seen: Preview, band: Band | None, text: Catalogue) -> list[tuple[str,
 
 
 def _source(seen: Preview, text: Catalogue) -> str:
-    """Where the lobe comes from; one that was found on another cut is not called measured on this one."""
+    """Return the source of the lobe; one found on another cut is not called measured on this one."""
     job, machine = seen.job, seen.machine
     source = lobe_source(job, chuck=machine.chuck.name, tool=machine.tool.name)
     own = text(f"source.{job.lobe_error_source}")
@@ -75,7 +75,7 @@ def _source(seen: Preview, text: Catalogue) -> str:
 
 
 def _inverted(seen: Preview, text: Catalogue) -> str:
-    """What the command inverts, and how sure that is."""
+    """Return what the command inverts, and its uncertainty."""
     response = seen.response
     percent = 100.0 * response.relative_95(seen.job.lobe_frequency_hz)
     return f"{text(f'response.{response.source}')} {response.name}, ± {percent:.2f} %"
@@ -89,7 +89,7 @@ def _left(seen: Preview, band: Band | None, text: Catalogue) -> list[tuple[str, 
 
 
 def _because(seen: Preview, band: Band | None, text: Catalogue) -> list[str]:
-    """What the band is made of, with a line below it; nothing without one."""
+    """Return the contributions to the band, with a line below; nothing without one."""
     if band is None:
         return []
     reasons = band_reasons(band, seen.response.source, text)

@@ -1,4 +1,4 @@
-"""`console program`: the controller program of a job, as it would be sent."""
+"""`console program`: print the controller program of a job, as it would be sent."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Print the program below a comment that says where its motors start; findings go to stderr."""
+    """Print the program below a comment with the start positions of its motors; findings go to stderr."""
     from console.cli.library import job_of, judged_of
     from console.cli.output import print_json, tell
     from console.session.cut.run import plan_run
@@ -27,7 +27,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
     loaded, judged = job_of(options), judged_of(options)
     job, machine = loaded.job, judged.machine
-    # Nothing is armed: what would be refused then is told here.
+    # Nothing is armed: what arming would refuse is reported here.
     plan = plan_run(job, machine, Strategy(options.strategy), options.ts, str(loaded.path), simulated=True)
     warnings = tell((*judged.warnings, *plan.warnings), text)
     counts = {

@@ -1,4 +1,4 @@
-"""A controller program from a file, checked."""
+"""Loading and checking a controller program from a file."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 CAP_BYTES = 1_000_000
-"""As much program text as a controller keeps; each move costs a kilobyte while it is checked."""
+"""Program memory of a controller; each move costs a kilobyte while it is checked."""
 
 _MARKS_OF_ENCODINGS = (
-    ("UTF-32", codecs.BOM_UTF32_LE),  # begins as UTF-16 does
+    ("UTF-32", codecs.BOM_UTF32_LE),  # starts with the UTF-16 mark
     ("UTF-32", codecs.BOM_UTF32_BE),
     ("UTF-16", codecs.BOM_UTF16_LE),
     ("UTF-16", codecs.BOM_UTF16_BE),
@@ -29,13 +29,13 @@ def checked_file(options: Namespace, machine: MachineProfile) -> ProgramCheck:
 
     Raises:
         ProblemError: `file.unreadable`, `file.too_large`; `program.encoding`; `program.refused`, there is nothing
-            to look at; `program.start_axis`, `program.start_too_far`.
+            to check; `program.start_axis`, `program.start_too_far`.
     """
     content = read_regular_file(Path(options.file), cap_bytes=CAP_BYTES)
     encoding = _wide_encoding(content)
     if encoding is not None:
         raise DriverError(Problem(code="program.encoding", where=printable(options.file), value=encoding))
-    # What is no UTF-8 stays a character that the controller does not take; in a comment it does no harm.
+    # Invalid UTF-8 stays a character that the controller rejects; in a comment it does no harm.
     text = content.decode("utf-8-sig", "replace")
     try:
         return check_program(text, machine, options.ta_ms, options.ts_ms, options.start)
@@ -45,10 +45,10 @@ def checked_file(options: Namespace, machine: MachineProfile) -> ProgramCheck:
 
 
 def _wide_encoding(content: bytes) -> str | None:
-    """Return the name of an encoding with several bytes for each character of a program; None for all others."""
+    """Return the name of a multi-byte encoding of the program text; None for all others."""
     for encoding, mark in _MARKS_OF_ENCODINGS:
         if content.startswith(mark):
             return encoding
-    # No program has a NUL; what is ASCII has one in every second byte there, and none in the others.
+    # A program has no NUL; ASCII text in such an encoding has one in every second byte.
     empty, other = sorted((content[place::2].count(0) for place in (0, 1)), reverse=True)
     return "UTF-16" if empty > len(content) // 4 and not other else None

@@ -1,1 +1,1 @@
-"""One cut, from the checks before it to the record behind it, for the screens and for `console run`."""
+"""One cut, from the checks before it to the record after it, for the screens and for `console run`."""

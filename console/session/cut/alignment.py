@@ -1,16 +1,16 @@
-"""What must be known before tool and lobe are in phase, and why it is not known any more.
+"""Alignment of tool and lobe: what must be known for it, and why it was lost.
 
-Four stamps with lives of their own. Each keeps what it rests on, and holds for that alone:
+Four stamps with separate lifetimes, each valid only for what it was taken on:
 
-- home: the power of the encoders, and the index. Without it the next two mean nothing.
-- jaw 1: the machine and its chuck, and the number of jaws: another one is another mounting.
+- home: encoder power, and the index. Without it the next two mean nothing.
+- jaw 1: the machine, its chuck, and the number of jaws: a change of these is a new mounting.
 - touch-off: the machine and its tool, and the diameter of the blank that it was taken on. The tip does not move
-  with the diameter, but a touch is off by the lobe of that very blank, and by the scale of the way to another
-  surface: the tool is touched off where it is to cut.
-- clamping: each opening of the chuck; force, jaws, and the blank: material, diameter, wall, overhang.
+  with the diameter, but a touch is off by the lobe of that very blank, and by the scale error over the distance
+  to another surface: touch off where the tool is to cut.
+- clamping: one closing of the chuck, with force, jaws, and the blank: material, diameter, wall, overhang.
 
-Once another console has controlled the machine none of the last three is known: that one may have changed
-anything. Pure: the station keeps the value and tells it what happened.
+Once another console has had control, the last three are lost: it may have changed anything.
+Pure: the station keeps the value and reports events to it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from profiles.rules import force_as_measured, same_force
 
 
 class AlignStep(StrEnum):
-    """The steps in the order in which they are done: hands are in the chuck before the drives are on."""
+    """Alignment steps in order: clamping, with somebody inside the guard, comes before the drives are on."""
 
     VERIFY = "verify"
     CLAMP = "clamp"
@@ -39,7 +39,7 @@ class AlignStep(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mounted:
-    """What is on the machine, by the names of its profile; "" where that gives none."""
+    """Tool, chuck and machine now mounted, by the names in the profile; "" where it gives none."""
 
     machine: str = ""
     chuck: str = ""
@@ -48,7 +48,7 @@ class Mounted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clamping:
-    """A blank was clamped: with which total force and how many jaws, which blank, and when (local time, text)."""
+    """Clamping of a blank: total force, number of jaws, the blank, and when (local time, text)."""
 
     force_n: float
     jaws: int
@@ -61,7 +61,7 @@ class Clamping:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JawAngle:
-    """The spindle angle at which jaw 1 meets the mark, degrees from the index in [0, 360), of so many jaws."""
+    """Spindle angle at which jaw 1 meets the mark, degrees from the index in [0, 360), for this number of jaws."""
 
     angle_deg: float
     jaws: int
@@ -71,7 +71,7 @@ class JawAngle:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchOff:
-    """The radius of the tool tip at motor position zero, as it was found on a surface of this diameter."""
+    """Radius of the tool tip at motor position zero, as found on a surface of this diameter."""
 
     zero_radius_mm: float
     diameter_mm: float
@@ -81,9 +81,9 @@ class TouchOff:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alignment:
-    """What is known of the set-up. `settings` is None until the controller was compared with its profile.
+    """Known set-up of the machine. `settings` is None until the controller was compared with its profile.
 
-    `on` is what is on the machine now. `lost` says of stamps why and when they went.
+    `on` is what is mounted now. `lost` records why and when stamps became invalid.
     """
 
     settings: tuple[Problem, ...] | None = None
@@ -97,21 +97,21 @@ class Alignment:
 
 
 def mounted_on(machine: MachineProfile) -> Mounted:
-    """Return what is on a machine by its profile."""
+    """Return what is mounted on a machine according to its profile."""
     return Mounted(machine=machine.name, chuck=machine.chuck.name, tool=machine.tool.name)
 
 
 def clamping_of(job: Job, at: str) -> Clamping:
-    """Return the stamp of a blank that is clamped as its job says."""
+    """Return the clamping stamp for the blank of a job."""
     return Clamping(force_n=job.chucking_force_n, at=at, **{key: getattr(job, key) for key, _ in _BLANK})
 
 
 def observed(
     alignment: Alignment, *, drives_on: bool, homed: bool, at: str, chuck_open: bool = False
 ) -> Alignment:
-    """Return the alignment after a look at the machine. Without its home, jaw 1 and the touch-off mean nothing.
+    """Return the alignment after a status poll. Without home, jaw 1 and the touch-off mean nothing.
 
-    `chuck_open` is what the controller sees of the chuck, where it sees it.
+    `chuck_open` is what the controller senses of the chuck, where it can.
     """
     if chuck_open:
         alignment = unclamped(alignment, at)
@@ -133,7 +133,7 @@ def unclamped(alignment: Alignment, at: str) -> Alignment:
 
 
 def clamped(alignment: Alignment, job: Job, at: str) -> Alignment:
-    """Return the alignment with the blank of a job; in other jaws than before, jaw 1 has to be found anew."""
+    """Return the alignment with the blank of a job; a change of jaws requires finding jaw 1 again."""
     fresh = replace(alignment, clamping=clamping_of(job, at))
     fresh = _settled(fresh, "alignment.unclamped", "alignment.handed_over")
     if alignment.jaw is None or alignment.jaw.jaws == job.jaws:
@@ -142,13 +142,13 @@ def clamped(alignment: Alignment, job: Job, at: str) -> Alignment:
 
 
 def jaw_found(alignment: Alignment, angle_deg: float, jaws: int, at: str) -> Alignment:
-    """Return the alignment with jaw 1 of so many jaws at an angle from the index."""
+    """Return the alignment with jaw 1 at an angle from the index, for this number of jaws."""
     stamp = JawAngle(angle_deg=angle_deg % 360.0, jaws=jaws, at=at, on=alignment.on)
     return _settled(replace(alignment, jaw=stamp), "alignment.jaws_changed")
 
 
 def handed_over(alignment: Alignment, at: str) -> Alignment:
-    """Return the alignment after another console has controlled the machine."""
+    """Return the alignment after another console has had control."""
     if alignment.clamping is None and alignment.jaw is None and alignment.touch_off is None:
         return alignment
     gone = replace(alignment, clamping=None, jaw=None, touch_off=None, lost=())
@@ -156,7 +156,7 @@ def handed_over(alignment: Alignment, at: str) -> Alignment:
 
 
 def step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Problem, ...]:
-    """Return why a step is not done for this job; empty when it is."""
+    """Return why a step is not yet done for this job; empty when it is."""
     return _JUDGES[step](alignment, job)
 
 
@@ -171,15 +171,15 @@ def current_step(alignment: Alignment, job: Job) -> AlignStep | None:
 
 
 def force_problems(job: Job) -> tuple[Problem, ...]:
-    """Return why this job's chucking force is not the one at which its lobe error was found."""
+    """Return why the job's chucking force is not the one at which its lobe error was measured."""
     finding = force_as_measured(job)
     return () if finding.severity is Severity.OK else (finding.problem,)
 
 
 def aligned_job(job: Job, alignment: Alignment) -> Job:
-    """Return the job with jaw 1 where it was found, or as its file assumes it; the lobe stays as far past it.
+    """Return the job with jaw 1 where it was found, else as in its file; the lobe keeps its offset from it.
 
-    Jaw 1 of another mounting says nothing of this job.
+    Jaw 1 of another mounting does not apply to this job.
     """
     if alignment.jaw is None or _jaw(alignment, job):
         return job
@@ -187,9 +187,9 @@ def aligned_job(job: Job, alignment: Alignment) -> Job:
 
 
 def aligned_machine(machine: MachineProfile, alignment: Alignment) -> MachineProfile:
-    """Return the machine with the tool tip where the touch-off found it, or as its profile says.
+    """Return the machine with the tool tip from the touch-off, else from its profile.
 
-    The tip is where it is, whatever is clamped: only another tool or machine takes that away.
+    The tip does not depend on what is clamped: only a change of tool or machine invalidates it.
     """
     if alignment.touch_off is None or _mounted_otherwise(alignment, alignment.touch_off.on, "machine", "tool"):
         return machine
@@ -259,12 +259,12 @@ def _mounted_otherwise(alignment: Alignment, stamped: Mounted, *names: str) -> t
 
 
 def _without(alignment: Alignment, why: Problem) -> Alignment:
-    """Return the alignment with one more reason why a stamp went, the newest of its kind."""
+    """Return the alignment with one more reason why a stamp was lost, the newest of its kind."""
     return replace(alignment, lost=(*_settled(alignment, why.code).lost, why))
 
 
 def _settled(alignment: Alignment, *codes: str) -> Alignment:
-    """Return the alignment without these reasons: what they took is there again."""
+    """Return the alignment without these reasons: the stamps they concern are valid again."""
     return replace(alignment, lost=tuple(each for each in alignment.lost if each.code not in codes))
 
 
@@ -279,7 +279,7 @@ _BLANK = (
     ("wall_thickness_mm", "mm"),
     ("overhang_mm", "mm"),
 )
-"""What a clamping is for besides its force, and the units."""
+"""Properties of a clamping besides its force, with their units."""
 
 _JUDGES: dict[AlignStep, Callable[[Alignment, Job], tuple[Problem, ...]]] = {
     AlignStep.VERIFY: _verify,

@@ -1,4 +1,4 @@
-"""A cut with what was learned: which path it is where jaw 1 was found, and why it may not be cut like that.
+"""Compensated cuts: turn a learned path to the jaw 1 that was found, and check that it may be cut.
 
 A version is kept with jaw 1 where the file of its job has it. The chuck may be mounted otherwise: the path is
 turned by as much as the lobe is.
@@ -34,7 +34,7 @@ def compensation_problems(
     *,
     simulated: bool,
 ) -> tuple[Problem, ...]:
-    """Return why a part may not be cut with this compensation, None the model, in this stage.
+    """Return why a part may not be cut with this compensation (None: the model's) in this stage.
 
     `loaded` is the file of the job, None for one that was edited: codes `learned.edited`, those of `differences`,
     and `stage.strategy`.
@@ -51,9 +51,9 @@ def compensation_problems(
 
 
 def with_accepted(work: Work, data: Path, *, simulated: bool) -> Work:
-    """Return the work on a job that was just opened, to be cut with the newest version that was accepted of it.
+    """Return the work on a newly opened job, with its newest accepted version.
 
-    Where that is none of this cut any more, or cannot be read, it is the model's, and that is said.
+    Where that version does not fit this cut, or cannot be read, use the model and report it.
     """
     try:
         newest = accepted(work.loaded, work.machine, data, simulated=simulated)
@@ -67,9 +67,9 @@ def with_accepted(work: Work, data: Path, *, simulated: bool) -> Work:
 
 
 def with_news(work: Work, data: Path, *, simulated: bool) -> Work:
-    """Return the work with a word of a newer version that was accepted since, as by `console learn` elsewhere.
+    """Return the work with a notice of a newer version accepted since, as by `console learn` elsewhere.
 
-    What was chosen stays chosen. Files that cannot be read are told where the version is used.
+    The choice made stays. Files that cannot be read are reported where the version is used.
     """
     try:
         newest = accepted(work.loaded, work.machine, data, simulated=simulated)
@@ -84,12 +84,12 @@ def with_news(work: Work, data: Path, *, simulated: bool) -> Work:
 
 
 def using(work: Work, version: LearnedCompensation) -> Work:
-    """Return the work with a version, which is one of its strategy: both are chosen."""
+    """Return the work with a version and the strategy it belongs to."""
     return replace(work, compensation=version, strategy=version.holds_for.strategy, set_aside=())
 
 
 def without_learned(work: Work) -> Work:
-    """Return the work with the model again; a version that was learned is set aside, which is said."""
+    """Return the work with the model's compensation; report a learned version that this sets aside."""
     learned = work.compensation
     if learned is None or learned.is_model:
         return replace(work, compensation=None, set_aside=())
@@ -99,7 +99,7 @@ def without_learned(work: Work) -> Work:
 
 
 def chosen_problems(work: Work, *, simulated: bool) -> tuple[Problem, ...]:
-    """Return why the job in hand may not be cut with the compensation and the stage that were chosen."""
+    """Return why the current job may not be cut with the chosen compensation and stage."""
     return compensation_problems(
         work.compensation,
         None if work.edited else work.loaded,
@@ -111,7 +111,7 @@ def chosen_problems(work: Work, *, simulated: bool) -> tuple[Problem, ...]:
 
 
 def stored_problems(compensation: LearnedCompensation, data: Path) -> tuple[Problem, ...]:
-    """Return why a version is not what is on the disk: `learned.file_changed`, or what is wrong with a file."""
+    """Return why a version differs from its file: `learned.file_changed`, or what is wrong with the file."""
     try:
         known = versions(data, compensation.holds_for)
     except ProblemError as error:

@@ -1,4 +1,4 @@
-"""The machine that a cut is made on, and what stands beside it: the same for the screens and for `console run`."""
+"""Machine of a cut and the equipment beside it, for the screens and for `console run` alike."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from profiles.traces import Trace
 
 
 class Workshop(Protocol):
-    """Hands and eyes of a simulated workshop: chuck, gauge, and the switch of a spindle on an inverter."""
+    """Simulated workshop: chuck, gauge, and the switch of an inverter-driven spindle."""
 
     def mount(self, job: Job) -> None:
         """Clamp a new blank."""
@@ -27,7 +27,7 @@ class Workshop(Protocol):
         """Return what can be seen at the chuck."""
 
     def set_spindle(self, rpm: float | None) -> None:
-        """Set a spindle that the controller does not turn, rpm; None switches it off."""
+        """Set a spindle that the controller does not drive, rpm; None switches it off."""
 
 
 def _always(_: Snapshot) -> tuple[Problem, ...]:
@@ -40,7 +40,7 @@ class CutContext:
 
     `commissioned` returns every reason why the machine, as the snapshot shows it, may not cut. Whoever connects
     for one cut alone calls `admit` once the controller answers, before anything is written. `sets_spindle` says
-    that the workshop sets the spindle for the cut, and switches it off afterwards.
+    that the workshop sets the spindle for the cut and switches it off afterwards.
     """
 
     lathe: Lathe
@@ -51,5 +51,5 @@ class CutContext:
 
     @property
     def simulated(self) -> bool:
-        """Whether the machine is a simulated one."""
+        """Whether the machine is simulated."""
         return self.workshop is not None

@@ -1,8 +1,8 @@
-"""One cut of one part: load, verify, approach, arm, start, watch, end, prove clear.
+"""One cut of one part: load, verify, approach, arm, start, monitor, end, prove clear.
 
-The screens and `console run` cut with these two functions. `load` leaves the program in the controller, and
-nothing moves; `cut` returns only when the cut that was planned has been made, the tool is proven to be clear, and
-the controller is set again as its profile says. Where either fails, the front end stops the machine.
+The screens and `console run` cut with these two functions. `load` puts the program into the controller without
+motion; `cut` returns only when the planned cut has been made, the tool is proven to be clear, and the controller
+is set again as its profile says. Where either fails, the caller stops the machine.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from profiles.problem import Problem
 
 TIME_ALLOWANCE = 1.5
 EXTRA_TIME_S = 5.0
-"""How much longer than planned a program may run: by this factor, and this on top."""
+"""Timeout margin of a program over its planned time: this factor, plus this time."""
 
 RETRACT_BAND_COUNTS = 50.0
 SPINDLE_TIMEOUT_S = 120.0
@@ -45,7 +45,7 @@ AT_START = "at_start"
 
 
 class Step(StrEnum):
-    """The steps of a part in their order."""
+    """Steps of a part in order."""
 
     LOAD = "load"
     CHECK = "check"
@@ -57,18 +57,18 @@ class Step(StrEnum):
 
 
 class Observer(Protocol):
-    """Follows a cut."""
+    """Observer of a cut."""
 
     def step(self, step: Step, detail: str) -> None:
-        """A step begins; `detail` needs no translation."""
+        """Report the start of a step; `detail` needs no translation."""
 
     def see(self, snapshot: Snapshot) -> None:
-        """The program runs, and this was polled."""
+        """Report a status poll while the program runs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutEnd:
-    """How a cut has ended: `last` proves that the tool is clear. `figures` is None where a hold left too few."""
+    """End of a cut: `last` proves that the tool is clear. `figures` is None where a hold left too few polls."""
 
     last: Snapshot
     figures: CutFigures | None
@@ -76,7 +76,7 @@ class CutEnd:
 
 
 class NotAsPlannedError(DriverError):
-    """What was cut is not what was planned; `turns` is how many were cut, None while nobody could be asked."""
+    """The cut differs from its plan; `turns` is how many were cut, None while nobody could ask the controller."""
 
     def __init__(self, *problems: Problem, turns: float | None) -> None:
         super().__init__(*problems)
@@ -86,7 +86,8 @@ class NotAsPlannedError(DriverError):
 def load(context: CutContext, plan: CutPlan, observer: Observer, *, aligned: bool) -> None:
     """Load the program of a cut and read it back, on a machine that is set as its profile says. Nothing moves.
 
-    `aligned` says that the drives are on and the axes homed: all but their places must then be as for the start.
+    `aligned` means that the drives are enabled and the axes homed: all but their positions must then be as for the
+    start.
 
     Raises:
         SessionError: what forbids the cut.
@@ -103,13 +104,13 @@ def load(context: CutContext, plan: CutPlan, observer: Observer, *, aligned: boo
 
 
 def cut(context: CutContext, job: Job, plan: CutPlan, observer: Observer, *, settle_tool: bool = True) -> CutEnd:
-    """Go to the start, tool last, read everything again, cut, and prove that the tool is clear of the part.
+    """Go to the start, tool last, verify everything again, cut, and prove that the tool is clear of the part.
 
     Without `settle_tool` the tool is known to stand at its start, with its integrator as the last cut left it.
 
     Raises:
-        SessionError: an interlock that does not hold; `session.nothing_seen`, `machine.not_retracted`.
-        NotAsPlannedError: by what the cut differs from its plan: it is neither measured nor learned from.
+        SessionError: an interlock that is not met; `session.nothing_seen`, `machine.not_retracted`.
+        NotAsPlannedError: how the cut differs from its plan: such a part is neither measured nor learned from.
         DriverError: what ended the cut.
         StoppedError: somebody stopped the machine.
     """
@@ -129,12 +130,12 @@ def cut(context: CutContext, job: Job, plan: CutPlan, observer: Observer, *, set
     observer.step(Step.RETRACT, "")
     last = _proven_clear(lathe, plan)
     _turn(context, 0.0)
-    lathe.stop.check()  # a stop in the last moment is not to be lost in a report
+    lathe.stop.check()  # a stop at the last moment must not be lost in a report
     return CutEnd(last=last, figures=figures, held=lathe.program.held)
 
 
 def _run(lathe: Lathe, job: Job, plan: CutPlan, observer: Observer) -> CutFigures | None:
-    """Run the program to its end, and hold what was cut against the plan."""
+    """Run the program to its end, and compare the cut with its plan."""
     planned, telemetry = PlannedCut(lathe, plan), Telemetry(plan, lathe.machine, job.cut_length_mm)
 
     def see(snapshot: Snapshot) -> None:
@@ -152,12 +153,12 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, observer: Observer) -> CutFigure
 
 
 def _refuse_changed(context: CutContext, plan: CutPlan) -> None:
-    """Refuse to move at all on a machine that is not as it was loaded: safety devices, settings, program."""
+    """Refuse any motion on a machine that has changed since loading: safety devices, settings, program."""
     lathe = context.lathe
     devices = device_problems(lathe.snapshot().inputs)
     refuse_unless(Interlock(name="safe", problems=(*devices, *way_problems(lathe.stop.way))))
     refuse_unless(*_ready(lathe, plan, at_start=False))
-    refuse_unless_held(lathe, plan, tables=False)  # the table is read after the way to the start
+    refuse_unless_held(lathe, plan, tables=False)  # the table is read after the move to the start
 
 
 def _ready(lathe: Lathe, plan: CutPlan, *, at_start: bool) -> tuple[Interlock, ...]:
@@ -170,12 +171,12 @@ def _commissioned(context: CutContext) -> Interlock:
 
 
 def _refuse_tables(lathe: Lathe) -> None:
-    """Refuse to go on while a compensation table adds something to the tool, or has left something there."""
+    """Refuse to continue while a compensation table adds to the tool position, or has left an offset there."""
     refuse_unless(Interlock(name="no_table", problems=lathe.program.tables_left()))
 
 
 def _go_to_start(lathe: Lathe, plan: CutPlan, *, settle_tool: bool) -> None:
-    """Bring every axis to its start: the tool out first, and in again last, beside the part."""
+    """Move every axis to its start: the tool out first, and in again last, beside the part."""
     if lathe.snapshot().tool.position > plan.setup.retracted + START_BAND_COUNTS:
         lathe.retract(plan.setup.retracted)
     lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
@@ -185,7 +186,7 @@ def _go_to_start(lathe: Lathe, plan: CutPlan, *, settle_tool: bool) -> None:
 
 
 def _turn(context: CutContext, speed_rpm: float) -> None:
-    """Set a spindle that the controller does not turn, and wait for its speed; 0 is off."""
+    """Set a spindle that the controller does not drive, and wait for its speed; 0 is off."""
     if context.workshop is None or not context.sets_spindle:
         return
     context.workshop.set_spindle(speed_rpm or None)
@@ -195,7 +196,7 @@ def _turn(context: CutContext, speed_rpm: float) -> None:
 
 
 def _proven_clear(lathe: Lathe, plan: CutPlan) -> Snapshot:
-    """The program takes the tool out; the controller must say that it is there and that nothing moves."""
+    """Prove that the program has retracted the tool: the controller must report it there, with nothing moving."""
     snapshot = lathe.snapshot()
     if not snapshot.at_rest or not tool_clear(snapshot, plan):
         raise SessionError(not_retracted(snapshot, plan, lathe.machine))
@@ -203,12 +204,12 @@ def _proven_clear(lathe: Lathe, plan: CutPlan) -> Snapshot:
 
 
 def nothing_seen(job: Job) -> Problem:
-    """Return that too few polls fell into a cut to say how it went."""
+    """Return the problem that too few polls fell into a cut to judge it."""
     return Problem(code="session.nothing_seen", key="cut_length_mm", value=f"{job.cut_length_mm:g} mm")
 
 
 def not_retracted(snapshot: Snapshot, plan: CutPlan, machine: MachineProfile) -> Problem:
-    """Return that the tool is not out of the part, where it stands, and what would be clear of it."""
+    """Return the problem that the tool is not out of the part, with its position and the position clear of it."""
     value, limit = (Lengths(machine).at(AxisName.TOOL, at) for at in (snapshot.tool.position, _clear_of(plan)))
     return Problem(code="machine.not_retracted", key=AxisName.TOOL, value=value, limit=f"< {limit}")
 

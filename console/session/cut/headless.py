@@ -1,6 +1,6 @@
 """One part without an operator at a screen: connect, load, clamp, home, cut, measure.
 
-Whatever goes wrong after the machine is there, it is stopped and proven to rest before the error leaves here.
+After any error with the machine connected, stop it and prove it at rest before the error is raised.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from profiles.traces import Trace
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutOutcome:
-    """The trace of the released part, the figures read during the cut, and what the tool has collided with.
+    """Trace of the released part, figures read during the cut, and collisions of the tool.
 
-    Without a gauge, or where nothing was to be measured, there is no trace.
+    Without a gauge, or where no measurement was asked for, there is no trace.
     """
 
     trace: Trace | None
@@ -36,17 +36,17 @@ class CutOutcome:
 
 
 class Beside(Protocol):
-    """What is done beside a cut: it is told when the machine is ready, and every poll of the program."""
+    """Work done beside a cut: it is notified when the machine is ready, and gets every poll of the program."""
 
     def begin(self, plan: CutPlan) -> None:
-        """The machine is ready and rests; the cut is about to start."""
+        """Take notice that the machine is ready and at rest, and that the cut is about to start."""
 
     def see(self, snapshot: Snapshot) -> None:
-        """A poll of the machine during the cut."""
+        """Take a status poll during the cut."""
 
 
 Tell = Callable[[Step, str], None]
-"""Told at the beginning of every step, with a detail that needs no translation."""
+"""Called at the beginning of every step, with a detail that needs no translation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +76,13 @@ def cut_part(
     blank: bool = True,
     measured: bool = True,
 ) -> CutOutcome:
-    """Make one part, and whatever is done `beside` it; a machine that is `homed` is not homed once more.
+    """Make one part, with the work `beside` it; a machine that is `homed` is not homed again.
 
-    Without a `blank` the cut is in air, clear of what is clamped. What is not to be `measured` stays in the chuck.
+    Without a `blank` it is an air cut, clear of what is clamped. A part not to be `measured` stays clamped.
 
     Raises:
         ProblemError: what went wrong, or who stopped it; the machine is at rest, or the problems say that this
-            could not be proven. What is refused before anything moved leaves the machine alone.
+            could not be proven. What is refused before any motion leaves the machine alone.
     """
     lathe, observer = context.lathe, _Observer(plan, tell, beside)
     version, kind = lathe.connect()
@@ -99,18 +99,18 @@ def cut_part(
             raise
         raise _left_at_rest(lathe, plan, error) from error
     except Exception as fault:
-        # A fault of the console itself is no reason for the machine to go on.
+        # A fault of the console itself must stop the machine too.
         what = " ".join(f"{type(fault).__name__}: {fault}".split())
         unexpected = SessionError(Problem(code="session.fault", value=what))
         raise _left_at_rest(lathe, plan, unexpected) from fault
 
 
 def _switch_on(context: CutContext, job: Job, *, homed: bool, blank: bool) -> None:
-    """Clamp the blank, close the loops, and find the zeros."""
+    """Clamp the blank, enable the drives, and home the axes."""
     lathe = context.lathe
     if context.workshop is not None and blank:
         context.workshop.mount(job)
-    lathe.snapshot()  # loading and clamping take their time: the machine may be another's by now
+    lathe.snapshot()  # loading and clamping take time: another console may have taken control
     lathe.enable()
     if not homed:
         lathe.home()
@@ -140,12 +140,12 @@ def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionEr
     except ProblemError as unproven:
         return SessionError(*error.problems, *unproven.problems, Problem(code="machine.state_unknown"))
     with suppress(ProblemError):
-        # The machine rests, and what went wrong is what matters: the next cut would find the rest.
+        # The machine is at rest, and the first error is what matters: the next cut would find the others.
         lathe.program.put_back()
     if not snapshot.homed:
         return SessionError(*error.problems, Problem(code="machine.tool_unknown"))
     if not tool_clear(snapshot, plan):
-        # The tool may be in the part: say so, and whether the machine can take it out.
+        # The tool may be in the part: report it, and whether the machine can retract it.
         code = "machine.tool_in_part" if snapshot.loops_closed else "machine.retract_not_possible"
         return SessionError(*error.problems, Problem(code=code))
     return SessionError(*error.problems)

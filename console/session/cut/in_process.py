@@ -1,4 +1,4 @@
-"""A simulated lathe in this process, as fast as it can be calculated: for `console run --sim` and the paper."""
+"""Simulated lathe in this process, as fast as it can be calculated: for `console run --sim` and the paper."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from profiles.machine import MachineProfile
 def simulated_context(
     machine: MachineProfile, true: TrueParameters | None = None, tracing: Tracing | None = None
 ) -> tuple[CutContext, SimulatedLathe]:
-    """Return a new machine in its workshop; `true` is what it really is, None what its profile says."""
+    """Return a new machine in its workshop; `true` is the actual hardware, None for one as its profile says."""
     simulated = SimulatedLathe(machine, true)
     link: Link = MemoryLink(simulated.connect(), simulated)
     if tracing is not None:

@@ -1,4 +1,4 @@
-"""What must hold before a cut may start. Each interlock has a name, and a reason when it does not hold."""
+"""Interlocks of a cut start, each with a name and the reasons why it is not met."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from profiles.problem import Problem
 from profiles.rules import check, force_as_measured, lobe_as_found
 
 SPEED_BAND = 0.02
-"""How far off the speed of the job a spindle may be that somebody else turns: the servo is inverted for that."""
+"""Allowed speed error of a spindle not driven by the controller: the servo is inverted for the job's speed."""
 
 START_BAND_COUNTS = 10.0
-"""How far an axis may stand from its start position."""
+"""Allowed distance of an axis from its start position."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interlock:
-    """One condition of the start. No `Finding`: it has a name also where it holds, and any number of reasons.
+    """One condition of the start. Not a `Finding`: it has a name also where it is met, and any number of reasons.
 
-    `problems` say why it does not hold, and are empty when it does; `warnings` are what has to be known before a
-    start that may be made all the same. `waits`: it is judged by arming.
+    `problems` say why it is not met, and are empty when it is; `warnings` must be known before a start that is
+    allowed all the same. `waits`: judged when arming.
     """
 
     name: str
@@ -44,15 +44,16 @@ class Interlock:
 
 
 def of_job(job: Job, machine: MachineProfile, where: str = "") -> Interlock:
-    """Return whether the job fits the machine at all; `where` is the file of the job."""
+    """Check that the job fits the machine at all; `where` is the file of the job."""
     problems = tuple(replace(finding.problem, where=where) for finding in refusals(check(job, machine)))
     return Interlock(name="job_fits_machine", problems=problems)
 
 
 def of_lobe(job: Job, machine: MachineProfile, strategy: Strategy, *, simulated: bool) -> Interlock:
-    """Return whether this cut is like the one in which the lobe error was found, with the force that it had.
+    """Check that this cut matches the one in which the lobe error was found, with its chucking force.
 
-    A plain cut uses no error. A simulated lathe may be cut on when nobody can tell: that is a warning of the job.
+    A plain cut uses no error. Where nobody can tell, a simulated lathe may still cut: that is a warning of the
+    job.
     """
     found = (force_as_measured(job), *lobe_as_found(job, machine)) if strategy.traits.follows_lobe else ()
     problems = tuple(finding.problem for finding in found if finding.severity is not Severity.OK)
@@ -61,7 +62,7 @@ def of_lobe(job: Job, machine: MachineProfile, strategy: Strategy, *, simulated:
 
 
 def of_program(plan: CutPlan) -> Interlock:
-    """Return whether the program stays within the machine."""
+    """Check that the program stays within the machine's limits."""
     problems = tuple(finding.problem for finding in refusals(plan.findings))
     return Interlock(name="program_is_safe", problems=problems)
 
@@ -69,7 +70,7 @@ def of_program(plan: CutPlan) -> Interlock:
 def of_machine(
     snapshot: Snapshot, plan: CutPlan, machine: MachineProfile, settings: tuple[Problem, ...]
 ) -> tuple[Interlock, ...]:
-    """Return what the controller must report before the start; `settings` are its differences."""
+    """Check what the controller must report before the start; `settings` are its differences."""
     lengths = Lengths(machine)
     starts = dict(zip(AxisName, (plan.tool_start, plan.spindle_start, plan.carriage_start), strict=True))
     away = tuple(
@@ -80,7 +81,8 @@ def of_machine(
             limit=lengths.around(axis, starts[axis], START_BAND_COUNTS),
         )
         for axis, state in zip(snapshot.driven, snapshot.driven_axes, strict=True)
-        # A program goes on from where an axis is commanded to be; it may still lag there by what friction holds.
+        # A program continues from the commanded position of an axis; friction may still hold the axis back from
+        # it.
         if abs(state.commanded - starts[axis]) > START_BAND_COUNTS
     )
     return (
@@ -94,10 +96,10 @@ def of_machine(
 
 
 def of_zero(machine: MachineProfile, strategy: Strategy, *, jaw_found: bool) -> Interlock:
-    """Return whether jaw 1 is known from where the strategy counts the angle of a spindle that was never homed.
+    """Check that jaw 1 is known from the angle zero that the strategy uses, on a spindle that was never homed.
 
-    A table counts from where the card was switched on, as jaw 1 does that was found at the machine (`jaw_found`);
-    the spindle's time counts from the index, as the file of a job does.
+    A table counts from power-on of the controller, as does jaw 1 found at the machine (`jaw_found`);
+    the spindle's time counts from the index, as does the file of a job.
     """
     code = ""
     counts_from = strategy.traits.counts_from if machine.spindle.followed else None
@@ -109,7 +111,7 @@ def of_zero(machine: MachineProfile, strategy: Strategy, *, jaw_found: bool) -> 
 
 
 def at_speed(lathe: Lathe, job: Job) -> Interlock:
-    """Return whether a spindle that is switched and set at the lathe has the speed of the job."""
+    """Check that a spindle switched and set at the lathe has the speed of the job."""
     if not lathe.machine.spindle.followed:
         return Interlock(name="at_speed")
     rpm, target_rpm = lathe.spindle_rpm(), job.spindle_speed_rpm
@@ -120,7 +122,7 @@ def at_speed(lathe: Lathe, job: Job) -> Interlock:
 
 
 def refuse_unless(*interlocks: Interlock) -> None:
-    """Go on only when every interlock holds.
+    """Raise unless every interlock is met.
 
     Raises:
         SessionError: every reason why the cut may not start.
@@ -135,5 +137,5 @@ def _yes_or_no(name: str, holds: bool, code: str) -> Interlock:
 
 
 def _faults(snapshot: Snapshot) -> tuple[Problem, ...]:
-    # A program's run-time error is no reason: only the next start clears that bit.
+    # A run-time error of an earlier program is no reason: only the next start clears that bit.
     return tuple(Problem(code="machine.fault", key="arm", value=fault) for fault in snapshot.axis_faults)

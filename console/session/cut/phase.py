@@ -1,4 +1,4 @@
-"""How much the tool is behind the lobe of a part, how well that is known, and how much the part allows."""
+"""Phase lag of the tool behind the lobe of a part, its uncertainty, and the limit that the part sets."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from profiles.least_squares import fit, harmonic_columns, phasors
 LEAST_LOOKS = 20
 
 TOLERANCE_SHARE = 0.8
-"""Share of the roundness tolerance that the phase alone may use: a servo by its model leaves 0.5 of 5 um of 55."""
+"""Fraction of the roundness tolerance that phase alone may use: a servo by its model leaves 0.5 of 5 um of 55."""
 
 MEASURABLE_UM = 2.0
-"""Less than this is promised of no part, and told of none: um peak to peak."""
+"""Smallest difference that can be measured on a part, um peak to peak."""
 
 SURE = 2.0
-"""So many standard deviations of the fit make up what an error is known to: 19 of 20 are within."""
+"""Coverage factor: the uncertainty of the fit in standard deviations, 95 %."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Phase:
-    """By how many spindle degrees the tool is behind the wanted path, and to how many that is known."""
+    """Phase lag of the tool behind the target path, spindle degrees, and its uncertainty."""
 
     error_deg: float
     within_deg: float
 
 
 def phase_of(looks: NDArray[np.float64], target: LobedPath) -> Phase | None:
-    """Return how far the tool is behind `target`.
+    """Return the phase lag of the tool behind `target`.
 
-    `looks` has rows of spindle angle (deg) and infeed (um). The best sine of the lobe's order through the looks
-    (least squares) is compared with the wanted one; None with too few looks, or without a lobe. What the sine
-    leaves of the looks says how well its phase is known.
+    `looks` has rows of spindle angle (deg) and infeed (um). The best sine of the lobe's order through the samples
+    (least squares) is compared with the target; None with too few samples, or without a lobe. The residual gives
+    the uncertainty of the phase.
     """
     if len(looks) < LEAST_LOOKS or target.amplitude_um == 0.0:
         return None
@@ -59,7 +59,7 @@ def phase_limit_deg(target: LobedPath, tolerance_um: float) -> float | None:
     """Return the limit of the phase error, spindle degrees either way; None where no phase spoils the part.
 
     A sine of N lobes and amplitude A that is cut dphi late leaves the difference of the two, a sine of its own, of
-    the peak-to-peak height 2 * A * 2 * sin(N * dphi / 2): 2.9 um of 55 at 1 degree and three lobes. The limit is
+    peak-to-peak height 2 * A * 2 * sin(N * dphi / 2): 2.9 um of 55 at 1 degree and three lobes. The limit is
     the dphi at which that is R,
 
         dphi = 2 / N * asin(R / (4 * A))
@@ -76,10 +76,10 @@ def phase_limit_deg(target: LobedPath, tolerance_um: float) -> float | None:
 
 
 def is_in_phase(phase: Phase | None, limit_deg: float | None) -> bool | None:
-    """Return whether the phase may be within its limit, by how well it is known; None where it is not known.
+    """Return whether the phase may be within its limit, given its uncertainty; None where it is not known.
 
-    What is known worse than to the limit is no noise: such a tool does not follow the lobe, and that excuses no
-    more than the limit once again.
+    An uncertainty above the limit is not noise: such a tool does not follow the lobe, so the allowance is capped
+    at the limit once more.
     """
     if phase is None:
         return None

@@ -1,6 +1,6 @@
-"""A cut held against its plan: before it starts, at each poll while it runs, and when it has ended.
+"""Comparison of a cut with its plan: before it starts, at each poll while it runs, and after it has ended.
 
-A part is called good only where what was cut is what was planned. Screens and headless runs ask the same.
+A part is good only where the cut is the planned one. Screens and headless runs share these checks.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from profiles.problem import Problem
 
 
 def refuse_unless_held(lathe: Lathe, plan: CutPlan, *, tables: bool = True) -> None:
-    """Make sure that the controller holds the cut as it was loaded, before anything of it moves.
+    """Check that the controller still holds the cut as loaded, before any motion.
 
     Raises:
         SessionError: what somebody else has changed.
@@ -33,7 +33,7 @@ def refuse_unless_held(lathe: Lathe, plan: CutPlan, *, tables: bool = True) -> N
 
 
 class PlannedCut:
-    """One cut, from its start to its end. `end` is what its program said, once it was asked."""
+    """One cut, from start to end. `end` is what its program reported, once it was asked."""
 
     def __init__(self, lathe: Lathe, plan: CutPlan) -> None:
         self.end: ProgramEnd | None = None
@@ -43,22 +43,22 @@ class PlannedCut:
         self._path = PathSeen(plan, lathe.machine)
 
     def see(self, snapshot: Snapshot) -> None:
-        """Take in a poll of the cut."""
+        """Take a status poll of the cut."""
         self._length.see(snapshot)
-        if not self._lathe.program.held:  # on its way out the tool is on no path of a turn
+        if not self._lathe.program.held:  # while retracting, the tool is on no path of a turn
             self._path.see(snapshot)
 
     def problems(self) -> tuple[Problem, ...]:
-        """Return everything by which the cut that has ended is not the one that was planned.
+        """Return every difference between the finished cut and its plan.
 
-        Its turns and its length, then the program with its constants and tables, then the settings; and the path
-        that was polled, where somebody has put back what he had changed.
+        Compared are turns and length, the program with its constants and tables, the settings, and the polled
+        path, which shows a change that somebody has reverted.
 
         Raises:
             LinkError: the link broke.
         """
         end = self._lathe.program.end()
-        # A program that was ended in mid-turn has not told of its turns any more.
+        # A program that was ended in mid-turn no longer reports its turns.
         self.end = end if end.finished else replace(end, turns=self._length.turns)
         early = end_problems(self._plan, self.end, self._length, held=self._lathe.program.held)
         changed = (*early, *self._changed(), *self._lathe.verify())

@@ -1,4 +1,4 @@
-"""Planning a cut: what must hold of job, machine and strategy before it, and of the program that comes of it."""
+"""Planning of a cut: checks of job, machine and strategy before it, and of the resulting program."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def refuse_unplannable(
     simulated: bool,
     where: str = "",
 ) -> None:
-    """Refuse a job that does not fit the machine, and whatever else stands against it, all at once.
+    """Refuse a job that does not fit the machine, with all other objections at once.
 
     `where` is the file that a refusal of the job names. `jaw_found`: jaw 1 was found at the machine, see
     `of_zero`. `simulated`: nothing real is cut, see `of_lobe`.

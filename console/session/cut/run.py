@@ -1,4 +1,4 @@
-"""A whole job: the part as it would be without compensation, the part with it, and what was gained."""
+"""Whole job: the part without compensation, the part with it, and the improvement."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from profiles.rules import check
 from profiles.traces import Trace
 
 FILTER_UPR = 50.0
-"""Cut-off of the filter that before and after are compared with."""
+"""Cut-off of the roundness filter for the comparison of before and after."""
 
 _PARTS = {Stage.AIR: "air", Stage.PARTIAL: "partial", Stage.FULL: "after"}
 
 
 TellPart = Callable[[str, Step, str], None]
-"""Takes each step: the part, what is done to it, and a detail that needs no translation."""
+"""Called at each step with the part, the step, and a detail that needs no translation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunPlan:
-    """What will be done, judged but not begun. `warnings` are told before anything moves.
+    """Planned run, judged but not begun. `warnings` are reported before anything moves.
 
-    There is no `reference`, the same without compensation, where the controller does not turn the spindle: only a
-    program that follows it can be cut there. `compensation` is the version that was learned, None the model's;
-    `inverted` the name of the response that was identified, empty the model's.
+    There is no `reference`, the same without compensation, where the controller does not drive the spindle: only a
+    program that follows it can be cut there. `compensation` is the learned version, None the model's;
+    `inverted` the name of the identified response, empty for the model's.
     """
 
     job: Job
@@ -52,18 +52,18 @@ class RunPlan:
 
     @property
     def expected(self) -> Expected | None:
-        """What is left of the lobe of a part that is cut with a share of its compensation; None else."""
+        """Expected remaining lobe of a part cut with a fraction of its compensation; None otherwise."""
         whole_um_pp = 2.0 * self.cut.target.amplitude_um / self.stage.share
         return expected(whole_um_pp, self.stage.share) if self.stage is Stage.PARTIAL else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
-    """What was done: `before` is the same job cut without compensation, `after` with the strategy.
+    """Result of a run: `before` is the same job cut without compensation, `after` with the strategy.
 
-    What nobody has cut or measured is None. `trace` is that of the part of `after`.
+    A part that was not cut or not measured is None. `trace` is that of the part of `after`.
 
-    `collisions` is what the tool has run into in either, each kind once.
+    `collisions` are those of the tool in either cut, each kind once.
     """
 
     plan: RunPlan
@@ -76,7 +76,7 @@ class RunResult:
 
     @property
     def improvement_percent(self) -> float | None:
-        """How much of the roundness error is gone."""
+        """Reduction of the roundness error, percent."""
         if self.before is None or self.after is None:
             return None
         if self.before.ront_um == 0.0:
@@ -85,12 +85,12 @@ class RunResult:
 
     @property
     def lobe_frequency_hz(self) -> float:
-        """Lobe frequency at the speed that was reached."""
+        """Lobe frequency at the actual speed."""
         return self.plan.job.jaws * self.figures.spindle_speed_rpm / 60.0
 
     @property
     def within_tolerance(self) -> bool | None:
-        """Whether the part is as round as the job asks; None of a part that was not meant to be."""
+        """Whether the part is within the job's roundness tolerance; None of a part that was not meant to be."""
         if self.after is None or self.plan.stage is not Stage.FULL:
             return None
         return self.after.ront_um <= self.plan.job.roundness_tolerance_um
@@ -113,8 +113,8 @@ def plan_run(
     """Judge a job and plan its cuts; `ts_ms` is the TS of the `paper` strategy, None as printed.
 
     `where` is the file that a refusal of the job names, `watchdog` the condition without which a program ends.
-    `path` was learned, as version `compensation`, or inverts the response that is named `inverted`; None is the
-    model's. `simulated`: no iron will be cut on, see `of_lobe`.
+    `path` was learned, as version `compensation`, or inverts the response named `inverted`; None is the
+    model's. `simulated`: no real machine will cut, see `of_lobe`.
 
     Raises:
         ProblemError: every refusal at once; nothing has been touched.
@@ -145,9 +145,9 @@ def _reference(job: Job, machine: MachineProfile, cut: CutPlan, watchdog: str) -
 
 
 def run(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart) -> RunResult:
-    """Cut the reference part and the compensated part, each on a machine of its own, and compare them.
+    """Cut the reference part and the compensated part, each on a new machine, and compare them.
 
-    `tell` is told the part ("before", or as `run_once`), the step and a detail.
+    `tell` is called with the part ("before", or as `run_once`), the step and a detail.
 
     Raises:
         ProblemError: what went wrong; see `cut_part`.
@@ -173,9 +173,9 @@ def run(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart) -
 
 
 def run_once(plan: RunPlan, context: CutContext, tell: TellPart) -> RunResult:
-    """Cut the compensated part alone, on a machine that is there; what was cut in air is not measured.
+    """Cut only the compensated part, on an existing machine; an air cut is not measured.
 
-    `tell` is told the part ("after", "partial" or "air"), the step and a detail.
+    `tell` is called with the part ("after", "partial" or "air"), the step and a detail.
 
     Raises:
         ProblemError: what went wrong; see `cut_part`.

@@ -1,1 +1,1 @@
-"""What the console keeps on the disk: run records, calibrations, learned compensations, stop records."""
+"""Data that the console keeps on disk: run records, calibrations, learned compensations, stopping performance."""

@@ -1,12 +1,12 @@
-"""A machine whose chuck has been calibrated: whatever judges a job judges it on this one.
+"""Machine with its chuck calibrations applied; every judgement of a job uses this machine.
 
-The newest calibrations give what the profile leaves open, and what it lists under `assumed`: nobody has measured
-that. What the profile states without, it states; where a calibration surely contradicts it, that is told. The line
-of the wrench, slope and offset, is one thing and comes from one place, with how sure it is. A calibration of a
-chuck of another name is not used, and that is told.
+The newest calibrations supply what the profile leaves open and what it lists under `assumed`, which nobody has
+measured. What the profile otherwise states stays; where a calibration surely contradicts it, a warning says so.
+The wrench line (slope and offset) comes as a whole from one source, with its uncertainty. A calibration of a
+chuck of another name is not used; a warning says so.
 
-The file of the profile stays what it is, and with it its hash, which learned compensations and records are for;
-what is signed, owned, stopped and identified does not look at these keys. Nothing heavy is imported for values,
+The profile file and its hash stay unchanged: learned compensations and records refer to them. Signature, owner,
+stopping performance and identification do not use these keys. Nothing heavy is imported for values,
 because the screen opens with them; a contradiction needs the fit.
 """
 
@@ -40,10 +40,10 @@ _FIELDS = {field.key: field for field in SECTIONS["chuck"]}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibratedMachine(LoadedMachine):
-    """A machine with what calibrations know of its chuck; path and hash are those of its profile's file.
+    """Machine with the calibrations of its chuck; path and hash are those of its profile's file.
 
-    `sources` says where the keys of [chuck] that can be calibrated are from: the date of a calibration, or "" for
-    the profile; a key that nobody gave is not in it. `warnings` are contradictions, or why the calibrations are
+    `sources` gives the source of each key of [chuck] that can be calibrated: the date of a calibration, or "" for
+    the profile; a key without a value is not in it. `warnings` are contradictions, or why the calibrations are
     not used.
     """
 
@@ -52,16 +52,16 @@ class CalibratedMachine(LoadedMachine):
 
     @property
     def used(self) -> dict[str, str]:
-        """The dates of the calibrations in use, by the keys of [chuck] that are from them."""
+        """Dates of the calibrations in use, by the keys of [chuck] that they supply."""
         return {key: date for key, date in self.sources.items() if date}
 
 
 def calibrated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
-    """Return a machine with the newest calibrations of its chuck, as they are kept in the data folder.
+    """Return a machine with the newest calibrations of its chuck from the data folder.
 
     Raises:
-        ProfileError: `calibration.record`, a file that is none of ours; `calibration.unusable`, one that says what
-            no profile may; `file.unreadable`, `file.too_large`.
+        ProfileError: `calibration.record`, not a calibration file; `calibration.unusable`, a value that no
+            profile may have; `file.unreadable`, `file.too_large`.
     """
     machine = loaded.machine
     found: dict[str, tuple[float, str]] = {}
@@ -88,7 +88,7 @@ def calibrated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
 
 
 def calibrated_or_stated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
-    """Return the same for a screen, which has to open: where the calibrations cannot be read, without them.
+    """Return the same for a screen, which must open: where the calibrations cannot be read, without them.
 
     Then `warnings` has `calibration.not_used`, and each reason.
     """
@@ -99,12 +99,12 @@ def calibrated_or_stated(loaded: LoadedMachine, data: Path) -> CalibratedMachine
 
 
 def warnings_of(machine: LoadedMachine) -> tuple[Problem, ...]:
-    """Return what is to be told of the calibrations of a machine; nothing of one that was loaded without them."""
+    """Return the calibration warnings of a machine; none for one that was loaded without calibrations."""
     return machine.warnings if isinstance(machine, CalibratedMachine) else ()
 
 
 def calibrations_of(machine: LoadedMachine) -> dict[str, str]:
-    """Return `used` of a machine; nothing of one that was loaded without its calibrations."""
+    """Return `used` of a machine; empty for one that was loaded without calibrations."""
     return machine.used if isinstance(machine, CalibratedMachine) else {}
 
 
@@ -135,7 +135,7 @@ def _with(
     warnings: tuple[Problem, ...],
     variance: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> CalibratedMachine:
-    """Put values with their dates into the chuck; what was measured is not assumed any more."""
+    """Put values with their dates into the chuck; measured values are no longer assumed."""
     machine, chuck = loaded.machine, loaded.machine.chuck
     given = {key: "" for key in _FOUND if getattr(chuck, key) is not None}
     dates = given | {key: date for key, (_, date) in found.items()}
@@ -157,7 +157,7 @@ def _is_open(key: str, machine: MachineProfile) -> bool:
 
 
 def _values(kept: Calibration, may_say: tuple[str, ...], file: Path) -> dict[str, float]:
-    """Return what a calibration found, by keys of [chuck]; a line through the origin has the offset 0."""
+    """Return calibrated values by keys of [chuck]; a line through the origin has the offset 0."""
     said = kept.found.get("profile")
     if not isinstance(said, dict) or not said or not said.keys() <= set(may_say):
         raise record_problem(file, f"profile {said!r}")

@@ -1,7 +1,7 @@
-"""Calibrations on the disk: one file each, never overwritten, found again by what they are of.
+"""Calibrations on disk: one file each, never overwritten, found by their subject.
 
-They are numbered in the order in which they were kept, as versions are: a date is no order, because a clock may be
-wrong. Older files have a date in the place of the number, and come before all that have one.
+They are numbered in the order in which they were kept, as versions are, because a clock may be
+wrong. Older files have a date in place of the number, and sort before all that have one.
 """
 
 from __future__ import annotations
@@ -25,16 +25,15 @@ SCHEMA = 1
 
 _NUMBER = re.compile(r"-(\d{6})\.json")
 _TRIES = 50
-"""So many others may keep one of the same kind in the same instant."""
+"""Attempts at a free number, in case others store the same kind at the same instant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """What was found, of what and from what: `subject` is the machine or the job with the hash of its file.
+    """One calibration: `subject` is the machine or the job with the hash of its file.
 
-    `kind` is "wrench", "deflection" or "lobe", `date` UTC after ISO 8601, `file` what was measured with its hash,
-    `found` the numbers of the fit by their names. `chuck` is the name of the one that it is of, None where that
-    was not kept.
+    `kind` is "wrench", "deflection" or "lobe", `date` UTC after ISO 8601, `file` the measurement with its hash,
+    `found` the fitted numbers by name. `chuck` is the name of its chuck, None where it was not kept.
     """
 
     kind: str
@@ -48,7 +47,7 @@ class Calibration:
     schema: int = SCHEMA
 
     def is_of(self, chuck: str) -> bool:
-        """Whether it may be used for a chuck of this name."""
+        """Whether it applies to a chuck of this name."""
         return self.chuck is None or self.chuck == chuck
 
 
@@ -73,7 +72,7 @@ def store(data: Path, calibration: Calibration) -> Path:
 
 
 def files_of(data: Path, subject: str, kind: str) -> list[Path]:
-    """Return the files of the calibrations of a kind, the last that was kept first.
+    """Return the calibration files of a kind, the newest first.
 
     Raises:
         ProfileError: `file.unreadable`, the folder.
@@ -81,7 +80,7 @@ def files_of(data: Path, subject: str, kind: str) -> list[Path]:
     folder = _folder(data, subject)
     try:
         files = [file for file in folder.iterdir() if file.match(f"{kind}-*.json")]
-    except (FileNotFoundError, NotADirectoryError):  # it is made with the first calibration that is kept
+    except (FileNotFoundError, NotADirectoryError):  # it is made with the first calibration
         return []
     except OSError as error:
         where, value = printable(str(folder)), error.strerror or str(error)
@@ -90,13 +89,13 @@ def files_of(data: Path, subject: str, kind: str) -> list[Path]:
 
 
 def _number(file: Path) -> int:
-    """Return the number of a file, 0 of one that was named by its date."""
+    """Return the number of a file, 0 for one named by its date."""
     found = _NUMBER.search(file.name)
     return 0 if found is None else int(found[1])
 
 
 def newest(data: Path, subject: str, kind: str, chuck: str) -> tuple[Path, Calibration] | None:
-    """Return the calibration of a kind that was kept last for a chuck, None where there is none.
+    """Return the newest calibration of a kind for a chuck, None where there is none.
 
     Raises:
         ProfileError: as `files_of` and `load`.
@@ -106,7 +105,7 @@ def newest(data: Path, subject: str, kind: str, chuck: str) -> tuple[Path, Calib
 
 
 def date_problems(file: Path, calibration: Calibration) -> tuple[Problem, ...]:
-    """Return `calibration.date_ahead` of one that is dated in the future."""
+    """Return `calibration.date_ahead` for a calibration dated in the future."""
     now = utc_now()
     if not is_ahead(calibration.date, now):
         return ()
@@ -115,13 +114,13 @@ def date_problems(file: Path, calibration: Calibration) -> tuple[Problem, ...]:
 
 
 def record_problem(file: Path, why: str) -> ProfileError:
-    """Return the refusal of a file that is no calibration of ours."""
+    """Return the refusal of a file that is not a calibration."""
     problem = Problem(code="calibration.record", where=printable(str(file)), value=printable(why))
     return ProfileError(problem)
 
 
 def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
-    """Write a job over its own file, or among the operator's where it came with the console; return it loaded.
+    """Write a job over its own file, or into the operator's folder for a supplied one; return it loaded.
 
     Raises:
         ProfileError: `file.not_writable`, and the problems of the job.
@@ -143,8 +142,8 @@ def load(file: Path, subject: str, kind: str) -> Calibration:
     """Return the calibration in a file.
 
     Raises:
-        ProfileError: `file.unreadable`, `file.too_large`; `schema.unsupported`; `calibration.record`, a file
-            that is none of ours, or not of this subject and kind.
+        ProfileError: `file.unreadable`, `file.too_large`; `schema.unsupported`; `calibration.record`, not a
+            calibration file, or not of this subject and kind.
     """
     where, code = printable(str(file)), "calibration.record"
 
@@ -152,7 +151,7 @@ def load(file: Path, subject: str, kind: str) -> Calibration:
         if (calibration.subject, calibration.kind) != (subject, kind):
             raise ValueError(f"{calibration.subject}, {calibration.kind}")
 
-    # The numbers of a fit are read where they are used, by the names that the fit gives them.
+    # The numbers of a fit are checked where they are used, by the names that the fit gives them.
     return read_own(Calibration, kept(file, code), schema=SCHEMA, code=code, where=where, judge=judge)
 
 

@@ -1,4 +1,4 @@
-"""Where a machine profile states of its chuck what a calibration is sure to find otherwise."""
+"""Contradictions between a machine profile's chuck values and a calibration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SLOPE, OFFSET = "force_per_torque_n_per_n_m", "force_offset_n"
 
 
 def contradictions(kept: Calibration, stated: Mapping[str, float | None], file: Path) -> list[Problem]:
-    """Return `calibration.differs` for what a profile states, by keys of [chuck], and a calibration contradicts.
+    """Return `calibration.differs` for each key of [chuck] whose profile value a calibration contradicts.
 
     Raises:
         ProfileError: `calibration.record`, the file has no fit of its kind.
@@ -34,12 +34,12 @@ def contradictions(kept: Calibration, stated: Mapping[str, float | None], file: 
 
 
 def _fit(kept: Calibration, kind: type[Fit]) -> Fit:
-    """Return the fit that was kept, by the names of its numbers."""
+    """Return the stored fit, by the names of its numbers."""
     return record(kind, {f.name: kept.found[f.name] for f in fields(kind) if f.name in kept.found})
 
 
 def _line_differs(line: WrenchFit, stated: Mapping[str, float | None], date: str) -> Iterator[Problem]:
-    """Compare two lines by the forces at both ends of what was measured."""
+    """Compare two lines at both ends of the measured force range."""
     slope = stated.get(SLOPE)
     if slope is None:
         return

@@ -1,4 +1,4 @@
-"""What the run record says of earlier parts: the last measured roundness of each job."""
+"""Earlier parts in the run record: the last measured roundness of each job."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from console.session.errors import SessionError
 from profiles.own_values import from_json, number, text
 
 LOCK_TIMEOUT_S = 0.1
-"""How long a writer is waited for; a list of jobs is not worth more."""
+"""How long to wait for a writer; a list of jobs is not worth more."""
 
-# By row, which is the order in which they were added: a clock may have been set back meanwhile.
+# By row, the order in which they were added: a clock may have been set back meanwhile.
 _QUERY = """
 SELECT events.data, events.at_utc FROM events JOIN runs USING (run_id)
 WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.rowid
@@ -24,7 +24,7 @@ WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.rowid
 class LastResult:
     """The last measured part of a job.
 
-    `ront_um` is RONt of the least squares circle, free state, filtered as `console.session.cut.run` says.
+    `ront_um` is RONt of the least squares circle, free state, filtered as in `console.session.cut.run`.
     `strategy` is how it was cut ("none": without compensation), `parts` how many were measured in all.
     """
 
@@ -35,13 +35,13 @@ class LastResult:
 
 
 LastResults = Mapping[str, LastResult]
-"""By the name of the job, as it stands in its file."""
+"""By the name of the job, as in its file."""
 
 
 def last_results(folder: Path, *, simulated: bool) -> LastResults:
     """Return the last results in the record in `folder`, of the simulator's parts or of real ones.
 
-    A record that is missing, locked or not to be read says nothing: the mapping is empty then.
+    For a record that is missing, locked or unreadable the mapping is empty.
     """
     results: dict[str, LastResult] = {}
     for data, at_utc in _measured(folder, simulated):

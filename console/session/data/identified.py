@@ -1,4 +1,4 @@
-"""Identified responses on the disk: one file each, named by machine, path and date, and checked before use."""
+"""Identified responses on disk: one file each, named by machine, path and date, and checked before use."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def load(file: Path) -> IdentifiedResponse:
 def response_in(
     file: Path, machine: MachineProfile, path: Strategy, *, simulated: bool | None = None
 ) -> ServoResponse:
-    """Return what a cut on this path inverts. `simulated` says where it will be, None where nothing will be cut.
+    """Return the response that a cut on this path inverts. `simulated` is where it will cut, None for no cut.
 
     Raises:
         ProfileError: `file.unreadable`, `file.too_large`, `identify.file`, `response.bad_points`.
-        SessionError: `response.of_another`, everything by which it does not hold here.
+        SessionError: `response.of_another`, every reason why it does not apply here.
     """
     identified = load(file)
     if problems := unfit_problems(identified, machine, path, simulated=simulated, where=printable(str(file))):

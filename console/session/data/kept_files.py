@@ -1,4 +1,4 @@
-"""What the console keeps in its data folder, and where that is: a file a thing, plain values, none overwritten."""
+"""Files in the data folder, and where that is: one file each, plain values, never overwritten."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ APPLICATION = "trilobe"
 
 
 def folder_name(name: str) -> str:
-    """Return the name of the folder of a machine or a job, whatever its own name has in it."""
+    """Return the folder name of a machine or a job, safe whatever characters its own name has."""
     return quote(name, safe=" ").replace(".", "%2E")
 
 
 def stamp(date: str) -> str:
-    """Return a date without marks: no file system minds it, and names stand in the order of their dates."""
+    """Return a date without punctuation: valid on any file system, and sorted by date."""
     return "".join(c for c in date if c.isalnum())
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder where it is missing, for its owner alone.
+    """Create a folder where it is missing, accessible to its owner alone.
 
     Raises:
         ProfileError: `file.not_writable`.
@@ -44,7 +44,7 @@ def make_folder(folder: Path) -> None:
 
 
 def keep(path: Path, table: Mapping[str, Any]) -> None:
-    """Write a new file with its folder.
+    """Write a new file, creating its folder.
 
     Raises:
         ProfileError: `file.exists`, `file.not_writable`.
@@ -55,7 +55,7 @@ def keep(path: Path, table: Mapping[str, Any]) -> None:
 
 
 def kept(file: Path, code: str) -> Any:
-    """Return what is in a file; `code` is that of the problem of a file that is none of ours.
+    """Return the values in a file; `code` is the problem code of a file that is not ours.
 
     Raises:
         ProfileError: `file.unreadable`, `file.too_large`; `code`.
@@ -69,7 +69,7 @@ def kept(file: Path, code: str) -> Any:
 
 
 def data_folder(told: str | None = None) -> Path:
-    """Return the folder for data (XDG base directories); it need not exist.
+    """Return the data folder (XDG base directories); it need not exist.
 
     Raises:
         SessionError: `data.no_home`.
@@ -77,7 +77,7 @@ def data_folder(told: str | None = None) -> Path:
     if told:
         return Path(told)
     base = os.environ.get("XDG_DATA_HOME", "")
-    # A relative path in the variable is to be ignored (XDG Base Directory Specification).
+    # The XDG Base Directory Specification says to ignore a relative path in the variable.
     return (Path(base) if os.path.isabs(base) else _home() / ".local" / "share") / APPLICATION
 
 
@@ -85,7 +85,7 @@ def _home() -> Path:
     """Return the home folder of this user.
 
     Raises:
-        SessionError: `data.no_home`, nothing says where it is.
+        SessionError: `data.no_home`, it cannot be determined.
     """
     told = os.environ.get("HOME", "")
     if os.path.isabs(told):

@@ -1,4 +1,4 @@
-"""Runs whose console was killed: their record has no end, and the next start on their machine tells it, once."""
+"""Runs whose console was killed: their record has no end; the next start on their machine reports it, once."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _END = "INSERT INTO events SELECT ?, 1 + coalesce(max(number), 0), ?, 'ended', ?
 
 
 def killed_runs(data: Path, machine: str, *, simulated: bool) -> tuple[Problem, ...]:
-    """Return `record.killed` for each run on this machine whose console is gone, and give it its end.
+    """Return `record.killed` for each run on this machine whose console is gone, and record its end.
 
-    Those on another machine wait for whoever works that one. Nothing is made where there is no record.
+    Those on another machine wait for a start on that one. Where there is no record, none is made.
 
     Raises:
         SessionError: `record.other_schema`, `record.damaged`, `record.unwritable`, of a record that is there.
@@ -47,7 +47,7 @@ def killed_runs(data: Path, machine: str, *, simulated: bool) -> tuple[Problem, 
 
 
 def killed_or_refused(data: Path, machine: str, *, simulated: bool) -> tuple[Problem, ...]:
-    """Return the same for a screen, which has to open: why no cut can be recorded instead, where that is so."""
+    """Return the same for a screen, which must open: instead of raising, return why no cut can be recorded."""
     try:
         return killed_runs(data, machine, simulated=simulated)
     except SessionError as refused:
@@ -55,7 +55,7 @@ def killed_or_refused(data: Path, machine: str, *, simulated: bool) -> tuple[Pro
 
 
 def _ended(database: sqlite3.Connection, mark: Path, machine: str, *, simulated: bool) -> list[Problem]:
-    """End the run of a mark and take the mark away; return what is to be told of it."""
+    """End the run of a mark and remove the mark; return the problem to report."""
     run_id = mark.name
     run = database.execute(_RUN, (run_id, machine, int(simulated))).fetchone()
     if run is None:

@@ -1,4 +1,4 @@
-"""Learned compensations on the disk: one file a version, never overwritten, found again by what they hold for."""
+"""Learned compensations on disk: one file per version, never overwritten, found by what they apply to."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NONE, NEWEST = "none", "newest"
 
 
 def asked_for(job: LoadedJob, machine: LoadedMachine, strategy: str, *, simulated: bool) -> HoldsFor:
-    """Return what a compensation has to hold for to be used in this cut."""
+    """Return what a compensation must match to be used in this cut."""
     return HoldsFor(
         job=job.job.name,
         job_sha256=job.sha256,
@@ -40,16 +40,16 @@ def store(data: Path, learned: LearnedCompensation) -> Path:
 
 
 def versions(data: Path, asked: HoldsFor) -> tuple[LearnedCompensation, ...]:
-    """Return all versions of a job on a machine, oldest first, whether they still hold or not.
+    """Return all versions of a job on a machine, oldest first, whether they still apply or not.
 
     Raises:
-        ProfileError: a file that cannot be read, or is none of ours: it may be the one that was asked for.
+        ProfileError: a file that cannot be read, or is not ours: it may be the one that was asked for.
     """
     return tuple(_load(file) for file in sorted(_folder(data, asked).glob("version-*.json")))
 
 
 def accepted(job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool) -> LearnedCompensation | None:
-    """Return the newest version of a job on a machine, whether it still holds or not; None where there is none.
+    """Return the newest version of a job on a machine, whether it still applies or not; None without any.
 
     Raises:
         ProfileError: as `versions`.
@@ -59,10 +59,10 @@ def accepted(job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: b
 
 
 def chosen(word: str, known: tuple[LearnedCompensation, ...], asked: HoldsFor) -> LearnedCompensation | None:
-    """Return the version that `word` means: "none", "newest" or its number; None is that of the model.
+    """Return the version that `word` means: "none", "newest" or its number; None is the model's.
 
     Raises:
-        SessionError: `learned.none`, `learned.unknown`; why it does not hold for what is asked, see `differences`.
+        SessionError: `learned.none`, `learned.unknown`; why it does not apply to this cut, see `differences`.
     """
     if word == NONE:
         return None
@@ -78,7 +78,7 @@ def chosen(word: str, known: tuple[LearnedCompensation, ...], asked: HoldsFor) -
 
 
 def date_problems(learned: LearnedCompensation | None) -> tuple[Problem, ...]:
-    """Return `learned.date_ahead` of a version that is dated in the future; nothing of the model's, None."""
+    """Return `learned.date_ahead` for a version dated in the future; nothing for the model's, None."""
     now = utc_now()
     if learned is None or not is_ahead(learned.date, now):
         return ()

@@ -1,4 +1,4 @@
-"""Which cut a part is from: what is said of it, what its trace says, what the run record says."""
+"""Provenance of a measured part: the cut it is from, by arguments, its trace and the run record."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ SELECT events.kind, events.data, events.at_utc FROM events JOIN runs USING (run_
 WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha256 = ? AND runs.machine_sha256 = ?
 ORDER BY events.rowid DESC
 """
-"""By row, which is the order in which they were added: a clock may have been set back meanwhile."""
+"""By row, the order in which they were added: a clock may have been set back meanwhile."""
 
 
 Cut = tuple[str, str, str]
-"""Kind, data and date of a cut, as the run record has them."""
+"""Kind, data and date of a cut, as in the run record."""
 
 INVERTED, MODEL = "inverted", "model"
 
@@ -53,7 +53,7 @@ class MadeWith:
 
     @property
     def version(self) -> str | None:
-        """The version that was learned, None where it is the model's."""
+        """The learned version, None for the model's."""
         return None if self.compensation == NONE else self.compensation
 
     def event(self) -> dict[str, object]:
@@ -64,21 +64,21 @@ class MadeWith:
 
 
 KEYS = ("compensation", "strategy", "stage")
-"""What has to be known of a cut."""
+"""What must be known of a cut."""
 
 _ALL_KEYS = (*KEYS, INVERTED, CUT_JAW)
-"""The others are the model's response and jaw 1 as it is filed, unless something says otherwise."""
+"""The others default to the model's response and jaw 1 as filed."""
 
 
 def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[MadeWith | None]) -> MadeWith:
-    """Return how a part was cut, of which `said` and the header lines of its `trace` state something.
+    """Return how a part was cut, from `said` and the header lines of its `trace`.
 
-    What neither states is that of the last part in `made`, newest first; None is one of which the record says
-    nothing but that it was cut.
+    What neither states is that of the last part in `made`, newest first; None there is a part of which the record
+    says only that it was cut.
 
     Raises:
         SessionError: `learned.other_version`, they contradict each other, or no such part was cut;
-            `learned.cut_unknown`, nobody says it.
+            `learned.cut_unknown`, no source states it.
     """
     stated = {key: trace[key] for key in _ALL_KEYS if key in trace}
     for key in _ALL_KEYS:
@@ -107,7 +107,7 @@ def parts_made(cuts: Sequence[Cut]) -> list[MadeWith | None]:
 
 
 def date_problems(cuts: Sequence[Cut], job: str) -> tuple[Problem, ...]:
-    """Return `record.date_ahead` where a cut of a job is dated in the future: the first of them."""
+    """Return `record.date_ahead` for the first cut of a job that is dated in the future."""
     now = utc_now()
     found = next((at_utc for _, _, at_utc in cuts if is_ahead(at_utc, now)), None)
     if found is None:
@@ -116,7 +116,7 @@ def date_problems(cuts: Sequence[Cut], job: str) -> tuple[Problem, ...]:
 
 
 def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
-    """Return the cuts of this job on this machine, the last one first.
+    """Return the cuts of this job on this machine, newest first.
 
     Raises:
         SessionError: `record.unreadable`, `record.other_schema`.
@@ -132,7 +132,7 @@ def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
 
 
 def _made(kind: str, data: str) -> list[MadeWith | None]:
-    """Return the part of an event; nothing for a cut in air, or parts in a row, which learn by themselves."""
+    """Return the part of an event; nothing for an air cut, or for a series of parts that learns by itself."""
     try:
         event = from_json(data)
         strategy, stage, inverted = (text(event[key]) for key in ("strategy", "stage", INVERTED))
@@ -140,7 +140,7 @@ def _made(kind: str, data: str) -> list[MadeWith | None]:
         compensation = NONE if version is None else str(whole(version))
         cut_jaw_1_deg = AS_FILED if jaw_1_deg is None else str(number(jaw_1_deg))
     except (ValueError, TypeError, KeyError):
-        # Written by another version of the console; of a cut on the screen it did not say how it was made.
+        # Written by another version of the console, which did not record how a cut on the screen was made.
         return [None] if kind == "cut" else []
     if stage == Stage.AIR or "passes" in event:
         return []

@@ -1,4 +1,4 @@
-"""The file of the run records: opened only where it is sound and of this schema, and beside other writers."""
+"""File of the run records: opened only where it is sound and of this schema; shared with other writers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FILE_NAME = "records.sqlite3"
 SCHEMA = 1
 
 WAIT_S = 0.1
-"""How long SQLite waits by itself for another writer; in some states it does not, so it is asked repeatedly."""
+"""How long SQLite itself waits for another writer; in some states it does not, so calls are retried."""
 
 PAUSE_S = 0.02
 
@@ -43,24 +43,24 @@ _BUSY = frozenset((sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_PR
 
 
 def opened(folder: Path, until_s: float) -> sqlite3.Connection:
-    """Open the records in a folder for writing; both are made where they are missing.
+    """Open the records in a folder for writing; create both where they are missing.
 
-    Other writers are waited for until then, in the time of `time.monotonic`.
+    Other writers are waited for until the deadline, in the time of `time.monotonic`.
 
     Raises:
-        SessionError: `record.other_schema`, of a newer console, or none of ours; `record.damaged`; nothing was
+        SessionError: `record.other_schema`, of a newer console, or not ours; `record.damaged`; nothing was
             written. `record.unwritable`.
     """
     path = folder / FILE_NAME
     try:
         make_private_folder(folder)
-        make_private_file(path)  # the files beside it become like it
+        make_private_file(path)  # SQLite gives the files beside it the same mode
         database = sqlite3.connect(path, timeout=WAIT_S, isolation_level=None)
     except (OSError, sqlite3.Error) as error:
         raise record_error("record.unwritable", path, error) from error
     try:
         patiently(lambda: _made_ready(database, path), until_s)
-        # The journal is what the records need to be: a kill at any instant leaves them whole.
+        # Records need the journal: a kill at any instant leaves them whole.
         patiently(lambda: database.execute("PRAGMA journal_mode=WAL"), until_s)
     except sqlite3.Error as error:
         database.close()
@@ -73,7 +73,7 @@ def opened(folder: Path, until_s: float) -> sqlite3.Connection:
 
 
 def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -> list[Any]:
-    """Return what the records in a folder answer, nothing where there are none.
+    """Return the rows of a query on the records in a folder, none where there are no records.
 
     Raises:
         SessionError: `record.other_schema`.
@@ -91,10 +91,10 @@ def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -
 
 
 def patiently(work: Callable[[], Result], until_s: float) -> Result:
-    """Do something with a database that others work with; wait for them until then, also where SQLite would not.
+    """Run a database operation; wait for other writers until the deadline, also where SQLite would not.
 
     Raises:
-        sqlite3.Error: what went wrong, or they took longer.
+        sqlite3.Error: what went wrong, or the wait timed out.
     """
     while True:
         try:
@@ -106,7 +106,7 @@ def patiently(work: Callable[[], Result], until_s: float) -> Result:
 
 
 def is_damage(error: sqlite3.Error) -> bool:
-    """Whether an error says that the file is not what SQLite has written."""
+    """Whether an error means that the file is not as SQLite has written it."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
 
@@ -116,7 +116,7 @@ def record_error(code: str, path: Path, error: object) -> SessionError:
 
 
 def _made_ready(database: sqlite3.Connection, path: Path) -> None:
-    """Look at what is there, and make the tables where there is nothing at all."""
+    """Check an existing file, and create the tables in an empty one."""
     if not _refuse_other_schema(database, path):
         _make_tables(database, path)
     _refuse_damaged(database, path)
@@ -126,9 +126,9 @@ def _refuse_other_schema(database: sqlite3.Connection, path: Path) -> bool:
     """Refuse a file of another schema; return whether there is one of this.
 
     Raises:
-        SessionError: `record.other_schema`; a version is never written down.
+        SessionError: `record.other_schema`; a file is never downgraded.
     """
-    # In this order: another console may make the tables, with their version, between the two.
+    # In this order: another console may create the tables, with their version, between the two.
     (things,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
     (found,) = database.execute("PRAGMA user_version").fetchone()
     if found == SCHEMA or (found == 0 and things == 0):
@@ -140,7 +140,7 @@ def _refuse_other_schema(database: sqlite3.Connection, path: Path) -> bool:
 def _make_tables(database: sqlite3.Connection, path: Path) -> None:
     database.execute("BEGIN IMMEDIATE")
     try:
-        if not _refuse_other_schema(database, path):  # another console may have made them meanwhile
+        if not _refuse_other_schema(database, path):  # another console may have created them meanwhile
             for line in _TABLES:
                 database.execute(line)
         database.execute("COMMIT")

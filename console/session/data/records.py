@@ -1,4 +1,4 @@
-"""The run record: one SQLite file to which lines are only ever added, safe against a kill at any instant."""
+"""Run record: one append-only SQLite file, safe against a kill at any instant."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from drivers.cutting.plan import CutPlan
 from profiles.store import LoadedMachine
 
 OPEN_TIMEOUT_S = 30.0
-"""How long other writers are waited for before anything has been started."""
+"""How long to wait for other writers before anything has been started."""
 
 DRIVES_ON_TIMEOUT_S = 5.0
-"""The same where the drives may be on meanwhile."""
+"""The same where the drives may be enabled."""
 
 GONE = "file gone"
 
@@ -37,7 +37,7 @@ def begin_record(
     open_timeout_s: float = DRIVES_ON_TIMEOUT_S,
     patience_s: float = DRIVES_ON_TIMEOUT_S,
 ) -> RunRecord:
-    """Begin the record of a run that cuts `plan`, by the name and the contents of its job.
+    """Begin the record of a run that cuts `plan`, with the name and the contents of its job.
 
     Raises:
         SessionError: as `RunRecord`.
@@ -66,10 +66,10 @@ class RunRecord:
         open_timeout_s: float = DRIVES_ON_TIMEOUT_S,
         patience_s: float = DRIVES_ON_TIMEOUT_S,
     ) -> None:
-        """Open the file in `folder`, which is made when it is missing, and begin a run.
+        """Open the file in `folder`, which is created when missing, and begin a run.
 
-        `run` gives software, job, job_sha256, machine, machine_sha256, simulated, strategy and program. Others who
-        write to the file are waited for as long as `open_timeout_s`, at each event as long as `patience_s`.
+        `run` gives software, job, job_sha256, machine, machine_sha256, simulated, strategy and program. Other
+        writers are waited for up to `open_timeout_s` here, and up to `patience_s` at each event.
 
         Raises:
             SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`; without a record no machine
@@ -99,10 +99,10 @@ class RunRecord:
             raise record_error("record.unwritable", self._path, error) from error
 
     def add(self, kind: str, data: Mapping[str, object]) -> None:
-        """Add an event; it is on the disk when this returns.
+        """Add an event; it is on disk when this returns.
 
         Raises:
-            SessionError: `record.lost`; the run is not to go on unrecorded.
+            SessionError: `record.lost`; the run must not continue unrecorded.
         """
         self._count += 1
         row = (self.run_id, self._count, utc_now(), kind, _text(data))
@@ -113,17 +113,17 @@ class RunRecord:
         self.refuse_lost()
 
     def refuse_lost(self) -> None:
-        """Make sure that what was added is where it can be found again.
+        """Check that what was added is still where it can be found.
 
         Raises:
-            SessionError: `record.lost`, the file or its folder was taken away, or another is in its place.
+            SessionError: `record.lost`, the file or its folder was removed or replaced.
         """
-        # SQLite goes on in a file that has no name any more.
+        # SQLite keeps writing to a file that was unlinked.
         if self._on_disk() != self._files:
             raise record_error("record.lost", self._path, GONE)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._database.close()
         self._mark.close()
 
@@ -131,7 +131,7 @@ class RunRecord:
         patiently(lambda: self._database.execute(line, row), until_s)
 
     def _on_disk(self) -> tuple[tuple[int, int] | None, ...]:
-        """Return device and inode of the database and of its journal, in which the last lines are."""
+        """Return device and inode of the database and of its journal, which holds the last lines."""
         return tuple(_identity(path) for path in (self._path, self._path.with_name(f"{FILE_NAME}-wal")))
 
 
@@ -145,5 +145,5 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 def _text(data: Mapping[str, object]) -> str:
     shown = json.dumps(data, ensure_ascii=False)
-    # A file name need not be text; escaped, it can be kept.
+    # A file name need not be valid text; escaped, it can be stored.
     return shown if shown.isprintable() else json.dumps(data)

@@ -1,4 +1,4 @@
-"""Marks of the runs that are going on: whoever is killed leaves his, and the next one tells of it."""
+"""Marks of active runs: a killed console leaves its mark, and the next start reports it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ FOLDER = "running"
 
 
 class RunMark:
-    """The mark of a run that is going on, gone with its end."""
+    """Mark of an active run, removed at its end."""
 
     def __init__(self, data: Path, run_id: str) -> None:
-        """Put it into the data folder.
+        """Create the mark in the data folder.
 
         Raises:
             OSError: it cannot be made.
@@ -29,7 +29,7 @@ class RunMark:
             os.fchmod(self._descriptor, PRIVATE_FILE)
 
     def close(self) -> None:
-        """Take it away."""
+        """Remove the mark."""
         if self._descriptor is not None:
             with suppress(OSError):
                 self._path.unlink()
@@ -39,7 +39,7 @@ class RunMark:
 
 @contextmanager
 def left_runs(data: Path) -> Iterator[tuple[Path, ...]]:
-    """Give the marks that killed ones have left; nobody else is given them meanwhile."""
+    """Yield the marks that killed runs have left, locked against other consoles."""
     taken: list[int] = []
     paths: list[Path] = []
     try:

@@ -1,8 +1,8 @@
-"""The stop record of a machine: kept in the data folder, and asked for before each arm. No record, no arm.
+"""Stopping-performance record of a machine: in the data folder, checked before each arm. No record, no arm.
 
-A simulated machine measures its own at once, on a copy of itself in simulated time; it is never written down, so
-that it is not taken for that of a real machine. What is written down has a checksum: a file that was changed or is
-damaged is no record any more.
+A simulated machine measures its own at once, on a copy of itself in simulated time; it is never written to disk,
+so that it cannot be taken for that of a real machine. The file has a checksum: one that was changed or is
+damaged is not accepted.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from urllib.parse import quote
 
 from console.session.data.kept_files import make_folder
 from drivers.commissioning.judged import Judged
-from drivers.commissioning.proofs.bench import TestRig
+from drivers.commissioning.proofs.bench import ProofRig
 from drivers.commissioning.stop_record import StopRecord, stop_key
 from drivers.commissioning.stop_record_check import StopsNow, record_problems
 from drivers.commissioning.verification import read_of_machine
@@ -34,23 +34,23 @@ from profiles.problem import Problem, ProfileError
 FOLDER = "stops"
 SCHEMA = 3
 WITHOUT_CHECKSUM = (1, 2)
-"""Schemas of before: nobody can tell whether such a file is as it was written."""
+"""Older schemas without a checksum: such a file cannot be verified."""
 
 CHECKSUM = "sha256"
 UNREADABLE = "stops.unreadable"
 CAP_BYTES = 1_000_000
 
 _measured: dict[tuple[str, str], StopRecord] = {}
-"""What simulated machines have measured since this program was started, by family and profile."""
+"""Records that simulated machines have measured since the program started, by family and profile."""
 
 
 def record_path(data: Path, machine: MachineProfile) -> Path:
-    """Return where the record of a machine is, whatever it is called."""
+    """Return the path of a machine's record, whatever the machine's name."""
     return data / FOLDER / f"{quote(machine.name, safe='')}.json"
 
 
 def store(data: Path, machine: MachineProfile, record: StopRecord) -> Path:
-    """Write a record in place of the one before; return where it is.
+    """Replace the record; return its path.
 
     Raises:
         ProfileError: `file.not_writable`.
@@ -63,14 +63,14 @@ def store(data: Path, machine: MachineProfile, record: StopRecord) -> Path:
 
 
 def with_checksum(values: Mapping[str, object]) -> bytes:
-    """Return a file of these values that tells when a single character of it is not as it was written."""
+    """Return a file of these values with a checksum that detects a change of any character."""
     text = json.dumps({**values, CHECKSUM: ""}, ensure_ascii=False, indent=1) + "\n"
     digest = hashlib.sha256(text.encode()).hexdigest()
     return text.replace(f'"{CHECKSUM}": ""', f'"{CHECKSUM}": "{digest}"').encode()
 
 
 def withdraw(data: Path, machine: MachineProfile) -> None:
-    """Take away the record of a machine that was seen to stop otherwise.
+    """Remove the record of a machine that was seen to stop otherwise.
 
     Raises:
         ProfileError: `file.not_writable`.
@@ -87,7 +87,7 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
     """Return the record of a machine, None when there is none.
 
     Raises:
-        ProfileError: `stops.unreadable`, it is no record; `stops.changed`, not as it was written;
+        ProfileError: `stops.unreadable`, not a record; `stops.changed`, not as written;
             `stops.old_schema`, `stops.unknown_schema`; `file.unreadable`, it cannot be opened.
     """
     path = record_path(data, machine)
@@ -109,8 +109,8 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
 
 
 def simulated_record(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:
-    """Measure a simulated machine as it is by its profile, within a second; what fails has no entry."""
-    # The simulator and what the proofs gather load numerics; nobody waits for them who has a machine of iron.
+    """Measure a simulated machine as its profile describes it, within a second; a failed test has no entry."""
+    # The simulator and the analysis of commissioning tests load numerics, which a real machine does not need.
     from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
     from drivers.simulator.machine import SimulatedLathe
 
@@ -120,7 +120,7 @@ def simulated_record(machine: MachineProfile, dialect: Dialect, now: date) -> St
     version, kind = client.connect()
     judged = Judged(configuration=read_of_machine(client, machine, dialect), machine=machine)
     try:
-        stops = prove_stops(TestRig(client=client, stop=StopPath(link), clock=sim, judged=judged))
+        stops = prove_stops(ProofRig(client=client, stop=StopPath(link), clock=sim, judged=judged))
     except DriverError:
         stops = MeasuredStops()
     return StopRecord(
@@ -138,12 +138,12 @@ def simulated_record(machine: MachineProfile, dialect: Dialect, now: date) -> St
 def stop_record_problems(
     client: PmacClient, machine: MachineProfile, dialect: Dialect, data: Path | None, simulated: bool, today: date
 ) -> tuple[Problem, ...]:
-    """Return why the machine may not be armed by its stop record. `data` is the data folder, None: there is none.
+    """Return why the machine's stopping-performance record forbids arming. `data` is the data folder, None: none.
 
-    Of the card it reads what the record was measured with, eleven short lines.
+    The settings that the record was measured with are read from the controller, eleven short lines.
 
     Raises:
-        DriverError: the link broke, or the card answers something that is not asked for.
+        DriverError: the link broke, or the controller sent an unexpected reply.
     """
     key, link = stop_key(client, machine, dialect), client.link
     try:

@@ -1,1 +1,1 @@
-"""What a measured part teaches: the next compensation, judged and kept."""
+"""Learning from measured parts: derive, judge and keep the next compensation."""

@@ -1,9 +1,9 @@
-"""Parts in a row that learn: from the tool in air, from the tool in the cut, from the part that was measured.
+"""Iterative learning over a series of parts: from the tool in air, the tool in the cut, and the measured part.
 
-In air the command is learned until the tool does what is wanted; friction makes the response depend on how large
-the motion is, so it is done with the motion of the cut itself. In the cut a trim takes away what the cutting force
-adds. The measured part then says what else should have been wanted. A wave that grows instead, in air or from part
-to part, goes back to its best and is learned no more.
+In air the command is learned until the tool follows its target; friction makes the response depend on the
+amplitude, so the motion is that of the cut itself. In the cut a trim removes what the cutting force adds. The
+measured part then corrects the target. A harmonic that grows instead, in air or from part to part, is set back
+to its best state and no longer learned.
 """
 
 from __future__ import annotations
@@ -41,24 +41,24 @@ from profiles.traces import Trace
 
 AIR_PASSES, MOST_AIR_PASSES = 3, 8
 AIR_ENOUGH_UM_PP = 1.0
-"""So many passes in air, and more while the lobe is off by more: a short swing begins inside of its friction."""
+"""Number of air passes; more while the lobe error is above this: a small motion starts within its friction."""
 
 AIR_TURNS = 30
 
 OVERTONES = (2, 3)
-"""Multiples of the lobe that are learned beside it."""
+"""Harmonics of the lobe that are learned beside it."""
 
 OTHERS = (1, 2)
-"""Waves that are there and not learned: eccentricity and ovality would leak into the others."""
+"""Harmonics that are fitted but not learned: eccentricity and ovality would leak into the others."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedPart:
-    """One part: how round it is, what the tool did, and the path and the trim that it was cut with.
+    """One part: its roundness, the tool error, and the path and trim that it was cut with.
 
-    `tool_off` is what the tool was off in the middle of the cut, `air_um` the lobe's error in each pass of air in
-    front of this part, peak to peak. `learned` are the waves in a turn that the part has changed for the next one,
-    `grown` those that are learned no more.
+    `tool_off` is the tool error in the middle of the cut, `air_um` the lobe error in each air pass before this
+    part, peak to peak. `learned` are the harmonics that the part has changed for the next one, `grown` those no
+    longer learned.
     """
 
     roundness: RoundnessResult
@@ -75,7 +75,7 @@ class LearnedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnResult:
-    """What was made: `before` without compensation, the parts in their order, `floor` a part without a lobe."""
+    """Parts made: `before` without compensation, the parts in order, `floor` a part without a lobe."""
 
     plan: RunPlan
     before: RoundnessResult
@@ -84,7 +84,7 @@ class LearnResult:
 
     @property
     def last(self) -> RunResult:
-        """The result of the row as a run: its part is the last one, its collisions are those of all parts."""
+        """The series as a run: its part is the last one, its collisions are those of all parts."""
         part = self.parts[-1]
         return RunResult(
             plan=self.plan,
@@ -97,7 +97,7 @@ class LearnResult:
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """What was not learned: `learning.grew`, an amplitude each."""
+        """Harmonics that were not learned: `learning.grew`, with an amplitude each."""
         return tuple(
             Problem(
                 code="learning.grew",
@@ -110,11 +110,11 @@ class LearnResult:
 
 
 def learn(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart, parts: int) -> LearnResult:
-    """Cut `parts` parts on one machine, each with what the ones before have taught.
+    """Cut `parts` parts on one machine, each corrected by the ones before.
 
     Raises:
-        ProblemError: `learning.no_gauge`, `learning.strategy`; why a part teaches nothing, as a single one would
-            be refused; what went wrong, see `cut_part`.
+        ProblemError: `learning.no_gauge`, `learning.strategy`; why a part cannot be learned from, as for a single
+            one; what went wrong, see `cut_part`.
     """
     refuse_unlearnable(plan, measured=True)
     learner = _Learner(plan, open_machine(), tell)
@@ -128,7 +128,7 @@ def refuse_unlearnable(plan: RunPlan, *, measured: bool) -> None:
     """Refuse a cut from which nothing can be learned.
 
     Raises:
-        SessionError: `learning.strategy`, only a table can be learned; `learning.no_gauge`, nobody would measure
+        SessionError: `learning.strategy`, only a table can be learned; `learning.no_gauge`, no gauge measures
             the parts between two cuts.
     """
     if not plan.cut.strategy.traits.trims or plan.reference is None:
@@ -145,7 +145,7 @@ def _measured(trace: Trace | None) -> Trace:
 
 
 def _named(tell: TellPart, part: str, number: int) -> Callable[[Step, str], None]:
-    """Tell of a part with its number, if it has one."""
+    """Report a part with its number, if it has one."""
     if not number:
         return lambda step, detail: tell(part, step, detail)
     return lambda step, detail: tell(part, step, f"{number} · {detail}" if detail else f"{number}")
@@ -156,7 +156,7 @@ def _of_the_axis(problem: Problem) -> Problem:
 
 
 class _Learner:
-    """One machine, and the path as it is known by now."""
+    """One machine, and the path as learned so far."""
 
     def __init__(self, plan: RunPlan, context: CutContext, tell: TellPart) -> None:
         self._plan, self._context, self._tell = plan, context, tell
@@ -168,7 +168,7 @@ class _Learner:
         self._homed = False
 
     def reference(self) -> RoundnessResult:
-        """Cut a part without compensation; what its gauge cannot tell, it cannot tell of the parts either.
+        """Cut a part without compensation; what its gauge cannot measure now, it cannot measure later either.
 
         Raises:
             SessionError: why nothing can be learned from such a trace.
@@ -178,11 +178,11 @@ class _Learner:
         return roundness_of(trace)
 
     def floor(self) -> RoundnessResult:
-        """Cut a part that is not lobed, without compensation: what is left is the machine's own."""
+        """Cut a part without a lobe and without compensation: the remaining error is the machine's own."""
         return roundness_of(self._plain(replace(self._job, lobe_error_um_pp=0.0), "floor"))
 
     def _teaching(self, trace: Trace) -> PartWaves:
-        """Return the waves of a part, by the rule of every way in: `console learn` and the screen ask the same.
+        """Return the harmonics of a part, by the rule that `console learn` and the screen share.
 
         Raises:
             SessionError: why nothing may be learned from it.
@@ -215,13 +215,13 @@ class _Learner:
         return outcome
 
     def _turn(self) -> int:
-        """Return the whole turn that is nearest to where the spindle stands; it need not be turned back."""
+        """Return the whole turn nearest to the spindle position; the spindle need not turn back."""
         if not self._homed:
             return 0
         return round(self._context.lathe.snapshot().spindle.position / self._machine.spindle.counts_per_rev)
 
     def in_air(self) -> None:
-        """Let the tool learn its path clear of the part."""
+        """Learn the path clear of the part."""
         job = self._job
         # Some turns of the same feed, over the end of the part.
         short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
@@ -238,7 +238,7 @@ class _Learner:
 
     @property
     def _right_in_air(self) -> bool:
-        """Whether another pass in air would teach nothing that matters."""
+        """Whether another air pass would improve nothing that matters."""
         return not self._learns_lobe or self._air_um[-1] <= AIR_ENOUGH_UM_PP
 
     @property
@@ -247,13 +247,13 @@ class _Learner:
 
     def _learn_in_air(self, off: HarmonicFit) -> None:
         left = self._learnable(off.coefficients_um)
-        # What friction makes of an overtone comes with the swing of the lobe, which is being learned.
+        # Friction couples the overtones to the amplitude of the lobe, which is still being learned.
         allowed = {n: 0.0 if n == self._job.jaws else held_back_um(self._machine, self._job, n) for n in left}
         self._watch = self._watch.judged(self._path, left, lambda _: off.amplitude_sd_um, allowed.__getitem__)
         self._path = learned_command(self._watch.kept(self._path), self._watch.learned(left), self._response)
 
     def part(self, number: int) -> LearnedPart:
-        """Cut a part, learn within it, and from its trace for the next one."""
+        """Cut a part, learn during the cut, and from its trace for the next one."""
         plan = self._planned(self._job, trimmed=True)
         watch = CutLearner(self._context.lathe, self._job, self._off, trims=self._learns_lobe)
         outcome = self._cut(self._job, plan, "part", watch, number)
@@ -277,7 +277,7 @@ class _Learner:
         )
 
     def _learn_from(self, trim_um: complex, trace: Trace, off: Deviation, gain: float) -> tuple[int, ...]:
-        """Put the trim into the table, and what the part has shown; return the waves that were learned."""
+        """Put the trim and the part's correction into the table; return the learned harmonics."""
         job = self._job
         found = self._teaching(trace)
         self._refuse_worse(found, off)
@@ -299,20 +299,20 @@ class _Learner:
         return tuple(sorted({*high, *missed}))
 
     def _refuse_worse(self, part: PartWaves, off: Deviation) -> None:
-        """Refuse to learn from a part that its compensation has made worse, by the rule of a single part.
+        """Refuse to learn from a part that its compensation has made worse, by the rule for a single part.
 
         Raises:
             SessionError: `learned.worse`.
         """
         lobes = self._job.jaws
-        # What the tool has done was seen here.
+        # The tool error was measured here.
         done_um = self._path.target.waves[0].coefficient - off.coefficients_um.get(lobes, 0j)
         plain = uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
         if plain.reasons():
             raise SessionError(*plain.reasons())
 
     def _planned_in_air(self, job: Job) -> CutPlan:
-        """Plan a pass in air; what is beyond all bounds there is the axis, for nothing else was measured yet.
+        """Plan an air pass; a limit exceeded here is the axis's own, for nothing else was measured yet.
 
         Raises:
             SessionError: `learning.axis_beyond`.
@@ -336,7 +336,7 @@ class _Learner:
         )
 
     def _off(self, batch: Batch) -> HarmonicFit:
-        """Return what the tool was off in a batch, positive where it was not in far enough."""
+        """Return the tool error of a batch, positive where the tool was not in far enough."""
         target_um = self._path.target.at_um(batch.angle_deg, batch.past_middle_mm)
         return fit_harmonics(batch.angle_deg, target_um - batch.infeed_um, self._orders)
 

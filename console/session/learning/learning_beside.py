@@ -1,4 +1,4 @@
-"""What goes on beside a cut that learns: batches of the tool are gathered, and a trim is asked for."""
+"""Learning beside a cut: gather tool positions in batches, and request a trim."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ CUT_BATCH_S = 0.25
 TRIM_GAIN = 0.7
 
 HELD_FOR = ("learning.trim_limit", "learning.few_samples", "gather.failed")
-"""What ends a cut as a hold does: the machine is well, and only what is learned of it is not."""
+"""Problems that end a cut as a hold does: the machine is sound, only the learning has failed."""
 
 
 class AirWatch:
-    """Gathers one long batch in air."""
+    """Gather one long batch in air."""
 
     def __init__(self, lathe: Lathe, lobes: int) -> None:
         self._gather: BatchGather = lathe.program.batches()
@@ -35,11 +35,11 @@ class AirWatch:
         self._batches: list[Batch] = []
 
     def begin(self, plan: CutPlan) -> None:
-        """Set the card up."""
+        """Set up gathering on the controller."""
         self._gather.prepare(plan, self._lobes, AIR_BATCH_S, self._batches.append)
 
     def see(self, snapshot: Snapshot) -> None:
-        """Let the gathering go on."""
+        """Continue gathering."""
         self._gather.see(snapshot)
 
     def last(self) -> Batch:
@@ -55,7 +55,7 @@ class AirWatch:
 
 
 class CutLearner:
-    """Trims a cut by what the tool is off in it, a batch at a time; one that does not `trims` only looks on."""
+    """Trim a cut by the measured tool error, a batch at a time; one that does not `trims` only observes."""
 
     def __init__(self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit], *, trims: bool = True) -> None:
         self._lathe, self._job, self._off, self._trims = lathe, job, off, trims
@@ -67,11 +67,11 @@ class CutLearner:
         self.trim_um = 0j
 
     def begin(self, plan: CutPlan) -> None:
-        """Set the card up."""
+        """Set up gathering on the controller."""
         self._gather.prepare(plan, self._job.jaws, CUT_BATCH_S, self._take)
 
     def see(self, snapshot: Snapshot) -> None:
-        """Let the gathering go on. What goes wrong with it ends the cut at the end of its turn, tool out first."""
+        """Continue gathering. An error in it ends the cut at the end of its turn, tool out first."""
         if self._failed is not None:
             return
         try:
@@ -83,7 +83,7 @@ class CutLearner:
             self._lathe.program.end_after_turn()
 
     def refuse_failed(self) -> None:
-        """Say what has ended the cut.
+        """Raise the error that has ended the cut.
 
         Raises:
             ProblemError: `learning.trim_limit`, `learning.few_samples`, `gather.failed`.
@@ -101,13 +101,13 @@ class CutLearner:
         self._lathe.program.trim(self.trim_um)
 
     def in_the_middle(self) -> tuple[Deviation, complex]:
-        """Return what the tool was off where the part is measured, and the trim that was in effect there.
+        """Return the tool error where the part is measured, and the trim in effect there.
 
         Raises:
             SessionError: `learning.nothing_gathered`.
         """
         self._over = True
-        self._gather.finish()  # what a slow line has not brought during the cut
+        self._gather.finish()  # fetch what a slow line has not transferred during the cut
         if not self._found:
             raise SessionError(Problem(code="learning.nothing_gathered"))
         _, nearest, trim_um = min(self._found, key=lambda each: abs(each[0]))

@@ -1,4 +1,4 @@
-"""What a measured part teaches of the next one: the part, the cut that it is from, and the versions so far."""
+"""Learning steps: from a measured part, its cut and the versions so far, to the next version."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ from profiles.store import LoadedJob, LoadedMachine
 from profiles.traces import Trace
 
 SIMULATED = ("simulated", "yes")
-"""The header line of a trace that no gauge has measured."""
+"""Header line of a simulated trace, which no gauge has measured."""
 
 OVERTONES = (1, 2, 3)
 LEAST_EXTRA = 2
 
 LEAST_FOLLOWED = 1.0 / AMPLIFICATION_LIMIT
-"""Share of a command that the axis must make for a wave to be learned."""
+"""Fraction of a command that the axis must follow for a harmonic to be learned."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftWave:
-    """A wave of the part, um p-p: what was left of it, and what the next part should have; `learned` or noise."""
+    """Harmonic of the part, um p-p: what was left of it, and what the next should have; `learned` or noise."""
 
     waves: int
     left_um_pp: float
@@ -56,7 +56,7 @@ class LeftWave:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taught:
-    """A lesson, of which cut it is, what does not spoil it, and each wave that could be learned."""
+    """A learning step, its cut, warnings, and each harmonic that could be learned."""
 
     lesson: LearningStep
     made: MadeWith
@@ -78,14 +78,14 @@ def taught(
     date: str,
     extra: tuple[int, ...] = (),
 ) -> Taught:
-    """Return what the trace of a part teaches; `said` is what is known of its cut, see `made_with`.
+    """Return the learning step from the trace of a part; `said` is what is known of its cut, see `made_with`.
 
-    `identified` is the file of the response that the cut has inverted, `extra` are further waves to be learned.
+    `identified` is the file of the response that the cut has inverted, `extra` are further harmonics to learn.
 
     Raises:
-        ProblemError: the part is of another cut than is said, or of none that can be learned from, or `extra` of
-            none that can be made (`learned.extra`); the version of the cut is not there, or for another job or
-            machine; what the trace or the fit refuses.
+        ProblemError: the part is not of the stated cut, or of none that can be learned from, or `extra` cannot be
+            cut (`learned.extra`); the version of the cut is missing, or for another job or machine; what the trace
+            or the fit refuses.
     """
     asked = asked_for(job, machine, "", simulated=_simulated(trace))
     known = versions(data, asked)
@@ -114,7 +114,7 @@ def taught_by(
     date: str,
     extra: tuple[int, ...] = (),
 ) -> Taught:
-    """Return what the trace of a part teaches that was `made` like that; the others as for `taught`.
+    """Return the learning step from a part `made` in this way; the other arguments as for `taught`.
 
     Versions are kept with jaw 1 where the file of the job has it. A part that was cut with jaw 1 elsewhere is
     turned there before anything is learned from it.
@@ -153,7 +153,7 @@ def _simulated(trace: Trace) -> bool:
 
 
 def _part(trace: Trace, job: Job, made: MadeWith, extra: tuple[int, ...], *, robust: bool) -> PartWaves:
-    """Return the waves of a part, turned to where the file of its job has jaw 1."""
+    """Return the harmonics of a part, turned to where the file of its job has jaw 1."""
     as_cut = _as_cut(job, made)
     part = part_waves(trace, as_cut, filter_upr=FILTER_UPR, extra=extra, robust=robust)
     return part.turned(job.lobe_phase_deg - as_cut.lobe_phase_deg)
@@ -163,7 +163,7 @@ def _as_cut(job: Job, made: MadeWith) -> Job:
     """Return the job with jaw 1 where it was found for its cut.
 
     Raises:
-        SessionError: `learned.bad_stage`, a trace says something else than an angle.
+        SessionError: `learned.bad_stage`, the trace does not state an angle.
     """
     if made.cut_jaw_1_deg == AS_FILED:
         return job
@@ -179,7 +179,7 @@ def _as_cut(job: Job, made: MadeWith) -> Job:
 
 
 def _left(n: int, part: PartWaves, lesson: LearningStep, path: CutPath, stage: Stage) -> LeftWave:
-    """Return a wave of the part, which gets lower by as much as the tool goes deeper."""
+    """Return a harmonic of the part, whose height falls by as much as the tool goes deeper."""
     left = part.coefficients_um[n]
     deeper = coefficient_of(lesson.next.path.target, n) - stage.share * coefficient_of(path.target, n)
     return LeftWave(
@@ -200,7 +200,7 @@ def reverted(
     date: str,
     strategy: str | None = None,
 ) -> LearnedCompensation:
-    """Return an older version as the newest; 0 is the model, for `strategy`, by default that of the newest.
+    """Return an older version as the newest; 0 is the model, for `strategy` (default: that of the newest).
 
     Raises:
         SessionError: as `chosen`.
@@ -223,7 +223,7 @@ def reverted(
 def _parent(
     version: LearnedCompensation | None, known: tuple[LearnedCompensation, ...], job: Job
 ) -> CutPath | None:
-    """Return the path of the part that a version was learned from, of which the wanted one matters."""
+    """Return the path of the part that a version was learned from; its target is what matters."""
     if version is None:
         return None
     if version.parent == MODEL:
@@ -236,7 +236,7 @@ def _next(known: tuple[LearnedCompensation, ...]) -> int:
 
 
 def _followed(made: MadeWith) -> tuple[Strategy, Stage]:
-    """Return strategy and stage of a cut that followed a path; both may be the words of a trace.
+    """Return strategy and stage of a cut that followed a path; both may come from a trace.
 
     Raises:
         SessionError: `learned.not_followed`, `learned.bad_stage`.
@@ -251,7 +251,7 @@ def _followed(made: MadeWith) -> tuple[Strategy, Stage]:
 
 
 def _orders(job: Job, machine: MachineProfile, strategy: Strategy, extra: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the waves that can be commanded: the lobe; by a table also its overtones, and what is asked for.
+    """Return the harmonics that can be commanded: the lobe; with a table also its overtones and `extra`.
 
     Raises:
         SessionError: `learned.extra`.
@@ -265,7 +265,7 @@ def _orders(job: Job, machine: MachineProfile, strategy: Strategy, extra: tuple[
 
 
 def _refuse_extra(extra: tuple[int, ...], job: Job, machine: MachineProfile, strategy: Strategy) -> None:
-    """Refuse waves that are asked for and cannot be cut, or that are the gauge's own and not the part's.
+    """Refuse extra harmonics that cannot be cut, or that are the gauge's own and not the part's.
 
     Raises:
         SessionError: `learned.extra`, one problem for each.
@@ -277,7 +277,7 @@ def _refuse_extra(extra: tuple[int, ...], job: Job, machine: MachineProfile, str
         raise SessionError(Problem(code="learned.extra", key="--extra", value=value, limit=limit))
     problems: list[Problem] = []
     for n in extra:
-        # Once in a turn a part stands beside the axis of the gauge.
+        # One undulation per revolution is the eccentricity of the part on the gauge.
         if not LEAST_EXTRA <= n <= MOST_WAVES:
             value, limit = f"{n}/rev", f"{LEAST_EXTRA}/rev … {MOST_WAVES}/rev"
             problems.append(Problem(code="learned.extra", key="--extra", value=value, limit=limit))
@@ -289,7 +289,7 @@ def _refuse_extra(extra: tuple[int, ...], job: Job, machine: MachineProfile, str
 
 
 def _followed_share(n: int, job: Job, machine: MachineProfile, strategy: Strategy) -> float:
-    """Return how much of a command of n waves in a turn the axis makes."""
+    """Return the fraction of a command of n undulations per revolution that the axis follows."""
     return abs(nominal_response(strategy, machine, _hz(job, n)))
 
 

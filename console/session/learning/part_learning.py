@@ -1,4 +1,4 @@
-"""What a part teaches that was cut and measured on the screen, and what becomes of it: accepted, or taken back."""
+"""Learning on the screen: what a cut and measured part teaches, and accepting or reverting it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from profiles.traces import Trace
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartLearning:
-    """How a part was `made`, and what it teaches, or why nothing: one of `taught` and `problems` is there."""
+    """How a part was `made`, and its learning step or why there is none: `taught` or `problems`."""
 
     made: MadeWith
     taught: Taught | None = None
@@ -26,16 +26,16 @@ class PartLearning:
 
     @property
     def reasons(self) -> tuple[Problem, ...]:
-        """Why nothing may be kept of it, empty where it may."""
+        """Why nothing of it may be kept, empty where it may."""
         return self.problems if self.taught is None else self.taught.lesson.reasons
 
 
 def learning_of(
     job: LoadedJob | None, name: str, made: MadeWith, trace: Trace, machine: LoadedMachine, data: Path
 ) -> PartLearning:
-    """Return what the part of a cut teaches, `made` by `job` as it is saved, None where `name` was edited.
+    """Return the learning step from the part of a cut, `made` by `job` as saved; None where `name` was edited.
 
-    What stands against that is no fault of its measurement.
+    An objection to learning does not invalidate the measurement.
     """
     if job is None:
         return PartLearning(made=made, problems=(Problem(code="learned.edited_part", key=name),))
@@ -47,7 +47,7 @@ def learning_of(
 
 
 def accept(lesson: PartLearning, data: Path) -> LearnedCompensation:
-    """Keep what a part teaches as the newest version, whatever was kept since it was measured, and return it.
+    """Keep a part's learning step as the newest version, whatever was kept since it was measured, and return it.
 
     Raises:
         SessionError: why it must not be kept; `learned.accepted`, the newest version is this one.
@@ -67,9 +67,9 @@ def accept(lesson: PartLearning, data: Path) -> LearnedCompensation:
 def revert(
     used: LearnedCompensation | None, job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool
 ) -> LearnedCompensation:
-    """Keep the version before the one that is `used`, once more, as the newest, and return it.
+    """Keep the version before the one that is `used` again as the newest, and return it.
 
-    That is the one from whose part it was learned; before the first comes the model.
+    That is the version from whose part it was learned; before the first comes the model.
 
     Raises:
         SessionError: `learned.no_before`, the model is used; as `reverted`.

@@ -1,1 +1,1 @@
-"""What of the paper needs the lathe: its program executed, and cuts that learn, on the simulated controller."""
+"""Parts of the paper that need the lathe: its program executed, and cuts that learn, on the simulator."""

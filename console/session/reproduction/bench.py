@@ -1,4 +1,4 @@
-"""A simulated lathe in this process, as `console run --sim` has it, and one short part cut on it."""
+"""Test rig: a simulated lathe in this process, as in `console run --sim`, and one short part cut on it."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from profiles.machine import MachineProfile
 from profiles.roundness import RoundnessResult, evaluate
 
 CUT_MM = 1.5
-"""Thirty turns of the paper's jobs: the part is measured in their middle, and is the same in a longer cut."""
+"""Thirty turns of the paper's jobs: the part is measured in the middle, and is the same in a longer cut."""
 
 
 class Bench:
-    """One lathe. Parts are cut on it one after the other; it is homed for the first."""
+    """One lathe. Parts are cut on it one after another; it is homed for the first."""
 
     def __init__(self, machine: MachineProfile, true: TrueParameters | None = None) -> None:
-        """`true` is what the iron is like, None as the profile says."""
+        """Take `true`, the actual hardware; None for one as its profile says."""
         self.machine = machine
         self._context, self._lathe = simulated_context(machine, true)
         self.lathe = self._context.lathe
@@ -41,7 +41,7 @@ class Bench:
         path: CutPath | None = None,
         air_mm: float = 0,
     ) -> CutPlan:
-        """Plan a cut from the turn that the spindle is nearest to."""
+        """Plan a cut from the whole turn nearest to the spindle position."""
         return plan_cut(
             job,
             self.machine,
@@ -54,7 +54,7 @@ class Bench:
         )
 
     def cut(self, job: Job, plan: CutPlan, beside: Beside | None = None, *, air: bool = False) -> CutOutcome:
-        """Cut a part, in air without one.
+        """Cut a part; without one, cut in air.
 
         Raises:
             ProblemError: what went wrong.
@@ -64,7 +64,7 @@ class Bench:
         return outcome
 
     def true_position(self) -> tuple[float, float]:
-        """Return where tool and spindle really are, counts: between two counts no encoder tells."""
+        """Return the true positions of tool and spindle, counts, finer than the encoders resolve."""
         motors = self._lathe.controller.motors
         return motors[self.machine.tool.motor].true_position, motors[self.machine.spindle.motor].true_position
 
@@ -76,7 +76,7 @@ class Bench:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A part with the plan that it was cut by. The angle and deviation have shape (M,), free state, unfiltered."""
+    """A part with the plan of its cut. The angle and deviation have shape (M,), free state, unfiltered."""
 
     plan: CutPlan
     spindle_speed_rpm: float
@@ -91,11 +91,11 @@ def shortened(job: Job) -> Job:
 
 
 def part_of(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int | None = None) -> Part:
-    """Cut a part on a lathe of its own that is as its profile says, and measure it without a filter."""
+    """Cut a part on a new lathe that is as its profile says, and measure it without a filter."""
     bench, short = Bench(machine), shortened(job)
     plan = bench.plan(short, strategy, ts_ms)
     outcome = bench.cut(short, plan)
-    assert outcome.trace is not None  # a bench measures
+    assert outcome.trace is not None  # the rig measures
     angle, deviation = outcome.trace.angle_deg, outcome.trace.deviation_um
     return Part(
         plan=plan,

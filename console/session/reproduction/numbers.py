@@ -1,4 +1,4 @@
-"""Those of the twelve acceptance numbers that the simulated lathe gives: 1 and 5 to 9."""
+"""Acceptance numbers from the simulated lathe: 1 and 5 to 9 of the twelve."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def uncompensated(paper: Experiments) -> tuple[Record, ...]:
 
 
 def printed_program(paper: Experiments) -> tuple[Record, ...]:
-    """Number 5: Prog. 1 on the card, with the loop of Table 5 at 50 Hz, and literally with that of Eq 9."""
+    """Number 5: Prog. 1 on the controller, with the loop of Table 5 at 50 Hz, and literally with that of Eq 9."""
     measured = with_measured_servo(paper.machine, paper.jobs[0].lobe_frequency_hz)
     told = (("s_curve", FULL_S_CURVE_MS, (25.2, 15.1)), ("linear", LINEAR_MS, (31.4, 18.8)))
     records = []
@@ -131,7 +131,7 @@ NUMBERS: Mapping[int, Callable[[Experiments], tuple[Record, ...]]] = {
     8: wrong_plant,
     9: friction,
 }
-"""What gives each number."""
+"""Function that computes each number."""
 
 
 def _near(number: int, name: str, at: str, ours: float, expected: float, tolerance: float, unit: str) -> Record:

@@ -1,4 +1,4 @@
-"""Passes of one cut that learn by the scale of the tool alone, in air and in the part, and what each was off."""
+"""Passes of one cut that learn by the tool scale alone, in air and in the part, and the error of each."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from profiles.machine import MachineProfile
 
 BATCH_S = 1.0
 CLEAR_MM = 1.0
-"""How far from the part the tool stays in air."""
+"""Distance of the tool from the part in air."""
 
 WAVES = tuple(range(1, 16))
-"""In a turn, of which an average turn is made."""
+"""Harmonics per revolution from which an average turn is built."""
 
 OVERTONES = 3
 DRIFT_POWERS = 3
-"""A soft axis swims back to its depth while it cuts; that is size and taper, no roundness, and taken off first."""
+"""A compliant axis drifts back to its depth while it cuts; that is size and taper, no roundness: removed first."""
 
 _AROUND_DEG = np.arange(0.0, 360.0, 0.5)
 
@@ -39,10 +39,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Pass:
-    """What the tool was off in one pass, um peak to peak.
+    """Tool error of one pass, um peak to peak.
 
-    `lobe_um_pp` is the wave of the lobe, by the scale; `averaged_um_pp` a whole average turn without its wave of
-    eccentricity; `places_um_pp` all single places of the iron.
+    `lobe_um_pp` is the harmonic of the lobe, by the scale; `averaged_um_pp` an average turn without its
+    eccentricity; `places_um_pp` all true positions.
     """
 
     lobe_um_pp: float
@@ -53,10 +53,10 @@ class Pass:
 def learned_passes(
     job: Job, machine: MachineProfile, true: TrueParameters, in_air: Sequence[bool]
 ) -> tuple[Pass, ...]:
-    """Return the passes on one lathe, each in air or in a new blank, and each with what those before have taught.
+    """Return the passes on one lathe, each in air or in a new blank, and each corrected by those before.
 
-    The first has the inverse of the profile's servo. Between two passes the lobe's error, and that of its
-    overtones, goes into the command with gain 1 through that same inverse; the part is never measured for it.
+    The first has the inverse of the profile's servo. Between two passes the error of the lobe and of its
+    overtones goes into the command with gain 1 through that same inverse; the part is never measured for it.
     """
     bench, short = Bench(machine, true), shortened(job)
     path = CutPath(target=target_path(job), command=nominal_command(job, machine, Strategy.CAM))
@@ -85,20 +85,20 @@ def learned_passes(
 
 
 def _turn_um_pp(found: Mapping[int, complex]) -> float:
-    """Return the swing of an average turn; a wave once a turn only moves the part aside."""
+    """Return the peak to peak of an average turn; one undulation per revolution only shifts the part."""
     waves = [np.real(c * np.exp(1j * n * np.radians(_AROUND_DEG))) for n, c in found.items() if n > 1]
     return float(np.ptp(np.sum(waves, axis=0)))
 
 
 def _steady(angle_deg: Floats, off_um: Floats) -> Floats:
-    """Return what is off without its drift."""
+    """Return the error without its drift."""
     fed = (angle_deg - angle_deg[0]) / np.ptp(angle_deg)
     drift = (fed**power for power in range(1, DRIFT_POWERS + 1))
     return fit(harmonic_columns(fed, (), *drift), off_um).residuals
 
 
 class _Watch:
-    """Gathers one batch of a pass, and looks where the iron is while the tool is on its path."""
+    """Gather one batch of a pass, and sample the true position while the tool is on its path."""
 
     def __init__(self, bench: Bench, target: LobedPath, lobes: int) -> None:
         self._bench, self._target, self._lobes = bench, target, lobes
@@ -108,16 +108,16 @@ class _Watch:
         self._plan: CutPlan | None = None
 
     def begin(self, plan: CutPlan) -> None:
-        """Set the card up."""
+        """Set up gathering on the controller."""
         self._plan = plan
         self._gather.prepare(plan, self._lobes, BATCH_S, self._batches.append)
 
     def see(self, snapshot: Snapshot) -> None:
-        """Let the gathering go on, and look."""
+        """Continue gathering, and sample."""
         assert self._plan is not None  # a cut begins before it is seen
         setup = self._plan.setup
         fed = snapshot.carriage.position - self._plan.carriage_start
-        # Two turns at each end are left out: there the tool may be on its way.
+        # Two turns at each end are left out: the tool may still be moving in or out.
         clear = 2.0 * setup.carriage_per_turn
         steady = clear < fed < setup.carriage_counts - clear and snapshot.tool.position > setup.surface
         if snapshot.program_running and steady:
@@ -131,7 +131,7 @@ class _Watch:
         return batch.angle_deg, _steady(batch.angle_deg, off_um)
 
     def places_um_pp(self) -> float:
-        """Return the same of the iron itself, at every look: all places, peak to peak."""
+        """Return the same of the true positions, over all samples: peak to peak."""
         assert self._plan is not None
         machine, (tool, spindle) = self._bench.machine, np.array(self._true_position).T
         angle_deg = spindle / machine.spindle.counts_per_rev * 360.0

@@ -1,1 +1,1 @@
-"""The session engine: it owns the machine on a thread of its own, obeys commands and publishes the state."""
+"""Session engine: owns the machine on its own thread, carries out commands and publishes the state."""

@@ -1,8 +1,8 @@
-"""Alarms as values: raised, seen, acknowledged, ended. The first one stays in front of its own flood.
+"""Alarms as values: raised, seen, acknowledged, cleared. The first stays on top of the flood that follows it.
 
-An alarm tells of a condition or of an event. A condition is watched: it stands as long as it is so, over a stop
-and the way back from it (F2), and once acknowledged it stays acknowledged. An event is over with that way back, or
-with the cut that it was of. What is over leaves once it has been seen; what has not been seen stays.
+An alarm reports a condition or an event. A condition is monitored: it stands as long as its cause, across a stop
+and the reset after it (F2), and stays acknowledged once it was. An event ends with that reset, or with its cut.
+What has ended leaves once it was seen; what was not seen stays.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ _CODES = {
 COLLISION_CODES = tuple(_CODES.values())
 
 FAULT = "machine.fault"
-"""Faults that the controller reports of axes; `value` names them, with commas between."""
+"""Axis faults reported by the controller; `value` names them, separated by commas."""
 
 AT_REST = "rest"
-"""The `key` of faults that have stopped nothing, because nothing was under control."""
+"""The `key` of faults that stopped nothing, because nothing was under control."""
 
 HOME_LOST = ("controller.was_reset", "controller.home_lost")
-"""Positions that are lost: it is so until every axis has found its zero again."""
+"""Lost positions: active until every axis is homed again."""
 
 CONDITIONS = frozenset(
     {
@@ -49,14 +49,14 @@ CONDITIONS = frozenset(
         *COLLISION_CODES,
     }
 )
-"""What is watched: whoever raises one of these ends it when it is no longer so."""
+"""Monitored conditions: whoever raises one clears it when its cause is gone."""
 
 OF_A_CUT = ("cut.out_of_phase", "cut.spindle_stands")
-"""What is over with the cut that it was of."""
+"""Alarms that end with the cut they belong to."""
 
 
 class Priority(IntEnum):
-    """How soon somebody must act; the lowest number first."""
+    """Priority of the operator's response; the lowest number first."""
 
     HIGH = 0
     MEDIUM = 1
@@ -65,9 +65,9 @@ class Priority(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:
-    """One condition or event that wants a response.
+    """One condition or event that needs a response.
 
-    `at_s` is machine time of its first raise, `count` its raises. `active` is False once it is over.
+    `at_s` is machine time of its first raise, `count` its raises. `active` is False once its cause is gone.
     """
 
     problem: Problem
@@ -79,7 +79,7 @@ class Alarm:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """The faults of axes that it tells of."""
+        """The axis faults that it reports."""
         named = self.problem.value if self.problem.code == FAULT else ""
         return tuple(named.split(", ")) if named else ()
 
@@ -88,12 +88,12 @@ Alarms = tuple[Alarm, ...]
 
 
 def collision_problems(kinds: Iterable[str]) -> tuple[Problem, ...]:
-    """Return a problem for each kind of collision that was seen at the chuck."""
+    """Return a problem for each kind of collision seen at the chuck."""
     return tuple(Problem(code=_CODES[CollisionKind(kind)]) for kind in kinds)
 
 
 def raised(alarms: Alarms, problem: Problem, priority: Priority, at_s: float) -> Alarms:
-    """Return the alarms with one more, or with the one of the same code counted again and wanting attention."""
+    """Return the alarms with one more; one of the same code is counted again and becomes unseen."""
     for place, alarm in enumerate(alarms):
         if alarm.problem.code == problem.code and alarm.problem.key == problem.key:
             again = replace(alarm, problem=problem, count=alarm.count + 1, acknowledged=False, active=True)
@@ -102,12 +102,12 @@ def raised(alarms: Alarms, problem: Problem, priority: Priority, at_s: float) ->
 
 
 def acknowledged(alarms: Alarms) -> Alarms:
-    """Return the alarms as seen by the operator; those whose cause is gone leave. Nothing is reset by it."""
+    """Return the alarms as seen by the operator; those whose cause is gone leave. Nothing is reset."""
     return tuple(replace(alarm, acknowledged=True) for alarm in alarms if alarm.active)
 
 
 def seen(alarms: Alarms, shown: tuple[Problem, ...] = ()) -> Alarms:
-    """Return the alarms with those acknowledged that were `shown`, else the foremost; the others wait."""
+    """Return the alarms with the `shown` ones acknowledged, else the foremost; the others wait."""
     front = foremost(alarms)
     which = shown or (() if front is None else (front.problem,))
     return tuple(
@@ -116,20 +116,20 @@ def seen(alarms: Alarms, shown: tuple[Problem, ...] = ()) -> Alarms:
 
 
 def cleared(alarms: Alarms, *codes: str) -> Alarms:
-    """Return the alarms after the cause of these codes is gone: what was seen leaves, what was not stays."""
+    """Return the alarms after the cause of these codes is gone: seen ones leave, unseen ones stay."""
     return _ended(alarms, lambda alarm: alarm.problem.code in codes)
 
 
 def recovered(alarms: Alarms) -> Alarms:
-    """Return the alarms after the operator has gone on after a stop: events are over, conditions stand."""
+    """Return the alarms after the operator's reset following a stop: events end, conditions stay."""
     return _ended(alarms, lambda alarm: alarm.problem.code not in CONDITIONS)
 
 
 def with_faults(alarms: Alarms, faults: Iterable[str], at_s: float) -> Alarms:
     """Return the alarms with the faults that the controller reports now.
 
-    Each is told by one alarm: by that of the motion that it has stopped, else by one of its own for all that were
-    met at rest. One that comes is an alarm anew; with the last of its faults an alarm is over.
+    Each is reported by one alarm: that of the motion it has stopped, else a common one for all faults found at
+    rest. A new fault raises the alarm again; after the last of its faults an alarm ends.
     """
     now = tuple(faults)
     known = {fault for alarm in alarms if alarm.active for fault in alarm.faults}
@@ -144,12 +144,12 @@ def with_faults(alarms: Alarms, faults: Iterable[str], at_s: float) -> Alarms:
 
 
 def foremost(alarms: Alarms) -> Alarm | None:
-    """Return the one to show: not yet seen before seen, by priority, the first that came."""
+    """Return the one to show: unseen before seen, then by priority, then the oldest."""
     return min(alarms, key=lambda a: (a.acknowledged, a.priority, a.at_s), default=None)
 
 
 def unseen(alarms: Alarms) -> Alarms:
-    """Return those that nobody has acknowledged: each comes to the row in its turn."""
+    """Return the unacknowledged alarms: each is shown in its turn."""
     return tuple(alarm for alarm in alarms if not alarm.acknowledged)
 
 

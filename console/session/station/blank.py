@@ -1,4 +1,4 @@
-"""What cuts have taken off the blank that is in the chuck: also one that was left is no blank any more."""
+"""Material removed from the clamped blank; an interrupted cut leaves it a blank no longer, too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be seen at the chuck of a simulated workshop: for the screens, with an alarm for each collision."""
+"""View of the chuck of a simulated workshop: for the screens, with an alarm for each collision."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from console.session.station.state import MOVING
 from drivers.errors import LinkError
 
 SIGHT_PERIOD_S = 0.15
-"""Between two looks at the chuck."""
+"""Sampling period of the chuck view."""
 
 SIGHT_PERIOD_IN_MOTION_S = 1.0
-"""The same while something moves, when polls and leases come first; what the tool runs into is to be told."""
+"""The same in motion, when polls and the watchdog come first; collisions must still be reported."""
 
 
 class ChuckSight:
-    """Looks at the chuck now and then."""
+    """Sample the chuck view periodically."""
 
     def __init__(self, place: StationContext) -> None:
         self._place, self._seen_s = place, float("-inf")
         self._met: tuple[str, ...] = ()
 
     def look_now(self) -> None:
-        """Look whenever the last time was: what is seen belongs to the end of an order, not to a moment before."""
+        """Sample at once: what is seen belongs to the end of a command, not to a moment before."""
         self._seen_s = float("-inf")
         self.look()
 
     def look(self) -> None:
-        """Look, unless that was done a moment ago."""
+        """Sample, unless that was done a moment ago."""
         place = self._place
         now_s = place.clock.now_s()
         period_s = SIGHT_PERIOD_IN_MOTION_S if place.state.activity in MOVING else SIGHT_PERIOD_S
@@ -37,7 +37,7 @@ class ChuckSight:
         try:
             view = place.shop.look()
         except LinkError as error:
-            # Eyes on the chuck are no part of the machine: it is told, and nothing else depends on it.
+            # The chuck view is no part of the machine: a failure is reported, and nothing else depends on it.
             place.tell(seen=None)
             if not place.alarmed(error.problems[0].code):
                 place.alarm(error.problems[0], Priority.MEDIUM)
@@ -47,7 +47,7 @@ class ChuckSight:
             self._tell_collisions(view.collisions)
 
     def _tell_collisions(self, met: tuple[str, ...]) -> None:
-        """Raise an alarm for each collision once; a new blank has met nothing."""
+        """Raise an alarm once for each collision; a new blank starts without any."""
         place, known = self._place, self._met
         self._met = met
         if known and not met:

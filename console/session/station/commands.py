@@ -1,4 +1,4 @@
-"""What the operator can ask of the machine, as values. Stop and kill are not here: they have their own way."""
+"""Operator commands as values. Stop and kill are not here: they have a path of their own."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class Verify:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConfirmClamping:
-    """The blank of this job is clamped with the job's chucking force. Drives must be off: hands were inside."""
+    """The blank of this job is clamped with its chucking force. Drives must be off: somebody was inside."""
 
     job: Job
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnableDrives:
-    """Close the loops of all axes where they stand."""
+    """Close the loops of all axes at their present positions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,12 +39,12 @@ class DisableDrives:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Home:
-    """Search the zero of each axis: tool outwards first."""
+    """Home each axis: tool outwards first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Approach:
-    """Bring the tool over the part, clear of it by the retract distance of the machine: for the touch-off."""
+    """Bring the tool over the part, clear of it by the machine's retract distance: for the touch-off."""
 
     job: Job
 
@@ -59,12 +59,12 @@ class Jog:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeJaw:
-    """Jaw 1 meets the mark where the spindle stands now."""
+    """Record the present spindle angle as the one at which jaw 1 meets the mark."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeTouchOff:
-    """The tool tip touches a surface of this radius where it stands now."""
+    """Record that the tool tip touches a surface of this radius at its present position."""
 
     radius_mm: float
 
@@ -92,12 +92,12 @@ class Arm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disarm:
-    """Take the arming back."""
+    """Disarm the cut."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Go to the start position and run the cut that was armed."""
+    """Go to the start position and run the armed cut."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,12 +112,12 @@ class Retract:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recover:
-    """The operator has seen the stop and goes on. Nothing moves."""
+    """Reset after a stop that the operator has seen. Nothing moves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeControl:
-    """Take the machine from the console that controls it, at rest. Nothing moves."""
+    """Take control from the console that has it, at rest. Nothing moves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,7 +127,7 @@ class Measure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acknowledge:
-    """The operator has seen the alarms that are `shown`, none: the foremost. The next one takes its place."""
+    """Acknowledge the alarms that are `shown`; with none, the foremost. The next one takes its place."""
 
     shown: tuple[Problem, ...] = ()
 

@@ -1,4 +1,4 @@
-"""What has to hold of a machine before each arm: who writes to it, how it stops, and who is guarded from it."""
+"""Commissioning checks before each arm: who writes to the machine, how it stops, and how people are guarded."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from profiles.problem import Problem
 
 
 class Commissioned:
-    """One machine behind one connection. `data` is the folder with the stop records."""
+    """One machine on one connection. `data` is the folder with the stopping-performance records."""
 
     def __init__(
         self, client: PmacClient, heartbeat: Heartbeat, machine: MachineProfile, data: Path, *, simulated: bool
@@ -26,12 +26,12 @@ class Commissioned:
         self._fingerprint: Fingerprint | None = None
 
     def take_fingerprint(self) -> None:
-        """Read what the card is set to, once; what somebody else changes from then on is told before each arm.
+        """Read the controller's settings once; changes by somebody else from then on are reported before each arm.
 
-        What was changed is accepted by connecting again, not by another look.
+        A change is accepted by connecting again, not by reading it again.
 
         Raises:
-            DriverError: the link broke, or the card does not answer what was asked for.
+            DriverError: the link broke, or the controller sent an unexpected reply.
         """
         if self._fingerprint is None:
             self._fingerprint = read_fingerprint(self._client, self._machine, self._client.dialect)
@@ -40,7 +40,7 @@ class Commissioned:
         """Return every reason why this machine may not be armed; `snapshot` is of now.
 
         Raises:
-            DriverError: the link broke, or the card does not answer what was asked for.
+            DriverError: the link broke, or the controller sent an unexpected reply.
         """
         guards = safety_problems(self._machine, snapshot.inputs)
         return (*guards, *self._heartbeat.problems(), *self._strange(), *self._unmeasured())

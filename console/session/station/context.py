@@ -1,6 +1,6 @@
-"""What the link thread works with: the lathe, the chuck and gauge beside it, and the state that it publishes.
+"""Context of the link thread: the lathe, its chuck and gauge, and the state that it publishes.
 
-Whether stops still have the connection that they were given is watched here, and told as an alarm.
+It also monitors the dedicated connection for stops, and raises an alarm when it is lost.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from profiles.store import LoadedMachine
 
 
 class StationContext:
-    """Everything that one order needs. `state` is replaced by `tell`, from whatever thread.
+    """Everything that one command needs. `state` is replaced by `tell`, from any thread.
 
-    `plan` is that of the last arming, `started` what was last started; `seen` is told every look while a cut
-    goes on. `limits_seen` are the travel limits on which the machine stood when the operator went on after a
-    stop: it may be jogged off them. `end_asked` is set by the operator; `Lathe.held` tells when it has been
+    `plan` is that of the last arming, `started` what was last started; `seen` gets every status poll during a
+    cut. `limits_seen` are the travel limits on which the machine stood when the operator reset after a
+    stop: it may be jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been
     passed on.
     """
 
@@ -51,7 +51,7 @@ class StationContext:
         local_time: Callable[[], str],
         commissioned: Commissioned | None = None,
     ) -> None:
-        """Without `commissioned` nobody asks for stop record, fingerprint and safety devices: for tests alone."""
+        """Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only."""
         self.lathe = lathe
         self.owning = owning
         self.commissioned = commissioned
@@ -81,7 +81,7 @@ class StationContext:
 
     @property
     def machine(self) -> MachineProfile:
-        """The machine with its tool tip where the touch-off found it."""
+        """The machine with the tool tip from the touch-off."""
         return aligned_machine(self.loaded_machine.machine, self._state.alignment)
 
     @property
@@ -111,20 +111,20 @@ class StationContext:
             self._state = replace(self._state, alarms=alarms)
 
     def change_alarms(self, change: Callable[[Alarms], Alarms]) -> None:
-        """Publish what becomes of the alarms; none that another thread raises meanwhile is lost."""
+        """Publish changed alarms; none that another thread raises meanwhile is lost."""
         with self._lock:
             self._state = replace(self._state, alarms=change(self._state.alarms))
 
     def end_alarms(self, *codes: str) -> None:
-        """The cause of these alarms is gone."""
+        """End these alarms, whose cause is gone."""
         self.change_alarms(lambda alarms: cleared(alarms, *codes))
 
     def alarmed(self, code: str) -> bool:
-        """Whether an alarm of this code stands."""
+        """Whether an alarm of this code is present."""
         return any(alarm.active and alarm.problem.code == code for alarm in self._state.alarms)
 
     def note(self, kind: str, **data: object) -> None:
-        """Add an event to the record of the cut that is going on, if there is one.
+        """Add an event to the record of the current cut, if there is one.
 
         Raises:
             SessionError: `record.lost`.
@@ -133,14 +133,14 @@ class StationContext:
             self.record.add(kind, data)
 
     def note_anyway(self, kind: str, **data: object) -> None:
-        """Add an event where a record that cannot take it does not matter now: it is told as an alarm."""
+        """Add an event where a record failure must not stop anything: it becomes an alarm."""
         try:
             self.note(kind, **data)
         except SessionError as error:
             self.alarm(error.problems[0], Priority.MEDIUM)
 
     def end_record(self) -> None:
-        """The record of this cut is complete; one that was lost since is told."""
+        """Complete the record of this cut; report one that was lost since."""
         if self.record is not None:
             try:
                 self.record.refuse_lost()
@@ -151,7 +151,7 @@ class StationContext:
 
 
 def watch_stop_way(place: StationContext) -> None:
-    """Say once that the connection for stops is lost: every stop still goes, but another cut is not begun."""
+    """Report once that the stop connection is lost: every stop still works, but no new cut is begun."""
     problems = way_problems(place.lathe.stop.way)
     if not problems:
         place.end_alarms("stops.connection_lost")

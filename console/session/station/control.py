@@ -1,6 +1,6 @@
-"""What a screen holds of the machine: it reads the newest state, posts orders, and stops.
+"""Interface of the screens to the machine: read the newest state, post commands, and stop.
 
-The link thread is the one that does it; a test may put something simpler in its place.
+The link thread implements it; a test may use something simpler.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ if TYPE_CHECKING:
 
 
 class Control(Protocol):
-    """The way from the operator's keys to the machine. Everything here returns at once, from any thread."""
+    """Interface from the operator's keys to the machine. Everything here returns at once, from any thread."""
 
     @property
     def state(self) -> StationState:
         """The newest state."""
 
     def now_s(self) -> float:
-        """Return machine time, to tell the age of the state by."""
+        """Return machine time, to compute the age of the state."""
 
     def post(self, intent: Command) -> bool:
-        """Order something. False when the machine is busy: an order is refused then, never queued."""
+        """Post a command. False when the machine is busy: a command is refused then, never queued."""
 
     def stop(self, reason: str) -> None:
-        """Stop the machine now, past everything that waits."""
+        """Stop the machine now, bypassing everything that waits."""
 
     def kill(self, reason: str) -> None:
         """Open every loop now; the spindle coasts."""
 
     def beat(self) -> None:
-        """Say that the screen is alive; when this stays away while something moves, the machine is stopped."""
+        """Signal that the screen is alive; without it, a moving machine is stopped."""

@@ -1,4 +1,4 @@
-"""Arm, start, hold and retract: one cut of one part, as the operator asks for it."""
+"""Arm, start, hold and retract: one cut of one part, on the operator's commands."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ AT_START = "at_start"
 
 
 def arm(place: StationContext, command: Arm, job: Job) -> None:
-    """Judge everything, load the program and read it back. Nothing moves; start is allowed for some seconds.
+    """Check everything, load the program and read it back. Nothing moves; start is allowed for some seconds.
 
-    `job` is that of the order with jaw 1 where it was found.
+    `job` is that of the command with jaw 1 where it was found.
 
     Raises:
         SessionError: every reason why this cut may not start.
@@ -64,7 +64,7 @@ def arm(place: StationContext, command: Arm, job: Job) -> None:
 
 
 def _learned(place: StationContext, command: Arm) -> Interlock:
-    """Judge what was learned once more: it may have been chosen some time ago, and files may have changed."""
+    """Check the learned version again: it may have been chosen some time ago, and files may have changed."""
     learned = command.compensation
     problems = compensation_problems(
         learned,
@@ -80,7 +80,7 @@ def _learned(place: StationContext, command: Arm) -> Interlock:
 
 
 def _planned(place: StationContext, command: Arm, job: Job) -> CutPlan:
-    """Plan the cut; nothing has been sent, so whatever stands against it is a refusal.
+    """Plan the cut; nothing has been sent, so every objection is a refusal.
 
     Raises:
         SessionError: the problems of `path_of` and `planned`.
@@ -106,13 +106,13 @@ def _made_with(place: StationContext, command: Arm) -> MadeWith:
 
 
 def disarm(place: StationContext, _: Disarm) -> None:
-    """Take it back, and what arming has changed on the controller."""
+    """Disarm, and undo what arming has changed on the controller."""
     place.tell(armed=None)
     place.lathe.program.put_back()
 
 
 def start(place: StationContext, _: Start) -> None:
-    """Cut what was armed.
+    """Run the armed cut.
 
     Raises:
         SessionError: not armed, or as `cut`.
@@ -141,7 +141,7 @@ def start(place: StationContext, _: Start) -> None:
 
 
 class Unobserved:
-    """Nobody follows it."""
+    """Observer that ignores everything."""
 
     def step(self, step: Step, detail: str) -> None:
         """Do nothing."""
@@ -151,14 +151,14 @@ class Unobserved:
 
 
 class _Watched:
-    """What the screens see of a cut, and the operator's hold on its way to the program."""
+    """Publish a cut to the screens, and pass the operator's hold to the program."""
 
     def __init__(self, place: StationContext, armed: Armed) -> None:
         self._place, self._strategy, self._stage = place, armed.strategy, CutStage.POSITION
         self.watch = CutWatch(armed.plan, armed.job, place.machine, in_air=armed.made.stage == Stage.AIR)
 
     def step(self, step: Step, detail: str) -> None:
-        """The program is about to run."""
+        """Note that the program is about to run."""
         if step is Step.CUT:
             self._place.note("started", strategy=self._strategy.value)
             self._stage = CutStage.RUN_UP
@@ -171,17 +171,17 @@ class _Watched:
             place.lathe.program.end_after_turn()
 
     def publish(self, snapshot: Snapshot) -> None:
-        """Show a poll of the machine, in whatever wait it was made."""
+        """Publish a status poll, in whatever wait it was made."""
         place = self._place
         seen = self.watch.see(snapshot, self._stage, place.lathe.program.held, place.state.spindle_rpm)
         place.tell(cut=seen, touched=touched_by(seen, place.state.touched))
 
 
 def retract(place: StationContext, _: Retract) -> None:
-    """Take the tool out to where it is clear of the part, or by the retract distance where no part is known.
+    """Retract the tool until it is clear of the part, or by the retract distance where no part is known.
 
-    A stop leaves the table of a cut on. Then the carriage goes back, too, to where that adds nothing, and there
-    it is switched off.
+    A stop leaves the compensation table of a cut on. Then the carriage moves back, too, to where the table adds
+    nothing, and the table is switched off there.
 
     Raises:
         DriverError: `machine.retract_direction`, the tool is out already.
@@ -206,14 +206,14 @@ def _leave_tables(place: StationContext) -> None:
     if not place.lathe.program.tables_left():
         return
     plan = place.plan
-    # Without a plan: the zero of the carriage is in front of every table.
+    # Without a plan: the zero of the carriage lies ahead of every table.
     zero_z = 0.0 if plan is None or plan.zero_row_z is None else plan.zero_row_z
     place.lathe.jog_to(AxisName.CARRIAGE, zero_z, settle=False)
     refuse_unless(Interlock(name="no_table", problems=place.lathe.program.switch_tables_off()))
 
 
 def _nearest_turn(place: StationContext, job: Job, command: Arm) -> int:
-    """Return the whole turn nearest to where the spindle stands: each cut leaves it some hundreds further on."""
+    """Return the whole turn nearest to the spindle position: each cut leaves it some hundreds further on."""
     start = first_spindle_counts(job, place.machine, command.strategy)
     return round((place.lathe.snapshot().spindle.position - start) / place.machine.spindle.counts_per_rev)
 
@@ -223,10 +223,10 @@ def _commissioned(context: CutContext) -> Interlock:
 
 
 def _finish(place: StationContext, watched: _Watched, end: CutEnd) -> None:
-    """Say how the cut has ended."""
+    """Report how the cut has ended."""
     stage = CutStage.HELD if end.held else CutStage.DONE
     ended = watched.watch.see(end.last, stage, end.held, place.state.spindle_rpm)
-    # What was cut in air has not met the part: it is as good a blank as before.
+    # An air cut has not touched the part: it is as good a blank as before.
     done = not end.held and not ended.in_air
     place.tell(cut=ended if end.figures is None else ended.with_figures(end.figures), cut_done=done)
     made = {} if place.started is None else place.started.made.event()

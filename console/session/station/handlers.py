@@ -1,6 +1,6 @@
-"""What each order does with the machine, one function an order. All of it runs in the link thread.
+"""Command handlers, one function per command. All of them run in the link thread.
 
-A refusal is a `SessionError` and leaves the machine alone; any other error has the station stop the machine.
+A refusal is a `SessionError` and leaves the machine alone; on any other error the station stops the machine.
 """
 
 from __future__ import annotations
@@ -55,20 +55,20 @@ from profiles.problem import Problem
 from profiles.rules import force_as_measured
 
 OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
-"""Alarms that a take-over settles."""
+"""Alarms that taking control settles."""
 
 STILL_S, STILL_COUNTS = 0.2, 2.0
-"""Two looks so far apart may differ by so much: 0.06 rpm of the spindle."""
+"""Allowed difference of two polls this far apart: 0.06 rpm of the spindle."""
 
 STILL_TIMEOUT_S = 3.0
-"""An axis that was switched off a moment ago may still settle; a spindle that runs out takes longer."""
+"""A just disabled axis may still settle; a spindle that coasts takes longer."""
 
 OVER_PART_MM = 2.0
-"""How far behind the face of the part the tool stands for the touch-off."""
+"""Distance of the tool behind the face of the part for the touch-off."""
 
 
 def verify(place: StationContext, _: Verify) -> None:
-    """Compare the controller with its profile; its owner looks for what tables would add to the tool, too."""
+    """Compare the controller with its profile; its owner also reads what tables would add to the tool."""
     if place.state.controls:
         place.lathe.program.put_back()
     settings = place.lathe.verify()
@@ -80,17 +80,17 @@ def verify(place: StationContext, _: Verify) -> None:
 
 
 def take_control(place: StationContext, command: TakeControl) -> None:
-    """Take control of the machine, whoever had it. What was aligned from another console is not known here."""
+    """Take control of the machine, whoever had it. An alignment made from another console is not known here."""
     place.owning.take_control()
     if not place.lathe.snapshot().loops_open:
-        place.lathe.confirm_nobody_inside()  # whoever had the machine has switched it on since
+        place.lathe.confirm_nobody_inside()  # whoever had control has enabled the drives since
     place.tell_standing()
     place.end_alarms(*OWNER_CODES)
     verify(place, Verify())
 
 
 def confirm_clamping(place: StationContext, command: ConfirmClamping) -> None:
-    """Take the operator's word that the blank is clamped; in the simulator, clamp it."""
+    """Record the operator's confirmation that the blank is clamped; in the simulator, clamp it."""
     if not place.lathe.snapshot().loops_open:
         raise SessionError(Problem(code="alignment.drives_on"))
     _refuse_unless_still(place)
@@ -106,7 +106,7 @@ def confirm_clamping(place: StationContext, command: ConfirmClamping) -> None:
 
 
 def switch_on(place: StationContext, _: EnableDrives) -> None:
-    """Close the loops, on a controller that is set as its profile says."""
+    """Enable the drives, on a controller that is set as its profile says."""
     settings = place.state.alignment.settings
     if settings is None:
         raise SessionError(Problem(code="alignment.not_verified"))
@@ -123,19 +123,19 @@ def switch_on(place: StationContext, _: EnableDrives) -> None:
 
 
 def switch_off(place: StationContext, _: DisableDrives) -> None:
-    """Open the loops."""
+    """Disable the drives."""
     place.lathe.switch_off()
     place.lathe.program.put_back()
 
 
 def home(place: StationContext, _: Home) -> None:
-    """Find the zeros."""
+    """Home all axes."""
     _refuse_without_drives(place)
     place.lathe.home()
 
 
 def approach(place: StationContext, command: Approach) -> None:
-    """Tool out, carriage over the part, tool in to the retract distance."""
+    """Move the tool out, the carriage over the part, and the tool in to the retract distance."""
     _refuse_unless_homed(place)
     machine = place.machine
     setup = cut_setup(command.job, machine)
@@ -149,7 +149,7 @@ def approach(place: StationContext, command: Approach) -> None:
 
 
 def jog(place: StationContext, command: Jog) -> None:
-    """One step; toward the work no further than to the part that is clamped, as far as that is known."""
+    """Jog one step; toward the work no further than to the clamped part, as far as that is known."""
     _refuse_unless_homed(place)
     if command.axis is AxisName.TOOL:
         nominal, alignment = place.loaded_machine.machine, place.state.alignment
@@ -161,7 +161,7 @@ def jog(place: StationContext, command: Jog) -> None:
 
 
 def take_jaw(place: StationContext, _: TakeJaw) -> None:
-    """Jaw 1 is where the spindle stands."""
+    """Record jaw 1 at the present spindle position."""
     _refuse_unless_homed(place)
     snapshot = place.lathe.snapshot()
     _refuse_unless_at_rest(snapshot.at_rest)
@@ -172,7 +172,7 @@ def take_jaw(place: StationContext, _: TakeJaw) -> None:
 
 
 def take_touch_off(place: StationContext, command: TakeTouchOff) -> None:
-    """The tool tip is at this radius where it stands."""
+    """Record the touch-off: the tool tip is at this radius at its present position."""
     _refuse_unless_homed(place)
     snapshot = place.lathe.snapshot()
     _refuse_unless_at_rest(snapshot.at_rest)
@@ -191,7 +191,7 @@ def take_touch_off(place: StationContext, command: TakeTouchOff) -> None:
 
 
 def forget(place: StationContext, _: Forget) -> None:
-    """One reading back: the touch-off, or jaw 1 where there is none."""
+    """Forget one reading: the touch-off, or jaw 1 where there is none."""
     alignment = place.state.alignment
     if alignment.touch_off is not None:
         place.tell(alignment=replace(alignment, touch_off=None))
@@ -200,7 +200,7 @@ def forget(place: StationContext, _: Forget) -> None:
 
 
 def recover(place: StationContext, _: Recover) -> None:
-    """The operator goes on after a stop; nothing moves, and what moved does not go on."""
+    """Reset after a stop; nothing moves, and the interrupted motion is not resumed."""
     place.lathe.stop.release()
     if place.state.controls:
         place.lathe.acknowledge_loss()
@@ -210,7 +210,7 @@ def recover(place: StationContext, _: Recover) -> None:
 
 
 def measure(place: StationContext, _: Measure) -> None:
-    """Drives off, chuck open, part on the gauge."""
+    """Disable the drives, open the chuck, and measure the part on the gauge."""
     if place.shop is None:
         raise SessionError(Problem(code="session.no_gauge"))
     started, plan = place.started, place.plan
@@ -261,14 +261,14 @@ def _refuse_unless_homed(place: StationContext) -> None:
 
 
 def _refuse_tool_in_part(place: StationContext) -> None:
-    """Refuse to touch the part that is in the chuck while the tool stands in it."""
+    """Refuse to handle the clamped part while the tool is in it."""
     alignment, nominal = place.state.alignment, place.loaded_machine.machine
     if tool_in_part(place.lathe.snapshot(), nominal, alignment):
         raise SessionError(Problem(code="machine.tool_in_part"))
 
 
 def _refuse_unless_still(place: StationContext) -> None:
-    """Refuse while anything turns: with open loops rest is what two looks show, not what is commanded."""
+    """Refuse while anything turns: with open loops rest is judged by two polls, not by what is commanded."""
     deadline_s = place.clock.now_s() + STILL_TIMEOUT_S
     before = place.lathe.snapshot()
     while place.clock.now_s() < deadline_s:
@@ -304,4 +304,4 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     TakeControl: (Activity.VERIFYING, take_control),
     Measure: (Activity.MEASURING, measure),
 }
-"""What is shown while an order is carried out, and what does it. Hold and Acknowledge wait for no turn."""
+"""Activity shown and handler for each command. Hold and Acknowledge do not wait their turn."""

@@ -1,4 +1,4 @@
-"""Positions that are lost while nothing moves: an alarm at the next poll, whoever caused it."""
+"""Loss of home while nothing moves: an alarm at the next poll, whoever caused it."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from drivers.lathe.snapshot import Snapshot
 
 
 def watch_home(place: StationContext, before: StationState, snapshot: Snapshot) -> None:
-    """Raise an alarm once where an axis has lost its zero since the poll before: a reset, or another host's home.
+    """Raise one alarm where an axis has lost its home since the last poll: a reset, or another host's home search.
 
-    While something moves, the wait for it stops the machine, and raises it; what comes to rest behind a stop is
-    waited for by nobody else.
+    In motion, the wait for the motion stops the machine and raises the alarm; an axis that comes to rest after a
+    stop is checked only here.
     """
     if before.snapshot is None or not before.controls:
         return
     homed = before.snapshot.homed_axes
     problem = reset_problem(homed, snapshot)
     stopping = before.activity is Activity.STOPPING
-    # A home search that was stopped has taken its own axis its zero, and no other one.
+    # A stopped home search has lost the home of its own axis, and of no other.
     searched = stopping and len(homed - snapshot.homed_axes) == 1
     if before.activity in MOVING and (not stopping or searched):
         return

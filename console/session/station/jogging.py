@@ -1,8 +1,8 @@
-"""Steps of a jog: how long they are, how far an axis goes on after a stop, and how near to the work they may go.
+"""Jog steps: their length, the stopping distance of an axis, and how near to the work it may go.
 
 Pure, by the machine profile. Steps are mm of the tool and the carriage, degrees of the spindle. Where the tool tip
 is against the blank follows from what the controller reports, the touch-off and the clamping, never from the job
-that happens to be on the screen: one rule for orders, pages and stops.
+that happens to be on the screen: one rule for commands, pages and stops.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from profiles.problem import Problem
 
 STEPS_MM = (0.001, 0.01, 0.1, 1.0, 10.0)
 STEPS_DEG = (0.01, 0.1, 1.0, 10.0, 30.0)
-"""Two ladders with a choice each: what is chosen in one says nothing of the other."""
+"""Two step ladders, each with its own selection."""
 
 FIRST_RUNG = 1
 IDLE_S = 30.0
 """How long jogging stays enabled without a jog."""
 
 BLIND_STEP_MM = 1.0
-"""Longest step toward the work while nobody knows where it is: half of the usual retract distance."""
+"""Longest step toward the work while its position is unknown: half of the usual retract distance."""
 
 FEELING_STEP_MM = 0.01
-"""Longest step toward a surface that should be touching already."""
+"""Longest step toward a surface that should already be in contact."""
 
 STEP_TOLERANCE_MM = 0.0005
-"""By so much a step may be too long: what is shown with three decimals and what is allowed are the same."""
+"""Tolerance on the step limit: what is shown with three decimals must agree with what is allowed."""
 
 CLEAR_MM = 0.2
-"""Radial way from the part from which the tool counts as clear: many times what a drive that is off may drift."""
+"""Radial distance from the part at which the tool counts as clear: many times the drift of a disabled drive."""
 
 TOUCH_OFF_BAND_MM = 1.5
-"""How far a touch-off may be from the tool radius that the profile states: less than the retract distance."""
+"""Allowed distance of a touch-off from the tool radius in the profile: less than the retract distance."""
 
 
 def counts_per_unit(machine: MachineProfile, axis: AxisName) -> float:
-    """Return the counts of a millimetre, or of a degree of the spindle."""
+    """Return the counts per millimetre, or per degree of the spindle."""
     match axis:
         case AxisName.TOOL:
             return machine.tool.counts_per_mm
@@ -54,17 +54,17 @@ def counts_per_unit(machine: MachineProfile, axis: AxisName) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JogEnable:
-    """That jogging was enabled: when it was last used (machine time), and how many stops were settled before."""
+    """Enabled jogging: when it was last used (machine time), and how many stops were settled before."""
 
     used_s: float
     stops: int
 
     def left_s(self, now_s: float) -> float:
-        """Return how long it holds without a jog."""
+        """Return the remaining time without a jog."""
         return IDLE_S - (now_s - self.used_s)
 
     def holds(self, state: StationState, now_s: float) -> bool:
-        """Whether it still holds: not beyond its time, not beyond a stop, not for a machine that is lost."""
+        """Whether it is still valid: not after its timeout, a stop, or the loss of the machine."""
         stopped = state.stop is not None or state.stops != self.stops or state.activity is Activity.LOST
         return not stopped and self.left_s(now_s) > 0.0
 
@@ -81,7 +81,7 @@ def step_of(axis: AxisName, rung: int) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Steps:
-    """The rungs that are chosen on the two ladders."""
+    """Selected rungs of the two ladders."""
 
     mm: int = FIRST_RUNG
     deg: int = FIRST_RUNG
@@ -91,7 +91,7 @@ class Steps:
         return step_of(axis, self.deg if axis is AxisName.SPINDLE else self.mm)
 
     def changed(self, axis: AxisName, by: int) -> Steps:
-        """Return the choice with the ladder of an axis so many rungs longer, as far as there are any."""
+        """Return the selection with the ladder of an axis moved by so many rungs, within its ends."""
         last = len(ladder_of(axis)) - 1
         if axis is AxisName.SPINDLE:
             return replace(self, deg=min(max(self.deg + by, 0), last))
@@ -110,7 +110,7 @@ def longest_in_mm(gap_mm: float | None) -> float:
 
 
 def longest_toward_mm(snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment) -> float:
-    """Return the longest step of the tool toward the work: to the clamped part, as far as it was touched off."""
+    """Return the longest step of the tool toward the work: to the clamped part, once touched off."""
     if snapshot is None or alignment.touch_off is None:
         return longest_in_mm(None)
     return longest_in_mm(tool_gap_mm(snapshot, machine, alignment))
@@ -122,7 +122,7 @@ def is_too_long(step_mm: float, longest_mm: float) -> bool:
 
 
 def stopping_distance(machine: MachineProfile, axis: AxisName, step: float) -> float:
-    """Return the longest way from the press of a stop in mid-step to rest, mm or degrees.
+    """Return the stopping distance: the longest way from a stop in mid-step to rest, mm or degrees.
 
     The controller obeys a stop once in a background period. Infinite where the axis has no abort rate.
     """
@@ -131,9 +131,9 @@ def stopping_distance(machine: MachineProfile, axis: AxisName, step: float) -> f
 
 
 def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> float | None:
-    """Return the radial way from the tip to the surface of the clamped blank, negative inside.
+    """Return the radial distance from the tip to the surface of the clamped blank, negative inside.
 
-    None where it is not known: nothing is clamped, or the axes have no zero.
+    None where it is not known: nothing is clamped, or the axes are not homed.
     """
     if alignment.clamping is None or not snapshot.homed:
         return None
@@ -145,7 +145,7 @@ def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignmen
 def tool_in_part(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> bool | None:
     """Return whether the tip is over the clamped blank and not clear of it; None where that is not known.
 
-    Before the touch-off the tip is only known to the band in which that may find it.
+    Before the touch-off the tip position is only known to within the touch-off band.
     """
     gap_mm = tool_gap_mm(snapshot, machine, alignment)
     if gap_mm is None or alignment.clamping is None:
@@ -169,10 +169,10 @@ def behind_face_mm(snapshot: Snapshot, machine: MachineProfile, overhang_mm: flo
 
 
 def no_retract(snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment) -> Problem | None:
-    """Return why the tool cannot be taken out, with what is known of where it stands; None where it can be.
+    """Return why the tool cannot be retracted, with what is known of its position; None where it can be.
 
-    Nothing holds a tool whose drive is off: it is not called out, wherever it was seen. Where its place is not
-    known that is said, and not that it stands in the part.
+    A disabled drive does not hold the tool: it does not count as out, wherever it was seen. An unknown position is
+    reported as unknown, and not as a tool in the part.
     """
     if snapshot is None:
         return Problem(code="screen.nothing_known")

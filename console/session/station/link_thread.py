@@ -1,6 +1,6 @@
-"""The thread that owns the link: it opens the machine, works the station, and leaves the machine at rest.
+"""Thread that owns the link: it opens the machine, runs the station, and leaves the machine at rest.
 
-Nothing numeric is imported here: the screen is painted first, and what is heavy is loaded in this thread.
+Nothing numeric is imported here: the screen is painted first, and heavy modules load in this thread.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from console.session.station.station import Station
 
 LOOK_PERIOD_S = 0.1
-"""Between two looks at a machine that has nothing to do."""
+"""Poll period of an idle machine."""
 
 LEAVE_S = 3.0
-"""How long a screen that cannot write to its terminal may take to leave, once the machine rests."""
+"""Timeout for a screen that cannot write to its terminal to leave, once the machine is at rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Opened:
-    """A machine that was opened: its station, its stop, and how to let go of the link and what is behind it."""
+    """An opened machine: its station, its stop, and a function that closes the link and what belongs to it."""
 
     station: Station
     stop: StopPath
@@ -43,7 +43,7 @@ class Opened:
 class LinkThread:
     """The real `Control`: everything public but `join` returns at once, from any thread and a signal handler.
 
-    `give_up` ends the process with an exit code when nothing else can; a test may put something else there.
+    `give_up` ends the process with an exit code when nothing else can; a test may pass another function.
     """
 
     def __init__(
@@ -64,10 +64,10 @@ class LinkThread:
         self._ending: str | None = None
         self._must_leave = False
         self._at_rest = True  # as far as it was ever moved
-        # No event: a signal handler may come in the middle of `Event.set`, and would wait for itself there.
+        # No `Event`: a signal handler could interrupt `Event.set` and then deadlock on itself.
         self._wake: SimpleQueue[None] = SimpleQueue()
         self._finished = threading.Event()
-        # Not a daemon's work, but a daemon: a machine that cannot be reached must not keep the process alive.
+        # Essential work, but a daemon: an unreachable machine must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name="link", daemon=True)
 
     @property
@@ -78,7 +78,7 @@ class LinkThread:
 
     @property
     def rested(self) -> bool:
-        """Whether the machine was left, and at rest, as far as it was ever opened."""
+        """Whether the machine was left at rest, as far as it was ever opened."""
         return self._at_rest and self._finished.is_set()
 
     def now_s(self) -> float:
@@ -86,7 +86,7 @@ class LinkThread:
         return time.monotonic()
 
     def start(self) -> None:
-        """Start the thread. It opens nothing yet; from now on it ends the process when that must be."""
+        """Start the thread. It opens nothing yet; from now on it ends the process when necessary."""
         self._thread.start()
 
     def open(self) -> None:
@@ -95,7 +95,7 @@ class LinkThread:
         self._wake.put(None)
 
     def post(self, intent: Command) -> bool:
-        """Order something."""
+        """Post a command."""
         opened = self._opened
         if opened is None:
             return False
@@ -105,21 +105,21 @@ class LinkThread:
 
     def stop(self, reason: str) -> None:
         """Stop the machine now; one that is still being opened is stopped before anything else is done with it."""
-        # First noted and then looked, where the thread does it the other way round: one of the two sends it.
+        # Set the flag before checking, where the thread checks in reverse order: one of the two sends it.
         self._stopped = self._stopped or reason
         if self._opened is not None:
             self._opened.stop.stop(reason)
         self._wake.put(None)
 
     def kill(self, reason: str) -> None:
-        """Open every loop now; those of a machine that is still being opened have not been closed."""
+        """Open every loop now; on a machine that is still being opened, no loop was closed."""
         self._stopped = self._stopped or reason
         if self._opened is not None:
             self._opened.stop.kill(reason)
         self._wake.put(None)
 
     def beat(self) -> None:
-        """The screen is alive."""
+        """Signal that the screen is alive."""
         if self._opened is not None:
             self._opened.station.beat()
 
@@ -127,7 +127,7 @@ class LinkThread:
         """Leave the machine at rest and end. With `must_leave` the process ends even if the screen cannot."""
         self._ending = self._ending or reason
         self._must_leave = self._must_leave or must_leave
-        # A signal may come between an order and its beginning, where nothing is known of it yet.
+        # A signal may come between a command and its beginning, where nothing is known of it yet.
         state = self.state
         concerned = state.controls and (must_leave or state.may_move or state.activity not in IDLE)
         if self._opened is not None and must_leave:
@@ -138,7 +138,7 @@ class LinkThread:
         self._wake.put(None)
 
     def join(self, timeout_s: float) -> bool:
-        """Wait until the machine was left; False when that takes longer."""
+        """Wait until the machine was left; False on timeout."""
         return self._finished.wait(timeout_s)
 
     def _run(self) -> None:
@@ -151,7 +151,7 @@ class LinkThread:
             self._wait_until(lambda: self._ending is not None)
         self._finished.set()
         self._wait_until(lambda: self._must_leave)
-        # The process ends, and this thread with it, unless its terminal takes nothing any more and it hangs there.
+        # The process ends, and this thread with it, unless its terminal blocks and it hangs there.
         time.sleep(self._leave_s)
         self._give_up(1)
 
@@ -159,7 +159,8 @@ class LinkThread:
         self._opened, self._at_rest = opened, False
         station = opened.station
         try:
-            # Who ends before it is known whose the machine is has moved nothing: it may move for somebody else.
+            # A process that ends before it knows who controls the machine has moved nothing: a motion is somebody
+            # else's.
             if self._stopped is not None:
                 opened.stop.stop(self._stopped)
             if self._ending is None and not station.connect():
@@ -170,14 +171,14 @@ class LinkThread:
             station.close(self._ending)
             self._at_rest = station.state.activity is not Activity.LOST
         except BaseException:
-            if station.state.controls:  # else it moves for somebody else
+            if station.state.controls:  # else it moves for another console
                 opened.stop.kill("fault")
             raise
         finally:
             opened.close()
 
     def _wait(self, timeout_s: float | None) -> None:
-        """Wait until something happens."""
+        """Wait for an event."""
         with suppress(Empty):
             self._wake.get(timeout=timeout_s)
             while True:

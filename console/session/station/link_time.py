@@ -1,27 +1,27 @@
-"""How long the controller takes to answer, as a figure that stands still while nothing is the matter."""
+"""Response time of the controller, as a figure that stays constant in normal operation."""
 
 from __future__ import annotations
 
 from collections import deque
 
 KEPT_S = 5.0
-"""The longest answer of so long a time is told."""
+"""Window over which the longest response time is reported."""
 
 _STEPS = (1.0, 2.0, 5.0)
 
 
 class LinkTime:
-    """The longest of the last answers, rounded up to 1, 2, 5, 10, 20 ... ms."""
+    """Longest of the recent response times, rounded up to 1, 2, 5, 10, 20 ... ms."""
 
     def __init__(self) -> None:
         self._answers: deque[tuple[float, float]] = deque()
 
     def see(self, at_s: float, answer_s: float) -> float:
-        """Take in how long an answer took, s; return what to tell, ms."""
+        """Take the time of a response, s; return the figure to report, ms."""
         answers = self._answers
         while answers and answers[0][0] < at_s - KEPT_S:
             answers.popleft()
-        while answers and answers[-1][1] <= answer_s:  # never again the longest
+        while answers and answers[-1][1] <= answer_s:  # can no longer be the longest
             answers.pop()
         answers.append((at_s, answer_s))
         return rounded_up_ms(1000.0 * answers[0][1])

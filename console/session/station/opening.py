@@ -1,4 +1,4 @@
-"""Opening a machine for the screen: its link, its lathe, and the station that works them."""
+"""Opening of a machine for the screen: its link, its lathe, and the station that runs them."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from profiles.store import LoadedMachine
 
 
 def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
-    """Connect to a machine; a simulated one is started first, and connected to as to a real one.
+    """Connect to a machine; a simulated one is started first, and connected to like a real one.
 
     Raises:
-        LinkError: each way to fail with a code of its own; `simulator.not_started`.
+        LinkError: a code for each kind of failure; `simulator.not_started`.
         DriverError: `safety.bad_input`, in the profile.
     """
-    # Looks come when station and lathe both stand; the first is made by `connect`.
+    # Polls arrive once station and lathe both exist; `connect` makes the first.
     seen: list[Station] = []
 
     def tell(snapshot: Snapshot) -> None:

@@ -1,10 +1,10 @@
-"""Who controls the machine: one console of this computer at a time, and every change of control kept in a log.
+"""Control of the machine: one console of this computer at a time, with a log of every change of control.
 
-The kernel releases the lock when its process dies, so that a lock that can be taken says that whoever held it is
-gone; the number that it left tells whether the controller is still held by that console.
+The kernel releases the lock when its process dies, so a lock that can be taken means that its holder is gone; the
+number left in it tells whether the controller is still held by that console.
 
-What stands in the place of lock and log may have been put there by somebody else: nothing is opened through a
-symbolic link, and nothing is written to what is no plain file of this user alone.
+Lock and log may have been replaced by somebody else: nothing is opened through a symbolic link, and nothing is
+written to anything but a plain file of this user alone.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ LOG_NAME = "ownership.log"
 
 
 class Owning:
-    """The machine at one address, seen by one console.
+    """Control of the machine at one address, from one console.
 
     `lock` is None for a machine that nobody else can reach, or while another console here holds it.
     """
@@ -40,15 +40,15 @@ class Owning:
     def __init__(
         self, lathe: Lathe, address: str, data: Path, lock: Callable[[], ConsoleLock | None] | None = None
     ) -> None:
-        """`lock` takes the lock of this computer; None: nobody else can reach the machine."""
+        """Take `lock`, which takes the lock of this computer; None: nobody else can reach the machine."""
         self._lathe, self._address, self._data, self._take_lock = lathe, address, data, lock
         self._lock: ConsoleLock | None = None
 
     def claim(self) -> None:
-        """Become the owner, also in the place of a console of this computer that has died.
+        """Become the owner, also in place of a dead console of this computer.
 
         Raises:
-            RefusedError: `owner.held`, `owner.beside`; this console looks on.
+            RefusedError: `owner.held`, `owner.beside`; this console only observes.
             SessionError: `lock.unwritable`.
             LinkError: the link broke.
         """
@@ -66,7 +66,7 @@ class Owning:
         self._keep()
 
     def take_control(self) -> None:
-        """Take the machine from whoever controls it, at rest.
+        """Take control of the machine from its owner, at rest.
 
         Raises:
             RefusedError: `owner.moving`.
@@ -78,12 +78,12 @@ class Owning:
         self._keep()
 
     def release(self) -> None:
-        """Give the machine back."""
+        """Release control of the machine."""
         self._lathe.release()
         self._let_go()
 
     def _let_go(self) -> None:
-        """Whoever only looks on keeps nobody else from the machine."""
+        """Release the lock: an observer keeps nobody else from the machine."""
         if self._lock is not None:
             self._lock.close()
             self._lock = None
@@ -101,7 +101,7 @@ class Owning:
             self._lock.keep(self._lathe.ownership.number)
 
     def _log(self, what: str, before: int) -> None:
-        """Add a line to the log; one that cannot be written changes nothing at the machine."""
+        """Add a line to the log; a write failure has no effect on the machine."""
         number = NOBODY if self._lathe.ownership is None else self._lathe.ownership.number
         at = datetime.now(UTC).isoformat(timespec="seconds")
         with suppress(OSError):
@@ -113,7 +113,7 @@ class Owning:
 
 
 class ConsoleLock:
-    """A lock that was taken. `last_number` is that of the console that had it before, 0 where there was none."""
+    """A lock that was taken. `last_number` is that of the console that had it before, 0 for none."""
 
     def __init__(self, descriptor: int, last_number: int) -> None:
         """Use `take_lock`."""
@@ -121,20 +121,20 @@ class ConsoleLock:
         self._descriptor = descriptor
 
     def keep(self, number: int) -> None:
-        """Leave the number of this console for the one that comes next, if there is room for it."""
+        """Write the number of this console for the next one, if there is disk space."""
         with suppress(OSError):
             os.ftruncate(self._descriptor, 0)
             os.pwrite(self._descriptor, f"{number}\n".encode("ascii"), 0)
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the lock."""
         os.close(self._descriptor)
 
 
 def take_lock(data: Path, address: str) -> ConsoleLock | None:
     """Take the lock of the machine at an address; None while another console of this user holds it.
 
-    How it is spoken to there (`?stop=`, `?baud=`) makes no other machine of it.
+    Connection options (`?stop=`, `?baud=`) do not make it another machine.
 
     Raises:
         SessionError: `lock.unwritable`.
@@ -157,16 +157,16 @@ def take_lock(data: Path, address: str) -> ConsoleLock | None:
 
 
 def _opened(path: Path) -> int:
-    """Open the file of a lock, made where it is missing; nothing in it is changed.
+    """Open the lock file, creating it where it is missing; its content stays.
 
     Raises:
-        OSError: it cannot be opened, or is nothing that this user alone has made.
+        OSError: it cannot be opened, or is not a plain file made by this user alone.
     """
     make_private_folder(path.parent)
     if path.parent.is_symlink() or path.is_symlink():
         raise OSError(errno.ELOOP, FOREIGN)
     make_private_file(path)
-    # Not blocking: a pipe that somebody has put there would be waited for.
+    # Not blocking: opening a pipe put there by somebody would block.
     descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
     status = os.fstat(descriptor)
     if not stat.S_ISREG(status.st_mode) or status.st_uid != os.geteuid() or status.st_nlink > 1:
@@ -180,6 +180,6 @@ def _unwritable(path: Path, error: OSError) -> SessionError:
 
 
 def _number(left: bytes) -> int:
-    """Return what was left; a file that holds anything else has nothing to say."""
+    """Return the number left in the file; any other content counts as none."""
     word = left.strip()
     return int(word) if word.isdigit() else 0

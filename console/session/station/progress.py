@@ -1,4 +1,4 @@
-"""How the cut goes: every look becomes one immutable value for the screen, with speed and synchronisation."""
+"""Progress of the cut: one immutable value per status poll, with speed and synchronisation."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 
 LOOKED_S = 1.0
-"""Time over which the speed is told: that of a single look is known to some ms only."""
+"""Averaging time of the speed: the time of a single poll is known to some ms only."""
 
 KEPT_POLLS = 240
-"""Looks that are shown and judged: some eight seconds."""
+"""Polls that are shown and judged: some eight seconds."""
 
 PHASE_POLLS = 60
 
 BEGUN_UM = 20.0
-"""A tool that has gone so far from where the program found it was moved by the program."""
+"""A tool this far from its position at program start was moved by the program."""
 
 STANDS_SHARE = 0.05
-"""Below this share of the speed of the job a spindle stands."""
+"""Below this fraction of the job's speed a spindle counts as stopped."""
 
 
 class CutStage(StrEnum):
@@ -53,16 +53,15 @@ RUNNING = frozenset({CutStage.RUN_UP, CutStage.CUT, CutStage.RETRACT})
 class CutProgress:
     """One moment of a cut.
 
-    `speed_rpm` is None while too little was seen of the spindle. Angles are degrees from its index. `angles_deg`
-    and `errors_um` (tool against the wanted path at the spindle angle of that very instant, infeed positive) are
-    the last looks in the part, oldest first, not to be written to. `phase` is how much the tool is
-    behind the wanted path, in spindle degrees, None while too little was seen or there is no lobe to be in phase
-    with; `phase_limit_deg` is what the part allows of it, None where no phase spoils it. `fraction` is that of the
-    cut length. `figures` are those of the whole cut, once it has ended. `judged` is False where the strategy
-    follows no lobe: the tool error is then the lobe itself, and there is no phase. `synchronisation` is None where
-    there is nothing to keep together, or too little was seen of it. `ripple` is how the speed of the spindle
-    swings within a turn, by the last looks in the part; None where it cannot be told. A cut `in_air` has all of it
-    beside the part, so far out as it was planned.
+    `speed_rpm` is None until enough was sampled. Angles are degrees from the spindle index. `angles_deg` and
+    `errors_um` (tool against the target path at the spindle angle of that instant, infeed positive) are the last
+    samples in the part, oldest first, read-only. `phase` is the phase lag of the tool behind the target path, in
+    spindle degrees, None until enough was sampled or without a lobe; `phase_limit_deg` is its limit by the part,
+    None where no phase spoils it. `fraction` is that of the cut length. `figures` are those of the whole cut, once
+    it has ended. `judged` is False where the strategy follows no lobe: the tool error is then the lobe itself, and
+    there is no phase. `synchronisation` is None where nothing must be synchronised, or too little was sampled.
+    `ripple` is the speed ripple of the spindle within a turn, by the last samples in the part; None where it
+    cannot be determined. A cut `in_air` has all of it beside the part, at the planned clearance.
     """
 
     stage: CutStage
@@ -96,22 +95,22 @@ class CutProgress:
 
     @property
     def phase_error_deg(self) -> float | None:
-        """How much the tool is behind the wanted path, spindle degrees, None while it is not known."""
+        """Phase lag of the tool behind the target path, spindle degrees, None while it is not known."""
         return None if self.phase is None else self.phase.error_deg
 
     @property
     def is_lost(self) -> bool:
-        """Whether the tool is in the part and no longer with the spindle."""
+        """Whether the tool is in the part and out of synchronisation with the spindle."""
         return self.synchronisation is Synchronisation.LOST
 
     @property
     def ripple_percent(self) -> float | None:
-        """Peak to peak of the spindle's speed within a turn over its mean, None where it cannot be told."""
+        """Peak to peak of the spindle's speed within a turn over its mean, None where it cannot be determined."""
         return None if self.ripple is None else self.ripple.percent
 
     @property
     def fraction(self) -> float:
-        """Share of the cut length that is done, 0 to 1."""
+        """Fraction of the cut length that is done, 0 to 1."""
         return min(max(self.z_mm / self.length_mm, 0.0), 1.0)
 
     def with_figures(self, figures: CutFigures) -> CutProgress:
@@ -120,11 +119,11 @@ class CutProgress:
 
 
 class Synchronisation(StrEnum):
-    """How tool and spindle are together.
+    """Synchronisation of tool and spindle.
 
-    `queued`: the program runs, but the spindle is not at speed yet or the carriage not at the part. `waiting`: no
-    time of the program passes until the index of the spindle comes. `in_sync`: in the part, in phase. `lost`: in
-    the part, out of phase or with a spindle that stands.
+    `queued`: the program runs, but the spindle is not at speed yet or the carriage not at the part. `waiting`: the
+    program's time stands still until the index of the spindle. `in_sync`: in the part, in phase. `lost`: in
+    the part, out of phase or with a stopped spindle.
     """
 
     QUEUED = "queued"
@@ -134,7 +133,7 @@ class Synchronisation(StrEnum):
 
 
 class SpindleWatch:
-    """Sees every look at the machine. It belongs to the link thread."""
+    """Follow the spindle through every status poll. It belongs to the link thread."""
 
     def __init__(self, counts_per_rev: float) -> None:
         self._counts_per_rev = counts_per_rev
@@ -142,7 +141,7 @@ class SpindleWatch:
         self._homed = False
 
     def see(self, snapshot: Snapshot) -> float | None:
-        """Return the speed in rpm with this look taken into account, None while there is only one."""
+        """Return the speed in rpm including this poll, None while there is only one."""
         homed = "home_complete" in snapshot.spindle.flags
         if homed != self._homed:
             self._homed = homed
@@ -152,12 +151,12 @@ class SpindleWatch:
         return 60.0 * _slope(self._poller) if len(self._poller) > 1 else None
 
     def forget(self) -> None:
-        """Leave out what was seen until now: it tells of another motion."""
+        """Discard earlier polls: they belong to another motion."""
         self._poller = []
 
 
 class CutWatch:
-    """Follows one cut. `see` is called with every look; it belongs to the link thread."""
+    """Follow one cut. `see` is called with every status poll; it belongs to the link thread."""
 
     def __init__(self, plan: CutPlan, job: Job, machine: MachineProfile, *, in_air: bool = False) -> None:
         self._plan, self._job, self._machine = plan, job, machine
@@ -174,12 +173,12 @@ class CutWatch:
         self._phase_limit_deg = phase_limit_deg(plan.target, job.roundness_tolerance_um)
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
-        """Take a look into account and return the moment that it shows, with the speed of the spindle in it."""
+        """Take a poll and return the progress at that moment, including the spindle speed."""
         angle_deg = self._angle_deg(snapshot)
         infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
         target_um = float(self._plan.target.at_um(angle_deg))
         error_um = infeed_um - target_um
-        # A hold takes the tool out while the carriage still stands over the part: what it leaves is not judged.
+        # A hold retracts the tool while the carriage is still over the part: what it leaves is not judged.
         self._held = self._held or (holding and is_leaving(error_um, self._peak_um))
         cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
         self._over = self._over or (bool(self._poller) and infeed_um < 0.0)
@@ -193,7 +192,7 @@ class CutWatch:
                 self._turning.append((snapshot.spindle.position, snapshot.spindle.following_error))
             self._peak_um = max(self._peak_um, abs(error_um))
         elif stage is CutStage.RUN_UP and self._poller:
-            # A program that somebody else has stopped leaves the tool where it is.
+            # A program stopped by somebody else leaves the tool where it is.
             stage = CutStage.CUT if cutting else CutStage.RETRACT
         return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, target_um)
 
@@ -237,10 +236,10 @@ class CutWatch:
         )
 
     def _done_mm(self, snapshot: Snapshot, stage: CutStage) -> float:
-        """Return how much of the length is cut: of a cut that is over what it was, wherever the carriage goes."""
+        """Return the cut length done; after the cut it stays, wherever the carriage goes."""
         match stage:
             case CutStage.POSITION:
-                return 0.0  # the carriage comes from wherever it stood
+                return 0.0  # the carriage is still on its way to the part
             case CutStage.DONE:
                 return self._job.cut_length_mm
             case CutStage.RETRACT | CutStage.HELD:
@@ -277,7 +276,7 @@ class CutWatch:
 
 
 def _slope(points: list[tuple[float, float]]) -> float:
-    """Return the slope of the straight line with the least squares of its distances."""
+    """Return the slope of the least-squares line."""
     mean_x = sum(x for x, _ in points) / len(points)
     mean_y = sum(y for _, y in points) / len(points)
     across = sum((x - mean_x) * (y - mean_y) for x, y in points)
@@ -287,9 +286,9 @@ def _slope(points: list[tuple[float, float]]) -> float:
 def before_part(
     strategy: Strategy, *, spindle_rpm: float | None, target_rpm: float, begun: bool
 ) -> Synchronisation | None:
-    """Return what a program that runs is at, before the part is reached; None where the tool follows no lobe.
+    """Return the synchronisation of a running program before the part is reached; None if no lobe is followed.
 
-    `begun` is whether the tool has left the place where the program found it. Only a program on the spindle's time
+    `begun` is whether the tool has left its position at program start. Only a program on the spindle's time
     waits for the index, and it waits with everything at rest but the spindle.
     """
     if not strategy.traits.follows_lobe:
@@ -302,9 +301,9 @@ def before_part(
 def in_part(
     strategy: Strategy, *, spindle_rpm: float | None, target_rpm: float, in_phase: bool | None
 ) -> Synchronisation | None:
-    """Return whether tool and spindle are together in the part; None while that is not known, or without a lobe.
+    """Return whether tool and spindle are synchronised in the part; None while unknown, or without a lobe.
 
-    A spindle that stands is lost whatever the phase: what follows its angle stands with it, in phase.
+    A stopped spindle is lost whatever the phase: the tool that follows its angle stops with it, in phase.
     """
     if not strategy.traits.follows_lobe:
         return None

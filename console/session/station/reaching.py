@@ -1,4 +1,4 @@
-"""Reaching a machine: the link to its controller, or to a simulated one of its own, and the lathe on it."""
+"""Connection to a machine: the link to its controller, or to a simulated one, and the lathe on it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from profiles.store import LoadedMachine
 
 @dataclass(frozen=True, kw_only=True)
 class Reached:
-    """A machine that can be spoken to; nothing was said yet. `shop` is there for a simulated one."""
+    """A connected machine to which nothing was sent yet. `shop` is there for a simulated one."""
 
     client: PmacClient
     lathe: Lathe
@@ -46,7 +46,7 @@ class Reached:
 
     @property
     def simulated(self) -> bool:
-        """Whether no iron is behind it."""
+        """Whether it is simulated."""
         return self.shop is not None
 
 
@@ -57,10 +57,10 @@ def reach(
     tracing: Tracing,
     seen: Callable[[Snapshot], None] | None = None,
 ) -> Reached:
-    """Open the link; of a simulated machine, start it first. `data` is the folder of this user.
+    """Open the link; for a simulated machine, start it first. `data` is the folder of this user.
 
     Raises:
-        LinkError: each way to fail with a code of its own; `simulator.not_started`.
+        LinkError: a code for each kind of failure; `simulator.not_started`.
         DriverError: `safety.bad_input`.
     """
     if not isinstance(address, SimulatedAddress):
@@ -114,7 +114,7 @@ def _on(
 
 
 def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) -> None:
-    """Stop this machine when the command is to end, from the claim on; nothing is sent while it is another's.
+    """Stop this machine when the command is to end, from the claim on; send nothing while it is another's.
 
     `now_s` is the time of the machine.
     """
@@ -128,11 +128,11 @@ def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) 
 
 
 def machine_context(reached: Reached, commissioned: Commissioned) -> CutContext:
-    """Return a reached machine for one cut; on a real one the operator clamps and measures."""
+    """Return a connected machine for one cut; on a real one the operator clamps and measures."""
     lathe = reached.lathe
 
     def admit() -> None:
-        """Become the owner, and look at what was commissioned, before anything is written."""
+        """Take control, and check the commissioning, before anything is written."""
         reached.owning.claim()
         refuse_unless(Interlock(name="controller_verified", problems=lathe.verify()))
         commissioned.take_fingerprint()
@@ -148,9 +148,9 @@ def machine_context(reached: Reached, commissioned: Commissioned) -> CutContext:
 
 
 def leave(lathe: Lathe, owning: Owning | None) -> bool:
-    """Leave the machine with its drives off and nobody's; False when that cannot be proven. Raises no problem.
+    """Leave the machine with its drives off and released; False when that cannot be proven. Raises no problem.
 
-    A machine that is left in doubt keeps the number of this console: whoever comes next has to look at it.
+    A machine left in doubt keeps the number of this console, so that the next one must check it.
     """
     ownership = lathe.ownership
     ours = ownership is None or ownership.standing is Standing.OWNER
@@ -167,7 +167,7 @@ def _switched_off(lathe: Lathe) -> bool:
             lathe.switch_off()
             return True
     lathe.stop.kill("end")
-    if lathe.stop.given_up:  # it was waited for as long as that makes sense, and does not become more likely by it
+    if lathe.stop.given_up:  # the wait for rest has already timed out, and would do so again
         return False
     try:
         lathe.wait_for_rest()

@@ -1,6 +1,6 @@
 """Everything that a screen may show of the machine, as one immutable value that is replaced, never changed.
 
-Light on purpose: the first page is painted from it before numerics and the link are there.
+Imports are light: the first page is painted from it before numerics and the link are there.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class Activity(StrEnum):
-    """What the link thread is doing with the machine."""
+    """Current activity of the link thread."""
 
     CONNECTING = "connecting"
     READY = "ready"
@@ -63,21 +63,21 @@ MOVING = frozenset(
 """Activities in which something moves, or is about to."""
 
 IDLE = frozenset({Activity.READY, Activity.STOPPED, Activity.LOST})
-"""Activities in which the link thread can take an order."""
+"""Activities in which the link thread accepts a command."""
 
 STALE_S = 1.0
-"""What was seen longer ago than this is not how the machine is."""
+"""A state older than this is no longer current."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopState:
     """A stop that was sent: why, when (machine time), as which character, and when rest was proven.
 
-    `taken_s` is when a look first showed that the controller obeys it.
+    `taken_s` is when a poll first showed that the controller obeys it.
 
     `delivered` is False when the link did not take it. `tool_in_part` is None while it is not known;
     `can_retract` is whether every loop is closed. `of_cut` is whether it ended a cut, `mark_mm` where the tool
-    then came to stand in the part, mm behind its face; None where it did not.
+    then came to rest in the part, mm behind its face; None where it did not.
     """
 
     reason: str
@@ -96,7 +96,7 @@ class StopState:
 class Armed:
     """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found.
 
-    `alignment` is the one that it was armed on. `made` is how the part will have been cut, `loaded` the file of
+    `alignment` is that of the arming. `made` is how the part will have been cut, `loaded` the file of
     the job, None where it was edited.
     """
 
@@ -111,9 +111,9 @@ class Armed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredPart:
-    """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and what came of it.
+    """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and the result.
 
-    `marks_mm` is where a stop left the tool in it, mm behind its face. `lesson` is what it teaches of the next.
+    `marks_mm` is where a stop left the tool in it, mm behind its face. `lesson` is its learning step.
     """
 
     job: Job
@@ -132,7 +132,7 @@ class MeasuredPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchedBlank:
-    """How far the clamped blank is cut at most: to Z `to_mm` behind its face, by a cut of `of_mm`."""
+    """Upper bound of how far the clamped blank is cut: to Z `to_mm` behind its face, by a cut of `of_mm`."""
 
     to_mm: float
     of_mm: float
@@ -142,12 +142,12 @@ class TouchedBlank:
 class StationState:
     """One moment. `at_s` is machine time.
 
-    `cut_done` says that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
-    job, that was cut without compensation and measured. `refusals` answer the last order, and go with the next.
-    `spindle_rpm` is None while too little was seen of it. `stops` counts those that were settled. `marks_mm` is
+    `cut_done` means that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
+    job, that was cut without compensation and measured. `refusals` answer the last command, and end with the next.
+    `spindle_rpm` is None until enough was sampled. `stops` counts those that were settled. `marks_mm` is
     where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
-    cut, by however many cuts, None while no tool has been in it. `standing` is what this console is to the
-    machine, `holder` the number of the one that controls it.
+    cut, by however many cuts, None while no tool has been in it. `standing` is this console's role at the
+    machine, `holder` the number of the console that controls it.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -177,12 +177,12 @@ class StationState:
 
     @property
     def moving(self) -> bool:
-        """Whether something moves or is about to, as far as that is known: of a lost machine nothing is."""
+        """Whether something moves or is about to, as far as known: for a lost machine this is False."""
         return self.activity is not Activity.LOST and self.may_move
 
     @property
     def seen_moving(self) -> bool:
-        """Whether something moves by the last look, whoever moves it."""
+        """Whether something moved in the last poll, whoever moves it."""
         return self.moving or (self.snapshot is not None and self.snapshot.moving)
 
     @property
@@ -192,15 +192,15 @@ class StationState:
 
     @property
     def may_move(self) -> bool:
-        """Whether something of ours moves, or must be taken to: a machine that was lost in motion."""
+        """Whether a motion of ours is active, or must be assumed: a machine that was lost in motion."""
         moves = self.activity in MOVING or (self.snapshot is not None and not self.snapshot.at_rest)
         return self.controls and moves
 
     def age_s(self, now_s: float) -> float | None:
-        """Return how old any value that was read may be; None where nothing was."""
+        """Return the greatest age of any value that was read; None where none was."""
         return None if self.snapshot is None else self.snapshot.age_s(now_s)
 
     def is_stale(self, now_s: float) -> bool:
-        """Whether what is shown was seen too long ago, or will not be seen again."""
+        """Whether the state shown is too old, or will not be refreshed."""
         age_s = self.age_s(now_s)
         return self.activity is Activity.LOST or age_s is None or age_s > STALE_S

@@ -1,7 +1,7 @@
-"""The machine's own thread, seen from inside: it takes one order or one look at a time, and settles every stop.
+"""Machine thread from inside: handle one command or one poll at a time, and settle every stop.
 
-It knows no screen. Whoever drives it calls `step` again and again; what came of it is `state`, replaced and
-never changed. An order while another is carried out is refused, not queued. A stop does not pass through here:
+It is independent of any screen. Its driver calls `step` again and again; the result is `state`, replaced and
+never changed. A command while another is carried out is refused, not queued. A stop does not pass through here:
 it goes straight to the link, and the station finds it latched.
 """
 
@@ -33,10 +33,10 @@ from drivers.link.base import GONE
 from profiles.problem import Problem, ProblemError
 
 SCREEN_TIMEOUT_S = 2.0
-"""How long the screen may be silent while something moves."""
+"""Timeout of a silent screen while something moves."""
 
 OBSERVERS_COMMANDS = (Verify, Recover, TakeControl)
-"""What a console may ask for that only looks on; a stop needs nobody's leave."""
+"""Commands open to a console that only observes; a stop needs no permission."""
 
 
 class Station:
@@ -57,7 +57,7 @@ class Station:
         return self._place.state
 
     def seen(self, snapshot: Snapshot) -> None:
-        """Take in a look at the machine, from whatever wait it was made in: the lathe calls this."""
+        """Take a status poll, from whatever wait it was made in: the lathe calls this."""
         place, state = self._place, self._place.state
         alignment = observed(
             state.alignment,
@@ -88,11 +88,11 @@ class Station:
         self._watch_screen()
 
     def connect(self) -> bool:
-        """Set the link up and compare the controller with its profile; False when nothing like a PMAC answers."""
+        """Set up the link and compare the controller with its profile; False when nothing like a PMAC answers."""
         try:
             version, kind = self._place.lathe.connect()
         except ProblemError as error:
-            # Whatever is at the other end, it was not told to move, and it may not know what a stop is.
+            # Whatever is at the other end received no motion command, and may not understand a stop.
             for problem in error.problems:
                 self._place.alarm(problem)
             self._place.tell(activity=Activity.LOST)
@@ -103,7 +103,7 @@ class Station:
         return True
 
     def _claim(self) -> None:
-        """Take control of the machine, or look on where that is not to be had."""
+        """Take control of the machine, or only observe where that is refused."""
         place = self._place
         try:
             place.owning.claim()
@@ -113,7 +113,7 @@ class Station:
         place.tell_standing()
 
     def post(self, intent: Command) -> bool:
-        """Take an order, from any thread; False where it is refused because the machine is busy."""
+        """Take a command, from any thread; False where it is refused because the machine is busy."""
         place = self._place
         if isinstance(intent, Acknowledge):
             place.change_alarms(partial(seen, shown=intent.shown))
@@ -135,17 +135,17 @@ class Station:
             return True
 
     def beat(self) -> None:
-        """The screen is alive."""
+        """Note that the screen is alive."""
         self._beat_s = self._place.clock.now_s()
 
     def step(self) -> None:
-        """Settle a stop, or carry out an order, or take a look. Never raises."""
+        """Settle a stop, or carry out a command, or poll. Never raises."""
         with self._slot:
             command, self._command = self._command, None
         try:
             self._step(command)
         except Exception as fault:
-            # The console's own fault; the thread goes on, because nobody else could stop the machine.
+            # An internal fault; the thread continues, because nothing else could stop the machine.
             if self.state.controls:
                 self._place.lathe.stop.stop("fault")
             self._place.alarm(_fault_problem(fault))
@@ -162,7 +162,7 @@ class Station:
         self._disarm_in_time()
 
     def close(self, reason: str) -> None:
-        """Leave the machine at rest with its drives off, as far as it can be told. Never raises."""
+        """Leave the machine at rest with its drives off, as far as possible. Never raises."""
         place, lathe = self._place, self._place.lathe
         if self.state.controls and self._may_be_on():
             if self.state.may_move or lathe.stop.reason is not None:
@@ -173,12 +173,12 @@ class Station:
                 self._stops.settle()
                 with suppress(ProblemError):
                     lathe.program.put_back()
-        if not lathe.stop.given_up:  # a machine that is left in doubt stays ours: whoever comes next looks at it
+        if not lathe.stop.given_up:  # a machine left in doubt stays ours: the next console must check it
             place.owning.release()
         place.end_record()
 
     def _may_be_on(self) -> bool:
-        """Whether a drive may be on: ours, or one that was on when the machine was taken over."""
+        """Whether a drive may be on: enabled by us, or on when control was taken."""
         snapshot = self.state.snapshot
         return self._place.lathe.has_moved or snapshot is None or not snapshot.loops_open
 
@@ -197,7 +197,7 @@ class Station:
         place = self._place
         place.end_asked = False
         if not isinstance(command, Start):
-            place.tell(armed=None)  # what was read in the summary may not be so any more
+            place.tell(armed=None)  # what was read in the summary may have changed
         place.tell(refusals=(), activity=activity if place.state.stop is None else place.state.activity)
         self._guarded(lambda: self._worked(work, command))
 
@@ -209,10 +209,10 @@ class Station:
         snapshot = self._place.lathe.snapshot()
         watch_loss(self._place, snapshot)
         if self.state.controls and self._place.lathe.stop.inside_guard and not snapshot.loops_open:
-            # It was not us: somebody else, or a PLC of the card. The stop is a control-K then.
+            # It was not us: somebody else, or a PLC of the controller. The stop is a control-K then.
             raise DriverError(Problem(code="machine.energised"))
         place = self._place
-        place.limits_seen &= snapshot.limits  # one that was left, and is met again, is news
+        place.limits_seen &= snapshot.limits  # a limit that was left and is reached again is reported again
         faults = tuple(fault for fault in snapshot.axis_faults if fault not in place.limits_seen)
         problem = Problem(code="machine.fault", key="look", value=", ".join(faults))
         if faults and snapshot.loops_open and self._place.state.armed is not None:
@@ -224,7 +224,7 @@ class Station:
         watch_axes(place, snapshot)
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Do something with the machine; whatever goes wrong, it is told, and the machine is stopped for it."""
+        """Run an operation on the machine; on any error, report it and stop the machine."""
         place = self._place
         try:
             work()
@@ -235,13 +235,13 @@ class Station:
         except ProblemError as error:
             self._failed(error)
         except Exception as fault:
-            # A fault of the console itself is no reason for the machine to go on.
+            # A fault of the console itself must stop the machine too.
             self._failed(SessionError(_fault_problem(fault)))
         else:
             place.tell(activity=Activity.READY if place.lathe.stop.reason is None else Activity.STOPPING)
 
     def _refused(self, error: ProblemError) -> None:
-        """What is refused before anything moved leaves the machine alone; in the midst of a motion it stops it."""
+        """Handle a refusal: before any motion it leaves the machine alone; during a motion it stops it."""
         place = self._place
         moving = place.state.activity in MOVING and not _at_rest(place.state)
         if moving or place.state.activity is Activity.CUTTING:
@@ -262,7 +262,7 @@ class Station:
         self._stops.settle(lost=isinstance(error, LinkError))
 
     def _told_apart(self, error: ProblemError) -> None:
-        """Tell what went wrong on a machine that another console controls: nothing is sent to it for that."""
+        """Report an error on a machine that another console controls: nothing is sent to it."""
         place = self._place
         for problem in error.problems:
             if not place.alarmed(problem.code):

@@ -1,4 +1,4 @@
-"""Every stop: shown, waited for until the controller proves rest, and kept in the record."""
+"""Handling of every stop: shown, followed until the controller proves rest, and recorded."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from profiles.problem import ProblemError
 
 
 class Stops:
-    """The stops of one machine. `gone` is whether there is nobody to ask any more."""
+    """Stops of one machine. `gone` is whether the connection is lost for good."""
 
     def __init__(self, place: StationContext, forget_speed: Callable[[], None]) -> None:
-        """`forget_speed`: how a spindle came to rest is no speed that it has."""
+        """Take `forget_speed`: the polls of a spindle coming to rest give no valid speed."""
         self._place, self._forget_speed = place, forget_speed
         self.gone = False
         self._noted: tuple[bool, bool] | None = None  # of the last stop in the record: rest proven, drives off
 
     def settle(self, *, lost: bool = False) -> None:
-        """After a stop: wait until the controller proves rest, and say how the machine was left."""
+        """Wait after a stop until the controller proves rest, and report how the machine was left."""
         place, stop = self._place, self._place.lathe.stop
         before = place.state.stop
         if before is not None and before.rest_s is not None and stop.proven:
@@ -56,13 +56,13 @@ class Stops:
             self._rested(told, snapshot)
 
     def _begun_stop(self) -> StopState:
-        """Return what the state tells of a stop that has just come; what it ended stays with it until F2.
+        """Return the state of a stop that has just come; what it ended stays with it until F2.
 
-        A tool that comes to rest in a part that still turns cuts a circle there, deeper than its path in places.
+        A tool that comes to rest in a turning part cuts a groove there, deeper than its path in places.
         """
         place, state = self._place, self._place.state
         if state.standing is Standing.OBSERVER:
-            with suppress(ProblemError):  # whoever controls the machine then knows by whom its cut was ended
+            with suppress(ProblemError):  # the owner of the machine then knows who ended its cut
                 place.lathe.say_stopped()
         cut = state.cut if state.activity is Activity.CUTTING else None
         in_part = cut is not None and cut.stage is CutStage.CUT and not cut.in_air
@@ -74,14 +74,14 @@ class Stops:
         return StopState(reason="", killed=False, sent_s=0.0, of_cut=of_cut, mark_mm=mark_mm)
 
     def _behind_face_mm(self) -> float | None:
-        """Return where the tool stands in the clamped part, by the last look; None where that is not known."""
+        """Return where the tool is in the clamped part, by the last poll; None where that is not known."""
         place, clamping = self._place, self._place.state.alignment.clamping
         if place.state.snapshot is None or clamping is None:
             return None
         return behind_face_mm(place.state.snapshot, place.loaded_machine.machine, clamping.overhang_mm)
 
     def _not_rested(self, told: StopState, unproven: ProblemError) -> None:
-        """Nobody can tell how the machine is. A link that is gone stays so; one that is silent is asked again."""
+        """Report that rest is unproven. A lost link stays lost; a silent one is asked again."""
         place = self._place
         self.gone = any(problem.code in GONE for problem in unproven.problems)
         known = {alarm.problem.code for alarm in place.state.alarms}
@@ -113,7 +113,7 @@ class Stops:
         place.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
 
     def _guarded_look(self) -> None:
-        """A look at a stopped machine; it stays stopped."""
+        """Poll a stopped machine; it stays stopped."""
         place = self._place
         try:
             snapshot = place.lathe.snapshot()
@@ -126,7 +126,7 @@ class Stops:
             place.tell(activity=Activity.STOPPED)
 
     def _keep(self, told: StopState, *, proven: bool, taken_after_s: float | None = None) -> None:
-        """Keep a stop in the record once, and later what has become of it: rest that is proven, drives off."""
+        """Record a stop once, and later its outcome: rest proven, drives off."""
         before, killed = self._noted, self._place.lathe.stop.killed
         self._noted = (proven, killed)
         if before is None:
@@ -141,7 +141,7 @@ class Stops:
             self._place.note_anyway("at_rest")
 
     def watch(self, snapshot: Snapshot) -> None:
-        """Take note of when the controller first obeys a stop, by a look that was asked for behind it."""
+        """Note when the controller first obeys a stop, by a poll that was requested after it."""
         stop = self._place.state.stop
         if stop is None or stop.taken_s is not None or snapshot.asked_s < stop.sent_s:
             return

@@ -1,4 +1,4 @@
-"""What every look at the machine is searched for, and told as an alarm for as long as it is so."""
+"""Monitors run on every status poll, each with an alarm for as long as its condition holds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from profiles.problem import Problem
 
 
 def watch_axes(place: StationContext, snapshot: Snapshot) -> None:
-    """Say who has the machine, and what is wrong with its axes besides what is told already."""
+    """Report who controls the machine, and axis faults not reported elsewhere."""
     _watch_owner(place, snapshot)
     if snapshot.homed:
         place.end_alarms(*HOME_LOST)
@@ -24,9 +24,9 @@ def watch_axes(place: StationContext, snapshot: Snapshot) -> None:
 
 
 def watch_devices(place: StationContext, before: Snapshot | None, snapshot: Snapshot) -> None:
-    """Say which safety device drops while drives are on: it ends what moves by itself, and no order goes out.
+    """Report the safety device that drops while drives are on: automatic motion ends, and no command is sent.
 
-    Where something moves, the wait for it stops the machine, and tells.
+    In motion, the wait for it stops the machine, and reports it.
     """
     problems = device_problems(snapshot.inputs)
     if snapshot.inputs and not problems:
@@ -41,14 +41,14 @@ def watch_devices(place: StationContext, before: Snapshot | None, snapshot: Snap
 
 
 def watch_guard(place: StationContext) -> None:
-    """Say once, while something moves, that the controller would not end it any more."""
+    """Report once, while something moves, that the controller's watchdog no longer guards it."""
     unguarded = place.lathe.unguarded
     if unguarded is not None and not place.alarmed(unguarded.code):
         place.alarm(unguarded)
 
 
 def watch_loss(place: StationContext, snapshot: Snapshot) -> None:
-    """Say once what the controller has ended without its host; behind a stop that is settled with the stop."""
+    """Report once what the controller has ended after losing its host; after a stop, settling the stop does."""
     if not snapshot.lost:
         place.end_alarms("heartbeat.lost")
     elif not place.alarmed("heartbeat.lost"):
@@ -56,7 +56,7 @@ def watch_loss(place: StationContext, snapshot: Snapshot) -> None:
 
 
 def watch_phase(place: StationContext) -> None:
-    """Say once for each cut that tool and lobe are not in phase, or that the spindle stands."""
+    """Report once per cut that tool and lobe are out of phase, or that the spindle has stopped."""
     cut = place.state.cut
     if cut is None or cut.stage is not CutStage.CUT:
         return
@@ -68,7 +68,7 @@ def watch_phase(place: StationContext) -> None:
 
 
 def _watch_owner(place: StationContext, snapshot: Snapshot) -> None:
-    """Say once that somebody else has taken the machine; what was aligned here is not known any more."""
+    """Report once that another console has taken control; the alignment made here is no longer known."""
     if place.state.standing is not Standing.OUSTED:
         return
     place.tell(alignment=handed_over(place.state.alignment, place.local_time()))

@@ -1,4 +1,4 @@
-"""Where a machine is: what the command line says, or else its profile. Light, for a screen opens with it."""
+"""Address of a machine: from the command line, or else from its profile. Light, because a screen opens with it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from profiles.problem import Problem
 
 
 def address_of(machine: MachineProfile, told: str | None, *, simulated: bool) -> LinkAddress:
-    """Return where the machine is: the simulated one, where somebody says, or where its profile does.
+    """Return the machine's address: the simulated one, that of the argument, or that of the profile.
 
     Raises:
-        SessionError: `session.no_machine`, nobody says.
+        SessionError: `session.no_machine`, neither gives one.
         LinkError: `link.bad_address`.
     """
     if simulated:

@@ -1,1 +1,1 @@
-"""The numbered pages, one module each, with what they show as pure functions beside them."""
+"""Numbered pages, one module each, with their content as pure functions beside them."""

@@ -1,7 +1,7 @@
-"""The page Align: verify, clamp, home, find jaw 1, touch off; and jogging, one step at a press.
+"""Page Align: verify, clamp, home, find jaw 1, touch off; and jogging, one step per press.
 
-The station moves the machine; here is what it shows, and what may be asked of it when. No key is silent: what
-cannot be done now says why.
+The station moves the machine; this page decides what it shows, and which command it offers when. No key is
+silent: what cannot be done now shows why.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from profiles.job import Job
 from profiles.problem import Problem
 
 CONFIRM_S = 3.0
-"""How long a second Enter takes what the first one was warned of."""
+"""Time in which a second Enter confirms the warning of the first."""
 
 _BY_HAND = {
     AlignStep.CLAMP: "screen.enter_does_it",
@@ -64,7 +64,7 @@ _BY_HAND = {
 
 
 class AlignPage(Page):
-    """Where tool and part are brought together."""
+    """Page on which tool and part are aligned."""
 
     name_: ClassVar[PageName] = PageName.ALIGN
     DEFAULT_CSS = """
@@ -110,7 +110,7 @@ class AlignPage(Page):
         text, state, job = self.desk.text, view.state, _job(view)
         machine = self.desk.machine.machine
         if state.moving:
-            self._jog.renew(view.now_s)  # idle is counted from the end of what moves
+            self._jog.renew(view.now_s)  # idle time counts from the end of the motion
         self._jog.let_go(state, view.now_s)
         self._jog.press_due()
         self._axes.show(axes_lines(text, state, machine, view.now_s, self._axes.size.width))
@@ -128,7 +128,7 @@ class AlignPage(Page):
             self._chuck.show(() if lost else chuck_lines(size.width, size.height, jaws, past_deg))
 
     def act(self, action: str) -> None:
-        """Do what a key asks for, or say why not."""
+        """Perform the action of a key, or show why not."""
         if action != "align.take":
             self._warned_s = None
         if action in JOGS:
@@ -164,13 +164,13 @@ class AlignPage(Page):
         return line((words, Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
-        """Return how the present step is done, and why the alignment is not valid."""
+        """Return how to do the present step, and why the alignment is not valid."""
         text, state = self.desk.text, view.state
         by_hand = [] if state.simulated else [BLANK, *wrapped(text("align_page.real"), width)]
         return [*why_lines(text, state, _job(view), self.desk.machine.machine, width), *by_hand]
 
     def leave(self) -> None:
-        """Let go of the jog; a step that is under way ends with its page."""
+        """Disable the jog; a step in progress ends with the page."""
         self._warned_s = None
         self._jog.end()
         if self.desk.control.state.activity is Activity.JOGGING:
@@ -197,7 +197,7 @@ class AlignPage(Page):
         return str(step)
 
     def _do_step(self, key: str) -> None:
-        """F4: the present step, where it is the machine's to do."""
+        """Run the present step, where the machine does it (F4)."""
         state, job = self.desk.control.state, self._job
         if self._jog.refuses(state, key):
             return
@@ -220,7 +220,7 @@ class AlignPage(Page):
                 self._say(_BY_HAND[step])
 
     def _take(self, key: str) -> None:
-        """Enter: confirm what hands did, or take a place over as it is. Nothing moves."""
+        """Confirm what was done by hand, or take the present position (Enter). Nothing moves."""
         state, job = self.desk.control.state, self._job
         if self._jog.refuses(state, key):
             return
@@ -231,7 +231,7 @@ class AlignPage(Page):
             case AlignStep.CLAMP:
                 self._confirm_clamping(state, job)
             case AlignStep.DRIVES if not drives_are_on(state):
-                # Another blank: whoever switches the drives off after a cut may have opened the chuck.
+                # Another blank: the chuck may have been opened since the drives were disabled after a cut.
                 self._confirm_clamping(state, job)
             case AlignStep.JAW:
                 self._take_jaw(state)
@@ -245,7 +245,7 @@ class AlignPage(Page):
                 self._say("screen.f4_does_it")
 
     def _take_jaw(self, state: StationState) -> None:
-        """Jaw 1 where it stands; far from the mark, as far as that can be seen, only when asked twice."""
+        """Take jaw 1 at the present position; visibly far from the mark, only after a second press."""
         now_s, warned_s = self.desk.control.now_s(), self._warned_s
         off_deg = 0.0 if state.seen is None else abs(state.seen.jaw_1_past_mark_deg)
         again = warned_s is not None and now_s - warned_s <= CONFIRM_S
@@ -269,7 +269,7 @@ class AlignPage(Page):
             self._say("screen.nothing_to_take_back")
 
     def _way_out(self, state: StationState) -> None:
-        """The tool stands in the part: it has to go before the chuck is opened, which needs its drive."""
+        """Return how to retract a tool in the part before the chuck is opened; it needs its drive."""
         if state.snapshot is not None and state.snapshot.loops_closed:
             self._say("machine.tool_in_part")
         else:

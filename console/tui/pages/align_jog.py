@@ -1,4 +1,4 @@
-"""The jog of the page Align: one step a press, for as long as it is enabled. What cannot be done now says why."""
+"""Jogging on the page Align: one step per press, while enabled. What cannot be done now shows why."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ JOGS = {
 _KEYS = {action.id: action.shown for action in ACTIONS}
 
 Later = Callable[[float, Callable[[], None]], None]
-"""Calls something so many seconds from now, while the page is there."""
+"""Call a function after this many seconds, while the page exists."""
 
 
 class JogKeys:
-    """The jog keys of one page: what is enabled, which steps are set, and which presses were taken."""
+    """Jog keys of one page: whether enabled, the selected steps, and the accepted presses."""
 
     def __init__(self, desk: UiContext, later: Later) -> None:
         self.desk = desk
@@ -56,18 +56,18 @@ class JogKeys:
         self._presses.forget()
 
     def end(self) -> None:
-        """Let go of the jog."""
+        """Disable the jog."""
         self._jog = None
         self._presses.forget()
 
     def enable(self, key: str) -> None:
-        """Let the jog keys move the machine for a while."""
+        """Enable the jog keys for a while."""
         state = self.desk.control.state
         if not self.refuses(state, key):
             self._jog = JogEnable(used_s=self.desk.control.now_s(), stops=state.stops)
 
     def change_rung(self, key: str) -> None:
-        """Take the next longer or shorter step of the axis."""
+        """Select the next longer or shorter step of the axis."""
         state = self.desk.control.state
         if state.activity is Activity.JOGGING and self.stops_what_moves(state, key):
             return
@@ -76,7 +76,7 @@ class JogKeys:
         self.renew(self.desk.control.now_s())
 
     def press(self, key: str) -> None:
-        """A jog key: one step for each press that finds the machine at rest; the others are counted and told."""
+        """Handle a jog key: one step per press at rest; other presses are counted and reported."""
         state, now_s = self.desk.control.state, self.desk.control.now_s()
         goes_on = state.activity is Activity.JOGGING and key == self.desk.jog
         if not goes_on and (self.stops_what_moves(state, key) or self.refuses(state, key)):
@@ -93,7 +93,7 @@ class JogKeys:
         self._tell_presses(key)
 
     def press_due(self) -> None:
-        """A press that might have been the first repeat of a key that is held turns out to be one of its own."""
+        """Handle a press that might have been the first repeat of a held key, and was not."""
         state, now_s = self.desk.control.state, self.desk.control.now_s()
         self.let_go(state, now_s)
         if self._jog is None:
@@ -107,13 +107,13 @@ class JogKeys:
             self._tell_presses(self.desk.jog)
 
     def let_go(self, state: StationState, now_s: float) -> None:
-        """End the jog where its time is over or a stop came."""
+        """Disable the jog after its timeout or a stop."""
         if self._jog is not None and not self._jog.holds(state, now_s):
             self._jog = None
             self._presses.forget()
 
     def renew(self, now_s: float) -> None:
-        """Count idle time from now."""
+        """Restart the idle time."""
         if self._jog is not None:
             self._jog = replace(self._jog, used_s=now_s)
 
@@ -133,14 +133,14 @@ class JogKeys:
         )
 
     def refuses(self, state: StationState, key: str) -> bool:
-        """Say why the station cannot take an order now, if it cannot."""
+        """Show why the station cannot take a command now, if it cannot."""
         problem = refusal(state, _KEYS[key])
         if problem is not None:
             self.desk.said = (problem,)
         return problem is not None
 
     def stops_what_moves(self, state: StationState, key: str) -> bool:
-        """Another axis, direction or step while something moves is a change of mind: stop first."""
+        """Stop first: another axis, direction or step during motion is a change of mind."""
         if not state.moving:
             return False
         self.desk.say_until_key(Problem(code="screen.key_in_motion", key=_KEYS[key]))
@@ -168,7 +168,7 @@ class JogKeys:
             self._presses.refused()
 
     def _tell_presses(self, key: str) -> None:
-        """Say which presses made no step; it stays said, because the machine comes to rest soon after."""
+        """Report which presses made no step; the text stays, because the machine comes to rest soon after."""
         presses = self._presses
         if presses.held:
             self.desk.say_until_key(Problem(code="screen.jog_key_held", key=_KEYS[key]))

@@ -1,4 +1,4 @@
-"""What the page Align says, as lines of text: where the axes are, what is done, what is missing, how to jog."""
+"""Text of the page Align: axis positions, what is done, what is missing, how to jog."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 
 WIDEST_STAMP = 44
-"""Columns in which a label and its value still read as one."""
+"""Columns in which a label and its value are still read together."""
 
 STAMP_LABEL_WIDTH = 10
 
 NEAR_MARK_DEG = 1.0
-"""Farther from the mark than this, jaw 1 was not turned to it."""
+"""Distance from the mark beyond which jaw 1 was not turned to it."""
 
 _DONE, _CURRENT, _OPEN, _UNKNOWN = "✓", "●", "○", "?"
 _LABEL_WIDTH, _POSITION_WIDTH, _ERROR_WIDTH, _HOMED_WIDTH = 9, 12, 10, 6
@@ -54,7 +54,7 @@ _LABEL_WIDTH, _POSITION_WIDTH, _ERROR_WIDTH, _HOMED_WIDTH = 9, 12, 10, 6
 def axes_lines(
     text: Catalogue, state: StationState, machine: MachineProfile, now_s: float, width: int
 ) -> list[Line]:
-    """Return the table of the axes, and below it what holds for all of them."""
+    """Return the table of the axes, and below it the facts common to all."""
     heads = (
         fitted("", _LABEL_WIDTH),
         to_the_right(text("align_page.position"), _POSITION_WIDTH),
@@ -80,7 +80,7 @@ def _axis_line(text: Catalogue, axis: AxisName, state: StationState, machine: Ma
     position, error = _position(axis, state.snapshot, machine, state.alignment)
     homed = "home_complete" in seen.flags
     if not homed:
-        position = NOTHING  # counts from wherever the axis stood when the card was switched on
+        position = NOTHING  # counts from the axis position at power-on of the controller
     pieces = (
         label,
         (" " * (_POSITION_WIDTH - cell_len(position)), Token.TEXT),
@@ -100,7 +100,7 @@ def _axis_line(text: Catalogue, axis: AxisName, state: StationState, machine: Ma
 def _position(
     axis: AxisName, snapshot: Snapshot, machine: MachineProfile, alignment: Alignment
 ) -> tuple[str, str]:
-    """Return where an axis is and its following error, both with their units."""
+    """Return an axis position and its following error, both with their units."""
     seen, per_unit = snapshot.axis(axis), counts_per_unit(machine, axis)
     error = seen.following_error / per_unit
     match axis:
@@ -113,12 +113,12 @@ def _position(
 
 
 def _error_um(error_um: float) -> str:
-    """Write a following error; a large one in mm, so that it never runs into the position beside it."""
+    """Format a following error; a large one in mm, so that it never runs into the position beside it."""
     return f"{error_um:z.1f} um" if abs(error_um) < 999.95 else f"{error_um / 1000.0:z.3f} mm"
 
 
 def angle_deg(snapshot: Snapshot, machine: MachineProfile) -> float:
-    """Return the angle of the spindle from its index, degrees in [0, 360) when it is written with two decimals."""
+    """Return the spindle angle from its index, in [0, 360) when written with two decimals."""
     turns = snapshot.spindle.position / machine.spindle.counts_per_rev
     return round(360.0 * (turns - math.floor(turns)), 2) % 360.0
 
@@ -140,7 +140,7 @@ def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int)
 
 
 def step_now(alignment: Alignment, job: Job | None) -> AlignStep | None:
-    """Return the step to do now; without a job only what needs none."""
+    """Return the present step; without a job only one that needs none."""
     if job is not None:
         return current_step(alignment, job)
     return next(
@@ -166,7 +166,7 @@ def _done(alignment: Alignment, step: AlignStep, job: Job | None) -> bool:
 
 
 def step_lines(text: Catalogue, state: StationState, job: Job | None) -> list[Line]:
-    """Return the steps in their order, each with its mark; nobody knows the drives of a machine that is lost."""
+    """Return the steps in order, each with its mark; the drives of a lost machine are unknown."""
     alignment, lost = state.alignment, state.activity is Activity.LOST
     now = None if lost else step_now(alignment, job)
     rows = []
@@ -204,7 +204,7 @@ def why_lines(
 
 
 _NO_ADVICE = ("lost", "stopping", "connecting", "observing")
-"""No advice for hands while something moves, or may."""
+"""No advice for manual work while something moves, or may."""
 
 
 def _missing(
@@ -224,7 +224,7 @@ def _missing(
 
 
 def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile) -> str:
-    """Return in a sentence or two how the present step is done."""
+    """Return in a sentence or two how to do the present step."""
     step = current_step(state.alignment, job)
     if step is AlignStep.CLAMP and is_in_part(state, machine):
         return text(f"align_page.next.{in_part_word(state)}")
@@ -244,9 +244,9 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
 
 
 def touch_word(state: StationState, machine: MachineProfile) -> str:
-    """Return where the tool stands before the touch-off: "" beside the part, "_over" over it, "_touching".
+    """Return where the tool is before the touch-off: "" beside the part, "_over" over it, "_touching".
 
-    That it touches is seen on a simulated lathe alone.
+    Contact is visible on a simulated lathe alone.
     """
     if not is_over_part(state, machine):
         return ""
@@ -256,7 +256,7 @@ def touch_word(state: StationState, machine: MachineProfile) -> str:
 
 
 def is_over_part(state: StationState, machine: MachineProfile) -> bool:
-    """Whether the clamped part is in front of the tool, by the rule that the station refuses by."""
+    """Whether the clamped part is in front of the tool, by the rule with which the station refuses."""
     clamping = state.alignment.clamping
     if clamping is None or state.snapshot is None:
         return False
@@ -264,19 +264,19 @@ def is_over_part(state: StationState, machine: MachineProfile) -> bool:
 
 
 def is_in_part(state: StationState, machine: MachineProfile) -> bool:
-    """Whether the tool is known to stand in or at the part that is clamped, whatever job is in hand."""
+    """Whether the tool is known to be in or at the clamped part, whatever job is open."""
     return state.snapshot is not None and tool_in_part(state.snapshot, machine, state.alignment) is True
 
 
 def in_part_word(state: StationState) -> str:
-    """Return which words say how to get the tool out: a drive that is off cannot take it out."""
+    """Return the words for how to retract the tool: a disabled drive cannot do it."""
     return "jog_out" if state.snapshot is not None and state.snapshot.loops_closed else "switch_on_to_jog_out"
 
 
 def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:
     """Return how far from the mark jaw 1 was taken, as the simulated lathe sees it; degrees, 0 or more.
 
-    None where that is not seen: at a real machine, before jaw 1, while the spindle turns.
+    None where that is not visible: on a real machine, before jaw 1, while the spindle turns.
     """
     jaw, seen, snapshot = state.alignment.jaw, state.seen, state.snapshot
     if jaw is None or seen is None or snapshot is None or state.activity is Activity.LOST:
@@ -288,14 +288,14 @@ def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:
 
 
 def drives_are_on(state: StationState) -> bool:
-    """Whether a loop is closed, or may be: as long as nothing is known the hands stay out."""
+    """Whether a loop is closed, or may be: while nothing is known, hands stay out."""
     return state.snapshot is None or not state.snapshot.loops_open
 
 
 def _stamps(
     text: Catalogue, state: StationState, machine: MachineProfile, width: int, height: int | None
 ) -> list[Line]:
-    """Return what all rests on; in little room the blank rows go first, then the way back."""
+    """Return what the alignment rests on; in little room the blank rows go first, then how to undo."""
     head = _all_taken(text, state, machine, width)
     facts = _facts(text, state.alignment, min(width, WIDEST_STAMP))
     back = wrapped(text("align_page.back"), width)
@@ -321,7 +321,7 @@ def _all_taken(text: Catalogue, state: StationState, machine: MachineProfile, wi
 
 
 def _facts(text: Catalogue, alignment: Alignment, width: int) -> list[Line]:
-    """Return what was taken, when, and what it rests on: behind the value where there is room, else below it."""
+    """Return what was taken, when, and on what basis: after the value where there is room, else below it."""
     rows: list[Line] = []
     for label, value, on, at in _taken(text, alignment):
         whole = ", ".join(filter(None, (value, on)))
@@ -334,7 +334,7 @@ def _facts(text: Catalogue, alignment: Alignment, width: int) -> list[Line]:
 
 
 def _taken(text: Catalogue, alignment: Alignment) -> Iterator[tuple[str, str, str, str]]:
-    """Yield label, value, what it rests on and time of each stamp."""
+    """Yield label, value, basis and time of each stamp."""
     clamping, jaw, touched = alignment.clamping, alignment.jaw, alignment.touch_off
     if clamping is not None:
         yield text("align_page.stamp.force"), f"{clamping.force_n:.0f} N", "", clamping.at

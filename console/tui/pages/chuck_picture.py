@@ -1,4 +1,4 @@
-"""The chuck from the front, as it can be seen at the lathe: rim, jaws, and the mark that jaw 1 must meet."""
+"""Front view of the chuck, as seen at the lathe: rim, jaws, and the mark that jaw 1 must meet."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ LEAST_ROWS, LEAST_COLUMNS = 4, 9
 _RIM, _JAW, _JAW_1 = 0, 1, 2
 _TOKENS = {-1: Token.TEXT, _RIM: Token.RING, _JAW: Token.AXIS, _JAW_1: Token.MARK}
 _JAW_SHARE = 0.5
-"""A jaw reaches from the rim to this share of the radius."""
+"""Fraction of the radius to which a jaw reaches from the rim."""
 _BESIDE = 3
 """Columns to the right of the rim, for the mark."""
 
 
 @lru_cache(maxsize=4)
 def chuck_lines(columns: int, rows: int, jaws: int, jaw_1_past_mark_deg: float) -> tuple[Line, ...]:
-    """Return the picture in so many cells, none where it would be too small to say anything.
+    """Return the picture in so many cells, none where it would be too small to be useful.
 
     The mark is at 3 o'clock and angles are counter-clockwise; jaw 1 is the bold one with its number.
     """

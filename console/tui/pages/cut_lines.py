@@ -1,4 +1,4 @@
-"""What the page Run says during a cut: how far it is, and how well the tool keeps to the wanted path."""
+"""Text of the page Run during a cut: its progress, and how well the tool follows the target path."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from profiles.job import Job
 LABEL_WIDTH = 14
 
 BEFORE_CUT = frozenset({CutStage.POSITION, CutStage.RUN_UP})
-"""Stages in which nothing of the part is cut yet."""
+"""Stages before the cut of the part."""
 
 BIN_DEG = 10.0
-"""Looks within such an angle are averaged for the polar picture: single ones are too few in a turn."""
+"""Bin width for averages in the polar plot: single samples are too few in a turn."""
 
 LEAST_LIMIT_UM = 2.0
-"""The error axis is never finer than this, so that it keeps still while all is well."""
+"""Minimum scale of the error axis, so that it does not change in normal operation."""
 
 Floats = NDArray[np.float64]
 
 
 def progress_line(text: Catalogue, cut: CutProgress, width: int) -> Line:
-    """Return turn, Z, time left, and a bar with the share of the length that is done; before the cut its stage."""
+    """Return turn, Z, time left, and a bar with the finished fraction; before the cut its stage."""
     if cut.stage in BEFORE_CUT:
         stage = text(f"run_page.stage.{cut.stage}")
         turns, length = f"{cut.turns:.0f}", f"{cut.length_mm:.1f}"
@@ -58,14 +58,14 @@ def bar(fraction: float, cells: int) -> str:
 
 
 def values_title(text: Catalogue, age_s: float | None) -> str:
-    """Return the title of the values of one moment, with how old any of them may be, whole tenths of a second."""
+    """Return the title of the live values, with their greatest age in tenths of a second."""
     if age_s is None:
         return text("run_page.values")
     return text("run_page.values_age", age=f"{max(math.ceil(10.0 * age_s), 1) / 10.0:.1f}")
 
 
 def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -> list[Line]:
-    """Return the values of one moment. Only in the part is there a path that the tool should keep to."""
+    """Return the live values. Only in the part is there a target path for the tool."""
     in_part = cut.judged and cut.stage is CutStage.CUT
     has_peak = cut.judged and cut.stage not in BEFORE_CUT
     target_mm = cut.tool_radius_mm + cut.tool_error_um / 1000.0
@@ -92,7 +92,7 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
 
 
 def _ripple(ripple: SpindleRipple | None) -> str:
-    """Write the ripple with its bound; what may be none at all is only known to be less than something."""
+    """Format the ripple with its bound; one that may be zero is only given as less than a value."""
     if ripple is None:
         return NOTHING
     if ripple.percent <= ripple.within_percent:
@@ -101,7 +101,7 @@ def _ripple(ripple: SpindleRipple | None) -> str:
 
 
 def _together_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
-    """Return how tool and spindle are together, and by how much they are not."""
+    """Return the synchronisation of tool and spindle, and the deviation."""
     label = text("run_page.live.sync")
     shown = NOTHING if cut.synchronisation is None else text(f"frame.sync.{cut.synchronisation}")
     token = Token.WARNING if cut.is_lost else Token.STRONG
@@ -111,7 +111,7 @@ def _together_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]
 
 
 def phase_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
-    """Return the phase error of the spindle with its limit, and where it stands between its limits."""
+    """Return the phase error of the spindle with its limit, and a scale of both."""
     label, phase_deg, limit_deg = text("run_page.live.phase"), cut.phase_error_deg, cut.phase_limit_deg
     limit = _phase_limit(text, cut)
     below = (dim(to_the_right(limit, width)),)
@@ -129,7 +129,7 @@ def phase_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
 
 
 def _phase_limit(text: Catalogue, cut: CutProgress) -> str:
-    """Return how much the phase may be off, and how well it is known."""
+    """Return the limit of the phase, and its uncertainty."""
     if cut.phase_limit_deg is None:
         return text("run_page.no_limit")
     limit = f"{cut.phase_limit_deg:.2f}°"
@@ -143,7 +143,7 @@ def _not_judged(text: Catalogue, width: int) -> list[Line]:
 
 
 def gauge(share: float | None, cells: int) -> str:
-    """Return a scale from -limit to +limit with a mark at `share` of the limit; beyond it the mark is an arrow."""
+    """Return a scale from -limit to +limit with a mark at `share` of the limit; beyond it an arrow."""
     half = max((cells - 3) // 2, 1)
     scale = list("├" + "─" * half + "┼" + "─" * half + "┤")
     if share is None:
@@ -156,7 +156,7 @@ def gauge(share: float | None, cells: int) -> str:
 
 
 def error_series(cut: CutProgress) -> tuple[tuple[Series, ...], tuple[float, float]]:
-    """Return the looks of the last seconds as dots over the spindle angle, and limits in um that hold them all.
+    """Return the last samples as dots over the spindle angle, and limits in um that hold them all.
 
     Without compensation there is nothing to judge: no series.
     """
@@ -168,7 +168,7 @@ def error_series(cut: CutProgress) -> tuple[tuple[Series, ...], tuple[float, flo
 
 
 def mean_error_um(cut: CutProgress) -> tuple[Floats, Floats]:
-    """Return the mean tool error by spindle angle: middles of the bins seen, deg, and um (infeed positive)."""
+    """Return the mean tool error by spindle angle: centres of the filled bins, deg, and um (infeed positive)."""
     bins = np.floor(cut.angles_deg / BIN_DEG).astype(int)
     seen = np.unique(bins)
     means = np.array([cut.errors_um[bins == each].mean() for each in seen], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""The fields of the set-up form: how a value is written, what is allowed, and what was understood of an entry."""
+"""Fields of the set-up form: format of a value, its limits, and how an entry was understood."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ FILE_NAME_CAP_CHARACTERS = 60
 _FILE_NAME_CAP_BYTES = 200
 
 NEXT_TO_NOTHING = 0.001
-"""Share of the most at which a least value takes more cells than it says."""
+"""Fraction of the maximum below which a minimum is not worth its cells."""
 
 _LIMITS = {field.key: field for field in JOB_FIELDS}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FormField:
-    """One value of the form. `mark` says before the number what a length is: D, a diameter."""
+    """One value of the form. `mark` precedes the number to give the kind of length: D, a diameter."""
 
     key: str
     heading: str
@@ -31,12 +31,12 @@ class FormField:
 
     @property
     def rule(self) -> Field:
-        """What the job allows in this field."""
+        """The job's rule for this field."""
         return _LIMITS[self.key]
 
     @property
     def numeric(self) -> bool:
-        """Whether a number is typed."""
+        """Whether the field takes a number."""
         return self.rule.kind in (Kind.NUMBER, Kind.WHOLE)
 
 
@@ -58,7 +58,7 @@ _NAMED = {field.key for field in FORM} | {"lobe_error_um_pp"}
 
 
 def number(value: float, decimals: int) -> str:
-    """Return a number with these decimals, or with more where it would be rounded otherwise."""
+    """Return a number with these decimals, or with more where rounding would change it."""
     text = f"{value:.{decimals}f}"
     return text if float(text) == value else format(Decimal(repr(value)), "f")
 
@@ -75,9 +75,9 @@ def with_unit(field: FormField, job: Job) -> str:
 
 
 def bounds(field: FormField) -> str:
-    """Return what is allowed in few cells, without the unit: ">0 ≤500".
+    """Return the limits in few cells, without the unit: ">0 ≤500".
 
-    A least value that is next to nothing of the most is ">0" here; the line under the form and a refusal say it.
+    A minimum that is negligible against the maximum is ">0" here; the line under the form and a refusal state it.
     """
     rule = field.rule
     if not field.numeric:
@@ -90,14 +90,14 @@ def bounds(field: FormField) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """What an entry would do: the work with it, or the problems and the work as it was."""
+    """Result of an entry: the work with it, or the problems and the work as it was."""
 
     work: Work
     problems: tuple[Problem, ...] = ()
 
 
 def judge(work: Work, field: FormField, typed: str) -> Judged:
-    """Return what was understood of an entry; an empty one keeps the value."""
+    """Return how an entry was understood; an empty one keeps the value."""
     if not typed.strip():
         return Judged(work=work)
     try:
@@ -107,18 +107,18 @@ def judge(work: Work, field: FormField, typed: str) -> Judged:
 
 
 def named(problem: Problem, text: Catalogue) -> Problem:
-    """Return the problem with its field as the form calls it."""
+    """Return the problem with its field named as in the form."""
     return replace(problem, key=text(f"setup.{problem.key}")) if problem.key in _NAMED else problem
 
 
 def provenance(job: Job, text: Catalogue) -> str:
-    """Return where the values of a job come from: its source, or the job that it was copied from."""
+    """Return the source of a job's values: its source, or the job that it was copied from."""
     copied = text("jobs_page.copied_from", name=job.copied_from) if job.copied_from else ""
     return "; ".join(filter(None, (copied, job.source)))
 
 
 def name_problem(name: str, taken: frozenset[str]) -> Problem | None:
-    """Return why a job cannot be saved under this name; the limit of a taken one is a name that is free."""
+    """Return why a job cannot be saved under this name; for a taken one the limit is a free name."""
     limit = f"<= {FILE_NAME_CAP_CHARACTERS}"
     bad = (
         not name.isprintable()
@@ -141,7 +141,7 @@ def name_problem(name: str, taken: frozenset[str]) -> Problem | None:
 
 
 def free_name(name: str, taken: frozenset[str]) -> str:
-    """Return the name with the lowest number behind it that makes it free."""
+    """Return the name with the lowest number after it that makes it free."""
     place = 2
     while (free := f"{name[: FILE_NAME_CAP_CHARACTERS - 5]}-{place}") in taken:
         place += 1

@@ -1,4 +1,4 @@
-"""The page Inspect: release the part, measure it, and compare it with the part before compensation."""
+"""Page Inspect: release the part, measure it, and compare it with the part before compensation."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem, ProblemError
 
 ROWS_FOR_PLOTS = 16
-"""Rows of the page below which the table takes the room of the plot."""
+"""Rows of the page below which the table replaces the plot."""
 
 _ROOMY_ROWS, _TALL_ROWS = 22, 36
 _BORDER_ROWS = 2
 _JAW_1 = "1"
 
 WORSE = ("learned.diverges", "learned.wave_diverges")
-"""Reasons to go back."""
+"""Reasons to revert."""
 
 MADE_WORSE = "learned.worse"
-"""A reason to look at the set-up: going back would not help."""
+"""A reason to check the set-up: reverting would not help."""
 
 ELSEWHERE = "learned.lobe_elsewhere"
-"""A reason to look at the set-up before anything is kept."""
+"""A reason to check the set-up before anything is kept."""
 
 
 class InspectPage(Page):
@@ -112,19 +112,19 @@ class InspectPage(Page):
             self._paint()
 
     def fit(self) -> None:
-        """Plots where there is room for them."""
+        """Show plots where there is room for them."""
         height = self.size.height
         self.set_class(height < ROWS_FOR_PLOTS, "-bare")
         self.set_class(height >= _ROOMY_ROWS, "-roomy")
         self.set_class(height >= _TALL_ROWS, "-tall")
 
     def on_resize(self, event: Resize) -> None:
-        """Make the best of the new size."""
+        """Adapt to the new size."""
         self.fit()
         self.call_after_refresh(self._paint)
 
     def act(self, action: str) -> None:
-        """Measure the part, keep what it teaches or go back, or go on to the next one."""
+        """Measure the part, keep its learning step or revert, or continue with the next one."""
         if action == "inspect.measure":
             self._measure()
         elif action == "inspect.accept":
@@ -139,7 +139,7 @@ class InspectPage(Page):
         return line((self.desk.text(f"inspect_page.{_next_word(view)}"), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
-        """Return what is wrong with the last part, and what it teaches or why nothing; or what to do for one."""
+        """Return what is wrong with the last part, and its learning step or why none; or how to get a part."""
         text, part = self.desk.text, view.state.measured
         if part is None:
             return self._message_lines(view.state, width)
@@ -148,7 +148,7 @@ class InspectPage(Page):
         return [*wrong_lines(part, text, width), *taught]
 
     def _learned(self, key: Callable[[UiContext], None]) -> None:
-        """Do what a key of the panel Learn does, or say why not."""
+        """Perform the action of a key of the panel Learn, or show why not."""
         try:
             key(self.desk)
         except ProblemError as error:
@@ -191,7 +191,7 @@ class InspectPage(Page):
         self._learn.show(rows[: room.height])
         self._learn.border_title = learn_title(part.lesson, text)
         self._learn.border_subtitle = text("panel.more") if len(rows) > room.height else ""
-        # Why a part teaches nothing is said in full, at the cost of the plot.
+        # Why nothing is learned from a part is shown in full, at the cost of the plot.
         reasons = len(reason_lines(part.lesson, text, max(room.width, 1)))
         self._learn.styles.min_height = min(reasons + _BORDER_ROWS, max(self.size.height // 2, 1))
 
@@ -221,12 +221,12 @@ class InspectPage(Page):
 
     @property
     def _sizes(self) -> tuple[Size, ...]:
-        """The rooms of the texts; a class that was set changes them some time after the resize."""
+        """Return the sizes of the texts; a new class changes them some time after the resize."""
         sheets = (self._caption, self._result, self._harmonics, self._learn, self._message)
         return tuple(sheet.size for sheet in sheets)
 
     def _see(self, target: Horizontal | Sheet, *, learning: bool) -> None:
-        """Show the numbers, with what they teach, or the message; each needs a layout before it knows its size."""
+        """Show the numbers with their learning step, or the message; each needs a layout before it has a size."""
         if target.display and self._learn.display is learning:
             return
         for each in (self._charts, self._message):
@@ -249,12 +249,12 @@ class InspectPage(Page):
 
 
 def _where(state: StationState) -> str:
-    """Return the ending of words of what is measured here, or elsewhere: only a simulated machine has a gauge."""
+    """Return the suffix for texts about measuring here, or elsewhere: only a simulated machine has a gauge."""
     return "" if state.simulated else "_outside"
 
 
 def _next_word(view: View) -> str:
-    """Return the word of what comes next: air, half, whole; learning; the next part."""
+    """Return the word for what comes next: air, half, whole; learning; the next part."""
     state, part = view.state, view.state.measured
     if state.activity is Activity.MEASURING:
         return "next_wait"
@@ -276,7 +276,7 @@ def _next_word(view: View) -> str:
     taught = None if lesson is None or not teaches else lesson.taught
     if taught is not None and any(warning.code == ELSEWHERE for warning in taught.warnings):
         return "next_check_jaw"
-    # What clamping scatters anyway is no reason to stay, for a part that passes.
+    # Clamping scatter alone is no reason to stay, for a part that passes.
     stands_out = taught is not None and not in_scatter(taught)
     if part.is_half:
         return "next_half_learn" if stands_out else "next_half"
@@ -288,12 +288,12 @@ def _next_word(view: View) -> str:
 
 
 def _fails(part: MeasuredPart) -> bool:
-    """Whether a part is less round than its job asks; half a part is not judged."""
+    """Whether a part is out of its job's tolerance; one with half its compensation is not judged."""
     return not part.is_half and part.result.ront_um > part.job.roundness_tolerance_um
 
 
 def _news(state: StationState) -> tuple[object, ...]:
-    """What of a state this page shows; a part is never changed, so it is known by being the same one."""
+    """Return what this page shows of a state; parts are immutable and compared by identity."""
     return id(state.measured), id(state.uncompensated), state.cut_done, state.simulated, state.marks_mm
 
 

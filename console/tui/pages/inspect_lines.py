@@ -1,4 +1,4 @@
-"""What the page Inspect shows: the part before and after compensation, compared and in words."""
+"""Text of the page Inspect: the part before and after compensation, compared and in words."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from profiles.roundness import RoundnessResult, centred_profile
 FloatArray = NDArray[np.float64]
 
 FRONT_MULTIPLES = 3
-"""Multiples of the number of jaws that stand in front of the other harmonics."""
+"""Multiples of the number of jaws that are listed before the other harmonics."""
 
 LEAST_PHASED_UM_PP = 0.1
-"""A lobe that is smaller has no direction worth telling."""
+"""Amplitude below which the phase of a lobe is not shown."""
 
 _COLUMN = 9
 _TURN_DEG = np.arange(360.0)
@@ -32,9 +32,9 @@ _TURN_DEG = np.arange(360.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Side:
-    """One of the two parts that are compared: its profile, um from its circle, at angles with jaw 1 of the page.
+    """One of the two compared parts: its profile, um from its circle, at angles with jaw 1 of the page.
 
-    `result` is None for the lobe that the job states: nothing was measured then.
+    `result` is None for the lobe that the job states, which was not measured.
     """
 
     angle_deg: FloatArray
@@ -54,14 +54,14 @@ class Comparison:
 
     @property
     def improvement_percent(self) -> float | None:
-        """How much of the roundness error is gone, None without two parts."""
+        """Reduction of the roundness error, percent, None without two parts."""
         if self.after is None or self.before.ront_um == 0.0:
             return None
         return 100.0 * (self.before.ront_um - self.after.ront_um) / self.before.ront_um
 
     @property
     def passes(self) -> bool:
-        """Whether the last part is as round as its job asks."""
+        """Whether the last part is within its job's roundness tolerance."""
         return self.part.result.ront_um <= self.part.job.roundness_tolerance_um
 
 
@@ -78,14 +78,14 @@ def compared(state: StationState) -> Comparison | None:
 
 
 def named(result: RoundnessResult, text: Catalogue) -> str:
-    """Return the state, circle and filter that all figures of a result belong to."""
+    """Return the state, circle and filter that apply to all figures of a result."""
     upr = result.filter_upr
     filtered = text("inspect_page.filtered", upr=f"{upr:g}") if upr else text("inspect_page.unfiltered")
     return " · ".join((text(f"state.{result.state}"), result.reference_circle, filtered))
 
 
 def caption_lines(seen: Comparison, um_per_division: float, text: Catalogue, width: int) -> list[Line]:
-    """Return what the traces are, their scale, and where jaw 1 is."""
+    """Return the legend of the traces, their scale, and where jaw 1 is."""
     before, after = seen.before, seen.after
     what = text("inspect_page.measured_before") if before.result else text("inspect_page.stated")
     lines = [_trace_words((BEFORE_KEY, Token.BEFORE), what, before.ront_um, width)]
@@ -99,7 +99,7 @@ def caption_lines(seen: Comparison, um_per_division: float, text: Catalogue, wid
 
 
 def wrong_lines(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
-    """Return what is not as it should be with a measured part: marks of stops, warnings of its evaluation."""
+    """Return the defects of a measured part: marks of stops, warnings of its evaluation."""
     lines = mark_lines(part.marks_mm, text, width)
     for problem in part.result.warnings:
         lines += hanging(("! ", Token.WARNING), text.problem(problem), width, Token.WARNING)
@@ -107,9 +107,9 @@ def wrong_lines(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
 
 
 def result_lines(seen: Comparison, simulated: bool, text: Catalogue, width: int, height: int) -> list[Line]:
-    """Return the table of both parts, what was gained, and the verdict on the last one.
+    """Return the table of both parts, the improvement, and the verdict on the last one.
 
-    In little room a part that is not as it should be loses its lesser figures, not what is wrong with it.
+    In little room a defective part loses its lesser figures, not its defects.
     """
     before, after = seen.before, seen.after.result if seen.after else None
     head = [_heading(text, width)]
@@ -132,7 +132,7 @@ def result_lines(seen: Comparison, simulated: bool, text: Catalogue, width: int,
 
 
 def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -> list[Line]:
-    """Return the harmonics of both parts, those of the jaws first, and where the lobe stands from jaw 1."""
+    """Return the harmonics of both parts, those of the jaws first, and the phase of the lobe from jaw 1."""
     jaws, result = seen.part.job.jaws, seen.part.result
     known = [harmonic.n for harmonic in result.harmonics]
     front = [jaws * multiple for multiple in range(1, FRONT_MULTIPLES + 1) if jaws * multiple in known]
@@ -148,7 +148,7 @@ def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -
 
 
 def phase_from_jaw_deg(side: Side, n: int) -> float | None:
-    """Return the angle from jaw 1 to the nearest crest of harmonic `n`, signed; None where it says nothing."""
+    """Return the phase of harmonic `n` from jaw 1, signed; None where it is not meaningful."""
     if side.result is None:
         return None
     found = next((harmonic for harmonic in side.result.harmonics if harmonic.n == n), None)
@@ -158,7 +158,7 @@ def phase_from_jaw_deg(side: Side, n: int) -> float | None:
 
 
 def mark_lines(marks_mm: Sequence[float], text: Catalogue, width: int) -> list[Line]:
-    """Return where stops left the tool in the part while it turned, mm behind its face; nothing where none did."""
+    """Return where stops left the tool in the turning part, mm behind its face; nothing without any."""
     if not marks_mm:
         return []
     places = ", ".join(f"{mark_mm:.1f}" for mark_mm in marks_mm)
@@ -166,7 +166,7 @@ def mark_lines(marks_mm: Sequence[float], text: Catalogue, width: int) -> list[L
 
 
 def _measured(part: MeasuredPart, jaw_1_deg: float) -> Side:
-    """A part as it was measured, turned so that its jaw 1 is at an angle; unequal angles stay unfiltered."""
+    """Return a measured part, turned so that its jaw 1 is at an angle; unequal angles stay unfiltered."""
     trace, result = part.trace, part.result
     return Side(
         angle_deg=trace.angle_deg + (jaw_1_deg - part.jaw_1_deg),
@@ -190,7 +190,7 @@ def _stated(part: MeasuredPart) -> Side:
 
 
 def _same_part(one: Job, other: Job) -> bool:
-    """Whether two cuts are of the same job; where jaw 1 was found is no part of it."""
+    """Whether two cuts are of the same job, apart from the angle of jaw 1."""
     return replace(one, lobe_phase_deg=0.0) == replace(other, lobe_phase_deg=0.0)
 
 
@@ -207,7 +207,7 @@ def _heading(text: Catalogue, width: int) -> Line:
 
 
 def _columns(name: str, before: str, after: str, width: int, token: Token) -> Line:
-    """One row of a table: a name, and two values in columns of cells."""
+    """Return one row of a table: a name, and two values in columns of cells."""
     values = "".join(text for value in (before, after) for text, _ in ranged(BLANK, line(value), _COLUMN))
     return ranged(line(dim(name)), line((values, token)), width)
 

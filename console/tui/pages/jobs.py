@@ -1,4 +1,4 @@
-"""The page Jobs: pick a saved job. It is the first page, and is painted before anything heavy is loaded."""
+"""Page Jobs: pick a saved job. It is the first page, and is painted before anything heavy is loaded."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 
 
 class JobsPage(Page):
-    """The saved jobs, and what is known of the selected one."""
+    """The saved jobs, and details of the selected one."""
 
     name_ = PageName.JOBS
-    SCOPED_CSS = False  # the classes of the terminal's size stand on the screen
+    SCOPED_CSS = False  # the size classes are set on the screen
 
     DEFAULT_CSS = """
     JobsPage {
@@ -52,7 +52,7 @@ class JobsPage(Page):
         self._shown: object = None
 
     def compose(self) -> ComposeResult:
-        """Put the table to the left and the summary to the right."""
+        """Return the table on the left and the summary on the right."""
         yield self._table
         yield self._summary
 
@@ -64,7 +64,7 @@ class JobsPage(Page):
         self._paint()
 
     def leave(self) -> None:
-        """Files may have changed by the next time."""
+        """Discard the list: files may have changed by the next time."""
         self._fresh, self._warned = False, None
 
     def act(self, action: str) -> None:
@@ -89,7 +89,7 @@ class JobsPage(Page):
         return summary_lines(self._jobs, self.desk.text, width, edited=False)
 
     def _read(self) -> None:
-        """List the files again; the selection stays on its job, at first it is that in hand."""
+        """List the files again; the selection stays on its job, at first the open one."""
         before = self._jobs.entry
         target = before.path if before else self.desk.work.loaded.path if self.desk.work else None
         self._entries = list_jobs(jobs_folder(self.desk.data))
@@ -102,7 +102,7 @@ class JobsPage(Page):
         self._shown = None
 
     def _load(self, entry: LibraryEntry) -> Loaded:
-        """Read a job once; a long list is read as far as it is seen."""
+        """Read a job once; of a long list, only the visible part is read."""
         if entry.name not in self._loaded:
             try:
                 self._loaded[entry.name] = load_job(str(entry.path))
@@ -121,7 +121,7 @@ class JobsPage(Page):
                 self.desk.said = tuple(error.problems)
 
     def _take(self, loaded: LoadedJob) -> None:
-        """Take a job in hand. The one that is there keeps its edits; another's are given up at a second Enter."""
+        """Open a job. The open one keeps its edits; another's are discarded after a second Enter."""
         work = self.desk.work
         kept = work is not None and work.loaded.path == loaded.path
         if work is not None and work.edited and not kept and not self._was_warned(loaded, work):
@@ -134,8 +134,8 @@ class JobsPage(Page):
         self.desk.go(PageName.SETUP)
 
     def _opened(self, loaded: LoadedJob) -> Work:
-        """Return the work on a job, with what was learned of it and accepted, in whatever session."""
-        # Numerics, which the first page does without.
+        """Return the work on a job, with its newest accepted version, from any session."""
+        # Loads numerics, which the first page does without.
         from console.session.cut.compensated import with_accepted
 
         fresh = opened(loaded, self.desk.machine)
@@ -176,7 +176,7 @@ class JobsPage(Page):
         self._summary.show(clipped(rows, size.height, text("panel.more")) if unusable else rows)
         self._table.border_title = text("jobs_page.title", count=len(jobs.entries))
         self._table.border_subtitle = hidden_words(jobs, text, self._table.size.height)
-        # Names of jobs may have brackets in them, which are no markup.
+        # Names of jobs may contain brackets, which are no markup.
         self._summary.border_title = Content(name_in(printable(entry.name), size.width - 4) if entry else "")
 
     def _next_words(self, state: StationState) -> str:

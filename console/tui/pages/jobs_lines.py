@@ -1,4 +1,4 @@
-"""What the page Jobs shows, as lines: the table of the saved jobs, and a summary of one of them."""
+"""Text of the page Jobs: the table of the saved jobs, and a summary of one of them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _SUMMARY_WIDTH = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobList:
-    """The saved jobs, the place of the selected one, and how each is read: only what is seen is."""
+    """The saved jobs, the index of the selected one, and how to read each: only visible ones are read."""
 
     entries: Sequence[LibraryEntry]
     selected: int
@@ -57,14 +57,14 @@ def table_lines(jobs: JobList, text: Catalogue, width: int, height: int) -> list
 
 
 def visible(jobs: JobList, height: int) -> range:
-    """Return the places of the jobs that are seen in a table of this height, header included."""
+    """Return the indexes of the jobs visible in a table of this height, header included."""
     room = max(height - 1, 1)
     first = min(max(jobs.selected - room // 2, 0), max(len(jobs.entries) - room, 0))
     return range(first, min(first + room, len(jobs.entries)))
 
 
 def hidden_words(jobs: JobList, text: Catalogue, height: int) -> str:
-    """Return how many jobs are above and below what is seen, "" when none are."""
+    """Return how many jobs are above and below the visible ones, "" for none."""
     seen = visible(jobs, height)
     below = len(jobs.entries) - seen.stop
     words = []
@@ -76,7 +76,7 @@ def hidden_words(jobs: JobList, text: Catalogue, height: int) -> str:
 
 
 def summary_lines(jobs: JobList, text: Catalogue, width: int, *, edited: bool) -> list[Line]:
-    """Return what is known of the selected job, the most important first."""
+    """Return the details of the selected job, the most important first."""
     entry = jobs.entry
     if entry is None:
         return []
@@ -96,7 +96,7 @@ def summary_lines(jobs: JobList, text: Catalogue, width: int, *, edited: bool) -
 
 
 def _columns(width: int, text: Catalogue) -> list[tuple[str, int]]:
-    """Return heading and cells of the columns behind the name; wide tables have more of them."""
+    """Return heading and cells of the columns after the name; wide tables have more of them."""
     columns = [(text("jobs_page.material"), 6), (text("jobs_page.diameter"), 7), (text("jobs_page.last"), 8)]
     if width >= 62:
         columns[2:2] = [(text("jobs_page.speed"), 8), (text("jobs_page.error"), 9)]
@@ -123,7 +123,7 @@ def _row(jobs: JobList, place: int, cells: Sequence[int], name_width: int, text:
 
 
 def _reasons(entry: LibraryEntry, problems: Sequence[Problem], text: Catalogue, width: int) -> list[Line]:
-    """The file is named once, and every reason says what would help."""
+    """Return the reasons, each with its fix; the file is named once."""
     lines = [line(("✗ " + text("jobs_page.unreadable"), Token.WARNING))]
     lines += wrapped(printable(str(entry.path)), width, Token.DIM)
     for problem in problems:
@@ -168,7 +168,7 @@ def _last_lines(last: LastResult | None, simulated: bool, text: Catalogue, width
 
 
 def _marked(job: Job, key: str, value: str, text: Catalogue) -> str:
-    """The mark of an assumed value stands before it, so that the numbers stay in their column."""
+    """Return a value with its mark of assumption in front, so that the numbers stay aligned."""
     return f"{text('jobs_page.assumed')} {value}" if key in job.assumed else value
 
 
@@ -177,6 +177,6 @@ def _fact(label: str, value: str, width: int) -> Line:
 
 
 def _right(text: str, cells: int) -> str:
-    """Set a text to the right of a column, with a blank before it."""
+    """Right-align a text in a column, with a blank before it."""
     kept = text if cell_len(text) < cells else fitted(text, cells - 1)
     return " " * max(cells - cell_len(kept), 0) + kept

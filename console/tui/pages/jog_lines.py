@@ -1,4 +1,4 @@
-"""What the jog panel of the page Align says: the ladder of steps, the directions, the run-on, what can be seen."""
+"""Text of the jog panel of the page Align: step ladder, directions, stopping distance, visible state."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from profiles.machine import MachineProfile
 _RUNG_WIDTH = 7
 
 _SEEN_TO_DEG = 0.01
-"""What is seen of jaw 1 is rounded to this."""
+"""Rounding of the visible angle of jaw 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JogView:
-    """What the panel is made from. `left_s` is None while jogging is not enabled.
+    """Input of the panel. `left_s` is None while jogging is not enabled.
 
     + and - change the step of `axis`. `made` is how many steps the last presses have made.
     """
@@ -41,7 +41,7 @@ class JogView:
 
 
 def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Line]:
-    """Return the jog panel; in little room the picture of the directions goes first, then the overrun."""
+    """Return the jog panel; in little room the picture goes first, then the stopping distance."""
     must = [_enable_line(text, jog, width), *_ladder(text, jog)]
     seen = seen_lines(text, jog, width)
     picture, stopping_distance = _directions(text, jog), [_overrun_line(text, jog)]
@@ -77,10 +77,10 @@ def _ladder(text: Catalogue, jog: JogView) -> list[Line]:
 
 
 def _rungs(steps: Sequence[str], chosen: int, unit: str, *, changes: bool) -> Line:
-    """Return one ladder; a mark in front of that which + and - change."""
+    """Return one ladder; a mark precedes the one that + and - change."""
     pieces: list[Piece] = [("▸" if changes else " ", Token.KEY)]
     for rung, step in enumerate(steps):
-        width = _RUNG_WIDTH - (1 if rung == 0 else 0)  # the mark has the first cell
+        width = _RUNG_WIDTH - (1 if rung == 0 else 0)  # the mark takes the first cell
         if rung == chosen:
             pieces.append((to_the_right(f"[{step}]", width + 1), Token.STRONG))
         else:
@@ -117,14 +117,14 @@ def _overrun_line(text: Catalogue, jog: JogView) -> Line:
 
 
 def _rounded_up(value: float, decimals: int) -> str:
-    """Write a bound so that it stays one."""
+    """Format an upper bound, rounded up."""
     if not math.isfinite(value):
         return "∞"
     return f"{math.ceil(value * 10**decimals - 1e-6) / 10**decimals:.{decimals}f}"
 
 
 def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:
-    """Return what the simulated lathe looks like; at a real one, what to find it out with."""
+    """Return what is visible on the simulated lathe; on a real one, how to find it out."""
     if not jog.simulated:
         return wrapped(text("align_page.real"), width)
     seen = jog.seen
@@ -135,7 +135,7 @@ def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:
 
 
 def jaw_words(text: Catalogue, seen: WorkshopView, machine: MachineProfile) -> str:
-    """Return where jaw 1 stands to the mark. A spindle goes to whole counts: within half a count it is there."""
+    """Return the angle of jaw 1 from the mark; within half a count, the spindle's resolution, it is there."""
     past = seen.jaw_1_past_mark_deg
     if abs(past) < 180.0 / machine.spindle.counts_per_rev + _SEEN_TO_DEG / 2.0:
         return text("align_page.at_mark")
@@ -145,7 +145,7 @@ def jaw_words(text: Catalogue, seen: WorkshopView, machine: MachineProfile) -> s
 
 
 def gap_words(text: Catalogue, seen: WorkshopView) -> str:
-    """Return how far the tool tip is from the part."""
+    """Return the distance of the tool tip from the part."""
     gap = seen.tool_gap_mm
     if gap is None:
         return text("align_page.tool_beside")

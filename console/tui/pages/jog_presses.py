@@ -1,27 +1,27 @@
-"""Presses of a jog key: one step each at rest, none for a key that is held down; what made none is counted."""
+"""Presses of a jog key: one step each at rest, none for a held key; the others are counted."""
 
 from __future__ import annotations
 
 import math
 
 REPEAT_S = 0.12
-"""Presses of one key closer together are a terminal's repeats of a key that is held down."""
+"""Presses of one key closer together are a terminal's repeats of a held key."""
 
 FIRST_REPEAT_S = 0.7
-"""So long after a press a terminal may begin to repeat it, by most settings."""
+"""Longest delay before a terminal repeats a held key, in most settings."""
 
 SURE_S = 0.06
-"""How long after a press that may be such a repeat it is decided: the next one comes some 30 ms behind it."""
+"""Decision time for a press that may be such a repeat: the next one follows some 30 ms after it."""
 
 SERIES_S = 2.0
 """Presses further apart are counted anew."""
 
 
 class JogPresses:
-    """The presses of one jog key. `taken` are steps that were ordered, `missed` came while it moved.
+    """Presses of one jog key. `taken` are steps that were commanded, `missed` came during motion.
 
-    `held`: the key repeats. Times are of any clock that only goes forward. No press is decided later than `SURE_S`
-    behind it: nothing waits for the end of a motion.
+    `held`: the key repeats. Times are of any monotonic clock. No press is decided later than `SURE_S`
+    after it: nothing waits for the end of a motion.
     """
 
     def __init__(self) -> None:
@@ -32,13 +32,13 @@ class JogPresses:
         self._sure_at_s: float | None = None
 
     def forget(self) -> None:
-        """Another key was pressed, or the machine was stopped: nothing waits, and the count begins anew."""
+        """Reset after another key or a stop: nothing waits, and the count begins anew."""
         self.taken = self.missed = 0
         self.held = False
         self._key, self._sure_at_s = None, None
 
     def press(self, key: str, now_s: float, *, at_rest: bool) -> bool:
-        """Take note of a press; return whether it is a step now. That of one which `waits` is told by `due`."""
+        """Note a press; return whether it is a step now. For one that `waits`, `due` decides."""
         gap_s = now_s - self._pressed_s if key == self._key else math.inf
         if gap_s > SERIES_S:
             self.forget()
@@ -69,6 +69,6 @@ class JogPresses:
         return at_rest
 
     def refused(self) -> None:
-        """The step that was taken last was not: the machine was still at something else."""
+        """Withdraw the last step: the machine was still busy."""
         self.taken -= 1
         self.missed += 1

@@ -1,4 +1,4 @@
-"""What a part teaches of the next, for the panel Learn; and how a part is cut, in two words."""
+"""Text of the panel Learn: the learning step of a part; and how a part is cut, in two words."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def learn_title(lesson: PartLearning, text: Catalogue) -> str:
 def learn_lines(
     lesson: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool = False
 ) -> list[Line]:
-    """Return what the part teaches, or why nothing: each wave, gain, convergence, and what the next cut uses.
+    """Return the learning step, or why there is none: each harmonic, gain, convergence, the next cut's choice.
 
-    What is said of clamping scatter goes with what comes next: a part that has `failed` cannot stay as it is.
+    The note on clamping scatter depends on what comes next: a part that has `failed` cannot stay as it is.
     """
     lines = reason_lines(lesson, text, width)
     taught = lesson.taught
@@ -47,14 +47,14 @@ def learn_lines(
 
 
 def reason_lines(lesson: PartLearning, text: Catalogue, width: int) -> list[Line]:
-    """Return why the part teaches nothing, and what helps."""
+    """Return why nothing is learned from the part, and what helps."""
     return [
         row for problem in lesson.reasons for row in hanging(_MARK, text.problem(problem), width, Token.WARNING)
     ]
 
 
 def is_kept(lesson: PartLearning | None, work: Work | None) -> bool:
-    """Whether the next cut uses what this part teaches."""
+    """Whether the next cut uses this part's learning step."""
     used = None if work is None else work.compensation
     if lesson is None or lesson.taught is None or used is None:
         return False
@@ -62,20 +62,20 @@ def is_kept(lesson: PartLearning | None, work: Work | None) -> bool:
 
 
 def in_scatter(taught: Taught) -> bool:
-    """Whether the lobe that is wrong is smaller than what clamping and gauge scatter."""
+    """Whether the remaining lobe is within the scatter of clamping and gauge."""
     lobe = taught.lesson.next.path.target.lobes
     wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.waves if each.waves == lobe]
     return max(wrong, default=0.0) < taught.lesson.expected_half_width_um_pp
 
 
 def made_words(text: Catalogue, compensation: str | None, stage: str) -> str:
-    """Return compensation and stage; `compensation` is the version that was learned, None the model."""
+    """Return compensation and stage; `compensation` is the learned version, None the model."""
     what = text("made.model") if compensation is None else text("made.learned", version=compensation)
     return f"{what}, {text(f'made.{stage}')}"
 
 
 def chosen_words(text: Catalogue, work: Work) -> str:
-    """Return what is chosen for the job in hand; of a version that is another once more also that."""
+    """Return the choice for the open job; for a version that repeats another one also that."""
     learned = work.compensation
     if learned is None or learned.reverts is None:
         return made_words(text, None if learned is None else str(learned.version), work.stage)
@@ -96,7 +96,7 @@ def _half_words(taught: Taught, text: Catalogue) -> str:
 
 
 def _wave_words(taught: Taught, text: Catalogue) -> str:
-    if taught.lesson.reasons:  # nothing is promised of a next part that will not be cut with it
+    if taught.lesson.reasons:  # no promise for a next part that will not be cut with it
         left = " · ".join(f"{each.waves}/rev {each.left_um_pp:.2f}" for each in taught.waves)
         return text("inspect_page.left", waves=left)
     lobe = taught.lesson.next.path.target.lobes

@@ -1,6 +1,6 @@
-"""What the keys about learning do: keep a part or go back, and choose what the next cut is made with.
+"""Actions of the learning keys: keep a part's step or revert, and choose the compensation of the next cut.
 
-They write files alone; nothing moves by them.
+They only write files; nothing moves.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from profiles.problem import Problem
 
 
 def accept_lesson(desk: UiContext) -> None:
-    """Keep what the measured part teaches; the next cut of its job uses it.
+    """Keep the learning step of the measured part; the next cut of its job uses it.
 
     Raises:
-        SessionError: `learned.no_part`, nothing was measured; `learned.other_job`, another job is in hand;
+        SessionError: `learned.no_part`, nothing was measured; `learned.other_job`, another job is open;
             `learned.edited_now`; those of `accept`.
         ProfileError: as `accept`. Nothing was changed.
     """
@@ -36,10 +36,10 @@ def accept_lesson(desk: UiContext) -> None:
 
 
 def revert_version(desk: UiContext) -> None:
-    """Keep the version before the one in use once more, and use it.
+    """Keep the version before the one in use again, and use it.
 
     Raises:
-        SessionError: `learned.edited_now`; `screen.nothing_to_cut`, no job is in hand; those of `revert`.
+        SessionError: `learned.edited_now`; `screen.nothing_to_cut`, no job is open; those of `revert`.
         ProfileError: as `revert`. Nothing was changed.
     """
     work, simulated = desk.work, desk.control.state.simulated
@@ -51,7 +51,7 @@ def revert_version(desk: UiContext) -> None:
 
 
 def _work_on(desk: UiContext, job: str, holds_for: HoldsFor) -> Work:
-    """Return the work in hand, if it is that of the part, as it is filed."""
+    """Return the current work, if it is that of the part, as it is filed."""
     work = desk.work
     if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
         raise SessionError(Problem(code="learned.other_job", key=job))
@@ -65,11 +65,11 @@ def _refuse_edited(work: Work) -> None:
 
 
 def step_compensation(desk: UiContext) -> None:
-    """Take the newest version for the job in hand, or the model again where that one is in use; say what is odd.
+    """Toggle the open job between the newest version and the model; report anything unusual.
 
     Raises:
         SessionError: `learned.edited_now`, no version is for an edited job; `learned.none_yet`; those of `chosen`.
-        ProfileError: versions that cannot be read. What was chosen stays.
+        ProfileError: versions that cannot be read. The choice stays.
     """
     work = desk.work
     if work is None:
@@ -91,7 +91,7 @@ def step_compensation(desk: UiContext) -> None:
 
 
 def step_stage(desk: UiContext) -> None:
-    """Take the next stage: whole, air, half; what it cannot be cut with is said."""
+    """Select the next stage: whole, air, half; report a conflict with the other choices."""
     work = desk.work
     if work is None:
         return
@@ -100,6 +100,6 @@ def step_stage(desk: UiContext) -> None:
 
 
 def say_what_does_not_hold(desk: UiContext) -> None:
-    """Say why the job in hand may not be cut with what is chosen, if so."""
+    """Report why the open job may not be cut with the present choices, if so."""
     if desk.work is not None:
         desk.said = chosen_problems(desk.work, simulated=desk.control.state.simulated)

@@ -1,4 +1,4 @@
-"""The page Preview: what a job will do on the machine, before anything is sent to it."""
+"""Page Preview: what a job will do on the machine, before anything is sent to it."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ _JAW_1 = "1"
 def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
     """Return the predicted roundness without compensation and, on top, with this strategy.
 
-    Each is that of its program; until that is there, of its closed form, if there is one. Where a part has taught
-    the path, it is the lobe that this lets expect.
+    Each is from its program; until that exists, from its closed form, if there is one. Where the path was learned
+    from a part, it is the lobe expected from that part.
     """
     traces = []
     for which, token in ((UNCOMPENSATED, Token.BEFORE), (strategy, Token.AFTER)):
@@ -78,7 +78,7 @@ def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
 
 
 def path_series(seen: Underway, strategy: Strategy) -> list[Series]:
-    """Return the path that is wanted of the tool tip, and the command of this strategy, um of infeed."""
+    """Return the target path of the tool tip, and the command of this strategy, um of infeed."""
     series = [Series(x=_TURN_DEG, y=seen.target.at_um(_TURN_DEG), token=Token.WANTED)]
     made = foreseen(seen, strategy)
     if made is not None:
@@ -87,7 +87,7 @@ def path_series(seen: Underway, strategy: Strategy) -> list[Series]:
 
 
 def known_of(work: Work | None) -> Underway | None:
-    """Return what is known of the job by now."""
+    """Return what is known of the job so far."""
     return None if work is None else work.preview or work.outlook
 
 
@@ -152,7 +152,7 @@ class PreviewPage(Page):
         yield self._message
 
     def show(self, view: View) -> None:
-        """Show the preview of the job in hand."""
+        """Show the preview of the open job."""
         before, self._view = self._view, view
         old = None if before is None else (before.work, before.state.alignment)
         same = old is not None and old[0] is view.work and old[1] is view.state.alignment
@@ -160,19 +160,19 @@ class PreviewPage(Page):
             self._paint()
 
     def fit(self) -> None:
-        """Plots where there is room for them."""
+        """Show plots where there is room for them."""
         height = self.size.height
         self.set_class(height < ROWS_FOR_PLOTS, "-bare")
         self.set_class(_ROOMY_ROWS <= height < _TALL_ROWS, "-roomy")
         self.set_class(height >= _TALL_ROWS, "-tall")
 
     def on_resize(self, event: Resize) -> None:
-        """Make the best of the new size."""
+        """Adapt to the new size."""
         self.fit()
         self.call_after_refresh(self._paint)
 
     def act(self, action: str) -> None:
-        """Step to the next strategy, compensation or stage, open or close the program, move in it."""
+        """Select the next strategy, compensation or stage, open or close the program, scroll in it."""
         if action in _CHOICES:
             self._choose(_CHOICES[action])
         elif action == "preview.program":
@@ -182,7 +182,7 @@ class PreviewPage(Page):
             self._program.scroll_pages(_SCROLL_PAGES if action == "preview.down" else -_SCROLL_PAGES)
 
     def _choose(self, step: Callable[[UiContext], None]) -> None:
-        """Step through what can be chosen, or say why not."""
+        """Step through the choices, or show why not."""
         try:
             step(self.desk)
         except ProblemError as error:
@@ -211,7 +211,7 @@ class PreviewPage(Page):
         return line((words, Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
-        """Return why the compensation that is chosen does not hold, and what is found against the job."""
+        """Return why the chosen compensation does not apply, and the findings against the job."""
         text, work = self.desk.text, view.work
         if work is None:
             return []
@@ -223,11 +223,11 @@ class PreviewPage(Page):
         return [*against, *finding_lines(aside, text, width), *found]
 
     def _not_for_it(self, work: Work, state: StationState) -> bool:
-        """Whether the job may not be cut with the compensation and the stage that are chosen."""
+        """Whether the job may not be cut with the chosen compensation and stage."""
         return bool(chosen_problems(work, simulated=state.simulated))
 
     def leave(self) -> None:
-        """The charts are there again when the operator comes back."""
+        """Show the charts again for when the operator comes back."""
         if self._reading:
             self._reading = False
             self._paint()
@@ -255,13 +255,13 @@ class PreviewPage(Page):
             self._strategy.border_subtitle = self._chosen_words(work, view.state)
 
     def _chosen_words(self, work: Work, state: StationState) -> str:
-        """Return what the part is cut with, and whether that would be refused, or a version is set aside."""
+        """Return the compensation of the part, and whether it would be refused, or a version is set aside."""
         key = "made_not" if self._not_for_it(work, state) else "made_aside" if work.set_aside else "made"
         return self.desk.text(f"preview_page.{key}", made=chosen_words(self.desk.text, work))
 
     @property
     def _sizes(self) -> tuple[Size, ...]:
-        """The rooms of the texts; a class that was set changes them some time after the resize."""
+        """Return the sizes of the texts; a new class changes them some time after the resize."""
         return tuple(sheet.size for sheet in (self._caption, self._strategy, self._margins, self._message))
 
     def _see(self, target: Horizontal | Sheet) -> None:
@@ -302,7 +302,7 @@ class PreviewPage(Page):
 
 
 def _step_strategy(desk: UiContext) -> None:
-    """Take the next strategy. What was learned with another one stays chosen, and does not hold; that is said."""
+    """Select the next strategy. A version learned with another one stays chosen, and does not apply; report it."""
     work = desk.work
     if work is not None:
         names = [each.value for each in Strategy]
@@ -318,7 +318,7 @@ _CHOICES: dict[str, Callable[[UiContext], None]] = {
 
 
 def _band(work: Work, seen: Underway, strategy: Strategy) -> Band | None:
-    """Return the band of what is left; there is none of what was learned, of which the model knows nothing."""
+    """Return the band of the remaining error; a learned path has none, because the model knows nothing of it."""
     learned = work.compensation is not None and not work.compensation.is_model
     if learned or work.stage == Stage.AIR:
         return None
@@ -326,7 +326,7 @@ def _band(work: Work, seen: Underway, strategy: Strategy) -> Band | None:
 
 
 def _next_words(text: Catalogue, work: Work, seen: Underway) -> str:
-    """Return what this cut is, where that needs a word, and what comes next: the findings, then the alignment."""
+    """Return the kind of cut, where that needs a word, and what comes next: the findings, then the alignment."""
     found, word = findings_of(seen, Strategy(work.strategy)), _next_word(work, seen)
     if word == "next_align":
         return text("preview_page.next_findings" if found else "preview_page.next_align")

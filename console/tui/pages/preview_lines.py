@@ -1,4 +1,4 @@
-"""What the page Preview says beside its plots, as lines: captions, margins, strategies, findings."""
+"""Text of the page Preview beside its plots: captions, margins, strategies, findings."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ MARKS = {
     Severity.OK: ("✓", Token.OK),
 }
 BEFORE_KEY, AFTER_KEY = "- -", "──"
-"""How a broken and a solid trace are written in a caption."""
+"""Legend symbols of a broken and a solid trace."""
 
 UNKNOWN = "…"
-"""What stands in the place of a figure until its program says it."""
+"""Placeholder of a figure until its program exists."""
 
 _LONGEST_BAR = 40
 _LEAST_BAR = 4
@@ -39,7 +39,7 @@ _SPACED_ROWS = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margin:
-    """A need against what there is, as it is written: name of its label, decimals, unit; None is not known yet."""
+    """A need against its limit, as formatted: name of its label, decimals, unit; None is not known yet."""
 
     name: str
     need: float | None
@@ -58,25 +58,25 @@ class Margin:
         return None if self.need is None or self.limit is None else 100.0 * self.need / self.limit
 
     def _said(self, value: float | None) -> str:
-        """A value that is not known takes the room of a small one."""
+        """Format a value; an unknown one takes the room of a small one."""
         room = len(f"{0.0:.{self.decimals}f}")
         return f"{UNKNOWN:>{room}}" if value is None else f"{value:.{self.decimals}f}"
 
 
 def foreseen(seen: Underway, strategy: Strategy) -> Prediction | ClosedForm | None:
-    """Return what the program of a strategy will do; until that is there, the closed form, if there is one."""
+    """Return the predicted result of a strategy's program; until that exists, its closed form, if any."""
     if strategy in seen.strategies:
         return seen.predictions.get(strategy)
     return closed_form(seen, strategy)
 
 
 def by_part(seen: Underway, strategy: Strategy) -> ExpectedPart | None:
-    """Return what a measured part says of a cut with this strategy, in place of the model, if one does."""
+    """Return the prediction from a measured part for this strategy, instead of the model, if there is one."""
     return seen.taught if strategy is seen.strategy else None
 
 
 def left_words(seen: Underway, strategy: Strategy) -> str:
-    """Return the roundness that is expected, um: by the part that taught the path, else by the model."""
+    """Return the expected roundness, um: by the part that the path was learned from, else by the model."""
     told, made = by_part(seen, strategy), seen.predictions.get(strategy)
     if told is not None:
         return NOTHING if told.ront_um is None else f"{told.ront_um:.1f}"
@@ -84,7 +84,7 @@ def left_words(seen: Underway, strategy: Strategy) -> str:
 
 
 def findings_of(seen: Underway, strategy: Strategy) -> tuple[Finding, ...]:
-    """Return what does not hold, refusals first: of the job, and of the program of this strategy."""
+    """Return the rules that are not met, refusals first: of the job, and of this strategy's program."""
     plan = seen.strategies.get(strategy)
     of_plan: tuple[Finding, ...] = ()
     if isinstance(plan, ProblemError):
@@ -115,7 +115,7 @@ def problem_lines(problems: Sequence[Problem], text: Catalogue, width: int) -> l
 
 
 def jaw_words(job: Job, alignment: Alignment, text: Catalogue) -> str:
-    """Return where jaw 1 is, and whether that was found or is the assumption of the job's file."""
+    """Return where jaw 1 is, and whether that was found or is assumed in the job's file."""
     at = text("preview_page.jaw", angle=f"{job.jaw_1_deg:.1f}")
     jaw = alignment.jaw
     if jaw is None or jaw.angle_deg != job.jaw_1_deg:
@@ -132,7 +132,7 @@ def roundness_caption(
     width: int,
     band: Band | None = None,
 ) -> list[Line]:
-    """Return what the traces of roundness are, with the `band` of the strategy, and their scale."""
+    """Return the legend of the roundness traces, with the `band` of the strategy, and their scale."""
     without, with_ = seen.predictions.get(UNCOMPENSATED), seen.predictions.get(strategy)
     lines: list[Line] = []
     if without is not None or UNCOMPENSATED not in seen.strategies:
@@ -146,7 +146,7 @@ def roundness_caption(
 
 
 def strategy_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int, height: int) -> list[Line]:
-    """Return what each strategy leaves, what is found against the chosen one, and what it makes of the servo."""
+    """Return each strategy's remaining error, the findings against the chosen one, and its effect on the servo."""
     lines = [_left_on_part(seen, each, strategy, text, width) for each in Strategy]
     findings = findings_of(seen, strategy)
     lines.append(_found(seen.strategies.get(strategy), findings, text, width))
@@ -159,7 +159,7 @@ def strategy_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: i
 
 
 def margins(seen: Underway, strategy: Strategy) -> tuple[Margin, ...]:
-    """Return what the chosen strategy needs of the drive, against what the machine has."""
+    """Return what the chosen strategy needs of the drive, against the machine's limits."""
     tool, needs = seen.machine.tool, _needs(seen, strategy)
     bandwidth_hz = None if seen.eq9_loop is None else seen.eq9_loop.bandwidth_hz
 
@@ -178,11 +178,11 @@ def margins(seen: Underway, strategy: Strategy) -> tuple[Margin, ...]:
 
 
 def _needs(seen: Underway, strategy: Strategy) -> dict[str, float]:
-    """Return the needs by name: of the program if it is there, else of the closed form; none of what has none."""
+    """Return the needs by name: of the program if it exists, else of the closed form; else none."""
     made = foreseen(seen, strategy)
     if made is not None:
         stroke_um, lobe_hz, shares = made.stroke_um, made.lobe_frequency_hz, made.shares
-    elif strategy in seen.strategies:  # there is no program: what the inverse would need may say why
+    elif strategy in seen.strategies:  # there is no program: the needs of the inverse may explain why
         stroke_um, lobe_hz, shares = 2.0 * seen.command.amplitude_um, seen.job.lobe_frequency_hz, seen.shares
     else:
         return {}
@@ -196,9 +196,9 @@ def _needs(seen: Underway, strategy: Strategy) -> dict[str, float]:
 def margin_lines(
     needs: Sequence[Margin], text: Catalogue, width: int, height: int, window: str = ""
 ) -> list[Line]:
-    """Return the margins with bars, spaced where there is room; a narrow panel gives up the bars.
+    """Return the margins with bars, spaced where there is room; a narrow panel omits the bars.
 
-    Behind them stands the `window` of the chucking force, where it is given.
+    After them comes the `window` of the chucking force, where it is given.
     """
     values = max(len(need.value) for need in needs)
     bar = min(width - _MARGIN_LABEL - values - 8, _LONGEST_BAR)
@@ -216,7 +216,7 @@ def _margin(need: Margin, text: Catalogue, width: int, values: int, bar: int) ->
     percent = 0.0 if need.percent is None else need.percent
     over = percent > 100.0
     token = Token.WARNING if over else Token.TEXT
-    most = bar if percent >= 100.0 else bar - 1  # what is left may be small, but it is there
+    most = bar if percent >= 100.0 else bar - 1  # a small remainder must stay visible
     filled = min(round(bar * percent / 100.0), most)
     drawn: Line = (("■" * filled, token), dim("□" * (bar - filled)), dim(" ")) if bar else ()
     share = f"{UNKNOWN:>3}" if need.percent is None else f"{percent:3.0f}"
@@ -240,7 +240,7 @@ def _trace_words(
 
 
 def _left_on_part(seen: Underway, strategy: Strategy, chosen: Strategy, text: Catalogue, width: int) -> Line:
-    """One strategy with what it leaves."""
+    """Return one strategy with its remaining error."""
     mine = strategy is chosen
     left = line(
         ("▸ " if mine else "  ", Token.ACTION),
@@ -254,7 +254,7 @@ def _left_on_part(seen: Underway, strategy: Strategy, chosen: Strategy, text: Ca
 
 
 def _found(plan: CutPlan | ProblemError | None, findings: Sequence[Finding], text: Catalogue, width: int) -> Line:
-    """How many findings there are, and how long the program runs."""
+    """Return how many findings there are, and how long the program runs."""
     if plan is None:
         return ranged(line(dim(f"{UNKNOWN} "), text("preview_page.checking")), line(f" {UNKNOWN} s"), width)
     mark = MARKS[findings[0].severity if findings else Severity.OK]
@@ -264,7 +264,7 @@ def _found(plan: CutPlan | ProblemError | None, findings: Sequence[Finding], tex
 
 
 def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
-    """The servo at the lobe frequency, its inverse, and what the program does besides, unless there is none."""
+    """Return the servo at the lobe frequency, its inverse, and the program's extra motion, if there is one."""
     plan, prediction = seen.strategies.get(strategy), seen.predictions.get(strategy)
     if isinstance(plan, ProblemError):
         return []

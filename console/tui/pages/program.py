@@ -1,4 +1,4 @@
-"""The program that will be sent, line by line, with what the checker found on top; it scrolls."""
+"""Program to be sent, line by line, with the findings of the checker on top; it scrolls."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _COMMENT = ";"
 
 
 def program_lines(text: str, width: int) -> list[Line]:
-    """Return a program with its lines numbered; a long one goes on in the next row, and nothing is left out.
+    """Return a program with numbered lines; a long one continues in the next row, and nothing is left out.
 
-    What stands behind a semicolon is for people: it is dim, because it is not sent.
+    A comment after a semicolon is dim, because it is not sent.
     """
     rows = text.rstrip("\n").split("\n")
     number_width = len(str(len(rows)))

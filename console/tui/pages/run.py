@@ -1,7 +1,7 @@
-"""The page Run: what must hold, arming, the cut as it goes, and how it ended.
+"""Page Run: start conditions, arming, the progress of the cut, and how it ended.
 
 Start needs two acts: F5 arms and shows what is about to happen, F6 starts within some seconds. Enter moves
-nothing. What cannot be done now says why.
+nothing. What cannot be done now shows why.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ from profiles.problem import Problem
 
 FULL_TURN_DEG = (0.0, 360.0)
 WIDEST_FACT = 56
-"""Columns in which a label and its value still read as one."""
+"""Columns in which a label and its value are still read together."""
 
 LEAST_WIDTH = 10
-"""A panel that is narrower has not got its size yet: a text in it would be broken by letters."""
+"""A narrower panel has not got its size yet: a text in it would be broken by letters."""
 
 LEAST_POLAR_ROWS = 24
-"""Rows of the page from which there is room for the polar picture below the other one."""
+"""Rows of the page from which there is room for the polar plot below the other one."""
 
 _KEYS = {action.id: action.shown for action in ACTIONS}
 
 
 class _Across(Horizontal):
-    """Panels beside each other. They cover it, so it has no rows of its own to paint at every tick."""
+    """Panels side by side. They cover it, so it has no rows of its own to paint at every tick."""
 
     BLANK = True
 
@@ -68,7 +68,7 @@ class _Down(Vertical):
 
 
 class RunPage(Page):
-    """Where parts are cut."""
+    """Page on which parts are cut."""
 
     BLANK = True
 
@@ -128,25 +128,25 @@ class RunPage(Page):
         self.set_class(phase is Phase.CUTTING, "-live")
         roomy = self.size.height >= LEAST_POLAR_ROWS
         if roomy != self.has_class("-roomy"):
-            self._drawn = None  # a picture that was hidden has missed what was drawn
+            self._drawn = None  # a hidden plot has missed what was drawn
         self.set_class(roomy, "-roomy")
         panels = (self._progress, self._values) if phase is Phase.CUTTING else (self._left, self._right)
         if self._have_room(panels):
             self._fill(phase, view)
 
     def leave(self) -> None:
-        """Something may be learned elsewhere by the next time."""
+        """Mark the versions for a new check: others may learn meanwhile."""
         self._asked = False
 
     def _ask_for_news(self) -> None:
-        """Look once, when the page is shown after another one, whether a newer version was accepted meanwhile."""
+        """Check once, when the page is shown again, whether a newer version was accepted meanwhile."""
         work, state = self.desk.work, self.desk.control.state
         if not self._asked and work is not None:
             self._asked = True
             self.desk.work = with_news(work, self.desk.data, simulated=state.simulated)
 
     def _have_room(self, panels: tuple[Sheet, ...]) -> bool:
-        """Whether these panels know their size. Where not, they are filled as soon as they were laid out."""
+        """Whether these panels know their size. If not, they are filled as soon as they have a layout."""
         if all(panel.size.width >= LEAST_WIDTH for panel in panels):
             return True
         for panel in panels:
@@ -176,7 +176,7 @@ class RunPage(Page):
                 self._show_before(view)
 
     def act(self, action: str) -> None:
-        """Do what a key asks for, or say why not."""
+        """Perform the action of a key, or show why not."""
         match action:
             case "run.arm":
                 self._arm()
@@ -308,7 +308,7 @@ class RunPage(Page):
 
     def _show_polar(self, cut: CutProgress, jaw: JawAngle | None) -> None:
         angles_deg, errors_um = mean_error_um(cut)
-        # A tool that stands too far in leaves too small a radius.
+        # A tool that is too far in leaves too small a radius.
         trace = PolarTrace(angle_deg=angles_deg, deviation_um=-errors_um, token=Token.AFTER)
         traces = [trace] if cut.judged else []
         self._polar.show(traces, marks=[] if jaw is None else [Mark(angle_deg=jaw.angle_deg, label="1")])
@@ -357,7 +357,7 @@ class RunPage(Page):
                 sheet.border_title = title
 
     def _refuses(self, state: StationState, action: str) -> bool:
-        """Say why the station cannot take an order now, if it cannot."""
+        """Show why the station cannot take a command now, if it cannot."""
         problem = refusal(state, _KEYS[action])
         if problem is not None:
             self.desk.said = (problem,)

@@ -1,4 +1,4 @@
-"""What the page Run says before, after and instead of a cut, as lines of text; `cut_lines` is for the cut.
+"""Text of the page Run before, after and instead of a cut; `cut_lines` is for the cut.
 
 The safety devices that the controller sees are only shown.
 """
@@ -43,7 +43,7 @@ LABEL_WIDTH = 13
 
 
 def checks(state: StationState, work: Work | None, machine: MachineProfile) -> tuple[Interlock, ...]:
-    """Return every interlock of the start, in the order in which they are put right."""
+    """Return every interlock of the start, in the order in which to fix them."""
     snapshot = state.snapshot
     if snapshot is None:
         return (Interlock(name="link", problems=(Problem(code="screen.nothing_known"),)),)
@@ -54,7 +54,7 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
     rest = (Problem(code="screen.in_motion"),) if state.seen_moving else ()
     return (
         Interlock(name="no_stop", problems=stopped),
-        # Drives that are off report none, whatever is the matter.
+        # Disabled drives report none, whatever is wrong.
         Interlock(name="no_fault", problems=faults, waits=not faults and not snapshot.loops_closed),
         *_of_work(state, work, machine),
         Interlock(name="drives_on", problems=drives),
@@ -66,7 +66,7 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
 
 
 def _blank_check(state: StationState) -> Interlock:
-    """Whether the blank is one. What was cut in part may be cut again, by who knows of it."""
+    """Check that the blank is uncut. A partly cut one may be cut again, by somebody who knows of it."""
     marks = ", ".join(f"{mark_mm:.1f}" for mark_mm in state.marks_mm)
     marked = (Problem(code="screen.part_is_marked", value=marks),) if marks else ()
     if state.cut_done:
@@ -80,7 +80,7 @@ def _blank_check(state: StationState) -> Interlock:
 
 
 def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Interlock]:
-    """The conditions of the job: of the one that is armed, else of the one in hand."""
+    """Return the conditions of the job: of the armed one, else of the open one."""
     chosen: tuple[Problem, ...] | None = None
     if state.armed is not None:
         job, strategy = state.armed.job, state.armed.strategy
@@ -101,16 +101,16 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
 
 
 def failing(found: tuple[Interlock, ...]) -> tuple[Problem, ...]:
-    """Return every reason why a cut may not be armed, each once: the drives are part of the alignment, too."""
+    """Return every reason why a cut may not be armed, each once; the drives are part of the alignment, too."""
     return tuple(dict.fromkeys(problem for check in found for problem in check.problems))
 
 
 def check_lines(
     text: Catalogue, found: tuple[Interlock, ...], width: int, height: int | None = None
 ) -> list[Line]:
-    """Return one row for each condition, with the first reason below it where it does not hold.
+    """Return one row for each condition, with the first reason below it where it is not met.
 
-    In little room what does not hold comes first. Without a height it is all of the reasons.
+    In little room unmet conditions come first. Without a height all reasons are included.
     """
     rows: list[Line] = []
     wrong: list[Line] = []
@@ -136,7 +136,7 @@ def check_lines(
 
 
 def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float, width: int) -> list[Line]:
-    """Return what will be cut and what it rests on; when it is armed what was armed, and until when."""
+    """Return what will be cut and its basis; when armed what was armed, and until when."""
     armed = state.armed
     job = work.job if armed is None else armed.job
     strategy = Strategy(work.strategy) if armed is None else armed.strategy
@@ -161,14 +161,14 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
 
 
 def window_words(job: Job, machine: MachineProfile) -> str:
-    """Return the forces that will do for a job, and whether its own is one of them."""
+    """Return the allowed forces of a job, and whether its own is one of them."""
     span = force_span(job, machine)
     least_n, most_n = span.whole_n
     return f"{'✓' if span.stands(job.chucking_force_n) is Stands.INSIDE else '✗'} {least_n} … {most_n} N"
 
 
 def _revision(text: Catalogue, work: Work, armed: Armed | None) -> str:
-    """Which file is meant. What was armed need not be the job in hand, whose file alone is known."""
+    """Return which file is meant. The armed job need not be the open one, whose file alone is known."""
     if armed is not None and armed.job != aligned_job(work.job, armed.alignment):
         return NOTHING
     return f"{work.loaded.sha256[:6]}{text('run_page.edited') if work.edited else ''}"
@@ -207,7 +207,7 @@ def _armed_head(text: Catalogue, armed: Armed, now_s: float, width: int) -> list
 
 
 def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: int) -> list[Line]:
-    """Return what moves when the armed cut is started, in its order. `machine` is the nominal profile."""
+    """Return what moves when the armed cut is started, in order. `machine` is the nominal profile."""
     plan = armed.plan
     words = text(
         "run_page.moves_first",
@@ -220,7 +220,7 @@ def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: i
 
 
 def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
-    """Return the figures of a cut that has ended: they are the controller's, nothing was measured on the part."""
+    """Return the figures of a finished cut: they are the controller's, nothing was measured on the part."""
     word = "held" if cut.stage is CutStage.HELD else "done_in_air" if cut.in_air else "done"
     how = text(f"run_page.{word}")
     rows = [*wrapped(how, width, Token.STRONG), BLANK]
@@ -246,9 +246,9 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
 def after_lines(
     text: Catalogue, state: StationState, work: Work | None, machine: MachineProfile, width: int
 ) -> list[Line]:
-    """Return what comes next after a cut that has ended, where stops have marked the part, and what is missing.
+    """Return what comes next after a finished cut, where stops have marked the part, and what is missing.
 
-    What is missing for another cut of the same blank; one that is cut to its end has none.
+    What is missing applies to another cut of the same blank; one that is cut to its end has none.
     """
     marks = mark_lines(text, state.marks_mm, width) if state.marks_mm else []
     missing = [] if is_over(state) else [check for check in checks(state, work, machine) if check.problems]
@@ -261,7 +261,7 @@ def after_lines(
 
 
 def is_over(state: StationState) -> bool:
-    """Whether the blank in hand is cut to its end, be it measured or not: the next cut needs another one."""
+    """Whether the clamped blank is cut to its end, measured or not: the next cut needs another one."""
     cut = state.cut
     return state.cut_done or (cut is not None and cut.stage is CutStage.DONE and not cut.in_air)
 
@@ -281,9 +281,9 @@ def _fact(text: Catalogue, key: str, value: str, width: int) -> Line:
 
 
 def input_lines(text: Catalogue, snapshot: Snapshot | None, width: int, height: int | None = None) -> list[Line]:
-    """Return the devices, those that are not as they must be first; nothing where there are none.
+    """Return the devices, those in the wrong state first; nothing where there are none.
 
-    Where not all have room, those that are well give way, and then the last.
+    Where not all have room, those in the right state are left out first, and then the last.
     """
     seen = {} if snapshot is None else snapshot.inputs
     bad = [(f"✗ {text(f'run_page.input.{name}')}", Token.WARNING) for name, good in seen.items() if not good]
@@ -293,7 +293,7 @@ def input_lines(text: Catalogue, snapshot: Snapshot | None, width: int, height: 
 
 
 def _in_rows(pieces: list[Piece], width: int) -> list[Line]:
-    """Set pieces beside each other, two cells apart, as many as a row takes."""
+    """Set pieces side by side, two cells apart, as many as fit a row."""
     rows: list[list[Piece]] = []
     room = 0
     for words, token in pieces:

@@ -1,4 +1,4 @@
-"""What the page Run is about, and the word for what comes next."""
+"""Phase of the page Run, and the word for what comes next."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from profiles.machine import MachineProfile
 
 ENDED = (CutStage.DONE, CutStage.HELD)
 LEFT_STAGES = frozenset({CutStage.CUT, CutStage.RETRACT})
-"""Stages in which the tool is in the part, or on its way out; a cut that ended in one of them was left."""
+"""Stages with the tool in the part, or retracting; a cut that ended in one of them was interrupted."""
 
 
 class Phase(Enum):
-    """What the page is about."""
+    """Phases of the page."""
 
     BEFORE = auto()
     CUTTING = auto()
@@ -29,7 +29,7 @@ class Phase(Enum):
 
 
 def phase_of(state: StationState) -> Phase:
-    """Return what the page is about in this state."""
+    """Return the phase of the page in this state."""
     if state.activity is Activity.LOST:
         return Phase.LOST
     if state.stop is not None:
@@ -42,7 +42,7 @@ def phase_of(state: StationState) -> Phase:
 
 
 def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
-    """Return the word of the sentence that says what comes next, and how it is shown."""
+    """Return the word of the sentence for what comes next, and how it is shown."""
     state = view.state
     phase = phase_of(state)
     if phase is Phase.STOPPED:
@@ -64,7 +64,7 @@ def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
 
 
 def in_part(state: StationState, machine: MachineProfile) -> bool | None:
-    """Whether the tool stands in or at the part that is clamped, None where that is not known."""
+    """Whether the tool is in or at the clamped part, None where that is not known."""
     if state.snapshot is None:
         return None
     return tool_in_part(state.snapshot, machine, state.alignment)
@@ -83,17 +83,17 @@ def _missing_word(view: View, machine: MachineProfile) -> str:
 
 
 def _left(state: StationState) -> bool:
-    """Whether a cut was left while the tool was in the part that is clamped, or on its way out."""
+    """Whether a cut was interrupted with the tool in the clamped part, or retracting."""
     return state.cut is not None and state.cut.stage in LEFT_STAGES and state.alignment.clamping is not None
 
 
 def _done_in_air(state: StationState) -> bool:
-    """Whether the cut in air has been done, after which the blank is still there."""
+    """Whether the air cut has been done, after which the blank is still uncut."""
     return state.cut is not None and state.cut.in_air and state.cut.stage is CutStage.DONE
 
 
 def _over_word(state: StationState) -> str:
-    """Return the word of what comes after a cut that has been cut to its end."""
+    """Return the word for what comes after a completed cut."""
     if not state.cut_done:
         return "measured"
     return "measure" if state.simulated else "take_out"

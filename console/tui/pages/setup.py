@@ -1,4 +1,4 @@
-"""The page Set-up: the values of the job, judged as they are typed."""
+"""Page Set-up: the values of the job, checked as they are typed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _TIGHT_BELOW_ROWS = 16
 
 
 class Entering(Enum):
-    """What is being typed."""
+    """Kind of open entry."""
 
     NOTHING = auto()
     VALUE = auto()
@@ -41,10 +41,10 @@ class Entering(Enum):
 
 
 class SetupPage(Page):
-    """A form, and beside it what its values come to."""
+    """A form, and beside it the consequences of its values."""
 
     name_ = PageName.SETUP
-    SCOPED_CSS = False  # the classes of the terminal's size stand on the screen
+    SCOPED_CSS = False  # the size classes are set on the screen
 
     DEFAULT_CSS = """
     SetupPage {
@@ -86,7 +86,7 @@ class SetupPage(Page):
         self._told = warnings_of(desk.machine)
 
     def compose(self) -> ComposeResult:
-        """Put the form to the left and its consequences to the right."""
+        """Return the form on the left and its consequences on the right."""
         yield self._form
         with Vertical(classes="side"):
             yield self._speed
@@ -94,31 +94,31 @@ class SetupPage(Page):
         yield self._entry
 
     def fit(self) -> None:
-        """Leave the findings their room on a low terminal."""
+        """Keep room for the findings on a low terminal."""
         self.set_class(self.size.height < _TIGHT_BELOW_ROWS, "tight")
 
     @property
     def field(self) -> FieldKind:
-        """A number, or free text, while something is typed."""
+        """A number, or free text, while an entry is open."""
         if self._entering is Entering.NOTHING:
             return FieldKind.NONE
         return FieldKind.NUMBER if self._entering is Entering.VALUE and self._field.numeric else FieldKind.TEXT
 
     def show(self, view: View) -> None:
-        """Show the job, with what is being typed."""
+        """Show the job, with the open entry."""
         self._locked = lock(view.state)
         if self._locked is not None and self._entering is not Entering.NOTHING:
             self._drop()
         if self._entering is not Entering.NOTHING and self.screen.focused is not self._entry:
-            # A list that was read in the place of the page has taken it.
+            # A list in place of the page has taken the focus.
             self.screen.set_focus(self._entry, scroll_visible=False)
         self._paint()
 
     def act(self, action: str) -> None:
         """Select, change, undo or save.
 
-        While something is typed the action waits behind the characters that came before it: the entry must have
-        all of them when it ends.
+        During an entry the action waits for the characters that came before it: the entry must have all of them
+        when it ends.
         """
         if self._entering is Entering.NOTHING:
             self._do(action)
@@ -130,7 +130,7 @@ class SetupPage(Page):
         return line((self._next_words(), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
-        """Return why the values are locked or what is typed is refused, then every finding."""
+        """Return why the values are locked or the entry is refused, then every finding."""
         work, text = self.desk.work, self.desk.text
         if work is None:
             return []
@@ -142,13 +142,13 @@ class SetupPage(Page):
         return [*rows, *finding_lines(check(draft(state), self._machine), text, width, told=self._told)]
 
     def leave(self) -> None:
-        """End what is typed: a good value is taken, another one is dropped and said."""
+        """End an open entry: accept a good value, drop another one and report it."""
         if self._entering is Entering.NAME or not self._take():
             self._drop()
         self._paint()
 
     def on_input_changed(self) -> None:
-        """Judge every keystroke."""
+        """Check the entry at every keystroke."""
         self._paint()
 
     # What the keys do ------------------------------------------------------------------------------------------
@@ -169,7 +169,7 @@ class SetupPage(Page):
         self._paint()
 
     def _step(self, by: int) -> None:
-        """Select the field after or before; an open entry goes along, and ends behind the last field."""
+        """Select the next or previous field; an open entry moves along, and ends after the last field."""
         typing = self._entering is Entering.VALUE
         if self._entering is Entering.NAME or not self._take():
             return
@@ -194,7 +194,7 @@ class SetupPage(Page):
         self._open(Entering.VALUE, written(field, self._work.job))
 
     def _take(self) -> bool:
-        """End an open entry with its value; False, and why, if it does not parse."""
+        """End an open entry with its value; False, with the reason shown, if it does not parse."""
         if self._entering is not Entering.VALUE or self._work is None:
             return True
         if self._refused_by_lock():
@@ -208,7 +208,7 @@ class SetupPage(Page):
         return True
 
     def _undo(self, work: Work) -> None:
-        """Take back the last edit, or what is being typed."""
+        """Undo the last edit, or the open entry."""
         if self._entering is not Entering.NOTHING:
             self._close()
         elif not work.undo:
@@ -238,7 +238,7 @@ class SetupPage(Page):
                 self.desk.said = tuple(error.problems)
 
     def _drop(self) -> None:
-        """Give up what is being typed, and say so."""
+        """Drop the open entry, and report it."""
         if self._entering is Entering.NAME:
             self.desk.said = (Problem(code="screen.not_saved"),)
         elif self._work is not None:
@@ -259,7 +259,7 @@ class SetupPage(Page):
         self._entry.value = value
         self._entry.select_all()
         self._entry.display = True
-        # At once, not with the next message: the characters behind this key are for the entry.
+        # At once, not with the next message: the characters after this key are for the entry.
         self.screen.set_focus(self._entry, scroll_visible=False)
 
     def _close(self) -> None:
@@ -322,7 +322,7 @@ class SetupPage(Page):
         self._entitle(self._form, text("setup.no_title"))
 
     def _place(self, entry: tuple[int, int, int] | None) -> None:
-        """Lay the entry over the brackets that the form keeps for it; the frame takes a cell on each side."""
+        """Place the entry over the brackets that the form keeps for it; the frame takes a cell on each side."""
         if entry is not None and entry != self._placed:
             column, row, cells = self._placed = entry
             self._entry.styles.offset = (column + 1, row + 1)
@@ -331,7 +331,7 @@ class SetupPage(Page):
     def _entitle(self, sheet: Sheet, title: str, subtitle: str = "") -> None:
         if self._titles.get(sheet) != (title, subtitle):
             self._titles[sheet] = title, subtitle
-            # Names of jobs may have brackets in them, which are no markup.
+            # Names of jobs may contain brackets, which are no markup.
             sheet.border_title, sheet.border_subtitle = Content(title), Content(subtitle)
 
     def _next_words(self) -> str:

@@ -1,4 +1,4 @@
-"""What the page Set-up shows, as lines: the form, what speed does to the grip, and the findings."""
+"""Text of the page Set-up: the form, the effect of speed on the grip, and the findings."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 ENTRY_WIDTH = 10
-"""Cells in which a number is typed; a text takes all of its row."""
+"""Cells of a number entry; a text takes all of its row."""
 
 FOOT_ROWS = 2
 LEAST_VALUES = 3
-"""Rows of values that stay however long the words below them are."""
+"""Rows of values that stay however long the text below them is."""
 
 _MARK, _LABEL, _UNIT = 2, 15, 8
 _SPEED_LABEL, _SPEED_WIDTH = 19, 46
@@ -36,9 +36,9 @@ _ROWS_WITH_BAR = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FormState:
-    """What the form shows. `typed` is the text of the open entry, None when none is open.
+    """State of the form. `typed` is the text of the open entry, None when none is open.
 
-    `naming` is the name that is being typed to save under, `naming_problem` why it will not do.
+    `naming` is the name typed to save under, `naming_problem` why it is refused.
     """
 
     work: Work
@@ -57,17 +57,17 @@ class FormState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """The lines of the form, and where in them (column, row, cells) something is typed."""
+    """Lines of the form, and the position (column, row, cells) of the open entry."""
 
     lines: tuple[Line, ...]
     entry: tuple[int, int, int] | None
 
 
 def form(state: FormState, text: Catalogue, width: int, height: int) -> Form:
-    """Return the form in a room of cells; what is selected is always in it."""
+    """Return the form in a size in cells; the selected field is always visible."""
     foot = _foot(state, text, width)
     foot += [BLANK] * (FOOT_ROWS - len(foot))
-    # A refusal that is longer takes rows of the headings, then of the values that are not being changed.
+    # A longer refusal takes rows of the headings, then of the values that are not being changed.
     foot = clipped(foot, max(height - LEAST_VALUES, FOOT_ROWS), text("panel.more"))
     room = max(height - len(foot), 1)
     rows = _rows(room, state.selected)
@@ -89,7 +89,7 @@ def form(state: FormState, text: Catalogue, width: int, height: int) -> Form:
 
 
 def speed_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int, height: int) -> list[Line]:
-    """Return what the job's force and speed make of grip and lobe; the first rows matter most, for a low room."""
+    """Return the effect of the job's force and speed on grip and lobe; the most important rows first."""
     margin_n, span = grip_margin_n(job, machine), force_span(job, machine)
     width = min(width, _SPEED_WIDTH)
     source = text(f"source.{lobe_source(job, chuck=machine.chuck.name, tool=machine.tool.name)}")
@@ -109,13 +109,13 @@ def speed_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int, 
 
 
 def _fact(name: str, value: str, width: int, token: Token) -> Line:
-    """A longer value takes cells of its label."""
+    """Return a label with its value; a longer value takes cells of its label."""
     label = min(_SPEED_LABEL, max(width - max(10, cell_len(value) + 1), 0))
     return fact(name, value, width, label_width=label, token=token)
 
 
 def _window_line(span: ForceSpan, job: Job, text: Catalogue, width: int) -> Line:
-    """The forces that will do; the label says where that of the job stands."""
+    """Return the allowed forces; the label gives the position of the job's force."""
     least_n, most_n = span.whole_n
     stands = span.stands(job.chucking_force_n)
     token = Token.OK if stands is Stands.INSIDE else Token.WARNING
@@ -123,7 +123,7 @@ def _window_line(span: ForceSpan, job: Job, text: Catalogue, width: int) -> Line
 
 
 def _window_bar(span: ForceSpan, job: Job, machine: MachineProfile, width: int) -> Line:
-    """The same on a scale from nothing to the most that the chuck gives; a force beyond it stands at its end."""
+    """Return the same on a scale from zero to the chuck's maximum; a force beyond it is at its end."""
     ends = "0 ├", f"┤ {machine.chuck.max_force_n:.0f} N"
     cells = width - sum(cell_len(end) for end in ends)
     if cells < ENTRY_WIDTH:
@@ -137,7 +137,7 @@ def _window_bar(span: ForceSpan, job: Job, machine: MachineProfile, width: int) 
 
 
 def _wrench_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int) -> list[Line]:
-    """The torque for the force, and how sure the force then is, one sd; nothing without a line of the wrench."""
+    """Return the torque for the force, and the uncertainty of the force, one sd; nothing without a wrench line."""
     wrench = holding_of(machine).wrench
     if wrench is None:
         return []
@@ -155,10 +155,10 @@ def finding_lines(
     height: int | None = None,
     told: Sequence[Problem] = (),
 ) -> list[Line]:
-    """Return what does not hold, then the warnings, then how many rules hold, and which if there is room.
+    """Return unmet rules, then the warnings, then how many rules are met, and which if there is room.
 
-    `told` is what has to be known of the machine's calibrations: warnings that are no rules. Without a height
-    it is all of that.
+    `told` are the warnings of the machine's calibrations, which are no rules. Without a height
+    all of that is included.
     """
     refused = [finding.problem for finding in findings if finding.severity is Severity.REFUSAL]
     warned = [finding.problem for finding in findings if finding.severity is Severity.WARNING]
@@ -176,7 +176,7 @@ def finding_lines(
 
 
 def _as_fit(names: list[str], rows: int, text: Catalogue) -> list[str]:
-    """Return the names for which there is room; the last row says how many are left out."""
+    """Return the names that fit; the last row gives the number left out."""
     if len(names) <= rows:
         return names
     kept = names[: max(rows - 1, 0)]
@@ -186,7 +186,7 @@ def _as_fit(names: list[str], rows: int, text: Catalogue) -> list[str]:
 
 
 def draft(state: FormState) -> Job:
-    """Return the job as it would be with what is being typed."""
+    """Return the job including the open entry."""
     return (state.judged.work if state.judged else state.work).job
 
 
@@ -222,7 +222,7 @@ def _row(row: FormField | str, state: FormState, text: Catalogue, width: int) ->
 
 
 def _open_row(row: FormField, state: FormState, text: Catalogue, width: int) -> Line:
-    """An entry is typed over the blanks between the brackets; what was understood stands behind it."""
+    """Return the row of an open entry, typed over the blanks between the brackets; its meaning follows it."""
     if not row.numeric:
         cells = max(width - _MARK - _label_width(width) - 2, 0)
         return line("[" + " " * cells + "]")
@@ -236,7 +236,7 @@ def _open_row(row: FormField, state: FormState, text: Catalogue, width: int) -> 
 
 
 def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Line:
-    """Behind a value: its limits while it is selected, else what is to be known of it."""
+    """Return the text after a value: its limits while it is selected, else a note on it."""
     room = width - _MARK - _label_width(width) - ENTRY_WIDTH - 2 - _UNIT
     if room < ENTRY_WIDTH:
         return BLANK
@@ -244,7 +244,7 @@ def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Li
         return (dim(fitted(bounds(row), room)),)
     if row.key in changed_conditions(state.work.job):
         was = text("setup.lobe_was", value=_of_lobe(row, state.work.job))
-        # A number that is cut would be read as another one.
+        # A truncated number would be read as another one.
         return ((fitted(was if cell_len(was) <= room else text("setup.not_lobes"), room), Token.WARNING),)
     if getattr(state.work.job, row.key) != getattr(state.work.loaded.job, row.key):
         was = text("setup.was", value=written(row, state.work.loaded.job))
@@ -255,7 +255,7 @@ def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Li
 
 
 def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
-    """The rows under the form, mostly two: the refusal in words, or what may be typed."""
+    """Return the rows under the form, mostly two: the refusal in words, or what may be typed."""
     if state.naming is not None:
         brackets = "[" + " " * max(width - width_of(_name_label(text)) - 2, 0) + "]"
         return [(*_name_label(text), (brackets, Token.TEXT)), *_naming_words(state, text, width)]
@@ -279,12 +279,12 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
 
 
 def _of_lobe(field: FormField, job: Job) -> str:
-    """Return what a condition was when the lobe of the job was found, as its field shows it."""
+    """Return the condition under which the lobe of the job was found, as its field shows it."""
     return with_unit(field, replace(job, **{field.key: changed_conditions(job)[field.key]}))
 
 
 def _file_lines(work: Work, text: Catalogue, width: int, room: int) -> list[Line]:
-    """Return where the values come from, for a form that has room below."""
+    """Return the source of the values, for a form that has room below."""
     job = work.loaded.job
     lines = [
         BLANK,
@@ -309,5 +309,5 @@ def _name_label(text: Catalogue) -> Line:
 
 
 def _label_width(width: int) -> int:
-    """A narrow form gives up cells of its labels before it gives up those of a value."""
+    """Return the label width: a narrow form shortens its labels before its values."""
     return max(min(_LABEL, width - _MARK - ENTRY_WIDTH - 2 - _UNIT), 4)

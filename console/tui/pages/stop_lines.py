@@ -1,4 +1,4 @@
-"""What the page Run says after a stop, and while nothing is known of the machine, as lines of text."""
+"""Text of the page Run after a stop, and while the state of the machine is unknown."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from console.tui.theme import Token
 
 LABEL_WIDTH = 13
 TURNING_RPM = 1.0
-"""Speed from which the spindle turns; a drive that is off may creep a count or two."""
+"""Speed above which the spindle counts as turning; a disabled drive may creep a count or two."""
 
 
 def stop_lines(text: Catalogue, state: StationState, width: int, height: int | None = None) -> list[Line]:
-    """Return how the stop in force ended, how it left the part, and what to do, in order; nothing without one.
+    """Return how the present stop ended, how it left the part, and what to do, in order; nothing without one.
 
     In little room what to do comes before how it ended.
     """
@@ -62,13 +62,13 @@ def cut_words(text: Catalogue, touched: TouchedBlank) -> str:
 
 
 def mark_lines(text: Catalogue, marks_mm: Sequence[float], width: int) -> list[Line]:
-    """Return where stops left the tool in the part while it turned, and what that means for it."""
+    """Return where stops left the tool in the turning part, and what that means for it."""
     places = ", ".join(f"{mark_mm:.1f}" for mark_mm in marks_mm)
     return wrapped("! " + text("run_page.marked", z=places), width, Token.WARNING)
 
 
 def cut_of_stop(state: StationState) -> CutProgress | None:
-    """Return the progress of the cut that the stop in force ended, None where it ended no cut."""
+    """Return the progress of the cut that the present stop ended, None where it ended no cut."""
     return state.cut if state.stop is not None and state.stop.of_cut else None
 
 
@@ -86,7 +86,7 @@ def spindle_line(text: Catalogue, speed_rpm: float | None, width: int) -> Line:
 def lost_lines(
     text: Catalogue, state: StationState, now_s: float, width: int, height: int | None = None
 ) -> list[Line]:
-    """Return that nothing is known any more, since when, and what to do; in little room what to do comes first."""
+    """Return that the state is unknown, since when, and what to do; in little room what to do comes first."""
     rows = [] if state.stop is None else _not_delivered(text, state.stop, width)
     age_s = state.age_s(now_s)
     if age_s is None:
@@ -101,7 +101,7 @@ def lost_lines(
 
 
 def stale(lines: Sequence[Line]) -> list[Line]:
-    """Return lines as values of the past."""
+    """Return lines styled as stale values."""
     return [tuple((piece, Token.STALE) for piece, _ in pieces) for pieces in lines]
 
 
@@ -112,7 +112,7 @@ def _not_delivered(text: Catalogue, stop: StopState, width: int) -> list[Line]:
 
 
 def _tool(text: Catalogue, stop: StopState) -> tuple[str, Token]:
-    """Where the tool is. It may be clear now, but nothing keeps it there while the drives are off."""
+    """Return where the tool is. It may be clear now, but a disabled drive does not hold it there."""
     if stop.tool_in_part:
         return "! " + text("run_page.tool_in_part"), Token.WARNING
     if stop.tool_in_part is None:

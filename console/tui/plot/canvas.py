@@ -1,6 +1,6 @@
-"""A raster of dots, two across and four down in each cell of the terminal, that becomes text.
+"""Raster of dots, two across and four down in each terminal cell, converted to text.
 
-The dots of all layers are merged, so traces that cross show no gaps; the colour of a cell is that of the
+The dots of all layers are merged, so crossing traces show no gaps; the colour of a cell is that of the
 highest layer with a dot in it. A dot has integer coordinates: x to the right from 0, y down from 0.
 """
 
@@ -23,10 +23,10 @@ DOTS_DOWN = 4
 NO_LAYER = -1
 
 _BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
-"""The bit of each dot of a cell in the order of the braille block."""
+"""Bit of each dot of a cell in the order of the braille block."""
 _TOP, _BOTTOM = 0x1B, 0xE4
 _FAR_DOTS = 1.0e9
-"""Coordinates further out than this are drawn as if they were here: the line leaves the canvas either way."""
+"""Coordinates further out than this are clamped to it: the line leaves the canvas either way."""
 
 
 def _ascii_glyph(bits: int) -> str:
@@ -74,7 +74,7 @@ class BrailleCanvas:
         self._layers = np.full((self.rows, self.columns), NO_LAYER, dtype=np.int16)
 
     def clear(self) -> None:
-        """Take every dot away."""
+        """Clear all dots."""
         self._dots[:] = 0
         self._layers[:] = NO_LAYER
 

@@ -1,4 +1,4 @@
-"""The widget under both plots: it keeps a picture of cells and sends only what changed."""
+"""Common widget of both plots: it keeps a picture of cells and sends only what changed."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class CellView(Widget):
         return Cells.blank(columns, rows)
 
     def redraw(self) -> None:
-        """Draw again and have the changed spans sent; everything after a change of size."""
+        """Draw again and send the changed spans; everything after a change of size."""
         old = self._cells
         self._cells = new = self.draw(*self._room)
         if (old.columns, old.rows) != (new.columns, new.rows):
@@ -54,7 +54,7 @@ class CellView(Widget):
             self.refresh(*(Region(span.start, span.row, span.end - span.start, 1) for span in spans))
 
     def render_line(self, y: int) -> Strip:
-        """Return one line; the last data are drawn here for a size for which nobody has drawn them yet."""
+        """Return one line; draw the last data here after a change of size."""
         if (self._cells.columns, self._cells.rows) != self._room:
             self._cells = self.draw(*self._room)
         width = self.size.width

@@ -1,6 +1,6 @@
-"""The axes of a plot with their ticks, by plotext, and where the data belong inside them.
+"""Axes of a plot with their ticks, by plotext, and the area of the data inside them.
 
-The only module that knows plotext. It draws the frame once for each size and limits; the data are drawn on a
+The only module that imports plotext. It draws the frame once for each size and limits; the data are drawn on a
 canvas (`BrailleCanvas`) over it, because plotext takes some ten milliseconds and leaves gaps where traces cross.
 """
 
@@ -21,7 +21,7 @@ _FULL_TURN_TICKS = (0.0, 120.0, 240.0, 360.0)
 _ROWS_PER_TICK = 3
 _COLUMNS_PER_TICK = 12
 _LEAST_COLUMNS = 4
-"""Fewer columns or rows of data than these are worth more than axes."""
+"""With fewer columns or rows of data than these, the axes are left out."""
 _LEAST_ROWS = 2
 _CORNER = "└"
 FRAMES_KEPT = 16
@@ -82,9 +82,9 @@ class _Axis:
 def plot_frame(
     columns: int, rows: int, x_limits: Limits, y_limits: Limits, y_unit: str = "", x_unit: str = ""
 ) -> PlotFrame:
-    """Return the axes for a size in cells; without room for them the data have it all.
+    """Return the axes for a size in cells; without room for them the data take all of it.
 
-    Units are of characters one cell wide. That of x follows the last tick; that of y stands under the top one.
+    Units are of characters one cell wide. That of x follows the last tick; that of y is under the top one.
     """
     columns, rows = max(columns, 1), max(rows, 1)
     y = _Axis.along_y(proper_limits(y_limits), rows, y_unit)

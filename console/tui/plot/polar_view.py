@@ -1,4 +1,4 @@
-"""Roundness: the deviation from a circle, magnified, against the angle of the part."""
+"""Roundness plot: the magnified deviation from a circle, against the angle of the part."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from console.tui.plot.spans import Cells
 from console.tui.theme import Token
 
 DIVISIONS = 2
-"""Divisions between the reference ring and the largest deviation that is shown, to either side."""
+"""Divisions between the reference ring and the largest deviation shown, on either side."""
 _REFERENCE_SHARE = 0.6
-"""The reference ring, as a share of the largest radius: the same room is left within and without."""
+"""Radius of the reference ring as a fraction of the largest radius: equal room within and without."""
 _LEAST_DOTS_PER_DIVISION = 4.0
-"""Nearer to each other than this, rings are a blur."""
+"""Distance below which rings blur."""
 _LEAST_UM_PER_DIVISION = 0.1
-"""A part is not shown rounder than it can be measured."""
+"""Smallest division: a part is not shown rounder than it can be measured."""
 _TICK_DOTS = 3.0
 _BEFORE_DASH = Dash(on=2, off=3)
 OFF_THE_DOTS_DEG = 0.37
-"""Points of a ring at round angles fall on the edges between dots, where the last bit of a cosine decides."""
+"""Offset of a ring's points: at round angles they fall between dots, where the last bit of a cosine decides."""
 
 _RING_DASH = Dash(on=1, off=1)
 _DIVISION_DASH = Dash(on=1, off=5)
@@ -49,7 +49,7 @@ class PolarTrace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
-    """A place on the part, such as jaw 1; the label is of characters one cell wide."""
+    """A labelled angle on the part, such as jaw 1; the label is of characters one cell wide."""
 
     angle_deg: float
     label: str
@@ -57,7 +57,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dial:
-    """Where the circle lies on a canvas, in dots: as many to the right as up, since dots are square."""
+    """Position of the circle on a canvas, in dots: as many to the right as up, since dots are square."""
 
     x: float
     y: float
@@ -107,7 +107,7 @@ def polar_cells(
     rows: int,
     glyphs: Glyphs = "braille",
 ) -> Cells:
-    """Return rings, traces and marks for a size in cells; a later trace lies over an earlier one."""
+    """Return rings, traces and marks for a size in cells; later traces lie over earlier ones."""
     cells = Cells.blank(columns, rows)
     canvas = deepcopy(_rings(columns, rows, glyphs))
     place = dial(columns, rows)
@@ -127,7 +127,7 @@ def polar_cells(
 
 @lru_cache(maxsize=FRAMES_KEPT)
 def _rings(columns: int, rows: int, glyphs: Glyphs) -> BrailleCanvas:
-    """Return what does not change with the data; not to be drawn on."""
+    """Return the part that does not change with the data; not to be drawn on."""
     canvas, place = BrailleCanvas(columns, rows, glyphs), dial(columns, rows)
     circle_deg = np.arange(361.0) + OFF_THE_DOTS_DEG
     canvas.polyline(*place.spot(circle_deg, np.full(361, place.reference)), _RING_LAYER, _RING_DASH)
@@ -153,7 +153,7 @@ def _label(cells: Cells, place: Dial, mark: Mark) -> None:
 
 
 class PolarView(CellView):
-    """Traces of roundness around one reference ring, all on one scale, and round on the screen."""
+    """Roundness traces around one reference ring, on one scale, and round on the screen."""
 
     _traces: tuple[PolarTrace, ...] = ()
     _marks: tuple[Mark, ...] = ()
@@ -189,7 +189,7 @@ class PolarView(CellView):
 
 
 def _kept(trace: PolarTrace) -> PolarTrace:
-    """Return a copy that stays as it is when the caller reuses its arrays."""
+    """Return a copy, which stays unchanged when the caller reuses its arrays."""
     return PolarTrace(
         angle_deg=np.array(trace.angle_deg, dtype=np.float64),
         deviation_um=np.array(trace.deviation_um, dtype=np.float64),

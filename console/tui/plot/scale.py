@@ -6,7 +6,7 @@ import math
 
 _ROUND = (1.0, 2.0, 5.0, 10.0)
 _SLACK = 1.0e-9
-"""What a step may miss and still count as reached: sums of decimal steps are not exact."""
+"""Tolerance for a step to count as reached: sums of decimal steps are not exact."""
 
 
 def step_125(at_least: float) -> float:
@@ -23,7 +23,7 @@ def coarser(step: float) -> float:
 def nice_limits(low: float, high: float) -> tuple[float, float]:
     """Return limits of an axis on round numbers that hold both values, never equal.
 
-    An axis with them keeps still while the data wander a little.
+    Such an axis stays constant while the data vary a little.
     """
     low, high = proper_limits((low, high))
     step = step_125((high - low) / 4.0)
@@ -36,7 +36,7 @@ def proper_limits(limits: tuple[float, float]) -> tuple[float, float]:
     """Return finite limits in rising order with room between them."""
     low, high = (value if math.isfinite(value) else 0.0 for value in limits)
     low, high = min(low, high), max(low, high)
-    # Two limits that a float can hardly tell apart leave no room for a scale.
+    # Two limits that a float can hardly distinguish leave no room for a scale.
     room = 1.0e-9 * max(abs(low), abs(high), 1.0)
     return (low, high) if high - low > room else (low - 0.5 * max(abs(low), 1.0), high + 0.5 * max(abs(high), 1.0))
 

@@ -1,4 +1,4 @@
-"""A picture made of cells, what changed between two of them, and the strips that Textual draws."""
+"""Picture of cells, the difference between two of them, and the strips that Textual draws."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNKNOWN = "?"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """Cells of one row, from `start` up to but without `end`."""
+    """Cells of one row, from `start` up to but excluding `end`."""
 
     row: int
     start: int
@@ -30,7 +30,7 @@ class Span:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
-    """Characters with what they mean, rows x columns; every character is one cell wide."""
+    """Characters with their tokens, rows x columns; every character is one cell wide."""
 
     codes: NDArray[np.uint32]
     tokens: NDArray[np.uint8]
@@ -56,13 +56,13 @@ class Cells:
         return int(self.codes.shape[0])
 
     def copy(self) -> Cells:
-        """Return a picture of its own to draw on."""
+        """Return an independent copy to draw on."""
         return Cells(codes=self.codes.copy(), tokens=self.tokens.copy())
 
     def write(self, row: int, column: int, text: str, token: Token) -> None:
-        """Put text into the picture; what falls outside is left out.
+        """Write text into the picture; what falls outside is left out.
 
-        A character that is not exactly one cell wide becomes "?", because it would move the rest of its row.
+        A character that is not exactly one cell wide becomes "?", because it would shift the rest of its row.
         """
         if not 0 <= row < self.rows:
             return
@@ -86,7 +86,7 @@ class Cells:
 
 
 def changed_spans(old: Cells, new: Cells) -> list[Span]:
-    """Return what must be drawn again: one span for each row with changes of character or meaning.
+    """Return what must be drawn again: one span for each row with changes of character or token.
 
     One and not several, because Textual writes a row from the edge of the widget up to the end of each span:
     every further span of a row would repeat what is before it.
@@ -101,7 +101,7 @@ def changed_spans(old: Cells, new: Cells) -> list[Span]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Brush:
-    """A palette made ready for many strips."""
+    """A palette prepared for many strips."""
 
     styles: tuple[Style, ...]
     """By the value of the token."""
@@ -131,7 +131,7 @@ class Brush:
         return Strip(segments, cells.columns)
 
     def _over_blanks(self, drawn: NDArray[np.bool_], tokens: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Give blanks the style of what is before them: each change of style is 40 bytes to the terminal."""
+        """Give blanks the style of what precedes them: each change of style is 40 bytes to the terminal."""
         if not drawn.any():
             return tokens
         nearest = np.maximum.accumulate(np.where(drawn, np.arange(drawn.size), int(drawn.argmax())))

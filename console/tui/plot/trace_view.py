@@ -1,4 +1,4 @@
-"""Traces over an axis: tool error against spindle angle, position against time."""
+"""Trace plots over an axis: tool error against spindle angle, position against time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from console.tui.plot.spans import Cells
 from console.tui.theme import Token
 
 DASH = Dash(on=2, off=4)
-"""Dots that keep apart even where a line is steep, so that a trace is known without its colour."""
+"""Spaced dots, distinct even where a line is steep, so that a trace is recognised without its colour."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,7 +34,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TracePicture:
-    """All that a picture of traces is made from, apart from its size."""
+    """Input of a trace plot, apart from its size."""
 
     series: Sequence[Series] = ()
     x_limits: Limits = (0.0, 1.0)
@@ -44,7 +44,7 @@ class TracePicture:
 
 
 def trace_cells(picture: TracePicture, columns: int, rows: int, glyphs: Glyphs = "braille") -> Cells:
-    """Return the traces over their axes for a size in cells; a later trace lies over an earlier one."""
+    """Return the traces over their axes for a size in cells; later traces lie over earlier ones."""
     frame = plot_frame(columns, rows, picture.x_limits, picture.y_limits, picture.y_unit, picture.x_unit)
     cells = _axes(frame).copy()
     canvas = BrailleCanvas(frame.data_columns, frame.data_rows, glyphs)
@@ -71,7 +71,7 @@ def _trace(canvas: BrailleCanvas, frame: PlotFrame, series: Series, layer: int) 
 
 
 class TraceView(CellView):
-    """Traces over fixed axes; new data cost what they change."""
+    """Traces over fixed axes; an update costs only what has changed."""
 
     _picture = TracePicture()
 
@@ -107,7 +107,7 @@ class TraceView(CellView):
 
 
 def _kept(series: Series) -> Series:
-    """Return a copy that stays as it is when the caller reuses its arrays."""
+    """Return a copy, which stays unchanged when the caller reuses its arrays."""
     return Series(
         x=np.array(series.x, dtype=np.float64),
         y=np.array(series.y, dtype=np.float64),

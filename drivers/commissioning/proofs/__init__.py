@@ -1,1 +1,1 @@
-"""Commissioning tests that move the machine, each with what it measured."""
+"""Commissioning tests that move the machine, each with its measurements."""

@@ -1,6 +1,6 @@
-"""A cut in air, as a program: the spindle at speed, the tool on the fastest lobe, the carriage on a feed.
+"""The program of an air cut: spindle at speed, tool on the fastest lobe, carriage at a feed.
 
-It looks at the flag that ends a cut, and at the lease, at the end of each turn, as every cutting program does.
+Like every cutting program, it checks the end flag and the watchdog at the end of each turn.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from profiles.machine import MachineProfile
 
 PROGRAM = 999
 SPINDLE_START = "P22"
-"""P-variable of the console: where the spindle stands when the program begins, counts."""
+"""P-variable of the console: the spindle position when the program begins, counts."""
 
 SEGMENT_MS = 4
 """A whole number of ms, in every family; a lobe of 50 Hz has five of them."""
@@ -28,21 +28,21 @@ SEGMENT_MS = 4
 HALF_RUN_UP_MS = 500
 APPROACH_MS = 200
 GROWING = 50
-"""Segments in which the lobe grows."""
+"""Segments over which the lobe grows."""
 
 DEPTH_MM = 1.0
-"""How far in front of where it began the tool makes its lobe."""
+"""Distance of the tool's lobe from where the tool began."""
 
 FEED_MM = 0.1
-"""Of the carriage, a turn."""
+"""Carriage feed per turn."""
 
 LONGEST_MS = 3500.0
-"""A cut that nobody ends has ended by itself after so long at full speed."""
+"""A cut that is not ended from outside ends by itself after this time at full speed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AirCut:
-    """The speeds of a cut in air, counts/ms; the tool's is the greatest of its lobe, of `amplitude` counts."""
+    """The speeds of an air cut, counts/ms; the tool's is the maximum of its lobe, of `amplitude` counts."""
 
     turn_ms: int
     amplitude: float
@@ -57,12 +57,12 @@ class AirCut:
 
     @property
     def full_speed_s(self) -> float:
-        """When the lobe has its full amplitude, s behind the start."""
+        """When the lobe has its full amplitude, s after the start."""
         return (2 * HALF_RUN_UP_MS + APPROACH_MS + GROWING * SEGMENT_MS) / 1000.0
 
 
 def air_cut(machine: MachineProfile) -> AirCut:
-    """Return the fastest cut that this machine is made for: a lobe of 50 Hz, or what its spindle can do."""
+    """Return the fastest cut of this machine: a lobe of 50 Hz, or the limit of its spindle."""
     fastest_ms = max(1000.0 * machine.chuck.jaws / LOBE_FREQUENCY_HZ, 60_000.0 / machine.spindle.max_speed_rpm)
     turn_ms = SEGMENT_MS * math.ceil(fastest_ms / SEGMENT_MS)
     amplitude = LOBE_AMPLITUDE_UM / machine.tool.count_um
@@ -77,20 +77,20 @@ def air_cut(machine: MachineProfile) -> AirCut:
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """Where an axis begins, counts, and in which direction there is room, +1 or -1."""
+    """The starting position of an axis, counts, and the direction with free travel, +1 or -1."""
 
     counts: float
     direction: int
 
 
 def lobe_ends(machine: MachineProfile, tool: Begin) -> tuple[float, float]:
-    """Return where the tool goes to and fro, counts."""
+    """Return the reversal points of the tool, counts."""
     mean, amplitude = _mean(machine, tool), air_cut(machine).amplitude
     return mean - amplitude, mean + amplitude
 
 
 def air_cut_lines(judged: Judged, policy: Policy, tool: Begin, carriage: Begin) -> tuple[str, ...]:
-    """Return the program; it goes from where tool and carriage begin to where there is room."""
+    """Return the program; it moves tool and carriage from their start in the direction of free travel."""
     return tuple(_Writer(judged, policy, tool, carriage).lines())
 
 
@@ -100,13 +100,13 @@ def _mean(machine: MachineProfile, tool: Begin) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Word:
-    """The word of one axis, from an expression in counts and one in counts/ms."""
+    """The word of one axis, from an expression in counts and another in counts/ms."""
 
     definition: AxisDefinition
     unit_ms: float
 
     def at(self, place: str, speed: str = "0") -> str:
-        """Return the word that goes to a place and has a speed there."""
+        """Return the word for a position with the speed there."""
         offset, scale = self.definition.offset, self.definition.scale
         counts = f"({place}-({format_number(offset)}))" if offset else f"({place})"
         per_unit = format_number(self.unit_ms / scale)
@@ -115,7 +115,7 @@ class _Word:
 
 
 class _Writer:
-    """The parts of the program; P25 counts segments, P26 those of growth, P27 is the share, P28 the turn's end."""
+    """Writes the program; P25 counts segments, P26 those of growth, P27 is the fraction, P28 the turn's end."""
 
     def __init__(self, judged: Judged, policy: Policy, tool: Begin, carriage: Begin) -> None:
         machine = judged.machine
@@ -148,7 +148,7 @@ class _Writer:
         yield "CLOSE"
 
     def _turns(self, flag: str) -> Iterator[str]:
-        """The lobe grows and goes on; at the end of a turn, where the cut may end, the tool is outermost."""
+        """Write the turns of growth and of full lobe; the cut may end at the end of a turn, tool outermost."""
         cut = self._cut
         a_turn = cut.turn_ms // SEGMENT_MS
         angle = f"P25*{format_number(360.0 * self._machine.chuck.jaws / a_turn)}"
@@ -169,11 +169,11 @@ class _Writer:
 
     @property
     def _feed(self) -> str:
-        """Of the carriage in a segment, counts."""
+        """Return the carriage feed in a segment, counts."""
         return format_number(self._speed * SEGMENT_MS)
 
     def _since(self, more_ms: float) -> str:
-        """Return the ms of full speed of the spindle up to a segment, and so many more."""
+        """Return the time of the spindle at full speed up to a segment, ms, plus an offset."""
         return f"({format_number(HALF_RUN_UP_MS + APPROACH_MS + more_ms)}+{SEGMENT_MS}*P25)"
 
     def _point(
@@ -186,7 +186,7 @@ class _Writer:
         carriage: str = "",
         feed: str = "0",
     ) -> str:
-        """Return a line; the spindle has gone so many ms of full speed, and has this share of it."""
+        """Return a line for the spindle's travel, in ms of full speed, and its fraction of full speed."""
         machine, speed = self._machine, format_number(self._cut.spindle)
         words = [self._words[machine.tool.motor].at(tool, tool_speed)]
         if not machine.spindle.followed:

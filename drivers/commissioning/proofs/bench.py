@@ -1,4 +1,4 @@
-"""What every proof uses: a client that heeds stops and the owner, the correction of a motor, tables taken away."""
+"""The test rig of all commissioning tests: a client that heeds stops and owner, corrections, clean-up."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 REASON = "doctor"
-"""Why the machine is stopped."""
+"""The reason recorded for a stop."""
 
 PARTS = 32
 """Positions in registers are in 1/(Ix08 x 32) count."""
@@ -40,33 +40,33 @@ RULES = (
     "pvt_rounding",
     "lease",
 )
-"""What there is to prove of the card alone."""
+"""What can be tested on the controller alone."""
 
 SETTLE_S = 0.05
-"""Some background cycles, after which what was set is in force."""
+"""Some background cycles, after which settings take effect."""
 
 POLL_S = 0.01
 
 
 CHANNELS = 2
-"""What is gathered at once."""
+"""Channels gathered simultaneously."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Before:
-    """What is used and put back: the definition of the spare M-variable, and the settings of gathering."""
+    """What is used and restored: the definition of the spare M-variable, and the gather settings."""
 
     pointer: str
     settings: Mapping[int, float]
 
 
 @dataclass(kw_only=True)
-class TestRig:
-    """One card, killed at the beginning; `corrected` are the motors that were given a table here.
+class ProofRig:
+    """One controller, killed at the beginning; `corrected` are the motors that were given a table here.
 
-    `owner` is the number of the console that proves, None where nobody else can reach the card. Once another one
-    is read, `ousted` is set: what moves by order of the bench (`moving`) is stopped, and nothing else goes out.
-    `owner_seen` is told whose it is then.
+    `owner` is the number of the testing console, None where nobody else can reach the controller. Once another
+    one is read, `ousted` is set: what moves by command of the rig (`moving`) is stopped, and nothing else is
+    sent. `owner_seen` is called with the new owner.
     """
 
     client: Controller
@@ -81,12 +81,12 @@ class TestRig:
 
     @property
     def dialect(self) -> Dialect:
-        """The family of the card."""
+        """The family of the controller."""
         return self.judged.dialect
 
     @property
     def spare(self) -> int:
-        """The M-variable that proofs point at registers; its definition is put back."""
+        """The M-variable that tests point at registers; its definition is restored."""
         return self.dialect.highest_index
 
     def motor(self, name: str) -> int:
@@ -94,10 +94,10 @@ class TestRig:
         return next(axis.motor for axis in self.judged.axes if axis.name == name)
 
     def see_owner(self, held: float) -> None:
-        """Take in what was read of whose the machine is.
+        """Process the owner that was read.
 
         Raises:
-            DriverError: `owner.ousted`; what the bench moves was stopped before.
+            DriverError: `owner.ousted`; what the rig moves was stopped before.
         """
         if self.owner is None or held == self.owner:
             return
@@ -109,7 +109,7 @@ class TestRig:
         raise DriverError(Problem(code="owner.ousted", where=where, value=value, limit=limit))
 
     def refuse_ousted(self) -> None:
-        """Ask whose the machine is.
+        """Query who owns the machine.
 
         Raises:
             DriverError: `owner.ousted`; the link broke.
@@ -117,11 +117,11 @@ class TestRig:
         self.see_owner(self.client.numbers(f"P{OWNER}", again=True)[0])
 
     def tell(self, *lines: str) -> None:
-        """Send lines that answer nothing and move nothing, unless somebody has stopped or taken the machine.
+        """Send lines that answer nothing and move nothing, unless the machine was stopped or taken.
 
         Raises:
             StoppedError: nothing was sent.
-            DriverError: `owner.ousted`, nothing was sent; the card refuses, or does not answer.
+            DriverError: `owner.ousted`, nothing was sent; the controller refuses, or does not answer.
         """
         self.refuse_ousted()
         for line in lines:
@@ -129,11 +129,11 @@ class TestRig:
             self.client.request(line, lines=0)
 
     def move(self, line: str) -> None:
-        """Send a line that moves or energises. A stop that overtook it on the way is sent again behind it.
+        """Send a line that moves or energises. A stop that overtook it is sent again after it.
 
         Raises:
-            StoppedError: before or behind it.
-            DriverError: `owner.ousted`, nothing was sent; the card refuses, or does not answer.
+            StoppedError: before or after it.
+            DriverError: `owner.ousted`, nothing was sent; the controller refuses, or does not answer.
         """
         self.refuse_ousted()
         self.stop.check()
@@ -147,7 +147,7 @@ class TestRig:
         self.stop.check()
 
     def give_back(self, *lines: str) -> None:
-        """Send lines that put back what was used; what the card refuses is left. Of another's machine all is.
+        """Send lines that restore what was used; refused lines are skipped, another's machine is left alone.
 
         Raises:
             LinkError: the link broke.
@@ -157,7 +157,7 @@ class TestRig:
                 self.client.request(line, lines=0)
 
     def refuses(self, line: str) -> bool:
-        """Whether the card refuses a line as it should: with ERR003."""
+        """Whether the controller rejects a line as it should: with ERR003."""
         self.stop.check()
         try:
             self.client.request(line, lines=0)
@@ -166,7 +166,7 @@ class TestRig:
         return False
 
     def settle(self, seconds: float = SETTLE_S) -> None:
-        """Let time pass; a stop ends it, and so does a link or a machine that is gone while something may move.
+        """Let time pass; a stop ends the wait, and so does a lost link or machine while something may move.
 
         Raises:
             StoppedError: somebody has stopped.
@@ -180,7 +180,7 @@ class TestRig:
         self.stop.check()
 
     def position(self, motor: int) -> float:
-        """Return where a motor is, counts."""
+        """Return the position of a motor, counts."""
         return self.client.numbers(f"#{motor}P", again=True)[0]
 
     def flags(self, motor: int) -> frozenset[str]:
@@ -194,7 +194,7 @@ class TestRig:
         return self.client.numbers(f"M{self.spare}", again=True)[0] / self._parts(motor)
 
     def clear_correction(self, motor: int) -> None:
-        """Make the correction 0 by hand, as may be done while I51 is 0."""
+        """Set the correction to 0 directly, which is permitted while I51 is 0."""
         self._point_at_correction(motor)
         self.client.request(f"M{self.spare}=0", lines=0)
 
@@ -206,7 +206,7 @@ class TestRig:
             self.client.request(line, lines=0)
 
     def delete(self, *motors: int) -> None:
-        """Switch compensation off, make the corrections 0 and delete tables, those of low motors first."""
+        """Switch compensation off, clear the corrections and delete tables, those of low motors first."""
         self.client.request("I51=0", lines=0)
         for motor in sorted(self.corrected):
             self.clear_correction(motor)
@@ -215,7 +215,7 @@ class TestRig:
             self.client.request(f"#{motor}DELETE COMP", lines=0)
 
     def put_back(self, before: Before) -> None:
-        """Leave the card as it was found, unless it is another's; what the card refuses of that is left."""
+        """Restore the controller as it was found, unless it is another console's; what it refuses is skipped."""
         if self.ousted:
             return
         motors = [axis.motor for axis in self.judged.axes]
@@ -239,7 +239,7 @@ class TestRig:
 
 
 def proof(name: str, *, holds: bool, found: str, wanted: str, subject: str = "") -> Check:
-    """Return what came of a proof."""
+    """Return the result of a test."""
     severity = Severity.OK if holds else Severity.REFUSAL
     return Check(
         group=Group.PROOFS, code=f"proof_{name}", severity=severity, subject=subject, found=found, wanted=wanted
@@ -247,16 +247,16 @@ def proof(name: str, *, holds: bool, found: str, wanted: str, subject: str = "")
 
 
 def stop_name(way: Way, origin: Origin) -> str:
-    """Return what the proof of a stop is called."""
+    """Return the name of a stop test."""
     return f"stop_{way}_{origin}"
 
 
 def names_of(machine: MachineProfile) -> tuple[str, ...]:
-    """Return everything that there is to prove of a machine."""
+    """Return the names of all tests of a machine."""
     stops = {(way, origin) for way, origin, _ in needed_stops(machine)}
     return (*RULES, *(stop_name(way, origin) for origin in Origin for way in Way if (way, origin) in stops))
 
 
 def unproven(names: Iterable[str]) -> list[Check]:
-    """Return what has not been proven yet."""
+    """Return the tests still to be done."""
     return [Check(group=Group.PROOFS, code=f"unproven_{name}", severity=Severity.NOTICE) for name in names]

@@ -1,4 +1,4 @@
-"""Bringing the axes where a proof begins, under the lease: homed, tool first, and back to where they began."""
+"""Bring the axes to the start of a test, under the watchdog: home, tool first, and return to the start."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from drivers.commissioning.judged import JudgedAxis
 from drivers.commissioning.proofs.air_cut import Begin
-from drivers.commissioning.proofs.bench import REASON, TestRig
+from drivers.commissioning.proofs.bench import REASON, ProofRig
 from drivers.errors import DriverError
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
 from drivers.pmac.heartbeat.watch import Look, Watch, rests
@@ -17,47 +17,47 @@ from profiles.problem import Problem
 
 TIMEOUT_S = 60.0
 TRIES = 3
-"""A host that was held up for as long as a lease finds that the card has ended its motion, and begins it anew."""
+"""A delayed host finds its motion ended by the controller, and begins it anew this often at most."""
 
 HOMING_ORDER = ("tool", "carriage", "spindle")
 
 
 @dataclass(kw_only=True)
 class Guarded:
-    """The driven axes of a card whose heartbeat is in order. `starts` is where they were homed, counts."""
+    """The driven axes of a controller whose heartbeat is in order. `starts` is where they were homed, counts."""
 
-    bench: TestRig
+    bench: ProofRig
     i10: float
     starts: dict[str, float] = field(default_factory=dict)
 
     @property
     def axes(self) -> tuple[JudgedAxis, ...]:
-        """The axes that the card moves."""
+        """The axes that the controller moves."""
         return self.bench.judged.driven_axes
 
     @property
     def watch(self) -> Watch:
-        """All of their motors, looked at."""
+        """The monitor of all their motors."""
         bench = self.bench
         motors = tuple(axis.motor for axis in self.axes)
         return Watch(bench.client, bench.clock, bench.dialect, motors, bench.see_owner)
 
     @property
     def keeper(self) -> Keeper:
-        """The lines of the lease."""
+        """The watchdog lines."""
         return Keeper(dialect=self.bench.dialect, i10=self.i10)
 
     def inwards(self, axis: JudgedAxis) -> int:
-        """Return the direction away from the home end, +1 or -1: there is room."""
+        """Return the direction away from the home end, +1 or -1: the free travel."""
         return -1 if self.bench.judged.of_motor(axis, 23) > 0.0 and axis.name != "spindle" else 1
 
     def begin(self, name: str) -> Begin:
-        """Return where an axis was homed, and where there is room."""
+        """Return where an axis was homed, and the direction of free travel."""
         axis = next(each for each in self.axes if each.name == name)
         return Begin(self.starts[name], self.inwards(axis))
 
     def close(self) -> None:
-        """Close every loop where it stands.
+        """Close every loop at its present position.
 
         Raises:
             DriverError: somebody has stopped, or the link broke.
@@ -68,7 +68,7 @@ class Guarded:
         self.bench.moving = False
 
     def home(self) -> None:
-        """Search the zero of each axis, the tool first, so that it is out when another one moves.
+        """Home each axis, the tool first, so that it is retracted when another one moves.
 
         Raises:
             DriverError: `machine.timeout`, somebody has stopped, or the link broke.
@@ -79,7 +79,7 @@ class Guarded:
                     self.starts[name] = self._homed(axis)
 
     def back(self) -> None:
-        """Bring tool and carriage back to where they were homed, the tool first.
+        """Return tool and carriage to where they were homed, the tool first.
 
         Raises:
             DriverError: as for `home`.
@@ -104,7 +104,7 @@ class Guarded:
         raise self._timeout(axis)
 
     def _once(self, line: str, axis: JudgedAxis, done: Callable[[Look], bool]) -> Look | None:
-        """Move, and renew the lease until it is done; None when the card has ended it."""
+        """Move, and renew the watchdog until done; None when the controller has ended the motion."""
         bench, watch, keeper = self.bench, self.watch, self.keeper
         looks: list[Look] = []
         end_s = bench.clock.now_s() + TIMEOUT_S
@@ -117,7 +117,7 @@ class Guarded:
             if bench.clock.now_s() > end_s:
                 raise self._timeout(axis)
         watch.client.request(f"{NOTHING_GUARDED} {LOSS_SEEN}")
-        bench.moving = looks[-1].lost  # ended by the card, it may not rest yet
+        bench.moving = looks[-1].lost  # ended by the controller, it may not rest yet
         return None if looks[-1].lost else looks[-1]
 
     def _timeout(self, axis: JudgedAxis) -> DriverError:

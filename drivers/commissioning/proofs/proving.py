@@ -1,8 +1,8 @@
-"""The proofs in their order: first what the card does while every drive is killed, then what has to be seen move.
+"""Run the commissioning tests in order: first the controller with every drive killed, then tests with motion.
 
-Only a card on which everything else holds is moved, from drives killed to drives killed. What was there before is
-there afterwards: no table, no gather buffer, I51 = 0, the definition of the spare M-variable, what is gathered.
-What stays is the heartbeat, without which nothing is moved later either.
+The machine is moved only if all other tests passed, and the drives are killed before and after. Everything is
+restored: no table, no gather buffer, I51 = 0, the definition of the spare M-variable, what is gathered. The
+heartbeat stays, since no later motion is possible without it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from drivers.clock import Clock
 from drivers.commissioning.amounts import digits
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.proofs.bench import CHANNELS, SETTLE_S, Before, TestRig, names_of, proof, unproven
+from drivers.commissioning.proofs.bench import CHANNELS, SETTLE_S, Before, ProofRig, names_of, proof, unproven
 from drivers.commissioning.proofs.motion import pvt_rounding, source_delay
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.proofs.tables import compensation_edge, delete_order, fails, roll_over, table_zero
@@ -30,15 +30,15 @@ from drivers.pmac.settings import servo_cycle_ms
 from profiles.findings import Severity, worst
 
 BEGIN_CYCLES = 4_000_000
-"""Written into the timer: more than passes meanwhile."""
+"""Written into the timer: more cycles than the measurement takes."""
 
 MEASURED_S = 1.0
 TOLERANCE = 0.02
-"""Of the rate: what two round trips may hide."""
+"""Relative tolerance of the rate: what two round trips may hide."""
 
 
-def servo_rate(bench: TestRig) -> Check:
-    """Measure the servo rate with the last timer of the family; it is left to count."""
+def servo_rate(bench: ProofRig) -> Check:
+    """Measure the servo rate with the last timer of the family; the timer is left running."""
     name = _timer(bench)
     bench.tell(f"{name}={BEGIN_CYCLES}")
     (first,) = bench.client.numbers(name, again=True)
@@ -55,8 +55,8 @@ def servo_rate(bench: TestRig) -> Check:
     return proof("servo_rate", holds=holds, found=f"{digits(found_us)} us", wanted=f"{digits(wanted_us)} us")
 
 
-def _timer(bench: TestRig) -> str:
-    """Return the variable that is the timer; of a family without such settings, the spare one points at it."""
+def _timer(bench: ProofRig) -> str:
+    """Return the timer variable; in a family without one, the spare M-variable points at it."""
     dialect = bench.dialect
     if dialect.timer_numbers:
         return f"I{dialect.system_index(1, dialect.timer_numbers[-1])}"
@@ -66,7 +66,7 @@ def _timer(bench: TestRig) -> str:
     return name
 
 
-Proof = Callable[[TestRig], Check]
+Proof = Callable[[ProofRig], Check]
 
 KILLED: Mapping[str, Proof] = {
     "servo_rate": servo_rate,
@@ -80,7 +80,7 @@ CLOSED: Mapping[str, Proof] = {"pvt_rounding": pvt_rounding}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proven:
-    """What came of the proofs, and how the machine was seen to stop."""
+    """The test results, and the measured stops."""
 
     checks: tuple[Check, ...]
     stops: tuple[StopEntry, ...] = ()
@@ -94,14 +94,15 @@ def prove(
     owner: float | None = None,
     owner_seen: Callable[[float], None] = lambda _: None,
 ) -> Proven:
-    """Prove what a cut relies on; the drives are killed before and afterwards.
+    """Run all tests that a cut relies on; the drives are killed before and afterwards.
 
-    `owner` is the number of the console that controls the machine, None: whoever does when it begins. When the
-    machine is another's meanwhile, what moves is stopped, and nothing else goes out; `owner_seen` is told whose.
+    `owner` is the number of the console that controls the machine, None for the owner at the beginning. When
+    another console takes control meanwhile, what moves is stopped, and nothing else is sent; `owner_seen` is
+    called with the new owner.
 
     Raises:
         StoppedError: somebody stopped; the drives are killed.
-        LinkError: the link broke; look at the machine.
+        LinkError: the link broke; check the machine.
         DriverError: an axis does not arrive; the drives are killed. `owner.ousted`.
     """
     judged = verification.judged
@@ -112,7 +113,7 @@ def prove(
         return Proven(checks=(first, *unproven(names)))
     if owner is None:
         (owner,) = client.numbers(f"P{OWNER}", again=True)
-    bench = TestRig(client=client, stop=stop, clock=clock, judged=judged, owner=owner, owner_seen=owner_seen)
+    bench = ProofRig(client=client, stop=stop, clock=clock, judged=judged, owner=owner, owner_seen=owner_seen)
     before = _before(bench)
     checks: list[Check] = []
     stops = MeasuredStops()
@@ -131,7 +132,7 @@ def prove(
     return Proven(checks=(*checks, *unproven(missing)), stops=stops.entries)
 
 
-def _stage(bench: TestRig, proofs: Mapping[str, Proof]) -> list[Check]:
+def _stage(bench: ProofRig, proofs: Mapping[str, Proof]) -> list[Check]:
     checks = []
     for name, carry_out in proofs.items():
         try:
@@ -146,8 +147,8 @@ def _stage(bench: TestRig, proofs: Mapping[str, Proof]) -> list[Check]:
     return checks
 
 
-def _closed(bench: TestRig) -> list[Check]:
-    """Carry out what needs every loop closed, and open them again."""
+def _closed(bench: ProofRig) -> list[Check]:
+    """Run what needs every loop closed, and open them again."""
     for axis in bench.judged.axes:
         bench.move(f"#{axis.motor}J/")
     bench.settle()
@@ -158,8 +159,8 @@ def _closed(bench: TestRig) -> list[Check]:
     return checks
 
 
-def _leave(bench: TestRig, before: Before) -> None:
-    """Kill every drive, and put everything back that can be; what is another's is left as it is."""
+def _leave(bench: ProofRig, before: Before) -> None:
+    """Kill every drive and restore what can be restored; another console's machine is left as it is."""
     if bench.ousted:
         return
     with suppress(LinkError):
@@ -168,8 +169,8 @@ def _leave(bench: TestRig, before: Before) -> None:
     bench.put_back(before)
 
 
-def _before(bench: TestRig) -> Before:
-    """Read what the proofs use of the card: the spare M-variable, and what it gathers."""
+def _before(bench: ProofRig) -> Before:
+    """Read what the tests use of the controller: the spare M-variable, and the gather set-up."""
     spare, gather = bench.spare, bench.dialect.gathering
     extent = Extent(settings=(), pointers=(range(spare, spare + 1),), motors=(), programs=())
     pointers = read_configuration(bench.client, bench.dialect, extent).pointers

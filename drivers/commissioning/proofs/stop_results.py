@@ -1,4 +1,4 @@
-"""What was seen of one stop, as entries of a record and as a check against what its settings allow."""
+"""The result of one stop, as entries of a record and as a check against what its settings allow."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from drivers.pmac.heartbeat.watch import Look, rest_s
 from drivers.pmac.heartbeat.watchdog import WATCHDOG_MS
 
 MOVED_COUNTS = 1.0
-"""What does not go further than this behind a stop has not moved before."""
+"""An axis that moves less than this after a stop was not moving before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeenStop:
-    """The looks from just before a stop up to rest.
+    """The polls from just before a stop up to rest.
 
-    `pressed_s` is when it went out, or when the last lease did; `late_ms` is how old the first look was then.
-    `as_meant` is whether all came to rest by the stop that was meant. `lobe` are the two ends of the tool's lobe
-    in a cut, counts: between two looks it goes to and fro, so that its way is counted from the further one.
+    `pressed_s` is when it, or the last watchdog renewal, was sent; `late_ms` is how old the first poll was
+    then. `as_meant` is whether all came to rest by the intended stop. `lobe` are the two ends of the tool's
+    lobe in a cut, counts: between two polls it oscillates, so its distance is counted from the further end.
     """
 
     way: Way
@@ -42,7 +42,7 @@ class SeenStop:
     watchdog: WatchdogProof | None = None
 
     def counts(self, axis: JudgedAxis) -> float:
-        """Return how far an axis was seen from where it was in front of the stop."""
+        """Return how far an axis travelled from its position before the stop."""
         if axis.name == "tool" and self.lobe is not None:
             rest = self.looks[-1].positions[axis.motor]
             return max(abs(rest - end) for end in self.lobe)
@@ -50,18 +50,18 @@ class SeenStop:
         return max(abs(look.positions[axis.motor] - begun) for look in self.looks)
 
     def time_s(self, axis: JudgedAxis) -> float:
-        """Return how long it took to rest, infinite when it did not."""
+        """Return the time to rest, infinite when it did not come to rest."""
         found = rest_s(self.looks, axis.motor)
         return math.inf if found is None else found - self.pressed_s
 
 
 def stop_entries(judged: Judged, seen: SeenStop) -> tuple[StopEntry, ...]:
-    """Return the entries of a stop that is as it should be."""
+    """Return the record entries of a correct stop."""
     return tuple(_entry(judged, axis, seen) for axis in judged.driven_axes)
 
 
 def stop_checks(judged: Judged, seen: SeenStop) -> Iterator[Check]:
-    """Say how far the axes went, against what was computed; behind the first loss of a lease, how soon it told."""
+    """Check stopping distances against the computed ones; for the first watchdog timeout, also its delay."""
     if seen.watchdog is not None and seen.origin is Origin.JOG:
         yield _watchdog_check(seen.watchdog)
     machine, found, wanted, holds = judged.machine, [], [], seen.as_meant
@@ -78,10 +78,10 @@ def stop_checks(judged: Judged, seen: SeenStop) -> Iterator[Check]:
 
 
 def bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, late_ms: float) -> float:
-    """Return the longest way, counts, infinite where it does not follow from settings.
+    """Return the longest stopping distance, counts, infinite where settings do not determine it.
 
-    `late_ms` is how old the look was, from which the way is counted, when the stop went out. What runs out behind
-    a control-K, and how a cut is ended without a host, is measured alone.
+    `late_ms` is the age of the poll from which the distance is counted, when the stop was sent. Coasting after
+    a control-K, and the end of a cut without a host, are only measured.
     """
     late_ms += judged.machine.controller.background_ms + LINK_LATENCY_MS
     match way, origin:
@@ -96,7 +96,7 @@ def bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, lat
 
 
 def _of_cut(judged: Judged, axis: JudgedAxis, late_ms: float) -> float:
-    """The tool goes to and fro meanwhile: from one end of its lobe to the other at most, and on from there."""
+    """Return the tool's bound in a cut: from one end of its lobe to the other, plus its stopping distance."""
     cut, rate = air_cut(judged.machine), judged.of_motor(axis, 15)
     speed = cut.speeds[axis.name]
     if axis.name == "tool":
@@ -127,13 +127,13 @@ def _entry(judged: Judged, axis: JudgedAxis, seen: SeenStop) -> StopEntry:
 
 
 def seen_speed(axis: JudgedAxis, earlier: Look, later: Look) -> float:
-    """Return the speed between two looks, counts/ms."""
+    """Return the speed between two polls, counts/ms."""
     passed_ms = (later.answered_s - earlier.answered_s) * 1000.0
     return abs(later.positions[axis.motor] - earlier.positions[axis.motor]) / passed_ms
 
 
 def speed_of(judged: Judged, axis: JudgedAxis, origin: Origin) -> float:
-    """Return the speed of what is stopped, counts/ms; in a cut that of the tool is the greatest of its lobe."""
+    """Return the speed before the stop, counts/ms; for the tool in a cut, the maximum of its lobe."""
     if origin is Origin.CUT:
         return air_cut(judged.machine).speeds[axis.name]
     return jog_settings_of(judged, axis).speed

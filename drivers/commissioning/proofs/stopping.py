@@ -1,7 +1,7 @@
-"""The stops of a machine, measured: control-A, control-K and silence, out of a jog and out of a cut in air.
+"""Measure the stops of a machine: control-A, control-K and watchdog timeout, from a jog and from an air cut.
 
-Where stops have a connection of their own, they come while a question still waits for its answer on the other one:
-that is what such a connection is for, and no board is known to do so before it was seen.
+Where stops have a connection of their own, they are sent while a query on the other one is still unanswered:
+that is the purpose of such a connection, and each board must show that it works.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, air_cut, air_cut_lines, lobe_ends
-from drivers.commissioning.proofs.bench import REASON, TestRig
+from drivers.commissioning.proofs.bench import REASON, ProofRig
 from drivers.commissioning.proofs.guarded import TRIES, Guarded
 from drivers.commissioning.proofs.stop_results import SeenStop, seen_speed, speed_of, stop_checks, stop_entries
 from drivers.commissioning.reading import ask_or_none
@@ -31,14 +31,14 @@ from profiles.findings import Severity
 from profiles.problem import Problem
 
 QUESTION = "P0..99"
-"""It changes nothing, and takes a card longer to answer than a stop takes to come."""
+"""It changes nothing, and takes a controller longer to answer than a stop takes to arrive."""
 
 
-def past_a_question(bench: TestRig, press: Callable[[str], None]) -> bool:
-    """Press; return whether the board kept apart what goes on two connections. On one there is no question.
+def past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
+    """Press; return whether the board kept its two connections apart. With one connection no query is pending.
 
     Raises:
-        LinkError: the question could not be sent; nothing was pressed.
+        LinkError: the query could not be sent; nothing was pressed.
     """
     if bench.stop.way is not StopWay.RESERVED:
         press(REASON)
@@ -48,44 +48,45 @@ def past_a_question(bench: TestRig, press: Callable[[str], None]) -> bool:
     try:
         bench.client.reply(QUESTION)
     except LinkError:
-        return False  # the stop went; whether it was obeyed is looked at, in step again
+        return False  # the stop was sent; whether it was obeyed is checked, back in step
     return True
 
 
 AT_SPEED_S = 0.1
-"""What a motion goes on at its full speed before it is stopped."""
+"""How long a motion continues at full speed before it is stopped."""
 
 REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.WATCHDOG: 15.0}
-"""How long rest is waited for; behind a control-K the spindle runs out."""
+"""Timeout for rest; after a control-K the spindle coasts."""
 
 ORDER = (Way.WATCHDOG, Way.ABORT, Way.KILL)
-"""The lease first: it ends what does not obey a control character that nobody has tried on this card yet."""
+"""Watchdog first: it ends what does not obey a control character not yet tested on this controller."""
 
 OBEY_LIMIT_S = 0.6
-"""How long a motion is waited for to obey; within that its lease has run out, which is still guarded."""
+"""Timeout for a motion to obey; by then its watchdog, which still guards it, has expired."""
 
 LEAST_SPEED = 0.75
-"""The share of its speed at which a motion counts as being at it, by two looks over a slow line."""
+"""Fraction of its speed at which a motion counts as being at speed, from two polls over a slow line."""
 
 LOOKS_FOR_SPEED = 5
-"""A host or a card that is held up has a little longer."""
+"""Polls to reach speed: a delayed host or controller gets a little longer."""
 
 RUNNING_OUT_S, SELDOM_S = 1.0, 0.02
-"""What still moves after this time is looked at less often."""
+"""What still moves after this time is polled less often."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredStops:
-    """What was seen: the entries of a record, and what is to be said of them."""
+    """The measured stops: the entries of a record, and the checks."""
 
     entries: tuple[StopEntry, ...] = ()
     checks: tuple[Check, ...] = ()
 
 
-def prove_stops(bench: TestRig) -> MeasuredStops:
-    """Load the heartbeat, home, and stop the machine in every way that there is for it, until one fails.
+def prove_stops(bench: ProofRig) -> MeasuredStops:
+    """Load the heartbeat, home, and stop the machine in every way it has, until one fails.
 
-    The drives are killed at the beginning. At the end the loops may be closed; the heartbeat stays on the card.
+    The drives are killed at the beginning. At the end the loops may be closed; the heartbeat stays on the
+    controller.
 
     Raises:
         DriverError: somebody has stopped, an axis does not arrive, the link broke.
@@ -109,7 +110,7 @@ def prove_stops(bench: TestRig) -> MeasuredStops:
             _unload(bench)
 
 
-def _all(bench: TestRig, axes: Guarded, origins: tuple[Origin, ...]) -> MeasuredStops:
+def _all(bench: ProofRig, axes: Guarded, origins: tuple[Origin, ...]) -> MeasuredStops:
     needed = {(way, origin) for way, origin, _ in needed_stops(bench.judged.machine)}
     entries: list[StopEntry] = []
     checks: list[Check] = []
@@ -124,8 +125,8 @@ def _all(bench: TestRig, axes: Guarded, origins: tuple[Origin, ...]) -> Measured
     return MeasuredStops(entries=tuple(entries), checks=tuple(checks))
 
 
-def _load(bench: TestRig, axes: Guarded) -> bool:
-    """Enter the cut in air, unless somebody's program is there; return whether it was entered."""
+def _load(bench: ProofRig, axes: Guarded) -> bool:
+    """Enter the air cut, unless somebody else's program is there; return whether it was entered."""
     if ask_or_none(bench.client, f"LIST PROG{PROGRAM}"):
         return False
     policy = Policy(bench.judged.machine.heartbeat.policy)
@@ -133,13 +134,13 @@ def _load(bench: TestRig, axes: Guarded) -> bool:
     return True
 
 
-def _unload(bench: TestRig) -> None:
+def _unload(bench: ProofRig) -> None:
     with suppress(DriverError):  # after a stop the program may not have ended yet
         bench.give_back(f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
 
 
-def _measured(bench: TestRig, axes: Guarded, way: Way, origin: Origin) -> SeenStop:
-    """Move, stop, and look on; begun anew when this host was held up and the card has ended the motion before.
+def _measured(bench: ProofRig, axes: Guarded, way: Way, origin: Origin) -> SeenStop:
+    """Move, stop and record; repeat when this host was delayed and the controller ended the motion before.
 
     Raises:
         DriverError: `heartbeat.lapsed`, this host is too slow; somebody has stopped; the link broke.
@@ -160,7 +161,7 @@ def _measured(bench: TestRig, axes: Guarded, way: Way, origin: Origin) -> SeenSt
     raise DriverError(Problem(code="heartbeat.lapsed", where=bench.client.link.address))
 
 
-def _begin(bench: TestRig, axes: Guarded, origin: Origin) -> tuple[str, float]:
+def _begin(bench: ProofRig, axes: Guarded, origin: Origin) -> tuple[str, float]:
     """Return the line that begins a motion, and how long it is kept up, s."""
     machine, keeper = bench.judged.machine, axes.keeper
     if origin is Origin.JOG:
@@ -168,20 +169,20 @@ def _begin(bench: TestRig, axes: Guarded, origin: Origin) -> tuple[str, float]:
         jogs = "".join(f"#{axis.motor}J{'+' if axes.inwards(axis) > 0 else '-'}" for axis in axes.axes)
         return f"{keeper.jog_line()} {jogs}", max(ramps) / 1000.0 + AT_SPEED_S
     spindle = 0.0 if machine.spindle.followed else bench.position(machine.spindle.motor)
-    # The system is addressed first: behind a value, & would be the operator of the expression.
+    # Address the system first: after a value, & would be the operator of the expression.
     line = f"&{SYSTEM} {keeper.cut_line(axes.starts['tool'], machine.heartbeat.grace_ms)}"
     start = f"{SPINDLE_START}={format_number(spindle)} B{PROGRAM}R"
     return f"{line} {start}", air_cut(machine).full_speed_s + AT_SPEED_S
 
 
-def _at_speed(bench: TestRig, axes: Guarded, origin: Origin, kept_s: float) -> tuple[Look, bool]:
-    """Keep a motion up until it is seen at its speed; return the last look, and whether it was."""
+def _at_speed(bench: ProofRig, axes: Guarded, origin: Origin, kept_s: float) -> tuple[Look, bool]:
+    """Keep a motion up until it is seen at speed; return the last poll, and whether it was."""
     for _ in range(LOOKS_FOR_SPEED):
         looks = kept(axes.watch, axes.keeper, kept_s, bench.stop.check)
         at_speed = all(
             seen_speed(axis, *looks) >= LEAST_SPEED * speed_of(bench.judged, axis, origin)
             for axis in axes.axes
-            if origin is Origin.JOG or axis.name != "tool"  # in a cut it goes to and fro
+            if origin is Origin.JOG or axis.name != "tool"  # in a cut it oscillates
         )
         if at_speed or looks[-1].lost:
             break
@@ -189,7 +190,7 @@ def _at_speed(bench: TestRig, axes: Guarded, origin: Origin, kept_s: float) -> t
     return looks[-1], at_speed
 
 
-def _silence(bench: TestRig, axes: Guarded, before: Look) -> SeenStop:
+def _silence(bench: ProofRig, axes: Guarded, before: Look) -> SeenStop:
     found = withhold(axes.watch, before, bench.stop.stop, REST_LIMIT_S[Way.WATCHDOG])
     bench.moving = found.at_rest_s is None
     return SeenStop(
@@ -202,12 +203,12 @@ def _silence(bench: TestRig, axes: Guarded, before: Look) -> SeenStop:
     )
 
 
-def _press(bench: TestRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
-    """Stop by a control character, and take that stop back when all rests; one of somebody else stays."""
+def _press(bench: ProofRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
+    """Stop by a control character, and release that stop at rest; anybody else's stop stays in force."""
     stop = bench.stop
     earlier = stop.mark or 0
     stop.check()
-    # A control-A would close what has opened meanwhile; without this it is a control-K.
+    # A control-A would close a loop that has opened meanwhile; without this it is a control-K.
     stop.loops_closed = all(
         "amplifier_enabled" in flags and "open_loop" not in flags for flags in before.flags.values()
     )
@@ -215,14 +216,14 @@ def _press(bench: TestRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
     answered = past_a_question(bench, stop.stop if way is Way.ABORT else stop.kill)
     looks, obeyed = _until_obeyed(axes, way, before)
     if obeyed:
-        bench.client.request(NOTHING_GUARDED)  # not before: what does not obey is ended by its lease
+        bench.client.request(NOTHING_GUARDED)  # not before: what does not obey is ended by its watchdog
     looks = _until_rest(axes, looks, REST_LIMIT_S[way])
     killed, rested = stop.killed, rests(looks)
     if rested and obeyed:
         stop.rest_proven(earlier + 1)
         with suppress(RefusedError):
             stop.release()
-        stop.check()  # what was not released is somebody else's
+        stop.check()  # what was not released is somebody else's stop
     return SeenStop(
         way=way,
         pressed_s=pressed_s,
@@ -233,7 +234,7 @@ def _press(bench: TestRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
 
 
 def _until_obeyed(axes: Guarded, way: Way, before: Look) -> tuple[tuple[Look, ...], bool]:
-    """Look on until every motor does what the stop says; return the looks, and whether they all did."""
+    """Poll until every motor obeys the stop; return the polls, and whether all motors did."""
     wanted = {"open_loop"} if way is Way.KILL else {"abort_deceleration", "desired_velocity_zero"}
     watch, looks = axes.watch, [before]
     end_s = watch.clock.now_s() + OBEY_LIMIT_S

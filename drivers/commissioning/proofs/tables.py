@@ -1,10 +1,10 @@
-"""What compensation tables do when they are switched, deleted, and left behind: proven with the drives killed."""
+"""Test what compensation tables do when switched, deleted and left behind, with the drives killed."""
 
 from __future__ import annotations
 
 from drivers.commissioning.amounts import digits
 from drivers.commissioning.check import Check
-from drivers.commissioning.proofs.bench import TestRig, proof, unproven
+from drivers.commissioning.proofs.bench import ProofRig, proof, unproven
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
 from drivers.pmac.compensation.table_text import definition_text
 from profiles.findings import Severity
@@ -14,14 +14,14 @@ ENTRY = 16
 """Entries are in sixteenths of a count."""
 
 SAME_COUNTS = 0.5
-"""A source that trembles by a count moves the correction by less than this."""
+"""A source that dithers by a count changes the correction by less than this."""
 
 LEAST_TURNED = 64.0
-"""Counts that a source must be away from its zero, to be rolled over."""
+"""Counts that a source must be away from its zero for the roll-over test."""
 
 
-def compensation_edge(bench: TestRig) -> Check:
-    """Prove that the last correction stays when I51 goes to 0, and that it can be cleared by hand then."""
+def compensation_edge(bench: ProofRig) -> Check:
+    """Test that the last correction stays when I51 goes to 0, and can be cleared by hand then."""
     target = bench.motor("carriage")
     bench.define(_table(bench, target, span=bench.judged.machine.spindle.counts_per_rev, entries=(160,) * 4))
     bench.tell("I51=1")
@@ -39,10 +39,10 @@ def compensation_edge(bench: TestRig) -> Check:
     return proof("compensation_edge", holds=holds, found=found, wanted=f"{FLAT_COUNTS:g}, {FLAT_COUNTS:g}, 0")
 
 
-def table_zero(bench: TestRig) -> Check:
-    """Prove what the correction at the zero of the source is: the last entry, also where that is not 0."""
+def table_zero(bench: ProofRig) -> Check:
+    """Test the correction at the zero of the source: the last entry, also where that is not 0."""
     target, here = bench.motor("carriage"), bench.position(bench.motor("spindle"))
-    # So long that the source stands within the first spacing, or within the last one.
+    # Long enough for the source to be within the first spacing, or within the last.
     span = 4 * int(abs(here)) + 4000
     table = _table(bench, target, span=span, entries=(0, 100 * ENTRY))
     found = _correction(bench, table)
@@ -50,21 +50,21 @@ def table_zero(bench: TestRig) -> Check:
     return proof("table_zero", holds=_near(found, wanted), found=digits(found), wanted=digits(wanted))
 
 
-def roll_over(bench: TestRig) -> Check:
-    """Prove that a source beyond the span is folded into it."""
+def roll_over(bench: ProofRig) -> Check:
+    """Test that a source beyond the span is folded into it."""
     target, here = bench.motor("carriage"), bench.position(bench.motor("spindle"))
     if abs(here) < LEAST_TURNED:
         return unproven(["roll_over"])[0]
     span = max(16, int(abs(here) / 2.4))
     table = _table(bench, target, span=span, entries=(10 * ENTRY, 30 * ENTRY, 20 * ENTRY, 0))
     found, wanted = _correction(bench, table), table.correction(here)
-    # A tremble of a count of the source moves the correction by its slope.
+    # A source that dithers by a count changes the correction by its slope.
     holds = abs(found - wanted) <= SAME_COUNTS + 80.0 / span
     return proof("roll_over", holds=holds, found=digits(found), wanted=digits(wanted))
 
 
-def delete_order(bench: TestRig) -> Check:
-    """Prove the order of tables in memory: defined high to low, deleted low to high, in front of gathering."""
+def delete_order(bench: ProofRig) -> Check:
+    """Test the order of tables in memory: defined high to low, deleted low to high, before gathering."""
     low, high = sorted((bench.motor("tool"), bench.motor("carriage")))
     tables = {
         motor: _table(bench, motor, span=bench.judged.machine.spindle.counts_per_rev, entries=(0, 0))
@@ -85,8 +85,8 @@ def delete_order(bench: TestRig) -> Check:
     return proof("delete_order", holds=all(refused), found=found, wanted="ERR003, ERR003, ERR003")
 
 
-def _correction(bench: TestRig, table: CompensationTable) -> float:
-    """Return the correction of a table that is switched on for this alone."""
+def _correction(bench: ProofRig, table: CompensationTable) -> float:
+    """Return the correction of a table that is switched on only for this."""
     target = table.definition.target
     bench.define(table)
     bench.tell("I51=1")
@@ -96,7 +96,7 @@ def _correction(bench: TestRig, table: CompensationTable) -> float:
     return found
 
 
-def _table(bench: TestRig, target: int, span: int, entries: tuple[int, ...]) -> CompensationTable:
+def _table(bench: ProofRig, target: int, span: int, entries: tuple[int, ...]) -> CompensationTable:
     definition = TableDefinition(
         motor=target,
         sources=(TableSource(bench.motor("spindle"), span),),
@@ -111,5 +111,5 @@ def _near(found: float, wanted: float) -> bool:
 
 
 def fails(checks: list[Check]) -> bool:
-    """Whether one of them has failed: then nothing is moved for the others."""
+    """Whether a test has failed: then nothing is moved for the others."""
     return any(check.severity is Severity.REFUSAL for check in checks)

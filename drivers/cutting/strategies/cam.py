@@ -27,7 +27,7 @@ def _made(planning: Planning) -> Made:
 
 
 def _late_cycles(machine: MachineProfile) -> int:
-    """A card serves its motors in the order of their numbers."""
+    """Return the delay: the controller serves its motors in numerical order."""
     return int(machine.spindle.motor > machine.tool.motor)
 
 

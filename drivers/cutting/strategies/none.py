@@ -1,4 +1,4 @@
-"""`none`: the tool keeps its depth, and the part keeps its lobe."""
+"""`none`: the tool keeps its depth, so the lobe stays on the part."""
 
 from __future__ import annotations
 

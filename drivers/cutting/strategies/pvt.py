@@ -1,4 +1,4 @@
-"""`pvt`: the inverted sinusoid in segments that pass through their points, the spindle turned by the program."""
+"""`pvt`: the inverted sinusoid in PVT segments, the spindle turned by the program."""
 
 from __future__ import annotations
 

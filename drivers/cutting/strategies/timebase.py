@@ -1,4 +1,4 @@
-"""`timebase`: the segments of `pvt` in a program whose time is the turning of the spindle."""
+"""`timebase`: the segments of `pvt` in a program whose time base is the spindle."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def _made(planning: Planning) -> Made:
-    """The time of a servo cycle is what the spindle has turned in the one before."""
+    """Make the program; in each servo cycle time advances by the spindle's turn in the cycle before."""
     from drivers.pmac.programs.timebase import (
         released_definitions,
         restoring_lines,
@@ -31,7 +31,7 @@ def _made(planning: Planning) -> Made:
 
 
 def _late_cycles(machine: MachineProfile) -> int:
-    """A time base counts the servo cycle that has ended."""
+    """Return the delay: a time base counts the last completed servo cycle."""
     return 1
 
 

@@ -1,6 +1,6 @@
-"""The descriptor of a strategy: everything that the rest of the program asks one for.
+"""The descriptor of a strategy: everything that other modules need to know of one.
 
-Nothing numeric is imported here or beside it before a program is made: the command line reads the descriptors.
+No numeric library is imported by the descriptors before a program is made: the command line reads them.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Planning:
-    """What is planned: a job on a machine, the place of the cut, and the path that the part wants.
+    """The input of planning: a job on a machine, the position of the cut, and the target path of the part.
 
-    `command` is what the tool is told: the inverse of `target` where the strategy inverts the servo, else `target`
-    itself. `ts_ms` is the TS that was asked for, in whole ms. A cut that is `trimmed` listens to the host while it
+    `command` is the tool command: the inverse of `target` where the strategy inverts the servo, else `target`
+    itself. `ts_ms` is the requested TS, in whole ms. A `trimmed` cut accepts corrections from the host while it
     cuts.
     """
 
@@ -41,7 +41,7 @@ class Planning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made:
-    """What a strategy makes of it; `clock` is the spindle where it is the clock of the program.
+    """The output of a strategy; `clock` is the spindle where it is the program's time base.
 
     The other fields are those of `drivers.cutting.plan.CutPlan`, `definitions` its `axis_definitions`.
     """
@@ -57,31 +57,31 @@ class Made:
 
 
 class AngleZero(Enum):
-    """From where a strategy counts the angle of a spindle that somebody else turns, and that was never homed."""
+    """From where a strategy counts the angle of an external spindle that was never homed."""
 
     SWITCH_ON = auto()
     INDEX = auto()
 
 
 def in_time(machine: MachineProfile) -> int:
-    """Return the servo cycles by which a program sees a spindle late that it turns itself: none."""
+    """Return the servo cycles by which a program reads its own spindle late: none."""
     return 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traits:
-    """One strategy: how its program is made, what it wants, and what may be asked of it.
+    """One strategy: how its program is made, what it requires, and its options.
 
     `make` returns the program. Without `follows_lobe` the tool keeps its depth. `inverts`: its command is the
-    inverse of a response, so it follows any path of one lobe, and can be learned; `late_cycles` are the servo
-    cycles by which that path sees the spindle late.
+    inverse of a response, so it follows any single-lobe path, and can be learned; `late_cycles` are the servo
+    cycles by which that path reads the spindle late.
 
-    `by_table`: the command is a compensation table, so it may have any waves, and grow along the cut.
-    `spindle_time`: the time of its program is the turning of the spindle. `counts_from` is where the angle of a
-    spindle begins that others turn; None, it has to turn the spindle itself. `trims`: the host may correct it
-    within the cut. `takes_ts`: its segments may be given another time than the printed one.
+    `by_table`: the command is a compensation table, so it may have any harmonics, and grow along the cut.
+    `spindle_time`: the spindle is the time base of its program. `counts_from` is where the angle of an external
+    spindle begins; None if the program must turn the spindle itself. `trims`: the host may correct it within
+    the cut. `takes_ts`: the segment time may differ from the printed one.
 
-    `begins_at` is where the spindle begins, in counts from its index; None, there.
+    `begins_at` is where the spindle begins, in counts from its index; None means at the index.
     """
 
     make: Callable[[Planning], Made]

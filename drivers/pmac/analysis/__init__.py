@@ -1,1 +1,1 @@
-"""What a motion program will really do: its motion move by move, and what is wrong with it."""
+"""Analyse a motion program: its actual motion move by move, and its problems."""

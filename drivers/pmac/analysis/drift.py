@@ -1,8 +1,8 @@
-"""How often the tool goes to and fro in a turn of the spindle, measured in the motion that is really made.
+"""Count how often the tool oscillates in a turn of the spindle, from the actual motion.
 
-The tool's path is cut at the middle of its stroke; from crossing to crossing in the same sense the spindle makes
-the way of one lobe. The crossings inward and those outward are taken alike, so that a feed of the tool does not
-count as drift. The moments are exact from the cubics.
+The tool's path is cut at the middle of its stroke; between crossings in the same sense the spindle makes the angle
+of one lobe. Inward and outward crossings are treated alike, so that a feed of the tool does not count as drift.
+The instants are exact from the cubics.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _HALVINGS = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lobes:
-    """How often the tool's path repeats in a turn, and the mean speed of the spindle meanwhile."""
+    """Repetitions of the tool's path per turn, and the mean spindle speed over them."""
 
     per_turn: float
     speed_rpm: float
@@ -49,7 +49,7 @@ def lobes_of(subject: Subject) -> Lobes | None:
 
 
 def _per_turn(places: Sequence[float], turn: float) -> float | None:
-    """Return how many crossings make a turn; like is compared with like, one turn apart, where there are two."""
+    """Return the number of crossings per turn; like is compared with like, one turn apart, where there are two."""
     if len(places) < 2 or places[-1] == places[0]:
         return None
     way = abs(places[-1] - places[0]) / (len(places) - 1)
@@ -59,7 +59,7 @@ def _per_turn(places: Sequence[float], turn: float) -> float | None:
 
 
 def _steady(subject: Subject) -> tuple[float, float]:
-    """Return a stretch of the cut far from how it begins and ends: some turns before an endless loop was left."""
+    """Return a stretch of the cut far from its start and end: some turns before an endless loop was left."""
     cut = subject.cut
     begin_ms, end_ms = cut[0].ends_ms, cut[-1].begins_ms
     for left in subject.walk.left:
@@ -67,7 +67,7 @@ def _steady(subject: Subject) -> tuple[float, float]:
             end_ms = min(end_ms, subject.walk.steps[left.step].begins_ms)
     if end_ms <= begin_ms:
         return cut[0].begins_ms, cut[-1].ends_ms
-    # The middle, or what is behind it where the loop was left as soon as it was steady.
+    # The middle, or what follows it where the loop was left as soon as it was steady.
     speed = _mean_speed(subject, begin_ms, end_ms)
     wanted_ms = STEADY_TURNS * subject.machine.spindle.counts_per_rev / speed if speed else end_ms - begin_ms
     if wanted_ms >= end_ms - begin_ms:
@@ -87,7 +87,7 @@ def _mean_speed(subject: Subject, begin_ms: float, end_ms: float) -> float:
 def _crossings(
     timeline: Timeline, index: int, level: float, begin_ms: float, end_ms: float
 ) -> Iterator[tuple[float, bool]]:
-    """Yield the instants at which a motor passes a level, and whether it rises there."""
+    """Yield the instants at which a motor crosses a level, and whether it rises there."""
     above: bool | None = None
     for piece, piece_begins_ms in zip(timeline.pieces, timeline.begins_ms, strict=True):
         first, last = max(begin_ms - piece_begins_ms, 0.0), min(end_ms - piece_begins_ms, piece.duration_ms)
@@ -96,7 +96,7 @@ def _crossings(
         cubic = piece.cubics[index]
         instants = sorted({first, last, *(t for t in turning_points(cubic) if first < t < last)})
         for start, stop in pairwise(instants):
-            # The sign is carried over the joints: a value that is zero but for its rounding is no crossing.
+            # The sign is carried over the joints: a value that is zero except for rounding is no crossing.
             before = position_at(cubic, start) > level if above is None else above
             above = position_at(cubic, stop) > level
             if above is not before:
@@ -104,7 +104,7 @@ def _crossings(
 
 
 def _root(cubic: Cubic, level: float, start: float, stop: float) -> float:
-    """Return where a cubic that is monotonic from `start` to `stop` passes a level."""
+    """Return where a cubic that is monotonic from `start` to `stop` crosses a level."""
     rises = position_at(cubic, stop) > position_at(cubic, start)
     for _ in range(_HALVINGS):
         middle = 0.5 * (start + stop)

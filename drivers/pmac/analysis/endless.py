@@ -1,7 +1,7 @@
-"""When a program runs in a circle, and for how long that is watched before somebody ends it.
+"""Detect when a program loops for ever, and how long to watch the loop before ending it.
 
-Two signs: a WHILE that nothing inside it can end (`Loop.endless`), and a program that stands at a place with the
-very values in its variables with which it stood there before.
+Two signs: a WHILE that nothing inside it can end (`Loop.endless`), and a program that returns to a place with
+exactly the same values in its variables as before.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from drivers.pmac.analysis.step import Step, same_motion
 from drivers.pmac.language.syntax import VariableKind
 
 MOST_PASSES = 400
-"""Passes of an endless loop whose motion never repeats."""
+"""Maximum passes of an endless loop whose motion never repeats."""
 
 STEADY_PASSES = 3
 STEADY_TURNS = 3.0
-"""How long the repeated motion of an endless loop is watched: so many passes, and turns of the spindle."""
+"""How long the repeated motion of an endless loop is watched: passes, and turns of the spindle."""
 
 Written = Mapping[tuple[VariableKind, int, int], float]
-"""What a program has set: by kind, number and coordinate system."""
+"""The values that a program has set: by kind, number and coordinate system."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turning:
-    """The motor that turns the part, by its place in every vector, and its counts in one turn."""
+    """The motor that turns the part, by its place in every vector, and its counts per turn."""
 
     index: int
     counts: float
@@ -34,7 +34,7 @@ class Turning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Circle:
-    """A program that runs in a circle: round which loop (None: round no WHILE), and whether its motion repeats.
+    """An endless loop of a program: the WHILE (None: without one), and whether its motion repeats.
 
     The last `period` steps, where they repeat, are one round; there were `passes` of them.
     """
@@ -45,10 +45,10 @@ class Circle:
 
 
 class EndlessWatch:
-    """Looks at every step of a walk."""
+    """Checks every step of a walk for endless loops."""
 
     def __init__(self, loops: Sequence[Loop], turning: Turning | None) -> None:
-        """`loops` are those of the program that is started."""
+        """Take the loops of the program that is started."""
         self._endless = tuple(loop for loop in loops if loop.endless)
         self._loops = tuple(loops)
         self._turning = turning
@@ -56,21 +56,21 @@ class EndlessWatch:
         self._rounds: dict[tuple[Loop | None, tuple[int, ...]], _Rounds] = {}
 
     def forget(self) -> None:
-        """Begin anew: somebody has set a flag."""
+        """Start again: a flag has been set from outside."""
         self._rounds.clear()
         self._recurrence = _Recurrence()
 
     def look(self, steps: Sequence[Step], written: Written) -> Circle | None:
-        """Return the circle that the program runs in, once it has been watched for long enough."""
+        """Return the endless loop that the program is in, once it has been watched for long enough."""
         newest = steps[-1]
         loop = next(around(self._loops, newest.main_line), None)
         if loop is not None and any(around(self._endless, newest.main_line)):
-            # A line of a loop inside, which ends by itself, comes again and again in one pass.
+            # A line of an inner loop, which ends by itself, recurs within one pass.
             return self._pass(steps, loop) if loop.endless else None
         return self._pass(steps, loop) if self._recurrence.has_come_again(newest.place, written) else None
 
     def _pass(self, steps: Sequence[Step], loop: Loop | None) -> Circle | None:
-        # Which of the places in a loop comes again shows in time: each is counted by itself.
+        # Which of the places in a loop recurs shows in time: each is counted by itself.
         rounds = self._rounds.setdefault((loop, steps[-1].place), _Rounds())
         rounds.starts.append(len(steps) - 1)
         passes = len(rounds.starts) - 1
@@ -108,7 +108,7 @@ def _repeats(steps: Sequence[Step], starts: Sequence[int]) -> bool:
 
 @dataclass(slots=True)
 class _Recurrence:
-    """Notices that a program is where it was, by Brent's method: one state is kept, at distances that double."""
+    """Detects a recurring program state, by Brent's method: one state is kept, at distances that double."""
 
     place: tuple[int, ...] = ()
     written: dict[tuple[VariableKind, int, int], float] = field(default_factory=dict)

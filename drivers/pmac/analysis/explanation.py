@@ -1,6 +1,6 @@
-"""Why a zig-zag does not make its stroke, in sentences that follow from the computed numbers.
+"""Explain why a zig-zag does not reach its stroke, in sentences derived from the computed numbers.
 
-The lobe to be taken away is taken to be a sine of the very stroke that is told, in phase with the path.
+The lobe to be removed is assumed to be a sine of exactly the commanded stroke, in phase with the path.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from drivers.pmac.trajectory.linear import Limits, LinearMove, Timing, effective
 from profiles.axis.servo import sampled_response
 
 WANTED_SHARE = 0.95
-"""The share of the stroke for which times are looked for."""
+"""The fraction of the stroke for which times are searched."""
 
 _WORTH_SAYING = 0.01
 
@@ -27,7 +27,7 @@ _SAMPLES = 720
 
 
 def explain(subject: Subject, zigzag: ZigZag | None) -> tuple[Sentence, ...]:
-    """Return the explanation of a zig-zag that loses stroke or time; nothing where there is nothing to explain."""
+    """Return the explanation of a zig-zag that loses stroke or time; empty if there is nothing to explain."""
     if zigzag is None:
         return ()
     stretched = zigzag.move.used.tm_ms > zigzag.move.asked.tm_ms * (1.0 + 1e-9)
@@ -80,7 +80,7 @@ def _stroke(subject: Subject, zigzag: ZigZag) -> Sentence:
 
 
 def _left(subject: Subject, zigzag: ZigZag) -> list[Sentence]:
-    """What stays on a part whose lobe is the stroke that is told: by the path alone, then with the servo."""
+    """State the residual on a part whose lobe is the commanded stroke: by the path alone, then with the servo."""
     stroke_um, frequency_hz = subject.um(zigzag.stroke), 500.0 / zigzag.move.used.tm_ms
     lost_um = stroke_um - subject.um(zigzag.made)
     blended: dict[str, Value] = {
@@ -105,7 +105,7 @@ def _left(subject: Subject, zigzag: ZigZag) -> list[Sentence]:
 
 
 def fundamental_share(subject: Subject, zigzag: ZigZag) -> float:
-    """Return the fundamental of the path that is made, as a share of a sine with the stroke that is told."""
+    """Return the fundamental of the actual path, as a fraction of a sine with the commanded stroke."""
     period_ms = 2.0 * zigzag.move.used.tm_ms
     total = 0j
     for sample in range(_SAMPLES):
@@ -134,14 +134,14 @@ def _advice(subject: Subject, zigzag: ZigZag, stretched: bool) -> list[Sentence]
 
 
 def _best_times(subject: Subject, zigzag: ZigZag, tm_ms: float) -> Timing | None:
-    """Return the longest whole TA, without TS, that keeps the share, or what Ix17 makes of it; None: no better."""
+    """Return the longest whole TA, without TS, that keeps the fraction, or the Ix17 limit; None: no better."""
     ta_ms = float(max(1, math.floor(2.0 * (1.0 - WANTED_SHARE) * tm_ms + 1e-9)))
     way = tuple(motor.commanded for motor in zigzag.move.motors)
     limits = Limits(
         velocity=tuple(subject.setting(motor, 16) for motor in subject.walk.motors),
         acceleration=tuple(subject.setting(motor, 17) for motor in subject.walk.motors),
     )
-    # The move before it took back what this one makes: the greatest change there is.
+    # The previous move reversed what this one makes: the greatest change there is.
     before = tuple(
         (-distance if index == zigzag.index else distance) / tm_ms for index, distance in enumerate(way)
     )
@@ -152,7 +152,7 @@ def _best_times(subject: Subject, zigzag: ZigZag, tm_ms: float) -> Timing | None
 
 
 def _believable(subject: Subject, zigzag: ZigZag) -> bool:
-    """A time that the controller cannot even compute in was not meant."""
+    """Whether the time is one that the controller cannot even compute: it cannot be intended."""
     return zigzag.move.asked.tm_ms >= interrupt_ms(subject)
 
 

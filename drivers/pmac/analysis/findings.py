@@ -1,4 +1,4 @@
-"""What the checker can say of a program: codes with numbers. Their words are the console's (`check.<code>`)."""
+"""The checker's findings: codes with numbers. Their texts are the console's (`check.<code>`)."""
 
 from __future__ import annotations
 
@@ -73,11 +73,11 @@ class Said(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramFinding:
-    """One thing found in a program. No `Finding`: it has lines, and numbers without units for the JSON.
+    """One finding in a program. Not a `Finding`: it has lines, and numbers without units for the JSON.
 
-    A refusal: the controller refuses or stops it, or the machine is driven where it must not go. A warning: it
-    runs and does something else than it says. A notice: worth knowing. `lines` are those of the file, from 1,
-    none where it is about the whole program.
+    A refusal: the controller refuses or stops it, or the machine is moved beyond a limit. A warning: it runs, but
+    does something other than it says. A notice: worth knowing. `lines` are those of the file, from 1, none where
+    it is about the whole program.
     """
 
     code: Code

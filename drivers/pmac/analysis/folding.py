@@ -1,4 +1,4 @@
-"""Moves that repeat, folded: a stretch of some moves and how often it comes."""
+"""Fold repeating moves: a stretch of some moves and the number of its repetitions."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
 from drivers.pmac.analysis.timeline import Peaks
 
 LONGEST_PATTERN = 48
-"""Moves of the longest stretch that is looked for."""
+"""Length of the longest stretch that is searched for, in moves."""
 
 _SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fold:
-    """Moves that come `times` times one after the other; those given are the last of them."""
+    """Moves repeated `times` times in a row; those given are the last repetition."""
 
     moves: tuple[MoveAnalysis, ...]
     times: int
 
 
 def fold(moves: Sequence[MoveAnalysis]) -> tuple[Fold, ...]:
-    """Fold the moves: at each place the pattern that takes the most moves, the shortest of these."""
+    """Fold the moves: at each place the pattern that covers the most moves, the shortest of these."""
     folds: list[Fold] = []
     place = 0
     while place < len(moves):
@@ -50,7 +50,7 @@ def _best(moves: Sequence[MoveAnalysis], place: int) -> tuple[int, int]:
 
 
 def _alike(one: MoveAnalysis, other: MoveAnalysis) -> bool:
-    """Return whether two moves are the same but for where they begin."""
+    """Return whether two moves are the same except for their start."""
     if (one.program, one.line, one.mode, one.blended) != (other.program, other.line, other.mode, other.blended):
         return False
     times = [(t.ta_ms, t.ts_ms, t.tm_ms) for move in (one, other) for t in (move.asked, move.used)]

@@ -1,4 +1,4 @@
-"""Findings about limits: those that the controller has in its variables, and those of the machine itself."""
+"""Findings about limits: those in the controller's variables, and those of the machine itself."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ROUNDING = 1e-9
 
 
 def limit_findings(subject: Subject) -> list[ProgramFinding]:
-    """Return what goes beyond a limit; 0 in a variable is no limit."""
+    """Return what exceeds a limit; 0 in a variable is no limit."""
     findings: list[ProgramFinding] = []
     for index, motor in enumerate(subject.walk.motors):
         findings += _position(subject, index, motor)
@@ -23,7 +23,7 @@ def limit_findings(subject: Subject) -> list[ProgramFinding]:
 
 
 def _position(subject: Subject, index: int, motor: int) -> list[ProgramFinding]:
-    """Ix13 and Ix14, the software limits: the card stops everything there."""
+    """Check Ix13 and Ix14, the software limits: the controller stops everything there."""
     lowest, highest = subject.timeline.extent(index, 0.0, subject.timeline.ends_ms)
     high, low = subject.setting(motor, 13), subject.setting(motor, 14)
     findings = []
@@ -41,7 +41,7 @@ def _position(subject: Subject, index: int, motor: int) -> list[ProgramFinding]:
 
 
 def _velocity(subject: Subject, index: int, motor: int) -> list[ProgramFinding]:
-    """Ix16, which does not guard every mode."""
+    """Check Ix16, which does not limit every mode."""
     limit = subject.setting(motor, 16)
     fast = [move for move in subject.moves if move.mode != "RAPID" and _over(_peak(move, index), limit)]
     if not fast:
@@ -103,7 +103,7 @@ def _spindle(subject: Subject) -> list[ProgramFinding]:
 
 
 def _jaws(subject: Subject) -> list[ProgramFinding]:
-    """The carriage with the tool on it stays clear of the jaws."""
+    """Check that the carriage with the tool on it stays clear of the jaws."""
     if subject.carriage is None:
         return []
     carriage = subject.machine.carriage
@@ -113,7 +113,7 @@ def _jaws(subject: Subject) -> list[ProgramFinding]:
 
 
 def _travel(subject: Subject, index: int, per_mm: float, limits_mm: tuple[float, float]) -> list[ProgramFinding]:
-    """The iron's own ends, where the controller's limits do not come first."""
+    """Check the machine's mechanical ends, where the controller's limits do not come first."""
     findings = []
     ends = subject.timeline.extent(index, 0.0, subject.timeline.ends_ms)
     for limit_mm, reached, beyond in zip(limits_mm, ends, (-1.0, 1.0), strict=True):

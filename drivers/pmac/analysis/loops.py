@@ -1,7 +1,7 @@
-"""Loops that nothing in the program ends, and the flag that a host would set to end them.
+"""Find loops that nothing in the program ends, and the flag that a host would set to end them.
 
-Found by reading: a WHILE is endless when nothing inside it can change what its condition looks at, and no GOTO
-or RETURN leads out of it. What a called subroutine changes counts as changed inside.
+A static analysis: a WHILE is endless when nothing inside it can change what its condition reads, and no GOTO or
+RETURN leads out of it. What a called subroutine changes counts as changed inside.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ Name = tuple[VariableKind, int]
 """One numbered variable."""
 
 MOST_FLAGS = 3
-"""So many variables of a condition are tried together; more make no plain flag."""
+"""Maximum variables of a condition that are tried together; with more it is not a plain flag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loop:
-    """A WHILE from its line to that of its end (counted from 0, both inside).
+    """A WHILE from its line to that of its end (counted from 0, inclusive).
 
     `names` are the variables of its condition, `free` those that nothing inside assigns. `endless` when all are.
     """
@@ -44,15 +44,15 @@ def find_loops(program: syntax.Program, called: Iterable[syntax.Program] = ()) -
 
 
 def around(loops: Iterable[Loop], line: int) -> Iterator[Loop]:
-    """Yield the loops that a line stands in, from the inside out."""
+    """Yield the loops that contain a line, from the inside out."""
     return (loop for loop in loops if loop.first <= line <= loop.last)
 
 
 def way_out(loop: Loop, variables: Variables, degrees: bool) -> Mapping[Name, float] | None:
-    """Return values of variables with which the condition fails, None where there are none.
+    """Return values of variables for which the condition fails, None where there are none.
 
     A host ends such a loop by setting a flag; of several ways the one with the fewest variables is taken, and
-    those that the loop leaves alone come first.
+    those that the loop does not set come first.
     """
     names = loop.free or loop.names
     if not 0 < len(names) <= MOST_FLAGS:
@@ -70,7 +70,7 @@ def way_out(loop: Loop, variables: Variables, degrees: bool) -> Mapping[Name, fl
 
 
 def _has_calls(programs: Iterable[syntax.Program]) -> bool:
-    """Return whether anything is called: then a line and the variables do not say all of where a program is."""
+    """Return whether anything is called: then a line and the variables do not fully define the program's state."""
     calls = (syntax.Gosub, syntax.CallProgram)
     return any(isinstance(statement, calls) for program in programs for line in program for statement in line)
 
@@ -137,7 +137,7 @@ def _names(condition: syntax.Condition) -> tuple[tuple[Name, ...], bool]:
 
 
 def _name(variable: syntax.Variable) -> Name | None:
-    """Return which variable it is, None where its number is computed."""
+    """Return the variable, None where its number is computed."""
     index = variable.index
     return (variable.kind, int(index.value)) if isinstance(index, syntax.Number) else None
 
@@ -157,7 +157,7 @@ def _walk(part: syntax.Condition | syntax.Expression) -> Iterator[syntax.Conditi
 
 
 def _candidates(present: float, constants: set[float]) -> list[float]:
-    """Values a flag might be set to: 1 and 0 first, then what lies on either side of the constants and of now."""
+    """Yield values a flag might be set to: 1 and 0 first, then either side of the constants and of now."""
     around_them = [value + step for value in sorted(constants | {present}) for step in (1.0, -1.0, 0.0)]
     return [1.0, 0.0, *around_them]
 

@@ -1,8 +1,8 @@
-"""Every move of a walk, as commanded and as it really is. Positions are counts, times ms.
+"""Every move of a walk, as commanded and as actually made. Positions are counts, times ms.
 
-A blended move does not reach its programmed point. What counts as reached is where the motor turns round, if it
-does so at the end of the move; otherwise where it is at the nominal end. A move that is not blended into another
-reaches its point.
+A blended move does not reach its programmed point. The point reached is where the motor reverses, if it does so at
+the end of the move; otherwise its position at the nominal end. A move that is not blended into another reaches its
+point.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from drivers.pmac.trajectory.planned import MoveRecord
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorMove:
-    """One motor in one move, counts: `commanded` is its way between programmed points, `made` between reached.
+    """One motor in one move, counts: `commanded` between programmed points, `made` between points reached.
 
-    `turns` says that it turns round at the end of the move.
+    `turns`: it reverses at the end of the move.
     """
 
     motor: int
@@ -35,7 +35,7 @@ class MotorMove:
 
     @property
     def lost(self) -> float:
-        """How much shorter the way was than commanded; below 0 it was longer."""
+        """The distance by which the motion was shorter than commanded; below 0 it was longer."""
         return abs(self.commanded) - abs(self.made)
 
 
@@ -63,9 +63,9 @@ class MoveAnalysis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Nominal:
-    """Where a move lies in time; the change into it takes `ramp_ms`, centred on its beginning.
+    """Position of a move in time; the change into it takes `ramp_ms`, centred on its beginning.
 
-    `follows` says that it is blended into by the move before it.
+    `follows`: the previous move blends into it.
     """
 
     place: int
@@ -79,9 +79,9 @@ class _Nominal:
 
     @property
     def starts_ms(self) -> float:
-        """When the first motion of it comes."""
+        """Start of its first motion."""
         if mode_of(self.step.request) == "SPLINE" and not self.follows:
-            # The segment of no distance in front of a spline moves, too.
+            # The zero-distance segment before a spline moves, too.
             return self.begins_ms - self.used.tm_ms
         return self.begins_ms - 0.5 * self.ramp_ms
 
@@ -137,7 +137,7 @@ def _analysis(number: int, move: _Nominal, blended: bool, motors: tuple[MotorMov
 
 
 def mode_of(request: Request) -> str:
-    """Return the move mode of a request, in the words of the language."""
+    """Return the move mode of a request, by its name in the language."""
     match request:
         case LinearRequest():
             return "LINEAR"
@@ -161,13 +161,13 @@ def _nominal(walk: Walk) -> list[_Nominal]:
 
 
 def _lain(place: int, step: Step, record: MoveRecord, before: _Nominal | None) -> _Nominal:
-    """Return where a move lies; `before` is the move in front of it, when nothing stands between them."""
+    """Return the timing of a move; `before` is the previous move, when nothing separates them."""
     mode, used = mode_of(step.request), record.timing or record.asked
     ramp_ms = used.ta_ms if mode in _RAMPED else 0.0
     if mode in _RAMPED:
         begins_ms = _ramp_begins_ms(step) + 0.5 * ramp_ms
     elif mode == "SPLINE":
-        # A segment is laid when the next point is known: the motion of this step ends where its own begins.
+        # A segment is planned when the next point is known: the motion of this step ends where its own begins.
         begins_ms = step.ends_ms
     elif mode == "RAPID":
         begins_ms = _jog_begins_ms(step)
@@ -190,16 +190,16 @@ def _lain(place: int, step: Step, record: MoveRecord, before: _Nominal | None) -
 
 
 def _blends(before: _Nominal, mode: str, begins_ms: float) -> bool:
-    """Return whether a move goes on without a stop: of the same kind, and beginning where the other ends."""
+    """Return whether a move continues without a stop: of the same kind, and beginning where the other ends."""
     kind = mode_of(before.step.request)
     alike = kind == mode != "RAPID" or (kind in _RAMPED and mode in _RAMPED)
-    # With Ix92 the step of the move before holds its stop, too.
+    # With Ix92 the previous move's step includes its stop, too.
     stopped = kind in _RAMPED and before.step.ends_ms > before.ends_ms + _TOUCHING_MS
     return alike and not stopped and abs(begins_ms - before.ends_ms) < _TOUCHING_MS
 
 
 _TOUCHING_MS = 1e-6
-"""Two moves touch when one begins where the other nominally ends, but for rounding."""
+"""Two moves touch when one begins where the other nominally ends, within rounding."""
 
 _RAMPED = ("LINEAR", "CIRCLE")
 """Modes whose moves are blended by ramps of TA and TS."""
@@ -216,7 +216,7 @@ def _ramp_begins_ms(step: Step) -> float:
 
 
 def _jog_begins_ms(step: Step) -> float:
-    """Return when the jog of a RAPID step begins: at its last rest, behind the end of the motion before it."""
+    """Return when the jog of a RAPID step begins: at its last rest, after the end of the previous motion."""
     instant = step.ends_ms
     for piece in reversed(step.planned.pieces):
         instant -= piece.duration_ms
@@ -226,13 +226,13 @@ def _jog_begins_ms(step: Step) -> float:
 
 
 def _standing(walk: Walk, move: _Nominal, before: Vector) -> Vector:
-    """Return where the motors stand before a move from rest: at the last target, or where an event put them."""
+    """Return the motor positions before a move from rest: at the last target, or where an event put them."""
     between = walk.steps[: move.place]
     return between[-1].at if between and between[-1].planned.record is None else before
 
 
 def _ends(timeline: Timeline, move: _Nominal, after: _Nominal | None) -> list[tuple[float, bool]]:
-    """Return the point that each motor reaches, and whether it turns there; `after` blends out of the move."""
+    """Return the point that each motor reaches, and whether it reverses there; `after` blends out of the move."""
     if after is None:
         return [(target, False) for target in move.record.target]
     half_ms = 0.5 * (after.ramp_ms or min(move.used.tm_ms, after.used.tm_ms))
@@ -240,7 +240,7 @@ def _ends(timeline: Timeline, move: _Nominal, after: _Nominal | None) -> list[tu
     ends = []
     for index in range(len(move.record.target)):
         arriving, leaving = timeline.velocity(index, begin_ms), timeline.velocity(index, end_ms)
-        # A motor that rests has the rounding of the arithmetic as its velocity.
+        # A motor at rest still has a velocity of rounding errors.
         turns = arriving * leaving < 0.0 and min(abs(arriving), abs(leaving)) * half_ms > SAME_COUNTS
         lowest, highest = timeline.extent(index, begin_ms, end_ms) if turns else (0.0, 0.0)
         reached = highest if arriving > 0.0 else lowest

@@ -1,4 +1,4 @@
-"""Findings about the path: strokes that blending takes away, arcs that are none, and where the tool is left."""
+"""Findings about the path: stroke lost to blending, arcs not made as arcs, and the final tool position."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from drivers.pmac.requests import HomeRequest
 from profiles.findings import Severity
 
 KEPT_ENOUGH = 0.98
-"""A stroke that keeps this share is not called lost."""
+"""A stroke that keeps this fraction does not count as lost."""
 
 
 def path_findings(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFinding]:
-    """Return what is wrong with where the motors go."""
+    """Return the problems of the motors' paths."""
     findings = [*_lost_strokes(subject), *_one_sided(subject, zigzag), *_straight_circles(subject)]
-    # Where a program ends is known when it was followed to its end.
+    # The end of a program is known only when it was followed to its end.
     return [*findings, *_end(subject)] if subject.walk.ending is Ending.FINISHED else findings
 
 
 def _lost_strokes(subject: Subject) -> list[ProgramFinding]:
-    """Moves that turn round short of both their ends: for each way told, the way that is made most often."""
+    """Find moves that reverse short of both ends: for each commanded distance, the most frequent actual one."""
     grouped: dict[tuple[int, float], list[tuple[MoveAnalysis, MotorMove]]] = {}
     for before, move in pairwise(subject.moves):
         for index, motor in enumerate(move.motors):
@@ -60,7 +60,7 @@ def _lost(subject: Subject, index: int, stroke: float, made: float, found: list[
 
 
 def _one_sided(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFinding]:
-    """A zig-zag that sets out from one of its ends: its middle is half a stroke off the place where it began."""
+    """Find a zig-zag that starts from one of its ends: its middle is half a stroke off the starting point."""
     if zigzag is None or zigzag.index != subject.tool:
         return []
     first = zigzag.moves[0].motors[zigzag.index]
@@ -77,7 +77,7 @@ def _one_sided(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFinding]:
 
 
 def _straight_circles(subject: Subject) -> list[ProgramFinding]:
-    """Arcs that are made as LINEAR moves, because nothing cuts them into segments."""
+    """Find arcs that are made as LINEAR moves, because segmentation is off."""
     steps = subject.walk.steps
     found = [move for move in subject.moves if move.mode == "CIRCLE" and steps[move.step].segment_ms <= 0.0]
     if not found:
@@ -92,7 +92,7 @@ def _straight_circles(subject: Subject) -> list[ProgramFinding]:
 
 
 def _end(subject: Subject) -> list[ProgramFinding]:
-    """The tool's last move: positive is infeed, and behind the cut the way can only be out."""
+    """Check the tool's last move: positive is infeed, and after the cut only retraction is right."""
     tool = subject.tool
     if tool is None:
         return []
@@ -120,7 +120,7 @@ def _plunge(subject: Subject, tool: int) -> list[ProgramFinding]:
 
 
 def _left_deeper(subject: Subject, tool: int) -> list[ProgramFinding]:
-    """The tool stands further in than it did: at the end of the motion, whatever took it there."""
+    """Find a tool that ends further in than it started, whatever moved it there."""
     walk = subject.walk
     deeper = walk.steps[-1].at[tool] - walk.start[tool]
     if deeper <= SAME_COUNTS:
@@ -138,5 +138,5 @@ def _homes(step: Step, motor: int) -> bool:
 
 
 def _rounded(counts: float) -> float:
-    """Return a way without the rounding of the arithmetic, so that like ways are equal."""
+    """Return a distance without arithmetic rounding, so that like distances are equal."""
     return float(f"{counts:.9g}")

@@ -1,7 +1,7 @@
-"""A program checked as a whole: what a stranger's text does on a machine, and what is to be said of it.
+"""Check a program as a whole: what any program text makes a machine do, and the findings.
 
-Beside its moves: how it goes on (loops without an end, waits for a host, errors at run time), and its TA and TS as
-an operator would change them.
+Besides its moves: its flow (endless loops, waits for a host, run-time errors), and its TA and TS as an operator
+would change them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from profiles.machine import MachineProfile
 
 
 def flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[ProgramFinding]:
-    """Return what a program does that it does not say, and what of it the card does not even take."""
+    """Return hidden behaviour of a program, and the lines that the controller refuses."""
     walk = subject.walk
     findings = [_refused(line) for line in refused]
     if walk.error is not None:
@@ -60,7 +60,7 @@ def _refused(line: RefusedLine) -> ProgramFinding:
 
 
 def _endless(subject: Subject, left: Left) -> ProgramFinding:
-    """A loop that moves is a cut without an end; one that does not is a wait for somebody."""
+    """Report a loop: one that moves is an endless cut; one that does not waits for an input."""
     loop = left.circle.loop
     first, last = (loop.first, loop.last) if loop is not None else (left.line, left.line)
     here = (subject.place_of(subject.walk.number, first),)
@@ -75,14 +75,14 @@ def _endless(subject: Subject, left: Left) -> ProgramFinding:
 
 
 def _passes(subject: Subject, left: Left) -> int:
-    """Return how often the program came by: the pass in which the flag is set is made to its end, too."""
+    """Return how often the program passed: the pass in which the flag is set is also completed."""
     steps = subject.walk.steps[: left.step + 1]
     return sum(step.place == steps[-1].place for step in steps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramCheck:
-    """What a program does from `start`. Findings stand with the worst first.
+    """The behaviour of a program from `start`. The worst findings come first.
 
     `places` are the lines of the text, from 1, of the moves.
     """
@@ -98,7 +98,7 @@ class ProgramCheck:
 
     @property
     def worst(self) -> Severity:
-        """The worst severity that was found."""
+        """The worst severity found."""
         return worst(self.findings)
 
 
@@ -111,7 +111,7 @@ def check_program(
 ) -> ProgramCheck:
     """Check a text on a machine; `ta_ms` and `ts_ms` replace those of the text.
 
-    `start` are axis positions (user units); without them a comment of the text says them, or all is at home.
+    `start` are axis positions (user units); without them a comment of the text gives them, or all is at home.
 
     Raises:
         PmacError: the controller refuses the program as a whole.
@@ -165,7 +165,7 @@ def _subject(text: ProgramText, machine: MachineProfile, start: Start, settings:
 
 
 def _settings(machine: MachineProfile, ta_ms: float | None, ts_ms: float | None) -> dict[int, float]:
-    """Return the I-variables; the times hold for a program that names none, too."""
+    """Return the I-variables; the times also apply to a program that names none."""
     dialect = DIALECTS[machine.controller.family]
     settings = settings_with(machine.controller.variables, dialect)
     for number, ms in ((87, ta_ms), (88, ts_ms)):
@@ -175,7 +175,7 @@ def _settings(machine: MachineProfile, ta_ms: float | None, ts_ms: float | None)
 
 
 def _definitions(text: ProgramText, machine: MachineProfile) -> tuple[AxisDefinition, ...]:
-    """Return the axes of the machine, with those of the text in their place; each motor has one definition."""
+    """Return the axes of the machine, replaced by those of the text; each motor has one definition."""
     own = read_definitions(machine.controller.axis_definitions)
     by_motor = {definition.motor: definition for definition in (*own, *text.definitions)}
     return tuple(by_motor.values())

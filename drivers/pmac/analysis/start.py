@@ -1,7 +1,7 @@
-"""Where the axes stand when a program begins: as the operator says, as a comment of the text says, or at home.
+"""Where the axes are when a program begins: as given by the operator, by a comment of the text, or at home.
 
-A program says where it goes and not where it comes from; a comment such as `; starts at X240000 Y0 Z169300` does.
-Positions are user units of axes. An axis that is not named stands at home, 0 counts.
+A program states where it goes and not where it starts; a comment such as `; starts at X240000 Y0 Z169300` does.
+Positions are user units of axes. An axis that is not named is at home, 0 counts.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _TOLD = re.compile(rf"\s*([{''.join(AXIS_LETTERS)}])\s*=\s*({_NUMBER})\s*", re.I
 
 
 class Source(StrEnum):
-    """Who says where a program starts."""
+    """The source of a program's start position."""
 
     HOME = auto()
     COMMENT = auto()
@@ -33,7 +33,7 @@ class Source(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """The `positions` of every axis; `line` is that of the comment which says so, from 1."""
+    """The `positions` of every axis; `line` is that of the comment which states them, from 1."""
 
     positions: Mapping[str, float]
     source: Source
@@ -44,10 +44,10 @@ class Start:
 
 
 def read_start(text: str) -> dict[str, float]:
-    """Return the positions of a text such as `X=240000,Y=0`.
+    """Parse the positions in a text such as `X=240000,Y=0`.
 
     Raises:
-        ValueError: it is no such text; its argument is the part that is wrong.
+        ValueError: it is not such a text; its argument is the part that is wrong.
     """
     positions: dict[str, float] = {}
     for part in text.split(","):
@@ -59,16 +59,16 @@ def read_start(text: str) -> dict[str, float]:
 
 
 def start_comment(definitions: Iterable[AxisDefinition], counts: Mapping[int, float]) -> str:
-    """Return the comment line that says where motors stand; `counts` by motor."""
+    """Return the comment line that states the motor positions; `counts` by motor."""
     by_motor = {definition.motor: definition for definition in definitions}
     return f"; starts at {_words(axis_positions(by_motor, counts))}"
 
 
 def start_of(text: str, definitions: Iterable[AxisDefinition], told: Mapping[str, float] | None) -> Start:
-    """Return where a program starts: as `told`, or else as the first such comment of its text says, or at home.
+    """Return where a program starts: as `told`, else by the first such comment of its text, else at home.
 
     Raises:
-        DriverError: `program.start_axis`, no motor serves that axis; `program.start_too_far`.
+        DriverError: `program.start_axis`, no motor drives that axis; `program.start_too_far`.
     """
     by_motor = {definition.motor: definition for definition in definitions}
     home = axis_positions(by_motor, dict.fromkeys(by_motor, 0.0))
@@ -89,7 +89,7 @@ def start_of(text: str, definitions: Iterable[AxisDefinition], told: Mapping[str
 
 
 def start_counts(definitions: Iterable[AxisDefinition], start: Start) -> dict[int, float]:
-    """Return where the motors stand then, counts by motor."""
+    """Return the motor positions at the start, counts by motor."""
     return {definition.motor: definition.counts(start.positions) for definition in definitions}
 
 

@@ -1,4 +1,4 @@
-"""One step of a walk through a program: what it asked for, and the motion that this gave."""
+"""One step of a walk through a program: its request, and the resulting motion."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from drivers.pmac.trajectory.pieces import Piece, Vector
 from drivers.pmac.trajectory.planned import Planned
 
 SAME_COUNTS = 1e-6
-"""Motions that differ by less are the same but for rounding."""
+"""Motions that differ by less are the same within rounding."""
 
 
 class Step(NamedTuple):
     """One request of a program with its motion, from `begins_ms` to `ends_ms`; the motors are then `at` (counts).
 
     `line` is that of `program`, `main_line` that of the program that was started, which may have called it.
-    `by_move_time` says whether TM, and not F, was in force, `segment_ms` is I13 as it then was. `place` is
-    `ProgramRun.place` behind the request.
+    `by_move_time`: TM, not F, was modal; `segment_ms` is I13 at that time. `place` is `ProgramRun.place` after the
+    request.
     """
 
     program: int
@@ -46,7 +46,7 @@ def _alike(one: Piece, other: Piece) -> bool:
     time_ms = one.duration_ms
     if abs(time_ms - other.duration_ms) > SAME_COUNTS * time_ms:
         return False
-    # Each coefficient by what it does in the time of the piece, in counts.
+    # Scale each coefficient to its effect over the time of the piece, in counts.
     powers = (time_ms, time_ms**2, time_ms**3)
     return all(
         abs(a - b) * power <= SAME_COUNTS * max(1.0, abs(a) * power)

@@ -1,4 +1,4 @@
-"""What is judged: a walked program with its moves, on a machine whose motors have roles."""
+"""The subject of the findings: a walked program with its moves, on a machine whose motors have roles."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from drivers.pmac.analysis.walk import Walk
 from profiles.machine import MachineProfile
 
 FEWEST_TOOL_MOVES = 2
-"""Moves of the tool, while the spindle turns, that make a cut."""
+"""Tool moves, with the spindle turning, that make a cut."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Subject:
-    """Everything a rule may look at. `place_of` returns the line of the file (from 1) of a line of a program."""
+    """All inputs of a rule. `place_of` returns the line of the file (from 1) of a line of a program."""
 
     machine: MachineProfile
     walk: Walk
@@ -43,9 +43,9 @@ class Subject:
 
     @cached_property
     def cut(self) -> tuple[MoveAnalysis, ...]:
-        """The moves in which tool and spindle go together: the longest stretch of them; nothing without one.
+        """The longest stretch of moves in which tool and spindle move together; empty without one.
 
-        It begins and ends with a move of the tool; the spindle is told to turn in every one of its moves.
+        It begins and ends with a move of the tool; the spindle is commanded to turn in every one of its moves.
         """
         tool, spindle = self.tool, self.spindle
         if tool is None or spindle is None:
@@ -63,11 +63,11 @@ class Subject:
         return tuple(sorted({self.place_of(move.program, move.line) for move in moves}))
 
     def um(self, counts: float) -> float:
-        """Return a length of the tool in um."""
+        """Return a tool distance in um."""
         return counts * self.machine.tool.count_um
 
     def rpm(self, counts_per_ms: float) -> float:
-        """Return a speed of the spindle in revolutions a minute."""
+        """Return a spindle speed in revolutions per minute."""
         return 60_000.0 * counts_per_ms / self.machine.spindle.counts_per_rev
 
     def setting(self, motor: int, number: int) -> float:
@@ -79,7 +79,7 @@ class Subject:
 
 
 def moves(move: MoveAnalysis, index: int) -> bool:
-    """Return whether a move commands a way of a motor."""
+    """Return whether a move commands a displacement of a motor."""
     return abs(move.motors[index].commanded) > SAME_COUNTS
 
 

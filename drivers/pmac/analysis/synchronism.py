@@ -1,7 +1,7 @@
 """Findings about the tool against the spindle: what stops them together, and what lets them drift apart.
 
-Tool and spindle are motors of one program here, so that a stop stops both. With a spindle that turns on its own
-(an external time base), the same stop loses the angle: that is why it is told.
+Tool and spindle are motors of one program here, so that a stop stops both. With a spindle that turns independently
+(an external time base), the same stop loses the angle: that is why it is reported.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from drivers.pmac.requests import BlendBreak, DwellRequest, Halt
 from profiles.findings import Severity
 
 DRIFT_DEG = 1e-3
-"""Drift in a turn from which it is told: a degree in a thousand turns."""
+"""Least reported drift per turn: a degree in a thousand turns."""
 
 SPEED_TOLERANCE = 1e-6
 
 USELESS_LOBE_DEG = 60.0
-"""Angle of the lobe off which a compensation takes nothing away any more: |1 - exp(j 60 deg)| = 1."""
+"""Error of the lobe angle at which a compensation no longer removes anything: |1 - exp(j 60 deg)| = 1."""
 
 _WHOLE = 0.25
-"""A path whose lobes are further than this from a whole number does not drift: it does not fit the turn."""
+"""A path whose lobes per turn are further than this from an integer is not drifting: it does not fit the turn."""
 
 
 def synchronism_findings(subject: Subject) -> list[ProgramFinding]:
-    """Return what comes between tool and spindle in the cut."""
+    """Return what disturbs the synchronism of tool and spindle in the cut."""
     if not subject.cut:
         return []
     return [*_stops(subject), *_feedrate(subject), *_speed(subject), *_drift(subject)]
 
 
 def _stops(subject: Subject) -> list[ProgramFinding]:
-    """DWELL, or a blend that breaks, between the first and the last move of the cut."""
+    """Find DWELL, or a blend that breaks, between the first and the last move of the cut."""
     inside = subject.walk.steps[subject.cut[0].step : subject.cut[-1].step]
     found = [
         (Code.DWELL_IN_CUT, [step for step in inside if isinstance(step.request, DwellRequest)]),
@@ -69,7 +69,7 @@ def _feedrate(subject: Subject) -> list[ProgramFinding]:
 
 
 def _speed(subject: Subject) -> list[ProgramFinding]:
-    """The spindle must turn evenly while the tool moves; the first and the last such move do not count."""
+    """Check that the spindle turns evenly while the tool moves; the first and the last such move do not count."""
     assert subject.tool is not None
     together = [move for move in subject.cut if moves(move, subject.tool)][1:-1]
     speeds = [(_speed_rpm(subject, move), move) for move in together]
@@ -100,7 +100,7 @@ def _drift(subject: Subject) -> list[ProgramFinding]:
     if not per_turn or abs(lobes.per_turn - per_turn) > _WHOLE:
         values: dict[str, Value] = {"lobes": lobes.per_turn}
         return [ProgramFinding(code=Code.NO_WHOLE_LOBES, severity=Severity.WARNING, lines=lines, values=values)]
-    # One turn later the tool is where it was when the spindle has made the way of `per_turn` lobes.
+    # One turn later the tool is where it was when the spindle has made the angle of `per_turn` lobes.
     drift_deg = 360.0 * (per_turn / lobes.per_turn - 1.0)
     if abs(drift_deg) < DRIFT_DEG:
         return []

@@ -1,8 +1,8 @@
-"""Findings about compensation tables that a text defines, and about the instants at which I51 switches them.
+"""Findings about the compensation tables of a text, and about the instants at which I51 switches them.
 
-The correction jumps when I51 goes to 1: from what the register holds, nothing at first or what the last I51 = 0
-left in it, to what the tables say for where their sources are. The card calculates up to two moves ahead, so that
-a source which moves may be anywhere on them; one that the program does not move may be anywhere at all.
+The correction jumps when I51 goes to 1: from the value in its register, zero at first or whatever the last I51 = 0
+left in it, to the tables' value at the positions of their sources. The controller calculates up to two moves
+ahead, so a moving source may be anywhere on them; one that the program does not move may be anywhere at all.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from drivers.pmac.requests import CircleRequest, HomeRequest, LinearRequest, Pvt
 from profiles.findings import Severity
 
 MOST_SWITCHES = 200
-"""Changes of I51 that are looked at: each may cost a walk through the whole of every table."""
+"""Maximum number of I51 changes that are checked: each may cost a walk through the whole of every table."""
 
 _BLENDED = LinearRequest | CircleRequest | SplineRequest | PvtRequest
-"""Requests behind which the card calculates on before they are done."""
+"""Requests during which the controller calculates ahead."""
 
 _Range = tuple[float, float]
-"""The least and the greatest correction that there may be, counts."""
+"""The least and the greatest possible correction, counts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Switching:
-    """I51 goes `on` or off, in front of step number `step`, by line `place` of the file."""
+    """I51 goes `on` or off, before step number `step`, by line `place` of the file."""
 
     step: int
     on: bool
@@ -48,7 +48,7 @@ class _Switching:
 
 
 def table_findings(subject: Subject, text: ProgramText) -> list[ProgramFinding]:
-    """Return what is wrong with the tables of a text, and how far they throw what they move."""
+    """Return the problems of a text's tables, and the steps that they give their targets."""
     findings: list[ProgramFinding] = []
     complete: list[CompensationTable] = []
     for sent in text.tables:
@@ -71,7 +71,7 @@ def _unfilled(sent: TextTable) -> ProgramFinding:
 
 
 def _last_entry(subject: Subject, sent: TextTable) -> ProgramFinding:
-    """A correction that is not zero at the source's zero, where the manuals say that it is."""
+    """Find a correction that is not zero at the source's zero, where the manuals require it."""
     target = sent.definition.target
     counts = sent.entries[-1] / PARTS_PER_COUNT
     values: dict[str, Value] = {"motor": sent.definition.motor, "target": target, "entry": sent.entries[-1]}
@@ -110,7 +110,7 @@ def _setting_place(subject: Subject, text: ProgramText) -> int:
 def _throws(
     subject: Subject, tables: Sequence[CompensationTable], switchings: Iterable[_Switching]
 ) -> list[ProgramFinding]:
-    """Return, for each target and line, the greatest throw."""
+    """Return, for each target and line, the greatest step."""
     moved = _moved(subject)
     held: Mapping[int, _Range] = {}
     worst: dict[tuple[int, int], float] = {}
@@ -145,7 +145,7 @@ def _throw(subject: Subject, target: int, place: int, counts: float) -> ProgramF
 
 
 def _whereabouts(subject: Subject, motor: int, step: int, moved: frozenset[int]) -> Whereabouts:
-    """Return where a motor may be when a line in front of a step is calculated."""
+    """Return the possible motor positions when a line before a step is calculated."""
     walk = subject.walk
     if motor not in moved:
         return None
@@ -166,7 +166,7 @@ def _runs_on(step: Step) -> bool:
 
 
 def _moves_from_ms(step: Step) -> float:
-    """Return when the ramp into a move begins: until then the move before it goes on. Without a ramp, the end."""
+    """Return when the ramp into a move begins, which ends the previous move. Without a ramp, the end."""
     instant_ms = step.begins_ms
     for piece in step.planned.pieces:
         if piece.calculates:
@@ -176,7 +176,7 @@ def _moves_from_ms(step: Step) -> float:
 
 
 def _moved(subject: Subject) -> frozenset[int]:
-    """Return the motors whose place the program knows: those that it moves, or sends home."""
+    """Return the motors whose position the program determines: those that it moves or homes."""
     walk, timeline = subject.walk, subject.timeline
     moved = {
         motor for step in walk.steps if isinstance(step.request, HomeRequest) for motor in step.request.motors

@@ -1,4 +1,4 @@
-"""A whole motion on one time axis: where a motor is at an instant, and its extremes between two instants.
+"""A whole motion on one time axis: the position of a motor at an instant, and its extremes between two instants.
 
 Everything is exact from the cubics; nothing is sampled. Positions are counts, times ms from the start.
 """
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from drivers.pmac.trajectory.pieces import Cubic, Piece, position_at, velocity_at
 
 NOTHING = 1e-9
-"""Counts, and counts in ms to any power, below which there is nothing but the rounding of the arithmetic."""
+"""Counts, and counts in ms to any power, below which a value is only arithmetic rounding."""
 
 _SAME = 1e-9
-"""Share of the greatest acceleration below which a jump of it is the rounding of the arithmetic."""
+"""Fraction of the greatest acceleration below which a jump of it is only arithmetic rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +43,7 @@ class Timeline:
         self.ends_ms = instant
 
     def position(self, index: int, instant_ms: float) -> float:
-        """Return where the motor of place `index` is; before the start and after the end it stands."""
+        """Return the position of the motor at place `index`; before the start and after the end it is at rest."""
         place = self._place(instant_ms)
         piece = self.pieces[place]
         inside_ms = min(max(instant_ms - self.begins_ms[place], 0.0), piece.duration_ms)

@@ -1,4 +1,4 @@
-"""Findings about times: what the controller makes of TA, TS, TM and F, and why; fractions of a ms among them."""
+"""Findings about times: the controller's actual TA, TS, TM and F, and why; among them fractions of a ms."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LEVELS = {
 
 
 def timing_findings(subject: Subject) -> list[ProgramFinding]:
-    """Return the findings about times, alike ones of several lines as one."""
+    """Return the findings about times; alike ones of several lines are merged."""
     grouped: dict[str, tuple[Code, dict[str, Value], list[MoveAnalysis]]] = {}
     for move in subject.moves:
         if move.mode in _RAMPED:
@@ -46,7 +46,7 @@ def timing_findings(subject: Subject) -> list[ProgramFinding]:
 
 
 def rounding_findings(subject: Subject, text: ProgramText) -> list[ProgramFinding]:
-    """Return a finding for each such word; an expression is taken with what its variables are at the end."""
+    """Return a finding for each such word; an expression is evaluated with its variables at the end."""
     findings = []
     programs = {text.number: text.program, **text.subprograms}
     for number, program in programs.items():
@@ -76,13 +76,13 @@ def _of_move(subject: Subject, move: MoveAnalysis) -> Iterator[tuple[Code, dict[
 
 
 def interrupt_ms(subject: Subject) -> float:
-    """Return the time of a real-time interrupt, in which the controller computes moves."""
+    """Return the period of the real-time interrupt, in which the controller computes moves."""
     variables = subject.walk.variables
     return (variables.i(8) + 1.0) * servo_cycle_ms(variables.i(10))
 
 
 def _stretch(subject: Subject, move: MoveAnalysis, acceleration_ms: float) -> tuple[Code, dict[str, Value]]:
-    """Return why a move takes longer than it was told to."""
+    """Return why a move takes longer than commanded."""
     times: dict[str, Value] = {"asked_ms": move.asked.tm_ms, "used_ms": move.used.tm_ms}
     if math.isclose(move.used.tm_ms, acceleration_ms, rel_tol=1e-9):
         return Code.STRETCHED, times
@@ -94,7 +94,7 @@ def _stretch(subject: Subject, move: MoveAnalysis, acceleration_ms: float) -> tu
 
 
 def _key(code: Code, values: dict[str, Value]) -> str:
-    """What makes two findings one: numbers that differ by their rounding alone are the same."""
+    """Return the key by which findings are merged: numbers that differ only by rounding are equal."""
     return " ".join([code, *(value if isinstance(value, str) else f"{value:.9g}" for value in values.values())])
 
 
@@ -107,7 +107,7 @@ def _finding(place: int, values: dict[str, Value]) -> ProgramFinding:
 
 
 def _rounded(subject: Subject, word: Set) -> dict[str, Value]:
-    """Return what is asked for and what is used, nothing where they are the same."""
+    """Return the commanded and the actual value, nothing where they are equal."""
     if word.word not in ("TA", "TS", "PVT"):
         return {}
     variables = subject.walk.variables
@@ -115,7 +115,7 @@ def _rounded(subject: Subject, word: Set) -> dict[str, Value]:
     try:
         asked_ms = evaluate(word.value, variables, variables.i(15) == 0.0)
     except PmacError:
-        return {}  # if the program came so far, it has been told as an error
+        return {}  # if the program came so far, an error has been reported
     used_ms = step_ms * math.floor(asked_ms / step_ms + 0.5)
     if abs(asked_ms - used_ms) <= 1e-9 * max(1.0, abs(asked_ms)):
         return {}
@@ -123,7 +123,7 @@ def _rounded(subject: Subject, word: Set) -> dict[str, Value]:
 
 
 def _segment_step_ms(variables: VariableStore) -> float:
-    """Return the steps of the time of a PVT segment; finer where a setting lets TM give it."""
+    """Return the resolution of a PVT segment's time; finer where a setting lets TM give it."""
     switch = variables.dialect.segment_time_switch
     fine = switch is not None and variables.i(switch) == 0.0
     return variables.dialect.segment_step_ms if fine else 1.0

@@ -1,4 +1,4 @@
-"""Counts of a motor in the units of what it moves, where the machine says what that is."""
+"""Motor counts in the units of the moved axis, where the machine profile defines them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from profiles.machine import MachineProfile
 class Unit:
     """One count in a unit of length or angle, and the units of its derivatives.
 
-    `velocity` turns counts/ms into `velocity_unit`; `acceleration` (counts/ms^2) and `jerk` (counts/ms^3) alike.
+    `velocity` converts counts/ms to `velocity_unit`; `acceleration` (counts/ms^2) and `jerk` (counts/ms^3) alike.
     """
 
     name: str
@@ -37,7 +37,7 @@ def unit_of(machine: MachineProfile, motor: int) -> Unit | None:
 
 
 def shown_length(machine: MachineProfile, motor: int, counts: float) -> dict[str, Value]:
-    """Return a length for a sentence: um of the tool, mm or deg of what else is known, counts of the rest."""
+    """Return a length for a sentence: um for the tool, mm or deg for other known motors, counts for the rest."""
     unit = unit_of(machine, motor)
     if unit is None:
         return {"length": counts, "unit": "counts"}

@@ -1,8 +1,8 @@
-"""A program walked through step by step, with axes that follow exactly, by the rules that execute it.
+"""Walk through a program step by step, with axes that follow exactly, by the rules that execute it.
 
-What ends a walk: the end of the program, a run-time error, or `MOST_STEPS`. A loop that nothing in the program
-ends is watched for a while; then its flag is set, as a host would do, and the walk goes on behind it. Where there
-is no flag to set, the walk ends there.
+A walk ends with the program, a run-time error, or `MOST_STEPS`. A loop that nothing in the program ends is watched
+for a while; then its flag is set, as a host would do, and the walk continues after it. Where there is no flag to
+set, the walk ends there.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from drivers.pmac.trajectory.planner import MotionPlanner
 from drivers.pmac.variables import MODAL_NUMBERS, VariableStore
 
 MOST_STEPS = 20_000
-"""Requests of a program that are looked at."""
+"""Maximum number of program requests in a walk."""
 
 COMPENSATION = 51
 """I51 switches the compensation tables."""
 
 
 class Ending(StrEnum):
-    """How a walk ended: behind the last line, with a run-time error, in a circle, or because it was too long."""
+    """How a walk ended: after the last line, with a run-time error, in an endless loop, or too long."""
 
     FINISHED = auto()
     ERROR = auto()
@@ -49,7 +49,7 @@ class Ending(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Left:
-    """An endless loop: left by setting `flags` behind step number `step`; without flags it was not left."""
+    """An endless loop: left by setting `flags` after step number `step`; without flags it was not left."""
 
     circle: Circle
     line: int
@@ -59,7 +59,7 @@ class Left:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch:
-    """I51 switched `on` or off by a line of `program`, in front of the request of step number `step`."""
+    """I51 switched `on` or off by a line of `program`, before the request of step number `step`."""
 
     step: int
     on: bool
@@ -69,9 +69,9 @@ class Switch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Walk:
-    """What program `number` did. Vectors are in the order of `motors`; `error` is what ended it at run time.
+    """The motion of program `number`. Vectors are in the order of `motors`; `error` is what ended it at run time.
 
-    `compensated` says whether I51 is on when it begins, `switches` what it does to it.
+    `compensated` is whether I51 is on when it begins, `switches` its changes of I51.
     """
 
     number: int
@@ -105,10 +105,10 @@ def walk(
 ) -> Walk:
     """Walk through a program from `start` (counts by motor); `counts_per_turn` names the motor of the spindle.
 
-    Not `watched`, an endless loop goes on until the walk is too long: for programs that are known to end.
+    If not `watched`, an endless loop continues until the walk is too long: for programs that are known to end.
 
     Raises:
-        PmacError: what the controller refuses before anything moves: a setting, the structure of the program.
+        PmacError: refusals before anything moves: a setting, the structure of the program.
     """
     variables = WatchedVariables(i_variables, dialect) if watched else VariableStore(i_variables, dialect)
     walker = _Walker(text, variables, definitions, start)
@@ -116,10 +116,10 @@ def walk(
 
 
 def settle(text: ProgramText, variables: VariableStore) -> None:
-    """Execute the settings that stand before a program.
+    """Execute the settings before a program.
 
     Raises:
-        PmacError: 005 for what is no setting, 003 for a calculation without a result.
+        PmacError: 005 for anything that is not a setting, 003 for a calculation without a result.
     """
     for line in text.settings:
         for statement in line:
@@ -130,9 +130,9 @@ def settle(text: ProgramText, variables: VariableStore) -> None:
 
 
 class WatchedVariables(VariableStore):
-    """Remembers what a program has set, but for the modal times, which say nothing of where it is.
+    """Records what a program has set, except the modal times, which do not define its state.
 
-    `on_compensation` is told when I51 goes on or off.
+    `on_compensation` is called when I51 goes on or off.
     """
 
     def __init__(self, i_variables: Mapping[int, float], dialect: Dialect) -> None:
@@ -152,7 +152,7 @@ class WatchedVariables(VariableStore):
 
 
 class _Taken(NamedTuple):
-    """A request, and where the program stood when it was calculated."""
+    """A request, and the state of the program when it was calculated."""
 
     program: int
     line: int
@@ -266,7 +266,7 @@ class _Walker:
         return Ending.TOO_LONG
 
     def _leave(self, circle: Circle) -> bool:
-        """Set the flag that ends a loop; what has been left once and did not end is not tried again."""
+        """Set the flag that ends a loop; a loop that did not end after being left once is not tried again."""
         line = self._steps[-1].main_line
         tried = [left.circle.loop for left in self._left]
         flags: Mapping[Name, float] = {}
@@ -304,7 +304,7 @@ class _Walker:
         self._steps.append(step)
 
     def _carry_out(self, event: Event, at: Vector) -> Vector:
-        """Do what the program waits for: a home is at zero, a PSET is believed, a STOP is gone on from."""
+        """Do what the program waits for: homing succeeds at zero, a PSET is taken as is, a STOP is resumed."""
         definitions = self._definitions
         if isinstance(event, HomeRequest):
             at = tuple(0.0 if d.motor in event.motors else p for d, p in zip(definitions, at, strict=True))

@@ -1,4 +1,4 @@
-"""The zig-zag: a motor sent to and fro by the same way, and what blending leaves of its stroke."""
+"""Find the zig-zag: a motor moved to and fro by the same distance, and the stroke that blending leaves."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from drivers.pmac.analysis.step import SAME_COUNTS
 from drivers.pmac.analysis.subject import Subject
 
 FEWEST_MOVES = 4
-"""Moves to and fro that make a zig-zag."""
+"""Least number of moves to and fro that make a zig-zag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZigZag:
-    """A steady zig-zag of the motor in place `index`; `move` is one of its moves, far from how it begins and ends.
+    """A steady zig-zag of the motor at place `index`; `move` is one of its moves, far from its start and end.
 
-    `begins_at` is the programmed point (counts) from which it sets out.
+    `begins_at` is the programmed point (counts) from which it starts.
     """
 
     index: int
@@ -26,17 +26,17 @@ class ZigZag:
 
     @property
     def stroke(self) -> float:
-        """The way that is told, counts."""
+        """The commanded stroke, counts."""
         return abs(self.move.motors[self.index].commanded)
 
     @property
     def made(self) -> float:
-        """The way that is made, counts."""
+        """The actual stroke, counts."""
         return abs(self.move.motors[self.index].made)
 
     @property
     def kept(self) -> float:
-        """The share of the stroke that is made."""
+        """The fraction of the stroke that is made."""
         return self.made / self.stroke
 
 
@@ -58,7 +58,7 @@ def find_zigzag(subject: Subject) -> ZigZag | None:
 
 
 def _runs(subject: Subject, index: int) -> list[tuple[MoveAnalysis, ...]]:
-    """Return the stretches of LINEAR moves in which each takes back the one before it."""
+    """Return the stretches of LINEAR moves in which each reverses the one before it."""
     runs: list[list[MoveAnalysis]] = [[]]
     for move in subject.moves:
         run = runs[-1]

@@ -1,8 +1,8 @@
-"""The order in which compensation tables are defined and deleted: the memory of the card is a stack.
+"""The order in which compensation tables are defined and deleted: the controller's memory is a stack.
 
-Tables of high motor numbers come first and go last. Anything that lies behind them in memory has to be deleted
-first, of which the buffer of data gathering is the usual one. Sources: PMAC and Turbo Software Reference, DEFINE
-COMP, DELETE LOOKAHEAD.
+Tables of high motor numbers are defined first and deleted last. Anything that lies after them in memory has to be
+deleted first, usually the data gathering buffer. Sources: PMAC and Turbo Software Reference, DEFINE COMP, DELETE
+LOOKAHEAD.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from drivers.pmac.compensation.table import TableDefinition
 from drivers.pmac.language.errors import ErrorCode, PmacError
 
 BEHIND_TABLES = ("TCOMP", "BLCOMP", "TBUF", "ROTARY", "LOOKAHEAD", "GATHER")
-"""The buffers that lie behind the tables; LOOKAHEAD on Turbo only."""
+"""The buffers that lie after the tables; LOOKAHEAD on Turbo only."""
 
 
 class TableOrderError(PmacError):
-    """Tables of lower motors, `lower`, lie behind the one of `motor`."""
+    """Tables of lower motors, `lower`, lie after the one of `motor`."""
 
     def __init__(self, motor: int, lower: str) -> None:
         detail = f"table of motor {motor}: those of lower motors ({lower}) lie behind it; delete them first"
@@ -29,12 +29,12 @@ class TableOrderError(PmacError):
 def refuse_definition(
     definition: TableDefinition, tables: Collection[int], buffers: Collection[str], room_entries: int
 ) -> None:
-    """Refuse DEFINE COMP where the card does.
+    """Refuse DEFINE COMP where the controller does.
 
     `tables` are the motors that have a table, `buffers` the names of `BEHIND_TABLES` that exist.
 
     Raises:
-        PmacError: 003, something lies in the way; 006, the memory that is left takes fewer entries.
+        PmacError: 003, another buffer or table is in the way; 006, the remaining memory holds fewer entries.
     """
     _refuse_behind(definition.motor, tables, buffers)
     if definition.motor in tables:
@@ -45,10 +45,10 @@ def refuse_definition(
 
 
 def refuse_deletion(motor: int, tables: Collection[int], buffers: Collection[str]) -> None:
-    """Refuse DELETE COMP of a motor where the card does; without a table there is nothing to refuse.
+    """Refuse DELETE COMP of a motor where the controller does; without a table there is nothing to refuse.
 
     Raises:
-        PmacError: 003, something lies behind the table.
+        PmacError: 003, another buffer or table lies after this table.
     """
     if motor in tables:
         _refuse_behind(motor, tables, buffers)

@@ -1,14 +1,14 @@
-"""A compensation table: what is added to the position of a target motor, by the positions of one or two others.
+"""A compensation table: a correction of a target motor's position, by the positions of one or two source motors.
 
-Used as an electronic cam, too: the whole motion of the target is then in the table. Sources: PMAC User Manual,
+Also used as an electronic cam: the whole motion of the target is then in the table. Sources: PMAC User Manual,
 leadscrew compensation; PMAC and Turbo Software Reference, DEFINE COMP.
 
-An entry is in sixteenths of a count of the target; between entries the correction is a straight line. A source
-beyond its span is rolled over into it, and one below zero counts from the upper end. A table with one source has
-its first entry one spacing from zero; at zero the last entry counts, which is zero unless a step is wanted.
+An entry is in sixteenths of a count of the target; between entries the correction is interpolated linearly. A
+source beyond its span rolls over into it, and one below zero counts from the upper end. A table with one source
+has its first entry one spacing from zero; at zero the last entry applies, which is zero unless a step is intended.
 
 A table with two sources is a grid. The manual's names are crosswise: the row motor moves along a row, so its span
-is divided by the columns, and the column motor chooses the row. Entries come row by row; the one of the origin is
+is divided by the columns, and the column motor selects the row. Entries come row by row; the one of the origin is
 not sent and is zero. The edges at zero have entries of their own, so the table need not be the same at both ends.
 """
 
@@ -24,12 +24,12 @@ PARTS_PER_COUNT = 16
 """Entries are in sixteenths of a count of the target."""
 
 Whereabouts = float | tuple[float, float] | None
-"""Where a source is, counts: there, somewhere from one position to a higher one, or anywhere at all."""
+"""Position range of a source, counts: a single position, from one to a higher one, or unrestricted."""
 
 
 @dataclass(frozen=True, slots=True)
 class TableSource:
-    """A motor whose position chooses the place in a table, actual or `desired`."""
+    """A motor whose position selects the place in a table, actual or `desired`."""
 
     motor: int
     span_counts: int
@@ -38,7 +38,7 @@ class TableSource:
 
 @dataclass(frozen=True, kw_only=True)
 class TableDefinition:
-    """What DEFINE COMP says; the entries follow on lines of their own.
+    """The content of a DEFINE COMP line; the entries follow on lines of their own.
 
     `motor` is the one that the table belongs to. `sources` are one motor, or the row motor and the column motor;
     `rows` is 0 with one source.
@@ -59,7 +59,7 @@ class TableDefinition:
 
     @property
     def entry_count(self) -> int:
-        """How many entries follow the definition."""
+        """Number of entries that follow the definition."""
         return (self.rows + 1) * (self.columns + 1) - 1
 
     def filled(self, entries: Sequence[int]) -> CompensationTable:
@@ -80,14 +80,14 @@ class CompensationTable:
 
     @cached_property
     def grid(self) -> tuple[tuple[float, ...], ...]:
-        """The corrections in counts, row by row, each with its value at zero in front."""
+        """The corrections in counts, row by row, each with its value at zero first."""
         origin = 0 if self.definition.rows else self.entries[-1]
         counts = [entry / PARTS_PER_COUNT for entry in (origin, *self.entries)]
         width = self.definition.columns + 1
         return tuple(tuple(counts[first : first + width]) for first in range(0, len(counts), width))
 
     def correction(self, *positions_counts: float) -> float:
-        """Return the correction in counts of the target, where the sources are."""
+        """Return the correction in counts of the target at these source positions."""
         definition = self.definition
         places = [
             position % source.span_counts * size / source.span_counts
@@ -116,17 +116,17 @@ class CompensationTable:
 def step_counts(
     table: CompensationTable, positions_counts: Sequence[Whereabouts], held_counts: float = 0.0
 ) -> float:
-    """Return by how much the target is thrown when I51 goes to 1 at these positions of the sources, counts.
+    """Return the step of the target when I51 goes to 1 at these positions of the sources, counts.
 
-    Where a source may be in several places it is the worst that can happen. `held_counts` is what the register of
-    the correction still holds: I51 = 0 leaves the last correction in it. A cam is switched without a step only
-    where this is 0, for instance in a row of zeros.
+    Where a source has a range of positions, the result is the worst case. `held_counts` is the value still in the
+    correction register: I51 = 0 leaves the last correction in it. Switching a cam causes no step only where this
+    is 0, for instance in a row of zeros.
     """
     return max(abs(correction - held_counts) for correction in correction_range(table, positions_counts))
 
 
 def correction_range(table: CompensationTable, positions_counts: Sequence[Whereabouts]) -> tuple[float, float]:
-    """Return the least and the greatest correction while the sources are where they may be, counts."""
+    """Return the least and the greatest correction over these ranges of the sources, counts."""
     definition = table.definition
     if len(positions_counts) != len(definition.sources):
         raise ValueError(f"{len(positions_counts)} positions for {len(definition.sources)} sources")
@@ -140,7 +140,7 @@ def correction_range(table: CompensationTable, positions_counts: Sequence[Wherea
 
 
 def _turning_places(where: Whereabouts, span: int, size: int) -> list[float]:
-    """Return the places, in spacings, between which a correction is a straight line: one of them is extreme."""
+    """Return the places, in spacings, between which a correction is linear: the extremes are among them."""
     if isinstance(where, int | float):
         return [where % span * size / span]
     if where is None or where[1] - where[0] >= span:
@@ -149,6 +149,6 @@ def _turning_places(where: Whereabouts, span: int, size: int) -> list[float]:
     end = begin + (where[1] - where[0]) * size / span
     places = [begin, end if end < size else end - size]
     for knot in range(math.ceil(begin), math.floor(end) + 1):
-        # The upper end and zero are one position with two entries, and a source that crosses it meets both.
+        # The upper end and zero are one position with two entries, and a source that crosses it sees both.
         places += [float(size), 0.0] if knot == size else [float(knot % size)]
     return places

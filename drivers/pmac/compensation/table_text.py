@@ -2,7 +2,7 @@
 
 `DEFINE COMP 8,#1,#2,4000` has 8 entries over 4000 counts of motor 1, for motor 2.
 `DEFINE COMP 2.8,#1D,#3,#2,4000,900` has 2 rows and 8 columns: over 4000 counts of the desired position of motor 1,
-the row motor, and over 900 of motor 3, the column motor. A motor that is left out is the addressed one, to which
+the row motor, and over 900 of motor 3, the column motor. A motor that is omitted is the addressed one, to which
 the table belongs. Sources: PMAC and Turbo Software Reference, DEFINE COMP.
 """
 
@@ -16,23 +16,23 @@ from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.memory import WORD_BITS
 
 GREATEST_ENTRY = (1 << (WORD_BITS - 1)) - 1
-"""An entry is a word of memory, with a sign; sixteenths of a count."""
+"""An entry is a signed memory word; sixteenths of a count."""
 
 _GREATEST_SIZE = (1 << 47) - 1
-"""A position is 48 bits with a sign: no source comes around a longer span."""
+"""A position is a signed 48-bit number: no source can roll over a longer span."""
 
 ENTRIES_PER_LINE = 16
-"""Of at most nine characters: a line stays below the 255 that a card takes."""
+"""Entries have at most nine characters: a line stays below the controller's limit of 255."""
 
 _Motor = tuple[int, bool]
-"""A motor's number, and whether it is its desired position that counts."""
+"""A motor number, and whether its desired position is the source."""
 
 
 def scan_definition(scanner: Scanner, addressed: int, motor_count: int) -> TableDefinition:
-    """Read what follows DEFINE COMP.
+    """Parse what follows DEFINE COMP.
 
     Raises:
-        PmacError: 003, not a definition, a motor that there is not, or a size or a span of 0.
+        PmacError: 003, not a definition, a motor that does not exist, or a size or a span of 0.
     """
     first = _size(scanner)
     columns = _size(scanner) if scanner.accept(".") else None
@@ -52,10 +52,10 @@ def scan_definition(scanner: Scanner, addressed: int, motor_count: int) -> Table
 
 
 def scan_entries(scanner: Scanner) -> list[int]:
-    """Read a line of entries, sixteenths of a count.
+    """Parse a line of entries, sixteenths of a count.
 
     Raises:
-        PmacError: 003, something that is no whole number of 24 bits with a sign.
+        PmacError: 003, something that is not a signed 24-bit integer.
     """
     entries = []
     while not scanner.at_end:
@@ -70,10 +70,10 @@ def scan_entries(scanner: Scanner) -> list[int]:
 
 
 def read_table(lines: Iterable[str], motor_count: int) -> CompensationTable:
-    """Read a table from the lines that send it, `#1 DEFINE COMP ...` first.
+    """Parse a table from the lines that send it, `#1 DEFINE COMP ...` first.
 
     Raises:
-        PmacError: 003, not such lines, or more or fewer entries than the definition asks for.
+        PmacError: 003, not such lines, or more or fewer entries than the definition requires.
     """
     first, *rest = lines
     scanner = Scanner(first)
@@ -93,13 +93,13 @@ def read_table(lines: Iterable[str], motor_count: int) -> CompensationTable:
 
 
 def table_lines(table: CompensationTable) -> list[str]:
-    """Return the lines that send a table to a card, none of them too long for it."""
+    """Return the lines that send a table to a controller, within its maximum line length."""
     definition = table.definition
     return [f"#{definition.motor}DEFINE COMP {definition_text(definition)}", *entry_lines(table.entries)]
 
 
 def definition_text(definition: TableDefinition) -> str:
-    """Return what stands behind DEFINE COMP, every motor named."""
+    """Return the text after DEFINE COMP, with every motor named."""
     rows = f"{definition.rows}." if definition.rows else ""
     sources = [f"#{source.motor}{'D' if source.desired else ''}" for source in definition.sources]
     spans = [str(source.span_counts) for source in definition.sources]
@@ -115,7 +115,7 @@ def entry_lines(entries: Sequence[int]) -> list[str]:
 def _definition(
     scanner: Scanner, addressed: int, motors: list[_Motor], spans: list[int], *, columns: int, rows: int = 0
 ) -> TableDefinition:
-    """Put the addressed motor where none is named: sources first, the target last."""
+    """Fill in the addressed motor where none is named: sources first, the target last."""
     named = (*motors, *[(addressed, False)] * (len(spans) + 1 - len(motors)))
     *sources, (target, desired) = named
     if len(sources) != len(spans) or desired:

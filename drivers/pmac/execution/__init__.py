@@ -1,1 +1,1 @@
-"""Executing a motion program: from statements to requests for motion, one at a time."""
+"""Execute a motion program: from statements to requests for motion, one at a time."""

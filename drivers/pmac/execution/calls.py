@@ -1,4 +1,4 @@
-"""Calls of subprograms: which line of which program a G1 means, and the arguments on the calling line."""
+"""Calls of subprograms: the program line that a G1 calls, and the arguments on the calling line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drivers.pmac.language.syntax import Argument, CallProgram, Expression, Line
 
 FIRST_CODE_PROGRAM = 1000
 HIGHEST_CODE = 1000
-"""Codes are below it: G0 to G999.999."""
+"""Codes are below this: G0 to G999.999."""
 
 _LABELS_PER_PROGRAM = 100_000
 _LABELS_PER_CODE = 1000
@@ -38,30 +38,30 @@ def target_of(call: CallProgram, value: float) -> tuple[int, int]:
 
 @dataclass(frozen=True, eq=False)
 class CallingLine:
-    """What stands behind one call on its line: arguments, and what is executed after the return."""
+    """The rest of the line after a call: arguments, and what is executed after the return."""
 
     line: int
     statements: Sequence[Statement]
 
     @cached_property
     def words(self) -> Sequence[Statement]:
-        """The arguments one by one: a move is as many as it has words."""
+        """The arguments one by one: a move has as many as it has words."""
         return [single for statement in self.statements for single in _singles(statement)]
 
     def rest(self, taken: int) -> Line:
-        """Return what is behind the first `taken` words, as a line of its own."""
+        """Return what follows the first `taken` words, as a line of its own."""
         return gather_moves(self.words[taken:])
 
 
 @dataclass(slots=True)
 class Arguments:
-    """How far the subprograms of one call have read its line."""
+    """Read position of one call's subprograms in its line."""
 
     calling: CallingLine
     taken: int = 0
 
     def take(self, letters: tuple[str, ...]) -> tuple[str, Expression] | None:
-        """Take the next word if it has one of the letters; None, and nothing is taken, if it has not."""
+        """Take the next word if it has one of the letters; otherwise None, and nothing is taken."""
         words = self.calling.words
         if self.taken == len(words):
             return None

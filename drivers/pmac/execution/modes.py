@@ -1,4 +1,4 @@
-"""What stays in force from line to line and from program to program of a coordinate system."""
+"""The modal state of a coordinate system, kept from line to line and from program to program."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass, field
 from drivers.pmac.language.syntax import VECTOR, Feedrate, Positioning
 
 FEEDRATE_AXES = ("X", "Y", "Z")
-"""The axes whose distance a feedrate speaks of, until a program says otherwise."""
+"""The axes whose distance a feedrate refers to, until a program sets others."""
 
 XY_PLANE = (0.0, 0.0, -1.0)
-"""NORMAL K-1: circles in the plane of X and Y, until a program says otherwise."""
+"""NORMAL K-1: circles in the plane of X and Y, until a program sets another."""
 
 _RADIUS = "R"
 
 
 @dataclass(slots=True)
 class Modes:
-    """The modes as the last word about each of them left them.
+    """The modes as last set.
 
-    `incremental` holds axis letters; the vectors to the centres of circles are incremental of their own accord.
+    `incremental` holds axis letters; the vectors to the centres of circles have an incremental mode of their own.
     `pvt_ms` is the time of PVT segments, 0 before any PVT. `normal` is a vector by I, J and K.
     """
 
@@ -32,7 +32,7 @@ class Modes:
     radius_incremental: bool = True
 
     def position(self, statement: Positioning, axes: set[str]) -> None:
-        """ABS or INC; without a list it is about all `axes`, and leaves the vectors alone."""
+        """ABS or INC; without a list it applies to all `axes`, but not to the vectors."""
         named = set(statement.axes)
         if _RADIUS in named:
             self.radius_incremental = statement.incremental
@@ -45,10 +45,10 @@ class Modes:
             self.incremental -= named
 
     def feed(self, statement: Feedrate, axes: set[str]) -> None:
-        """FRAX or NOFRAX; without a list it is about all `axes`."""
+        """FRAX or NOFRAX; without a list it applies to all `axes`."""
         self.feedrate_axes = () if statement.none else tuple(sorted(statement.axes or axes))
 
     def turn(self, normal: dict[str, float]) -> None:
-        """NORMAL: the parts that are not named are 0."""
+        """NORMAL: components that are not named are 0."""
         i, j, k = (normal.get(letter, 0.0) for letter in VECTOR)
         self.normal = (i, j, k)

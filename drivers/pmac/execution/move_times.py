@@ -1,6 +1,6 @@
-"""How long the moves of a program take: TA, TS, TM, F and PVT as the card takes them, ms.
+"""The times of a program's moves: TA, TS, TM, F and PVT as the controller uses them, ms.
 
-The words are kept in Ix87, Ix88 and Ix89, where they can be read back; only the time of PVT is a mode.
+TA, TS, TM and F are kept in Ix87, Ix88 and Ix89, where they can be read back; only the time of PVT is a mode.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ class MoveTimes:
 
     @property
     def ta_ms(self) -> float:
-        """The acceleration time in force."""
+        """The modal acceleration time."""
         return self._variables.blend_ms(self._system, 87)
 
     @property
     def ts_ms(self) -> float:
-        """The time of the S-curve in force."""
+        """The modal S-curve time."""
         return self._variables.blend_ms(self._system, 88)
 
     @property
@@ -42,7 +42,7 @@ class MoveTimes:
         """Execute TA, TS, TM, F or PVT.
 
         Raises:
-            PmacError: 003, a time that the card cannot hold.
+            PmacError: 003, a time that the controller cannot hold.
         """
         if word in ("TA", "TS"):
             whole = float(_whole_ms(word, value))
@@ -60,7 +60,7 @@ class MoveTimes:
                 self._modes.pvt_ms = self._segment_ms(word, value)
 
     def linear_ms(self, start: Mapping[str, float], targets: Mapping[str, float]) -> float:
-        """TM as it stands, or the distance of the feedrate axes over F (the last of the two words wins)."""
+        """TM itself, or the distance of the feedrate axes over F (the last of the two words wins)."""
         return self._setting(89) if self._modes.by_move_time else self._move_time_ms(start, targets)
 
     def arc(self) -> tuple[float | None, float]:
@@ -73,7 +73,7 @@ class MoveTimes:
         """Return the time of a PVT segment.
 
         Raises:
-            PmacError: 003, there is none.
+            PmacError: 003, none was set.
         """
         _check_segment("PVT", self._modes.pvt_ms)
         return self._modes.pvt_ms
@@ -82,7 +82,7 @@ class MoveTimes:
         """Return the time of a spline segment.
 
         Raises:
-            PmacError: 003, there is none, or more than the card can hold.
+            PmacError: 003, none was set, or more than the controller can hold.
         """
         if not self._by_move_time:
             duration_ms = self.ta_ms
@@ -105,7 +105,7 @@ class MoveTimes:
         return min(time_ms, MOVE_TIME_MAX_MS)
 
     def _other_axes_ms(self, distance: float, speed: float, alone: bool) -> float:
-        """Return the time of the longest way of an axis that F does not speak of."""
+        """Return the time of the longest distance of an axis that F does not cover."""
         if speed > 0.0:
             return distance / speed * self.unit_ms
         return distance / self._feedrate() * self.unit_ms if alone else 0.0
@@ -118,12 +118,12 @@ class MoveTimes:
 
     @property
     def _by_move_time(self) -> bool:
-        """Whether TM gives SPLINE and PVT moves their time, and not TA."""
+        """Whether TM, not TA, gives SPLINE and PVT moves their time."""
         switch = self._variables.dialect.segment_time_switch
         return switch is not None and self._variables.i(switch) == 0.0
 
     def _segment_ms(self, word: str, value: float) -> float:
-        """Return the time of a SPLINE or PVT segment in the steps of the card."""
+        """Return the time of a SPLINE or PVT segment in the controller's resolution."""
         if not self._by_move_time:
             return float(_whole_ms(word, value))
         dialect = self._variables.dialect

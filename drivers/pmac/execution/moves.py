@@ -1,4 +1,4 @@
-"""From the words of a program about motion to requests: where the axes are told to be, and in which mode."""
+"""From the motion words of a program to requests: the commanded axis positions, and the mode."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from drivers.pmac.requests import (
 from drivers.pmac.variables import SystemVariables
 
 Word = tuple[str, Value, Value | None]
-"""An axis word: its letter, and what calculates position or distance, and the end velocity."""
+"""An axis word: its letter, the expression of position or distance, and the end velocity."""
 
 _RADIUS = "R"
 _CIRCLES = ("CIRCLE1", "CIRCLE2")
@@ -40,7 +40,7 @@ _COMBINE: Mapping[str, Callable[[float, float], float]] = {
 
 @dataclass(slots=True)
 class _Aim:
-    """From where to where a line sends the axes, and which of them it sends to a position (ABS)."""
+    """The start and target of a line's axes, and which of them have an absolute target (ABS)."""
 
     line: int
     start: Mapping[str, float]
@@ -52,7 +52,7 @@ class Moves:
     """The axes of a coordinate system as its program sees them, in user units."""
 
     def __init__(self, values: SystemVariables, modes: Modes, positions: Mapping[str, float]) -> None:
-        """`positions` are the commanded positions of the defined axes at the start."""
+        """Take `positions`, the commanded positions of the defined axes at the start."""
         self.times = MoveTimes(values.store, modes, values.number)
         self._values = values
         self._modes = modes
@@ -60,7 +60,7 @@ class Moves:
         self._deferred: dict[tuple[VariableKind, int], Deferred] = {}
 
     def relocate(self, positions: Mapping[str, float]) -> None:
-        """The axes are somewhere else than their last move took them."""
+        """Set axis positions that differ from the last move's target."""
         self._positions = {**self._positions, **positions}  # the old one belongs to the last request
 
     def select(self, statement: SelectMode | Positioning | Feedrate) -> None:
@@ -77,7 +77,7 @@ class Moves:
         """NORMAL.
 
         Raises:
-            PmacError: 003, a vector of no length has no direction.
+            PmacError: 003, a vector of zero length has no direction.
         """
         normal = {letter: value(self._values) for letter, value, _ in words}
         if not any(normal.values()):
@@ -85,7 +85,7 @@ class Moves:
         self._modes.turn(normal)
 
     def defer(self, kind: VariableKind, index: int, value: float, operator: str) -> None:
-        """Keep an assignment for the start of the next move; a later one to the same variable replaces it."""
+        """Defer an assignment to the start of the next move; a later one to the same variable replaces it."""
         place = (kind, index)
         if operator:
             waiting = self._deferred.pop(place, None)
@@ -94,7 +94,7 @@ class Moves:
         self._deferred[place] = Deferred(kind=kind, index=index, value=value)
 
     def move(self, line: int, words: Sequence[Word]) -> MoveRequest | None:
-        """Ask for the move of a line; None when it names nothing that can move."""
+        """Return the request for the move of a line; None when it names nothing that can move."""
         targets = dict(self._positions)
         values, incremental = self._values, self._modes.incremental
         absolute: list[str] = []
@@ -111,10 +111,10 @@ class Moves:
                     velocities[letter] = velocity(values)
             elif letter == _RADIUS or letter in VECTOR:
                 vector[letter] = value(values)
-            # An axis that no motor is assigned to: the word has no effect.
+            # An axis without a motor: the word has no effect.
         mode = self._modes.mode
         if len(vector) == len(words) and mode not in _CIRCLES:
-            return None  # the vector of a circle alone, and there is no circle
+            return None  # only the vector of a circle, in a mode without circles
         aim = _Aim(line, self._positions, targets, frozenset(absolute))
         self._positions = targets
         if mode == "PVT":
@@ -126,7 +126,7 @@ class Moves:
         return self._request(mode, aim, words, vector)
 
     def delay(self, line: int, duration_ms: float) -> LinearRequest:
-        """DELAY: a LINEAR move of no distance."""
+        """DELAY: a LINEAR move of zero distance."""
         here = self._positions
         return self._linear(_Aim(line, here, dict(here), frozenset()), max(0.0, duration_ms))
 
@@ -135,7 +135,7 @@ class Moves:
         return DwellRequest(duration_ms=max(0.0, duration_ms), deferred=self._take_deferred())
 
     def preset(self, line: int, words: Sequence[Word]) -> PresetRequest:
-        """PSET; axes that no motor is assigned to are left out."""
+        """PSET; axes without a motor are left out."""
         positions = {letter: value(self._values) for letter, value, _ in words if letter in self._positions}
         self.relocate(positions)
         return PresetRequest(line=line, positions=positions)
@@ -144,7 +144,7 @@ class Moves:
         """HOME or HOMEZ.
 
         Raises:
-            PmacError: 003, the card has no such motor.
+            PmacError: 003, the controller has no such motor.
         """
         count = self._values.store.dialect.motor_count
         if max(motors) > count:
@@ -199,7 +199,7 @@ class Moves:
         )
 
     def _circle(self, aim: _Aim, vector: Mapping[str, float]) -> CircleRequest:
-        """A vector counts before a radius on the same line."""
+        """A vector takes precedence over a radius on the same line."""
         tm_ms, speed_per_ms = self.times.arc()
         parts = {axis: vector[letter] for letter, axis in zip(VECTOR, "XYZ", strict=True) if letter in vector}
         if not self._modes.radius_incremental:

@@ -1,7 +1,7 @@
-"""The execution of a motion program: from statements to requests for motion, one at a time.
+"""Execute a motion program: from statements to requests for motion, one at a time.
 
-Serves the simulator, which plays the requests, and the checker, which only draws them. It knows axes in
-user units, not motors. Calculation happens when a request is asked for, one move ahead of the motion.
+Serves the simulator, which plays the requests, and the checker, which only plots them. It knows axes in user
+units, not motors. Calculation happens when a request is asked for, one move ahead of the motion.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from drivers.pmac.requests import BlendBreak, Finished, Halt, NoHost, ProgramHos
 from drivers.pmac.variables import VariableStore
 
 JUMPS_THAT_BREAK_BLENDING = 2
-"""Backward jumps met while looking for the next move after which the motion is let stop."""
+"""Backward jumps while searching for the next move after which the motion may stop."""
 
 STEPS_PER_LOOK = 10_000
-"""Statements without a move after which the motion is let stop, too: no program holds up the card."""
+"""Statements without a move after which the motion may stop, too: no program blocks the controller."""
 
 DEEPEST_CALL = 15
-"""GOSUB and CALL inside each other."""
+"""Maximum nesting of GOSUB and CALL."""
 
 _READ_FLAGS = 100
 _FIRST_LETTER = "A"
@@ -52,7 +52,7 @@ class _Unit:
 
 @dataclass(slots=True)
 class _Frame:
-    """Where a unit is executed; `called` unless it is the first one or the rest of a calling line."""
+    """The execution state of a unit; `called` unless it is the first one or the rest of a calling line."""
 
     unit: _Unit
     counter: int = 0
@@ -61,7 +61,7 @@ class _Frame:
 
 
 class ProgramRun:
-    """One program on its way, from its first statement to `Finished`."""
+    """One running program, from its first statement to `Finished`."""
 
     def __init__(
         self,
@@ -77,10 +77,10 @@ class ProgramRun:
         label: int | None = None,
         number: int = 0,
     ) -> None:
-        """`positions` are the commanded positions of the defined axes at the start, in user units.
+        """Take `positions`, the commanded positions of the defined axes at the start, in user units.
 
-        `strict` makes illegal arithmetic an error, as a checker wants it; the card calculates on. `library` gives
-        the programs that are called, `number` is the one of `code`, where it is known. Begins at `label`.
+        `strict` makes illegal arithmetic an error, for the checker; the controller continues. `library` gives the
+        programs that are called, `number` is the one of `code`, where it is known. Begins at `label`.
 
         Raises:
             PmacError: 015, there is no such label.
@@ -115,15 +115,15 @@ class ProgramRun:
 
     @property
     def first_line(self) -> int:
-        """The line of the first program that is executed, or that has called what is executed."""
+        """The line of the first program that is executed, or that has made the present call."""
         frame = self._frames[0]
         lines = frame.unit.code.line_of
         return lines[max(0, frame.counter - 1)] if lines else 0
 
     def place(self) -> tuple[int, ...]:
-        """Return where the program and its callers stand, as numbers that mean nothing by themselves.
+        """Return the state of the program and its callers as opaque numbers.
 
-        At equal places, with equal values of all variables, it goes on alike.
+        With equal places and equal values of all variables, it continues alike.
         """
         return tuple(
             number
@@ -132,7 +132,7 @@ class ProgramRun:
         )
 
     def relocate(self, positions: Mapping[str, float]) -> None:
-        """Take the axes to be at `positions`: after a HOME, a PSET or a motion by somebody else."""
+        """Set the axes to `positions`: after a HOME, a PSET or a motion commanded elsewhere."""
         self._moves.relocate(positions)
 
     def advance(self) -> Request:
@@ -213,7 +213,7 @@ class ProgramRun:
         self._jumps_back += 1
 
     def _block(self, begins: bool) -> Request | None:
-        """In single step, the end of a block is the end of the step."""
+        """End the step in single step mode: the end of a block is the end of the step."""
         self.in_block = begins
         return BlendBreak() if self.single_step and not begins else None
 
@@ -237,7 +237,7 @@ class ProgramRun:
         return step
 
     def _find(self, value: float) -> int:
-        """Return the instruction with a label in the program that runs."""
+        """Return the instruction with a label in the running program."""
         label = round(value)
         target = self._frame.unit.code.find(label)
         if target is None:
@@ -281,7 +281,7 @@ class ProgramRun:
         self._frame = frame
 
     def _finish_line(self, arguments: Arguments) -> None:
-        """Execute what is left of a calling line."""
+        """Execute the rest of a calling line."""
         place = (arguments.calling, arguments.taken)
         unit = self._rests.get(place)
         if unit is None:
@@ -294,7 +294,7 @@ class ProgramRun:
         self._frame.counter = len(self._frame.unit.steps)
 
     def _leave(self) -> bool:
-        """Go back behind the call; False at the end of the first program."""
+        """Return to the statement after the call; False at the end of the first program."""
         if len(self._frames) == 1:
             return False
         ended = self._frames.pop()
@@ -306,7 +306,7 @@ class ProgramRun:
         return True
 
     def _read(self, letters: tuple[str, ...]) -> None:
-        """Bring the arguments into Q101 and following, and say in Q100 which ones there were."""
+        """Put the arguments into Q101 and following, with a bit for each present one in Q100."""
         read = next((frame.arguments for frame in reversed(self._frames) if frame.arguments is not None), None)
         flags = 0
         while read is not None and (word := read.take(letters)) is not None:
@@ -319,7 +319,7 @@ class ProgramRun:
 
 
 def _behind(code: Code, index: int) -> tuple[syntax.Statement, ...]:
-    """Return what stands behind a call on its line and may be its arguments."""
+    """Return the words after a call on its line that may be its arguments."""
     end = index + 1
     while (
         end < len(code.instructions)

@@ -1,4 +1,4 @@
-"""The statements that are executed where they stand: each becomes a function, once, and is run many times."""
+"""Statements that are executed in place: each is compiled to a function once, and run many times."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ Plain = (
     | syntax.Message
     | syntax.PlcSwitch
 )
-"""The statements that are not about what comes next."""
+"""The statements that do not change the order of execution."""
 
 Step = Callable[[], Request | None]
 
 _SPINDLE_SPEED = 127
-"""S alone goes to this Q-variable."""
+"""S alone sets this Q-variable."""
 
 
 class StepMaker:
-    """Makes the steps of one run."""
+    """Compiles the steps of one run."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class StepMaker:
         self._compile = compile_value
 
     def step(self, statement: Plain, line: int) -> Step:
-        """Return what executes a statement of a line."""
+        """Return the function that executes a statement of a line."""
         match statement:
             case syntax.Assign():
                 return self._assign(statement)

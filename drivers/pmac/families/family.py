@@ -1,4 +1,4 @@
-"""What differs between two families of controllers, as fields; nothing else asks which one it is."""
+"""The differences between the families of controllers, as fields; no other code asks for the family."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _Value = TypeVar("_Value")
 
 
 class Scope(StrEnum):
-    """Whose setting an I-variable is."""
+    """The owner of an I-variable setting."""
 
     GLOBAL = auto()
     MOTOR = auto()
@@ -24,7 +24,7 @@ class Scope(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a setting is: I`number` of the card, Ix`number` of a motor or of a coordinate system."""
+    """The number of a setting: I`number` of the controller, Ix`number` of a motor or of a coordinate system."""
 
     scope: Scope
     number: int
@@ -32,7 +32,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Register:
-    """Where a register of motor or system 1 is, and how far apart those of the others are.
+    """The register of motor or system 1, and the spacing to those of the others.
 
     `space` as in M-variable definitions: X or Y (24 bits), D (48 bits) or L (floating).
     """
@@ -45,10 +45,10 @@ class Register:
 
 @dataclass(frozen=True, slots=True)
 class Watchdog:
-    """How long a background cycle may take before the card shuts itself down.
+    """How long a background cycle may take before the controller shuts itself down.
 
-    Every background cycle it begins anew at I`number`, counts down, and trips below zero; if that is 0, or there
-    is no such setting, it begins at `count`. It counts servo cycles, `of_interrupts` real-time interrupts.
+    Every background cycle it restarts at I`number`, counts down, and trips below zero; if that is 0, or there is
+    no such setting, it starts at `count`. It counts servo cycles, `of_interrupts` real-time interrupts.
     """
 
     count: int
@@ -58,10 +58,10 @@ class Watchdog:
 
 @dataclass(frozen=True, slots=True)
 class ConversionTable:
-    """Where the encoder conversion table is: results in X from `first_address`, set-up in Y at the same places.
+    """The encoder conversion table: results in X from `first_address`, set-up in Y at the same addresses.
 
-    The set-up of a line is also I`first_setting` and so on, in families where it is no plain memory (None). As it
-    leaves the factory, the first lines are the encoders at the `channels`, 1, 2 and so on; `factory` follows them.
+    The set-up of a line is also I`first_setting` and so on, in families where it is not plain memory (None). By
+    factory default, the first lines are the encoders at the `channels`, 1, 2 and so on; `factory` follows them.
     """
 
     first_address: int
@@ -72,7 +72,7 @@ class ConversionTable:
 
     @property
     def setup(self) -> tuple[int, ...]:
-        """The words of the first lines, as they leave the factory."""
+        """The factory default words of the first lines."""
         return (*self.channels, *self.factory)
 
 
@@ -86,14 +86,14 @@ class GatherSettings:
 
     @property
     def source_count(self) -> int:
-        """How many sources there are: one for each bit of the masks."""
+        """Number of sources: one for each bit of the masks."""
         return WORD_BITS * len(self.masks)
 
 
 class Setting(StrEnum):
     """The settings whose number or scope is not the same in every family.
 
-    What is the same everywhere (I10, Ix16, Ix87 ...) is asked for by its number.
+    Settings that are the same everywhere (I10, Ix16, Ix87 ...) are addressed by number.
     """
 
     JOG_DELAY_MS = auto()
@@ -101,38 +101,38 @@ class Setting(StrEnum):
     SEGMENT_MS = auto()
     """Segmentation time of LINEAR and CIRCLE moves; 0 is none."""
     IN_POSITION_LOOKS = auto()
-    """Looks, beyond the first, that in-position needs."""
+    """Additional polls that in-position needs, beyond the first."""
     RAPID_AT_PROGRAM_SPEED = auto()
     """Whether RAPID goes at Ix16 (not 0) or at the jog speed Ix22 (0)."""
     LEAST_ARC = auto()
     """Half turns below which the angle of a circle move is a full turn more; 0 is 2^-20."""
     FLAG_MODE = auto()
-    """Use of flags and what a fault kills: bit 17 no travel limits, bits 21 and 22 the neighbours."""
+    """Use of flags and what a fault disables: bit 17 no travel limits, bits 21 and 22 the neighbours."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dialect:
-    """One family of controllers. `replies` are the answers to words such as VERSION, without an end of line.
+    """One family of controllers. `replies` are the replies to words such as VERSION, without an end of line.
 
-    `type_prefix` is how the answer to TYPE begins, whatever the card of the family.
+    `type_prefix` is how the reply to TYPE begins, whichever controller of the family it is.
 
-    `system_offset` + 100 x + nn is the index of Ixnn of coordinate system x; motors have 100 x + nn everywhere.
-    A word that is not among `replies` is none of the family's. `axis_codes`
-    are what bits 16 to 19 of the second word of `?` say of the axis. P is reported in steps of `position_step`
-    counts. `hexadecimal` settings hold addresses. `registers` are what M-variables are suggested for.
+    `system_offset` + 100 x + nn is the index of Ixnn of coordinate system x; motors have 100 x + nn everywhere. A
+    word that is not among `replies` does not exist in the family. `axis_codes` are the values of bits 16 to 19 of
+    the second word of `?` for each axis. P is reported in steps of `position_step` counts. `hexadecimal` settings
+    hold addresses. `registers` are the suggested targets of M-variables.
 
     `highest_index` is that of I, P, Q and M. `global_ranges`, `motor_ranges` and `system_ranges` give the lowest
     value and the number of values of the I-variables that wrap; the others are floating point.
 
     `segment_time_switch` is the I-variable that gives SPLINE and PVT moves their time by TM while it is 0, in
     steps of `segment_step_ms` up to `longest_segment_ms`; without one, or if it is not 0, TA does, in whole ms.
-    `other_axes_speed` is the Ix-number of a coordinate system with the speed of axes that F does not speak of;
-    where there is none, a move of such axes alone takes no time of its own.
-    `offset_following` is the Ix-number of a motor, and the bit of it, that keep following out of the position.
-    `no_line_feeds_switch` is the I-variable (ASCII through the DPRAM) that takes the line feeds out of I3.
+    `other_axes_speed` is the Ix-number of a coordinate system with the speed of axes that F does not cover;
+    without one, a move of such axes alone takes no time of its own. `offset_following` is the Ix-number of a
+    motor, and the bit of it, that keep following out of the position. `no_line_feeds_switch` is the I-variable
+    (ASCII through the DPRAM) that removes the line feeds of I3.
 
     `timer_numbers` are the Ix-numbers of a coordinate system that count down, for the systems up to the value of
-    I`system_activation` + 1; `timer_words` are words of memory that do, by space and address.
+    I`system_activation` + 1; `timer_words` are memory words that do, by space and address.
     """
 
     name: str
@@ -174,7 +174,7 @@ class Dialect:
     no_line_feeds_switch: int | None = None
 
     def numbers(self, scope: Scope) -> range:
-        """Return the numbers of the motors, or of the coordinate systems; what there is once is number 1."""
+        """Return the numbers of the motors, or of the coordinate systems; a single instance is number 1."""
         match scope:
             case Scope.GLOBAL:
                 return range(1, 2)
@@ -204,7 +204,7 @@ class Dialect:
 
     @cached_property
     def factory(self) -> Mapping[int, float]:
-        """Every I-variable as it leaves the factory; what is not in it is 0."""
+        """Factory default of every I-variable; missing ones are 0."""
         return self._spread(self.global_defaults, self.motor_defaults, self.system_defaults)
 
     @cached_property

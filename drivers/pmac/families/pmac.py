@@ -72,7 +72,7 @@ SYSTEM_BITS_SHARED: BitTable = {
     "rapid": (2, 1),
     "circle_or_spline": (2, 0),
 }
-"""What both families report in the same place."""
+"""Bits that both families report in the same place."""
 
 PMAC = Dialect(
     name="pmac",

@@ -76,7 +76,7 @@ TURBO = Dialect(
         "VERSION": "1.947  ",
         "TYPE": "TURBO2, X4",
         "DATE": "05/10/2012",
-        "CID": "603382",  # the eight-axis brick: clients that ask for the number of axes get eight
+        "CID": "603382",  # the eight-axis brick: clients that query the number of axes get eight
         "CPU": "DSP56321",
         "VID": "1",
         "CHECKSUM": "5C2A91",

@@ -1,1 +1,1 @@
-"""Data gathering: what is sampled at servo rate, how it is packed, listed and read back, and a client for it."""
+"""Data gathering at servo rate: sources, packing, listing, reading back, and a client."""

@@ -1,8 +1,8 @@
-"""The floating-point numbers of the card: 48 bits, of them 36 mantissa and 12 exponent.
+"""The 48-bit floating-point numbers of the controller: 36 bits of mantissa, 12 of exponent.
 
-The mantissa has a sign and is from 0.5 up to 1, or from -1 up to -0.5; it is in the X word and the upper half of
-the Y word, the exponent plus 2047 in the lower half. Zero has no bit set. Sources: Turbo PMAC User Manual,
-computational features; PMAC User Manual, writing a host communications program.
+The signed mantissa is from 0.5 up to 1, or from -1 up to -0.5; it is in the X word and the upper half of the Y
+word, the exponent plus 2047 in the lower half. Zero has no bit set. Sources: Turbo PMAC User Manual, computational
+features; PMAC User Manual, writing a host communications program.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ _MANTISSA = 2 * _SIGN - 1
 
 
 def encode(value: float) -> int:
-    """Return the register that holds a number, rounded to its 36 bits, half to even.
+    """Return the register value of a number, rounded to its 36 bits, half to even.
 
     Raises:
-        ValueError: no finite number.
+        ValueError: not a finite number.
     """
     if not math.isfinite(value):
         raise ValueError(f"{value} is no number that a register holds")
@@ -36,10 +36,10 @@ def encode(value: float) -> int:
 
 
 def decode(register: int) -> float:
-    """Return the number that a register of 48 bits, without a sign, holds.
+    """Return the number in an unsigned 48-bit register value.
 
     Raises:
-        OverflowError: a number beyond those of this computer.
+        OverflowError: beyond the range of a Python float.
     """
     exponent = register & ((1 << _EXPONENT_BITS) - 1)
     mantissa = register >> _EXPONENT_BITS

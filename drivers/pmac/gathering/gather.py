@@ -1,11 +1,11 @@
-"""Data gathering: which registers are looked at, how often, and how a sample is packed and listed.
+"""Data gathering: which registers are sampled, how often, and how a sample is packed and listed.
 
-A mask selects among the sources. The two highest bits of a source say which part of the address is meant: 0 the Y
-word, 1 (a first digit of 4) the X word, 2 (8) both as a whole number of 48 bits, 3 (C) both as a floating-point
-number. A sample is the words of its sources in the order of the mask, a long source with its Y word first; two
-words make a long word, the first one in its lower half, and an odd sample is filled up with one more. LIST GATHER
-tells long words, twelve hexadecimal digits each. Sources: PMAC Software Reference, I19 to I44; Turbo Software
-Reference, I5001 to I5051, DEFINE GATHER; clients, for the order inside a long word.
+A mask selects among the sources. The two highest bits of a source select the part of the address: 0 the Y word, 1
+(a first digit of 4) the X word, 2 (8) both as a 48-bit integer, 3 (C) both as a floating-point number. A sample is
+the words of its sources in the order of the mask, a long source with its Y word first; two words make a long word,
+the first one in its lower half, and an odd sample is padded with one more. LIST GATHER reports long words, twelve
+hexadecimal digits each. Sources: PMAC Software Reference, I19 to I44; Turbo Software Reference, I5001 to I5051,
+DEFINE GATHER; existing clients, for the order inside a long word.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ WORDS_PER_LINE = 16
 
 LONG_BITS = 2 * WORD_BITS
 PADDING = 0
-"""What fills up a sample with an odd number of words; a real card leaves what was there."""
+"""Padding of a sample with an odd number of words; a real controller leaves old memory contents there."""
 
 _SPACES = ("Y", "X", "D", "L")
 _SPACE_SHIFT = 22
@@ -34,7 +34,7 @@ _LONG_WORD = re.compile(r"[0-9A-Fa-f]{12}")
 
 
 class GatherError(ValueError):
-    """A set-up, a sample or a listing that is none."""
+    """An invalid set-up, sample or listing."""
 
 
 def source_of(setting: int, dialect: Dialect) -> Pointer:
@@ -45,10 +45,10 @@ def source_of(setting: int, dialect: Dialect) -> Pointer:
 
 
 def setting_of(source: Pointer, dialect: Dialect) -> int:
-    """Return the source setting that names a register, of which whole words can be gathered.
+    """Return the source setting that names a register; only whole words can be gathered.
 
     Raises:
-        GatherError: part of a word, or an address that the family has not.
+        GatherError: part of a word, or an address that the family does not have.
     """
     whole = source.space in _SPACES and source.width == WORD_BITS
     if not whole or source.address > _ADDRESS & dialect.highest_address:
@@ -59,7 +59,7 @@ def setting_of(source: Pointer, dialect: Dialect) -> int:
 
 
 def selected_sources(settings: Mapping[int, float], dialect: Dialect) -> tuple[Pointer, ...]:
-    """Return the registers that the masks select, in their order; `settings` are I-variables by index."""
+    """Return the registers that the masks select, in order; `settings` are I-variables by index."""
     places = dialect.gathering
     mask = sum(int(settings.get(index, 0)) << WORD_BITS * place for place, index in enumerate(places.masks))
     chosen = (places.first_source + bit for bit in range(places.source_count) if mask >> bit & 1)
@@ -83,32 +83,32 @@ def gather_settings(sources: Sequence[Pointer], period_cycles: int, dialect: Dia
 
 
 def is_due(cycles_since_start: int, period_cycles: int) -> bool:
-    """Whether a sample is taken in this servo cycle, 0 the first; with a period of 0 there is one sample alone."""
+    """Whether a sample is taken in this servo cycle, 0 the first; a period of 0 takes a single sample."""
     return cycles_since_start % period_cycles == 0 if period_cycles else cycles_since_start == 0
 
 
 def long_words_of(sources: Sequence[Pointer]) -> int:
-    """Return how many long words a sample takes."""
+    """Return the number of long words in a sample."""
     return (sum(_words_in(source) for source in sources) + 1) // 2
 
 
 def shifts_of(sources: Sequence[Pointer]) -> tuple[int, ...]:
     """Return how many bits above its first word each source of a sample begins.
 
-    Taken for one number, a sample has its first long word lowest.
+    As a single number, a sample has its first long word lowest.
     """
     ends = accumulate(WORD_BITS * _words_in(source) for source in sources)
     return tuple(end - WORD_BITS * _words_in(source) for end, source in zip(ends, sources, strict=True))
 
 
 def padding_of(sources: Sequence[Pointer]) -> int:
-    """Return what fills a sample up, at its place."""
+    """Return the padding of a sample, in its place."""
     words = sum(_words_in(source) for source in sources)
     return PADDING << WORD_BITS * words if words % 2 else 0
 
 
 def pack(sources: Sequence[Pointer], values: Sequence[float]) -> list[int]:
-    """Return a sample as long words, without a sign.
+    """Return a sample as unsigned long words.
 
     Raises:
         GatherError: a value that its register cannot hold.
@@ -120,10 +120,10 @@ def pack(sources: Sequence[Pointer], values: Sequence[float]) -> list[int]:
 
 
 def unpack(sources: Sequence[Pointer], long_words: Sequence[int]) -> list[float]:
-    """Return the values of a sample, whole numbers with their sign but for floating-point registers.
+    """Return the values of a sample: signed integers, except floating-point registers.
 
     Raises:
-        GatherError: not the number of long words of a sample.
+        GatherError: the wrong number of long words for a sample.
     """
     if len(long_words) != long_words_of(sources):
         raise GatherError(f"{len(long_words)} long words; a sample has {long_words_of(sources)}")
@@ -138,7 +138,7 @@ def unpack(sources: Sequence[Pointer], long_words: Sequence[int]) -> list[float]
 
 
 def listing(long_words: Sequence[int]) -> list[str]:
-    """Return the lines that LIST GATHER answers."""
+    """Return the lines that LIST GATHER returns."""
     starts = range(0, len(long_words), WORDS_PER_LINE)
     return [" ".join(f"{word:012X}" for word in long_words[start : start + WORDS_PER_LINE]) for start in starts]
 
@@ -147,7 +147,7 @@ def listed_words(lines: Iterable[str]) -> list[int]:
     """Return the long words of a listing.
 
     Raises:
-        GatherError: something that is no long word; a listing with a hole in it is of no use.
+        GatherError: something that is not a long word; a listing with a gap is useless.
     """
     found = [text for line in lines for text in line.split()]
     for place, text in enumerate(found):

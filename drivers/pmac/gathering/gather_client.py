@@ -1,7 +1,7 @@
-"""A client that gathers: it sets a card up, starts and stops it, and fetches what it has gathered. Nothing moves.
+"""A data gathering client: sets up the controller, starts and stops gathering, fetches data. Nothing moves.
 
-Channels have the scale that the card's own settings give them. What gathers is read back before the start and
-before the listing: somebody else may have set up something else.
+Channels are scaled by the controller's own settings. The gathering set-up is read back before the start and before
+the listing: another client may have changed it.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.status import decode
 
 SPARE_LONG_WORDS = 48
-"""Reserved beyond the samples: a card may keep something of its own in the buffer (clients leave 47)."""
+"""Reserved beyond the samples: a controller may store something of its own in the buffer (clients leave 47)."""
 
 LONGEST_PERIOD_CYCLES = 8_388_607
 
 LONG_WORDS_A_REQUEST = 256
-"""Listed at a time: a second of a serial line at 38 400 baud."""
+"""Long words listed at a time: a second of a serial line at 38 400 baud."""
 
 LISTING_TIMEOUT_S = 10.0
 
@@ -33,12 +33,12 @@ _SERVO_TIME = 10
 _OPEN = ("motion_buffer_open", "plc_buffer_open", "rotary_open")
 _CHANNEL = re.compile(r"#?(\d+) +(\w+)")
 _SETTINGS_A_LINE = 12
-"""So many fit into a line of the client, however large."""
+"""Settings that fit into one line of the client, whatever their values."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GatherPlan:
-    """What a card was set up to gather: `samples` of the channels, one every `period_cycles` servo cycles."""
+    """The gathering set-up: `samples` of the channels, one every `period_cycles` servo cycles."""
 
     channels: tuple[GatherChannel, ...]
     samples: int
@@ -47,29 +47,29 @@ class GatherPlan:
 
     @property
     def long_words(self) -> int:
-        """How many long words the samples take."""
+        """Number of long words in the samples."""
         return self.samples * long_words_of([channel.source for channel in self.channels])
 
     @property
     def duration_ms(self) -> float:
-        """From the first sample to the last one."""
+        """Time from the first sample to the last one."""
         return (self.samples - 1) * self.period_cycles * self.cycle_ms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataGathering:
-    """The data gathering of the card at the other end of a client; an order is answered within `timeout_s`."""
+    """The data gathering of the controller at the other end of a client; replies must come within `timeout_s`."""
 
     client: Controller
     dialect: Dialect
     timeout_s: float = REPLY_TIMEOUT_S
 
     def motor_channels(self, *names: str) -> tuple[GatherChannel, ...]:
-        """Return channels by names such as `#1 actual`, with the scale that the card's settings give them.
+        """Return channels by names such as `#1 actual`, scaled by the controller's settings.
 
         Raises:
             GatherError: no such motor or register, or a scale of 0.
-            DriverError: the card does not answer, or not with numbers.
+            DriverError: the controller does not reply, or not with numbers.
         """
         target = [self._motor_and_quantity(name) for name in names]
         index = self.dialect.motor_index
@@ -78,12 +78,13 @@ class DataGathering:
         return tuple(motor_channel(quantity, motor, settings, self.dialect) for motor, quantity in target)
 
     def prepare(self, channels: Sequence[GatherChannel], samples: int, period_cycles: int = 1) -> GatherPlan:
-        """Set the card up and reserve its buffer; what it held before is lost.
+        """Set up gathering and reserve the buffer; its previous content is lost.
 
         Raises:
-            GatherError: somebody gathers already, or enters a program; no such plan, or no room for it; settings
-                that the card does not keep.
-            DriverError: the card refuses, or does not answer.
+            GatherError: gathering is already active, or a program is being entered; an invalid plan, or no room
+            for it;
+                settings that the controller does not keep.
+            DriverError: the controller refuses, or does not reply.
         """
         if samples < 1 or not 1 <= period_cycles <= LONGEST_PERIOD_CYCLES:
             met = f"{samples} samples every {period_cycles} servo cycles"
@@ -104,49 +105,49 @@ class DataGathering:
         return plan
 
     def start(self, plan: GatherPlan) -> None:
-        """Begin with the next servo cycle, in an empty buffer.
+        """Start with the next servo cycle, in an empty buffer.
 
         Raises:
             GatherError: no room any more.
-            DriverError: the card refuses, because somebody gathers, or does not answer.
+            DriverError: the controller refuses, because gathering is active, or does not reply.
         """
-        self._reserve(plan)  # nothing else brings a card back to the beginning of its buffer
+        self._reserve(plan)  # nothing else resets a controller to the start of its buffer
         self.client.request("GATHER", self.timeout_s)
 
     def stop(self) -> None:
-        """End it; what was gathered stays, to be fetched.
+        """Stop gathering; the data stay, to be fetched.
 
         Raises:
-            DriverError: the card does not answer.
+            DriverError: the controller does not reply.
         """
         self.client.request("ENDGATHER", self.timeout_s)
 
     def running(self) -> bool:
-        """Whether the card gathers.
+        """Whether the controller is gathering.
 
         Raises:
-            GatherError: its status is none.
-            DriverError: it does not answer.
+            GatherError: its status is invalid.
+            DriverError: it does not reply.
         """
         return "gathering" in self._status()
 
     def set_up_as(self, plan: GatherPlan) -> bool:
-        """Whether the card is still set up to gather what the plan says, asked in one line.
+        """Whether the controller is still set up to gather according to the plan, in one query.
 
         Raises:
-            GatherError: an answer that is no number.
-            DriverError: the card does not answer.
+            GatherError: a reply that is not a number.
+            DriverError: the controller does not reply.
         """
         target = gather_settings([channel.source for channel in plan.channels], plan.period_cycles, self.dialect)
         texts = self.client.query(*(f"I{index}" for index in target), timeout_s=self.timeout_s)
         return all(self._number(index, text) == target[index] for index, text in zip(target, texts, strict=True))
 
     def fetch(self, plan: GatherPlan) -> GatheredData:
-        """Return what was gathered, at most the samples of the plan; fewer, when it was stopped before.
+        """Return the gathered data, at most the samples of the plan; fewer if it was stopped before.
 
         Raises:
-            GatherError: it goes on yet, somebody has changed what is gathered, or a damaged listing.
-            DriverError: the card refuses, because nothing was gathered, or does not answer.
+            GatherError: it is still active, another client has changed the set-up, or a damaged listing.
+            DriverError: the controller refuses, because there are no data, or does not reply.
         """
         if self.running():
             raise GatherError(f"{self._where}: not at its end yet; {plan.duration_ms:.0f} ms, or stop() it")
@@ -178,7 +179,7 @@ class DataGathering:
             raise GatherError(f"{self._where}: ???: {error}; is it a {self.dialect.name}?") from error
 
     def _refuse_busy(self) -> None:
-        """While a program is entered, settings would become lines of it."""
+        """Refuse while a program is being entered: settings would become lines of it."""
         status = self._status()
         if "gathering" in status:
             raise GatherError(f"{self._where}: somebody gathers already; wait for the end, or stop() it first")
@@ -186,7 +187,7 @@ class DataGathering:
             raise GatherError(f"{self._where}: a program is being entered; CLOSE it first")
 
     def _confirm(self, plan: GatherPlan) -> None:
-        """Make sure that the card is set up as the plan says."""
+        """Check that the controller is set up according to the plan."""
         target = gather_settings([channel.source for channel in plan.channels], plan.period_cycles, self.dialect)
         found = self._read([*target, _SERVO_TIME])
         for index, value in target.items():
@@ -212,7 +213,7 @@ class DataGathering:
             raise GatherError(f"{met}; fewer channels, or fewer samples at a longer period") from error
 
     def _read(self, indices: Iterable[int]) -> Mapping[int, float]:
-        """Return I-variables, in whatever form I9 has them answered."""
+        """Return I-variables, parsed in any form of I9."""
         asked = list(indices)
         found: dict[int, float] = {}
         for first in range(0, len(asked), _SETTINGS_A_LINE):

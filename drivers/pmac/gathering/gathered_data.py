@@ -1,4 +1,4 @@
-"""What was gathered, as arrays with units: from the text of LIST GATHER back to counts over milliseconds."""
+"""Gathered data as arrays with units: from the text of LIST GATHER back to counts over milliseconds."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drivers.pmac.master.following import COUNT_PARTS
 from drivers.pmac.memory import Pointer
 
 SCALE_NUMBERS = (8, 9, 60)
-"""Ix08 and Ix09: how many steps of a register are 1/32 count; Ix60: a velocity is over one cycle more."""
+"""Ix08 and Ix09: register steps per 1/32 count; Ix60: a velocity spans one cycle more."""
 
 _POSITION_SCALE, _VELOCITY_SCALE, _CYCLE_EXTENSION = SCALE_NUMBERS
 
@@ -23,7 +23,7 @@ _POSITIONS = ("commanded", "actual", "target", "bias", "master", "compensation",
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GatherChannel:
-    """One quantity: the register it is in, and `scale` units for each step of the register."""
+    """One quantity: its register, and `scale` units per step of the register."""
 
     name: str
     unit: str
@@ -33,7 +33,7 @@ class GatherChannel:
 
 @dataclass(frozen=True, kw_only=True)
 class GatheredData:
-    """Samples of some channels, by their names, in their units; `times_ms` counts from the first sample."""
+    """Samples of some channels, by name, in their units; `times_ms` counts from the first sample."""
 
     times_ms: NDArray[np.float64]
     values: Mapping[str, NDArray[np.float64]]
@@ -43,10 +43,10 @@ class GatheredData:
     def from_listing(
         cls, lines: Iterable[str], channels: Sequence[GatherChannel], period_cycles: int, cycle_ms: float
     ) -> GatheredData:
-        """Read the lines of LIST GATHER; the channels are those that were gathered, in their order.
+        """Parse the lines of LIST GATHER; the channels are those that were gathered, in order.
 
         Raises:
-            GatherError: no such listing, one that ends inside a sample, or samples without a time between them.
+            GatherError: not such a listing, one that ends inside a sample, or samples without a time between them.
         """
         names = [channel.name for channel in channels]
         if not names or len(set(names)) != len(names):
@@ -73,10 +73,10 @@ class GatheredData:
 def motor_channel(quantity: str, motor: int, settings: Mapping[int, float], dialect: Dialect) -> GatherChannel:
     """Return the channel of a motor's register, `commanded`, `actual`, `velocity` ..., as its family names it.
 
-    `settings` are I-variables by index, read back from the card: Ix08, Ix09 and Ix60 say what the registers mean.
+    `settings` are I-variables by index, read back from the controller: Ix08, Ix09 and Ix60 scale the registers.
 
     Raises:
-        GatherError: a register that the family has not, or one that is neither a position nor the velocity.
+        GatherError: a register that the family does not have, or one that is neither a position nor the velocity.
     """
     register = dialect.registers.get(quantity)
     if register is None or quantity not in (*_POSITIONS, "velocity"):

@@ -1,1 +1,1 @@
-"""The heartbeat: a lease that the host renews, and the PLC on the card that ends things when it runs out."""
+"""The heartbeat: a watchdog timer that the host renews, and the controller's PLC that acts when it runs out."""

@@ -1,4 +1,4 @@
-"""Whether the heartbeat on a card may be relied on: refusals from what was read, nothing else."""
+"""Decide whether a controller's heartbeat is reliable: refusals from the values read, nothing else."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 RATE_TOLERANCE = 0.1
-"""How far off I10 the rate of the lease may be, beyond what the times of the requests leave open."""
+"""Permitted deviation of the watchdog timer's rate from I10, beyond the uncertainty of the request times."""
 
 PLC = f"PLC {reserved.HEARTBEAT_PLC}"
 
@@ -30,7 +30,7 @@ PLC = f"PLC {reserved.HEARTBEAT_PLC}"
 def heartbeat_problems(
     look: HeartbeatLook, machine: MachineProfile, dialect: Dialect, policy: Policy
 ) -> tuple[Problem, ...]:
-    """Return everything that forbids to move with this heartbeat; the states of now come last."""
+    """Return everything that forbids motion with this heartbeat; momentary states come last."""
     return (
         *_permission(look),
         *_text(look, machine, dialect, policy),
@@ -52,7 +52,7 @@ def permitted(permission: float) -> bool:
 
 
 def forbidden(permission: float) -> Problem:
-    """Return what is wrong with a value of I5 that does not."""
+    """Return the problem of a value of I5 that does not."""
     return Problem(
         code="heartbeat.plcs_forbidden",
         key=f"I{PERMISSION}",
@@ -62,7 +62,7 @@ def forbidden(permission: float) -> Problem:
 
 
 def silent(before: float, after: float) -> Problem:
-    """Return what is wrong with a PLC that does not count on; it has counted to these numbers."""
+    """Return the problem of a PLC that has stopped counting; it has counted to these numbers."""
     return Problem(
         code="heartbeat.plc_silent",
         key=f"P{reserved.ECHO}",
@@ -72,7 +72,7 @@ def silent(before: float, after: float) -> Problem:
 
 
 def _text(look: HeartbeatLook, machine: MachineProfile, dialect: Dialect, policy: Policy) -> Iterator[Problem]:
-    """Compare statements, not characters: each card has a spelling of its own for its listing."""
+    """Compare statements, not characters: each controller has its own spelling in listings."""
     if look.listing is None:
         yield Problem(code="heartbeat.plc_missing", key=PLC)
         return
@@ -124,14 +124,14 @@ def _points_at(said: str, target: Pointer | None, dialect: Dialect) -> bool:
 
 
 def _echo(look: HeartbeatLook) -> Iterator[Problem]:
-    """A PLC that is forbidden or missing is known to be silent."""
+    """Skip a PLC that is forbidden or missing: it is known to be silent."""
     before, after = look.pulses
     if permitted(look.permission) and look.listing is not None and not after.echo > before.echo:
         yield silent(before.echo, after.echo)
 
 
 def _lease(look: HeartbeatLook, dialect: Dialect) -> Iterator[Problem]:
-    """The lease of something that is guarded is not looked at: it is being renewed."""
+    """Skip the timer while something is guarded: it is being renewed."""
     if look.activity:
         return
     before, after = look.pulses
@@ -147,7 +147,7 @@ def _lease(look: HeartbeatLook, dialect: Dialect) -> Iterator[Problem]:
     cycle_s = servo_cycle_ms(look.i10) / 1000.0
     least = (1.0 - RATE_TOLERANCE) * (after.asked_s - before.answered_s) / cycle_s
     most = (1.0 + RATE_TOLERANCE) * (after.answered_s - before.asked_s) / cycle_s
-    slow = counted < least and after.watchdog > 0.0  # at 0 it is kept from counting on
+    slow = counted < least and after.watchdog > 0.0  # at 0 it stops counting
     if slow or counted > most:
         yield Problem(
             code="heartbeat.lease_rate",
@@ -169,7 +169,7 @@ def _state(look: HeartbeatLook) -> Iterator[Problem]:
 
 
 def lost_problem(lost: float) -> Problem:
-    """Return what an operator has to know of what the card has ended without its host."""
+    """Return the problem that tells an operator what the controller has ended without its host."""
     return Problem(code="heartbeat.lost", key=f"P{reserved.LOST}", value=_said(lost), limit="0")
 
 

@@ -1,10 +1,11 @@
-"""The PLC that ends jogs and cuts when the lease runs out, as text for a machine, a family and a policy.
+"""The PLC that ends jogs and cuts on a watchdog timeout, as text for a machine, a family and a policy.
 
-It is written as one way from top to bottom with waits on it: where it stands is forgotten by a reset, so that a
-card that is switched on never goes on with what it was about to end. Each loss is answered once; a scan gives one
-command (CMD) at most, because the card puts them in a queue behind it.
+It is written as one sequence from top to bottom with waits in it: a reset clears its place, so that a controller
+that is powered up never resumes what it was about to end. Each loss is handled once; a scan gives one command
+(CMD) at most, because the controller queues commands until after the scan.
 
-No command of it closes a loop: J/, J= and A would, so it gives them to loops that are closed in that very scan.
+None of its commands may close a loop: J/, J= and A would, so only loops that are closed in that very scan get
+them.
 """
 
 from __future__ import annotations
@@ -30,33 +31,33 @@ from drivers.pmac.settings import settings_with
 from profiles.machine import MachineProfile
 
 GRACE_MS = 1100.0
-"""What a cut is given to take its tool out: a turn at 100 rpm, and a way of 2 mm at 10 mm/s."""
+"""Time for a cut to retract its tool: a turn at 100 rpm, and a distance of 2 mm at 10 mm/s."""
 
 RUN_DOWN_MS = 350.0
-"""What it is given beyond that to come to its end: with both, whatever it does, it is at rest within 2 s."""
+"""Additional time to come to its end: with both, whatever the cut does, it is at rest within 2 s."""
 
 REST_LIMIT_MS = 500.0
-"""How long an aborted tool is waited for before it is sent out, which stops it first."""
+"""How long to wait for an aborted tool before it is retracted, which stops it first."""
 
 SETTLE_MS = 20.0
-"""How long after a command, or an end, the status of a motor is believed."""
+"""Delay after a command, or an end, until the status of a motor is reliable."""
 
 OUT_LIMIT_MS = 2000.0
 OUT_BAND_MM = 0.1
-"""How long the tool is waited for on its way out, and how near it counts as there."""
+"""How long to wait for the tool to retract, and the tolerance of its target."""
 
 
 class Policy(StrEnum):
-    """What becomes of a cut without a host."""
+    """Fate of a cut without a host."""
 
     RETRACT = "retract"
-    """It ends at the end of its turn, with its own retract; one that does not is aborted."""
+    """It ends at the end of its turn, with its own retraction; one that does not is aborted."""
 
     FINISH = "finish"
-    """It goes on to its end."""
+    """It continues to its end."""
 
     STOP = "stop"
-    """It is aborted at once, and the tool goes out."""
+    """It is aborted at once, and the tool is retracted."""
 
 
 def plc_text(machine: MachineProfile, dialect: Dialect, policy: Policy) -> str:
@@ -72,10 +73,10 @@ def plc_lines(machine: MachineProfile, dialect: Dialect, policy: Policy) -> tupl
 
 
 def set_up_lines(machine: MachineProfile, dialect: Dialect, policy: Policy) -> tuple[str, ...]:
-    """Return the lines that put the heartbeat on a card, for a machine at rest; none of them moves anything.
+    """Return the lines that load the heartbeat into a controller at rest; none of them causes motion.
 
-    The permission for PLCs, I5, is not among them: it lets every other PLC of the card run, too. Nor is a loss
-    that nobody has seen taken back.
+    The permission for PLCs, I5, is not among them: it lets every other PLC of the controller run, too. Nor is an
+    unacknowledged loss cleared.
     """
     number = reserved.HEARTBEAT_PLC
     return (
@@ -128,7 +129,7 @@ class _Writer:
 
     @property
     def _busy(self) -> str:
-        """A program that has calculated its last move runs no more, while that is still being played."""
+        """Wait for rest: a program that has calculated its last move no longer runs, but is still being played."""
         return f"M{r.RUNNING}=1 OR M{r.TOOL_IN_MOVE}=1"
 
     @property
@@ -156,7 +157,7 @@ class _Writer:
         yield f"P{r.CLOSED}={'+'.join(shares)} ; closed loops: {said}"
 
     def _end_jog(self) -> Iterator[str]:
-        """Every closed motor stops with one command; which they are is one of a few cases."""
+        """Stop every closed motor with one command; which motors those are is one of a few cases."""
         everything = sum(self._motors)
         for closed in range(everything, 0, -1):
             if closed & ~everything:
@@ -185,7 +186,7 @@ class _Writer:
 
     @property
     def _needed(self) -> int:
-        """The loops that are closed while a program runs."""
+        """Record the loops that are closed while a program runs."""
         return sum(self._motors)
 
     def _abort(self) -> Iterator[str]:
@@ -221,7 +222,7 @@ class _Writer:
         yield "ENDIF"
 
     def _wait(self, *conditions: str) -> Iterator[str]:
-        """All of the conditions have to hold; each of them is a line of its own, and so a unit."""
+        """Require all of the conditions; each is a line of its own, and so a unit."""
         for word, condition in zip(("WHILE", *("AND",) * len(conditions)), conditions, strict=False):
             yield f"{word}({condition})"
         yield self._echo

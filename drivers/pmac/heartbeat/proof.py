@@ -1,4 +1,4 @@
-"""The proof test: something moves in air, the lease is withheld, and how long the card took to end it."""
+"""The watchdog commissioning test: withhold renewals from a motion in air, and time how long it takes to end."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from drivers.pmac.heartbeat.watchdog import PERIOD_MS, WATCHDOG_MS
 from profiles.problem import Problem
 
 GIVE_UP_S = 0.6
-"""What is not ended after twice the promise is stopped in another way."""
+"""What has not ended after twice the specified time is stopped in another way."""
 
 REST_LIMIT_S = 5.0
-"""How long the way to rest is watched."""
+"""How long to poll until rest."""
 
 Stop = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchdogProof:
-    """What was seen, in s behind the last lease; None: it did not come about.
+    """The observations, in s after the last renewal; None: not observed.
 
-    The end came between `still_going_s`, of the last look without it, and `ended_s`, of the first one with it.
-    `looks` are all of them; the first was made just behind the last lease.
+    The end came between `still_going_s`, the last poll without it, and `ended_s`, the first one with it. `looks`
+    are all polls; the first was made just after the last renewal.
     """
 
     still_going_s: float
@@ -34,7 +34,7 @@ class WatchdogProof:
 
 
 def kept(watch: Watch, keeper: Keeper, kept_s: float, check: Callable[[], None]) -> tuple[Look, Look]:
-    """Renew the lease of what has been begun for so long; return a look in front of the last one, and one behind.
+    """Renew the watchdog of a motion for a time; return one poll from before the last renewal, and one after it.
 
     `check` ends it.
 
@@ -54,7 +54,7 @@ def kept(watch: Watch, keeper: Keeper, kept_s: float, check: Callable[[], None])
 
 
 def withhold(watch: Watch, before: Look, stop: Stop, rest_limit_s: float = REST_LIMIT_S) -> WatchdogProof:
-    """Look on without a lease until everything has come to rest; `before` was made just behind the last one.
+    """Poll without renewals until everything is at rest; `before` was made just after the last renewal.
 
     Raises:
         DriverError: that of the watch; the link broke.
@@ -80,7 +80,7 @@ def withhold(watch: Watch, before: Look, stop: Stop, rest_limit_s: float = REST_
 
 
 def proof_problems(proof: WatchdogProof) -> tuple[Problem, ...]:
-    """Return what the proof has not shown. Only what is surely late is called so."""
+    """Return what the test has not shown. Only what is certainly late counts as late."""
     allowed_s = WATCHDOG_MS / 1000.0
     limit = f"<= {allowed_s:g} s"
     if proof.ended_s is None:

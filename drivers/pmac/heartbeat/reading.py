@@ -1,4 +1,4 @@
-"""Looking at the heartbeat on a card: what is asked, and the lease that is written to see it count."""
+"""Read the state of a controller's heartbeat, with one renewal to see the timer count."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ PERMISSION = 5
 """I5: which PLCs may run."""
 
 BETWEEN_PULSES_S = 0.1
-"""Between the two looks at echo and lease: several background cycles, and well within a lease."""
+"""Time between the two polls of echo and timer: several background cycles, and well within the timeout."""
 
 LIST_TIMEOUT_S = 10.0
-"""For the whole text over a slow line."""
+"""Timeout for the whole text over a slow line."""
 
 ITEMS_PER_LINE = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pulse:
-    """The echo of the PLC and the lease, read in one request between two times of the host."""
+    """The echo of the PLC and the timer, read in one request between two times of the host."""
 
     asked_s: float
     answered_s: float
@@ -40,9 +40,9 @@ class Pulse:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeartbeatLook:
-    """What was read. `listing` is None when there is no such PLC; `definitions` are the answers by M-variable.
+    """The state read. `listing` is None when there is no such PLC; `definitions` are the replies by M-variable.
 
-    `pulses` were read in this order, behind a lease that was written if nothing was guarded.
+    `pulses` were read in this order, after a renewal that was written if nothing was guarded.
     """
 
     permission: float
@@ -56,10 +56,10 @@ class HeartbeatLook:
 
 
 def read_heartbeat(client: Controller, clock: Clock, machine: MachineProfile, dialect: Dialect) -> HeartbeatLook:
-    """Look at the heartbeat. The lease is the only thing that is written, and nothing while something is guarded.
+    """Read the heartbeat's state. Only the watchdog timer is written, and nothing while something is guarded.
 
     Raises:
-        DriverError: the link broke, or the controller refused a question.
+        DriverError: the link broke, or the controller refused a query.
     """
     names = (reserved.ACTIVITY, reserved.LOST, registers.ENDING)
     i5, i10, activity, lost, ending = client.numbers(

@@ -1,4 +1,4 @@
-"""What the PLC of the heartbeat sees of the card, and the variables that it keeps beside the reserved ones."""
+"""The controller registers that the heartbeat PLC reads, and its variables besides the reserved ones."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ ENDING = 1006
 """P-variable: 1 while the PLC is about to end something."""
 
 GRACE = 1007
-"""P-variable: servo cycles that a cut has to take its tool out by itself, before it is aborted."""
+"""P-variable: servo cycles that a cut has to retract its tool by itself, before it is aborted."""
 
 CLOSED = 1008
 """P-variable: the loops that are closed, 1 tool, 2 spindle, 4 carriage."""
 
 TAKE_OUT = 1009
-"""P-variable: 1 when the tool has to be taken out of the part."""
+"""P-variable: 1 when the tool must be retracted from the part."""
 
 RUN_DOWN = 1010
-"""P-variable: servo cycles more that it has, once its tool is out, to come to its end."""
+"""P-variable: additional servo cycles, once the tool is out, for the cut to come to its end."""
 
 TOOL, SPINDLE, CARRIAGE = 1, 2, 4
 """The bits of `CLOSED`."""
@@ -35,11 +35,11 @@ TOOL_STILL, TOOL_IN_MOVE = 1007, 1008
 TOOL_ACTUAL, TOOL_BIAS, TOOL_TARGET = 1009, 1010, 1011
 SPINDLE_STILL, SPINDLE_ABORTING = 1012, 1013
 TOOL_HOMED = 1014
-"""M-variables: status bits, and registers of the tool in 1/(Ix08 x 32) count, but for its target in counts."""
+"""M-variables: status bits, and registers of the tool in 1/(Ix08 x 32) count, except its target in counts."""
 
 
 def motors(machine: MachineProfile) -> dict[int, int]:
-    """Return the motors that the card moves, by their bit: a spindle on an inverter is none of them."""
+    """Return the motors that the controller moves, by their bit: a spindle on an inverter is not one of them."""
     axes = {TOOL: machine.tool.motor, SPINDLE: machine.spindle.motor, CARRIAGE: machine.carriage.motor}
     if machine.spindle.drive != "servo":
         del axes[SPINDLE]
@@ -47,7 +47,7 @@ def motors(machine: MachineProfile) -> dict[int, int]:
 
 
 def definitions(machine: MachineProfile, dialect: Dialect) -> dict[int, Pointer | None]:
-    """Return what each M-variable of the heartbeat points at; None: it is a plain value."""
+    """Return the pointer of each M-variable of the heartbeat; None: it is a plain value."""
     tool, spindle = machine.tool.motor, machine.spindle.motor
     found: dict[int, Pointer | None] = {reserved.END_FLAG: None}
     for timer in (watchdog_timer(dialect), wait_timer(dialect)):
@@ -70,7 +70,7 @@ def definitions(machine: MachineProfile, dialect: Dialect) -> dict[int, Pointer 
 
 
 def definition_lines(machine: MachineProfile, dialect: Dialect) -> Iterator[str]:
-    """Give the lines that define them."""
+    """Yield the lines that define them."""
     for number, pointer in definitions(machine, dialect).items():
         yield f"M{number}->{'*' if pointer is None else pointer}"
 

@@ -1,4 +1,4 @@
-"""Looking at motors that are coming to rest: where they are, what the card has ended, whose the machine is."""
+"""Poll motors that are coming to rest: positions, what the controller has ended, and who is in control."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from profiles.problem import Problem
 LOOK_EVERY_S = 0.01
 POLLS_AT_REST = 3
 REST_BAND_COUNTS = 2.0
-"""Rest is so many looks in a row, between which a motor goes no further than this: an encoder trembles by one."""
+"""Number of polls in a row that make rest, and the permitted movement between them: an encoder dithers by one."""
 
 Flags = frozenset[str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """One look, between two times of the host.
+    """One poll, between two times of the host.
 
-    `lost` is whether the card has ended something without a host, `ending` whether it still is about to.
+    `lost` is whether the controller has ended something without a host, `ending` whether it is still about to.
     """
 
     asked_s: float
@@ -40,13 +40,13 @@ class Look:
     flags: Mapping[int, Flags]
 
     def still(self, motor: int) -> bool:
-        """Whether a motor is commanded to stand still and no move is left, or it is not commanded at all."""
+        """Whether a motor is commanded to stand still with no move left, or is not commanded at all."""
         flags = self.flags[motor]
         return "open_loop" in flags or ("desired_velocity_zero" in flags and "move_timer_active" not in flags)
 
 
 class Watch:
-    """Some motors, their program, the word of the PLC and the owner, asked for in one request."""
+    """Polls some motors, their program, the loss flag of the PLC and the owner in one request."""
 
     def __init__(
         self,
@@ -56,25 +56,25 @@ class Watch:
         motors: tuple[int, ...],
         owner_seen: Callable[[float], None] = lambda _: None,
     ) -> None:
-        """`owner_seen` is told with each request whose the machine is; what it raises ends the watch."""
+        """Take `owner_seen`, called in each poll with the console in control; what it raises ends the watch."""
         self.client, self.clock, self.motors = client, clock, motors
         self._dialect, self._owner_seen = dialect, owner_seen
 
     def renew(self, keeper: Keeper) -> None:
-        """Renew the lease of what moves.
+        """Renew the watchdog of what moves.
 
         Raises:
-            DriverError: that of `owner_seen`; the link broke, or answers something that was not asked for.
+            DriverError: that of `owner_seen`; the link broke, or replies something that was not asked for.
         """
         (owner,) = self.client.request(f"{keeper.line} P{reserved.OWNER}", lines=1)
         self._owner_seen(self.client.number(owner))
 
     def look(self) -> Look:
-        """Look once.
+        """Poll once.
 
         Raises:
             DriverError: that of `owner_seen`.
-            LinkError: the link broke, or answers something that was not asked for.
+            LinkError: the link broke, or replies something that was not asked for.
         """
         asked_s = self.clock.now_s()
         of_motors = [item for motor in self.motors for item in (f"#{motor}P", "?")]
@@ -102,13 +102,13 @@ class Watch:
 
 
 def rests(looks: Sequence[Look]) -> bool:
-    """Whether everything rests by the last looks."""
+    """Whether everything is at rest by the last polls."""
     last = looks[-POLLS_AT_REST:]
     return len(last) == POLLS_AT_REST and all(_rested(last, motor) for motor in last[0].positions)
 
 
 def rest_s(looks: Sequence[Look], *motors: int) -> float | None:
-    """Return when motors (all, if none is named) were first seen at rest for good; None: they were not."""
+    """Return when motors (all, if none is named) were first seen at permanent rest; None: they were not."""
     found = None
     for place in range(len(looks) - POLLS_AT_REST, -1, -1):
         window = looks[place : place + POLLS_AT_REST]

@@ -1,6 +1,6 @@
-"""The lease: a timer of the card that counts down, and that the host keeps from running out.
+"""The watchdog: a countdown timer of the controller that the host keeps from running out.
 
-Two readers look at it: the PLC of the heartbeat, in the background, and the loop of a cutting program.
+It is read by the heartbeat PLC, in the background, and by the loop of a cutting program.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from drivers.pmac.memory import WORD_BITS, Pointer
 from drivers.pmac.settings import servo_cycle_ms
 
 WATCHDOG_MS = 300.0
-"""What one renewal is worth."""
+"""Watchdog timeout after one renewal."""
 
 PERIOD_MS = 50.0
-"""Between two renewals: five may be lost or late."""
+"""Time between two renewals: five may be lost or late."""
 
 MARGIN_MS = 20.0
-"""What is left of a lease when the PLC acts: with background cycles up to this, 300 ms are kept."""
+"""Remaining time when the PLC acts: with background cycles up to this, 300 ms are kept."""
 
 SYSTEM = 1
 """The coordinate system whose timers are used, where they belong to one; it is always activated."""
@@ -31,7 +31,7 @@ SERVO_PERIOD = 10
 
 
 class Activity(IntEnum):
-    """What the lease guards."""
+    """What the watchdog guards."""
 
     NOTHING = 0
     JOG = 1
@@ -40,14 +40,14 @@ class Activity(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Timer:
-    """A variable that counts down one a servo cycle; `pointer` is what it must be defined as, None: it is one."""
+    """A variable that counts down one per servo cycle; `pointer` is its required definition, None: built in."""
 
     name: str
     pointer: Pointer | None = None
 
 
 def watchdog_timer(dialect: Dialect) -> Timer:
-    """Return the timer that is the lease."""
+    """Return the timer of the watchdog."""
     return _timer(dialect, 0)
 
 
@@ -62,13 +62,13 @@ def cycles_of(time_ms: float, i10: float) -> int:
 
 
 def watchdog_line(dialect: Dialect, i10: float | None = None) -> str:
-    """Return the line that renews the lease; `i10` is what the card says, None the factory's."""
+    """Return the line that renews the watchdog; `i10` is the controller's value, None the factory's."""
     cycles = cycles_of(WATCHDOG_MS, dialect.factory[SERVO_PERIOD] if i10 is None else i10)
     return f"{watchdog_timer(dialect).name}={cycles}"
 
 
 def watchdog_condition(dialect: Dialect) -> str:
-    """Return what a cutting program adds to the condition of its loop, to end by itself without a host."""
+    """Return the loop condition with which a cutting program ends by itself without a host."""
     return f"{watchdog_timer(dialect).name}>0"
 
 

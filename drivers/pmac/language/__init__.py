@@ -1,1 +1,1 @@
-"""The PMAC language: text to statements and back, their arithmetic and their structure. Without any I/O."""
+"""The PMAC language: parsing and formatting, arithmetic and program structure. No I/O."""

@@ -1,7 +1,7 @@
 """The controller's operators and functions on plain numbers.
 
-A calculation without a result raises ArithmeticError or ValueError here. The controller itself goes on
-with a substitute (PMAC Software Reference, Mathematical Features); `forgiving` puts the substitutes in.
+A calculation without a result raises ArithmeticError or ValueError here. The controller itself continues with a
+substitute (PMAC Software Reference, Mathematical Features); `forgiving` supplies the substitutes.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 
 SATURATION = 2.0**47
-"""The size of the controller's result of a division by zero."""
+"""The magnitude of the controller's result of a division by zero."""
 
 _FRACTION_BITS = 2.0**32
 
@@ -39,7 +39,7 @@ def modulo(left: float, right: float) -> float:
 
 
 def bit_and(left: float, right: float) -> float:
-    """Combine bit by bit, the fractional bits too (PMAC Software Reference, Mathematical Operators)."""
+    """Combine bit by bit, including the fractional bits (PMAC Software Reference, Mathematical Operators)."""
     return (_bits(left) & _bits(right)) / _FRACTION_BITS
 
 
@@ -78,7 +78,7 @@ def unary_functions(degrees: bool) -> Mapping[str, UnaryFunction]:
 def forgiving(function: UnaryFunction) -> UnaryFunction:
     """Return the function with the controller's 0 outside its domain.
 
-    Documented for LN (PMAC Software Reference, Mathematical Functions), taken to hold for the others.
+    Documented for LN (PMAC Software Reference, Mathematical Functions), assumed for the others.
     """
 
     def substituted(value: float) -> float:

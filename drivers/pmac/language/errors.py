@@ -33,7 +33,7 @@ class PmacError(Exception):
     """A refusal by the controller's rules."""
 
     def __init__(self, code: int, detail: str = "") -> None:
-        """`code` is the number of ERRnnn; `detail` says what was met, for people."""
+        """`code` is the number of ERRnnn; `detail` describes the cause in readable form."""
         super().__init__(code, detail)
         self.code = code
         self.detail = detail

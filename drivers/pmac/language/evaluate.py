@@ -1,4 +1,4 @@
-"""The value of an expression and the truth of a condition, compiled once to closures and run many times."""
+"""Evaluate expressions and conditions, compiled once to closures and run many times."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NEAR = 1.0
 
 
 class Variables(Protocol):
-    """Where the values of variables come from."""
+    """The source of variable values."""
 
     def get(self, kind: VariableKind, index: int) -> float:
         """Return a value."""
@@ -51,14 +51,14 @@ def holds(condition: Condition, variables: Variables, degrees: bool = True, *, s
 def compile_expression(expression: Expression, degrees: bool = True, *, strict: bool = True) -> Value:
     """Return a function that calculates the expression from the variables.
 
-    Angles are in degrees (I15=0) or in radians. ATAN2 takes its argument as the sine and Q0 as the cosine.
-    The returned function raises EvaluationError for a calculation without a finite result. With `strict`
-    False it goes on like the controller: +-2^47 for a division by zero, 0 for `%` by zero and for a function
-    outside its domain; only an overflow still raises.
+    Angles are in degrees (I15=0) or in radians. ATAN2 takes its argument as the sine and Q0 as the cosine. The
+    returned function raises EvaluationError for a calculation without a finite result. With `strict` False it
+    continues like the controller: +-2^47 for a division by zero, 0 for `%` by zero and for a function outside its
+    domain; only an overflow still raises.
     """
     value_of = _Compiler(degrees, strict).expression(expression)
     if isinstance(expression, Number | Variable) and _is_plain(expression):
-        return value_of  # there is nothing to calculate, and what is stored is finite
+        return value_of  # nothing to calculate, and stored values are finite
 
     def calculate(variables: Variables) -> float:
         try:
@@ -77,7 +77,7 @@ def _is_plain(expression: Number | Variable) -> bool:
 
 
 def compile_condition(condition: Condition, degrees: bool = True, *, strict: bool = True) -> Truth:
-    """Return a function that tests the condition; what decides early spares the rest its evaluation.
+    """Return a function that tests the condition, with short-circuit evaluation.
 
     Raises as `compile_expression` does.
     """

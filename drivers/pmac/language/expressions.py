@@ -1,4 +1,4 @@
-"""Reading expressions, conditions, variables and the data after a word."""
+"""Parse expressions, conditions, variables and the data after a word."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PRODUCTS = ("*", "/", "%", "&")
 SUMS = ("+", "-", "|", "^")
 
 MAX_NESTING = 15
-"""Parentheses inside parentheses; deeper text is refused rather than followed without end."""
+"""Maximum nesting of parentheses; deeper text is refused rather than followed without end."""
 MAX_OPERANDS = 100
 """Operands of one expression or condition; bounds the depth of the tree of a long chain."""
 
@@ -35,42 +35,42 @@ _DATA_STARTS = "0123456789$.(-"
 
 
 def parse_expression(scanner: Scanner) -> Expression:
-    """Read an expression: `* / % &` bind tighter than `+ - | ^`, both from left to right.
+    """Parse an expression: `* / % &` bind tighter than `+ - | ^`, both from left to right.
 
-    Raises PmacError 003: no expression stands at the cursor, or it is too large.
+    Raises PmacError 003: no expression at the cursor, or it is too large.
     """
     return _Reader(scanner).sum()
 
 
 def parse_condition(scanner: Scanner) -> Condition:
-    """Read comparisons joined by AND and OR, without the parentheses around the whole.
+    """Parse comparisons joined by AND and OR, without the parentheses around the whole.
 
-    A comparison must not stand in parentheses of its own (PMAC User Manual, Conditions).
+    A comparison must not be in parentheses of its own (PMAC User Manual, Conditions).
 
-    Raises PmacError 003: no condition stands at the cursor, or it has no comparator (`<=` is none).
+    Raises PmacError 003: no condition at the cursor, or it has no comparator (`<=` is none).
     """
     return _Reader(scanner).condition()
 
 
 def parse_variable(scanner: Scanner) -> Variable | None:
-    """Read `P100` or `P(P1+1)`; None, with nothing consumed, if no variable stands at the cursor.
+    """Parse `P100` or `P(P1+1)`; None, with nothing consumed, if there is no variable at the cursor.
 
-    Raises PmacError 003: the number in parentheses is no expression.
+    Raises PmacError 003: the number in parentheses is not an expression.
     """
     return _Reader(scanner).variable()
 
 
 def at_data(scanner: Scanner) -> bool:
-    """Whether `parse_data` has something to read."""
+    """Whether `parse_data` has something to parse."""
     return scanner.peek(_DATA_STARTS)
 
 
 def parse_data(scanner: Scanner) -> Expression:
-    """Read what follows a word: a constant, negative or not (`X-500`), or an expression in parentheses.
+    """Parse what follows a word: a constant, negative or not (`X-500`), or an expression in parentheses.
 
-    A plus sign is no sign (PMAC Software Reference, Mathematical Operators).
+    A plus sign is not accepted (PMAC Software Reference, Mathematical Operators).
 
-    Raises PmacError 003: neither stands at the cursor (`XP1` is refused).
+    Raises PmacError 003: neither is at the cursor (`XP1` is refused).
     """
     if scanner.accept("("):
         value = parse_expression(scanner)
@@ -84,7 +84,7 @@ def parse_data(scanner: Scanner) -> Expression:
 
 
 def negated(operand: Expression) -> Expression:
-    """Return the operand with a minus sign; that of a constant is part of the constant."""
+    """Return the negated operand; a constant includes its own minus sign."""
     if isinstance(operand, Number):
         return Number(-operand.value if operand.value else 0.0)
     return Negate(operand)
@@ -92,7 +92,7 @@ def negated(operand: Expression) -> Expression:
 
 @dataclass(slots=True)
 class _Reader:
-    """One expression or condition being read."""
+    """One expression or condition being parsed."""
 
     scanner: Scanner
     operands: int = 0

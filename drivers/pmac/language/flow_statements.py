@@ -1,4 +1,4 @@
-"""Reading the statements that decide which line comes next: loops, branches, labels, jumps and calls."""
+"""Parse the statements that determine the next line: loops, branches, labels, jumps and calls."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ READABLE = tuple(letter for letter in string.ascii_uppercase if letter not in "N
 """The letters that READ can ask for."""
 
 ARGUMENTS = ("E", "H", "L", "P", "Q")
-"""The letters that are a statement only behind a call."""
+"""The letters that are a statement only after a call."""
 
 _ENDS: Mapping[str, Statement] = {
     **dict.fromkeys(("ENDWHILE", "ENDW"), EndWhile()),
@@ -44,9 +44,9 @@ _ENDS: Mapping[str, Statement] = {
 
 
 def parse_argument(scanner: Scanner) -> Argument | None:
-    """Read a letter with a value that is no statement of its own, such as the P of `G4 P2000`.
+    """Parse a letter with a value that is not a statement of its own, such as the P of `G4 P2000`.
 
-    None, with nothing consumed, if none stands at the cursor.
+    None, with nothing consumed, if there is none at the cursor.
 
     Raises:
         PmacError: 003, the letter is not followed by data.
@@ -56,10 +56,10 @@ def parse_argument(scanner: Scanner) -> Argument | None:
 
 
 def parse_enclosed_condition(scanner: Scanner) -> Condition:
-    """Read a condition with the parentheses around the whole.
+    """Parse a condition with the parentheses around the whole.
 
     Raises:
-        PmacError: 003, something else stands there.
+        PmacError: 003, something else is there.
     """
     scanner.expect("(")
     condition = parse_condition(scanner)
@@ -87,7 +87,7 @@ def _label(scanner: Scanner, word: str) -> Label | None:
 
 
 def _code(scanner: Scanner, word: str) -> CallProgram | None:
-    """`M1` in front of a comma, a point, an arrow or an equals sign is an on-line command about variables."""
+    """Exclude `M1` before a comma, a point, an arrow or an equals sign: an on-line command about variables."""
     if not at_data(scanner):
         return None
     target = parse_data(scanner)

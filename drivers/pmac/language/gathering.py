@@ -1,4 +1,4 @@
-"""The order of the statements of a line: which axis words move together, and which words hold for them."""
+"""Order the statements of a line: which axis words move together, and which words apply to them."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _Gathered = Move | Assign | Argument | _Modal
 def gather_moves(statements: Iterable[Statement]) -> Line:
     """Join the axis words of a line into moves: axes named on one line move together.
 
-    Modal words (F, TM, INC ...) hold for the moves of their line wherever they stand, and so come first. An
-    assignment between the axis words of a move comes before the move, one behind them after it. A repeated
-    axis letter starts a second move; a wait or a flow word ends a move and what belongs to it. Behind a call
-    the words are arguments and keep their order; only neighbours are joined.
+    Modal words (F, TM, INC ...) apply to the moves of their line wherever they are, and so come first. An
+    assignment between the axis words of a move comes before the move, one after them after it. A repeated axis
+    letter starts a second move; a wait or a flow word ends a move and what belongs to it. After a call the words
+    are arguments and keep their order; only neighbours are joined.
     """
     gathered: list[Statement] = []
     stretch: list[Statement] = []
@@ -44,7 +44,7 @@ def gather_moves(statements: Iterable[Statement]) -> Line:
 
 
 def may_be_argument(statement: Statement) -> bool:
-    """Whether a statement behind a call belongs to the line of the call: READ may see it, or what is behind it."""
+    """Whether a statement after a call belongs to the line of the call: READ may take it, or what follows it."""
     return isinstance(statement, _Gathered | CallProgram)
 
 

@@ -1,8 +1,8 @@
 """Scanning one line of PMAC text on demand.
 
-The controller's spelling is loose: case and white space do not matter, not even inside a word
-(`End While`, `ta10ts10tm(P400)`, `i65???&1??%#1?PVFm190p99`), so that only a parser knows which words can
-stand at the cursor. White space does end a number: `$1 F100` is two things, and `X1 0` is refused.
+The controller's spelling is loose: case and white space do not matter, not even inside a word (`End While`,
+`ta10ts10tm(P400)`, `i65???&1??%#1?PVFm190p99`), so only a parser knows which words are possible at the cursor.
+White space does end a number: `$1 F100` is two tokens, and `X1 0` is refused.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import lru_cache
 from drivers.pmac.language.errors import ErrorCode, PmacError
 
 HIGHEST_CHARACTER = 127
-"""Anything above is refused outside a comment (PMAC Software Reference, I6: ERR004)."""
+"""Characters above this are refused outside a comment (PMAC Software Reference, I6: ERR004)."""
 
 _WHITE = frozenset(" \t\r\n")
 # A point that begins `..` belongs to a range of variables (P1..3), not to the number before it.
@@ -35,17 +35,17 @@ class Scanner:
 
     @property
     def at_end(self) -> bool:
-        """Whether nothing but white space and a comment is left."""
+        """Whether only white space and a comment are left."""
         return self._cursor >= len(self._text)
 
     @property
     def position(self) -> int:
-        """The column of the cursor in the line as it was given, from 0."""
+        """The column of the cursor in the original line, from 0."""
         return self._columns[self._cursor]
 
     @property
     def rest(self) -> str:
-        """What is left: upper case, without white space and comment."""
+        """The rest of the line: upper case, without white space and comment."""
         return self._text[self._cursor :]
 
     def mark(self) -> int:
@@ -61,22 +61,22 @@ class Scanner:
         return self._cursor < len(self._text) and self._text[self._cursor] in characters
 
     def accept(self, word: str) -> bool:
-        """Go past `word` (upper case, no spaces) if it stands at the cursor."""
+        """Consume `word` (upper case, no spaces) if it is at the cursor."""
         if not self._text.startswith(word, self._cursor):
             return False
         self._cursor += len(word)
         return True
 
     def expect(self, word: str) -> None:
-        """Go past `word`.
+        """Consume `word`.
 
-        Raises PmacError 003: something else stands there.
+        Raises PmacError 003: something else is there.
         """
         if not self.accept(word):
             raise self.refusal(f"expected {word}")
 
     def take_word(self, words: tuple[str, ...]) -> str | None:
-        """Go past the longest of `words` (upper case, no spaces) that stands at the cursor."""
+        """Consume the longest of `words` (upper case, no spaces) at the cursor."""
         found = _longest_first(words).match(self._text, self._cursor)
         if found is None:
             return None
@@ -84,7 +84,7 @@ class Scanner:
         return found.group()
 
     def take_number(self) -> float | None:
-        """Go past an unsigned constant: `12`, `12.5`, `.5` or, in hexadecimal, `$1F`. No exponent.
+        """Consume an unsigned constant: `12`, `12.5`, `.5` or, in hexadecimal, `$1F`. No exponent.
 
         Raises PmacError 003: a constant that no number can hold.
         """
@@ -100,14 +100,14 @@ class Scanner:
         return value
 
     def take_integer(self) -> int | None:
-        """Go past an unsigned whole number of up to 18 digits, or up to 12 hexadecimal ones after `$`."""
+        """Consume an unsigned integer of up to 18 digits, or up to 12 hexadecimal ones after `$`."""
         digits = self._match(_INTEGER)
         if digits is None:
             return None
         return int(digits[1:], 16) if digits[0] == "$" else int(digits)
 
     def take_string(self) -> str | None:
-        """Go past a text in double quotes and return it as it was typed.
+        """Consume a text in double quotes and return it as typed.
 
         Raises PmacError 003: the closing quote is missing.
         """
@@ -126,7 +126,7 @@ class Scanner:
         return PmacError(ErrorCode.DATA_ERROR, f"column {self.position + 1}: {reason}, met {met}")
 
     def _match(self, pattern: re.Pattern[str]) -> str | None:
-        """Go past a match that ends at white space at the latest."""
+        """Consume a match that ends at white space at the latest."""
         following = bisect_right(self._gaps, self._cursor)
         limit = self._gaps[following] if following < len(self._gaps) else len(self._text)
         found = pattern.match(self._text, self._cursor, limit)
@@ -138,15 +138,15 @@ class Scanner:
 
 @lru_cache(maxsize=64)
 def _longest_first(words: tuple[str, ...]) -> re.Pattern[str]:
-    """Return a pattern of the words; the tables are few, and looked at for every command."""
+    """Return a pattern of the words; the tables are few, and used for every command."""
     return re.compile("|".join(re.escape(word) for word in sorted(words, key=len, reverse=True)))
 
 
 @lru_cache(maxsize=1024)
 def _condense(text: str) -> tuple[str, list[int], list[int]]:
-    """Return the line without white space and comment, the columns, and the places where a gap was.
+    """Return the line without white space and comment, the columns, and the places of the gaps.
 
-    A host that looks at its machine sends the same few lines many times a second.
+    Cached: a host that polls its machine sends the same few lines many times a second.
     """
     kept: list[str] = []
     columns: list[int] = []

@@ -1,4 +1,4 @@
-"""Reading the statements that speak to somebody else: CMD, SEND, DISPLAY, and ENABLE and DISABLE PLC."""
+"""Parse the statements about other ports and programs: CMD, SEND, DISPLAY, and ENABLE and DISABLE PLC."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PORTS = ("S", "P", "R", "A")
 """Serial, parallel, dual-ported RAM, auxiliary serial."""
 
 _CONTROL = 0x40
-"""A control character is that many below its letter."""
+"""Offset of a control character from its letter."""
 
 _LETTERS = tuple(string.ascii_uppercase)
 _SWITCHES = {"ENABLEPLC": True, "ENAPLC": True, "DISABLEPLC": False, "DISPLC": False}

@@ -1,4 +1,4 @@
-"""Reading the statements that are about motion: axis words, modes and times, HOME, PSET, waits and steps."""
+"""Parse the statements about motion: axis words, modes and times, HOME, PSET, waits and steps."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from drivers.pmac.language.syntax import (
 )
 
 HIGHEST_MOTOR = 32
-"""The motors of the largest family; whether the card at hand has them is found out when the line is executed."""
+"""The motors of the largest family; a missing motor is detected when the line is executed."""
 
 _RADIUS = "R"
 _SETTINGS = ("TA", "TS", "TM", "F", "PVT")
@@ -68,7 +68,7 @@ def _axis(scanner: Scanner, word: str) -> Move | None:
 
 
 def _vector(scanner: Scanner, word: str) -> Move | None:
-    """`I100` in front of a comma, a point or a sign is an on-line query of variables (`I130..135`)."""
+    """Exclude `I100` before a comma, a point or a sign: an on-line query of variables (`I130..135`)."""
     if not at_data(scanner):
         return None
     value = parse_data(scanner)
@@ -103,7 +103,7 @@ def _preset(scanner: Scanner, word: str) -> Preset:
 
 
 def _home(scanner: Scanner, word: str) -> Home | None:
-    """Without motors it is the on-line command."""
+    """Require motors: without them it is the on-line command."""
     if not scanner.peek("0123456789$"):
         return None
     return Home(parse_numbers(scanner, 1, HIGHEST_MOTOR), zero=_HOMES[word])

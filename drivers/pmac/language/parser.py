@@ -1,4 +1,4 @@
-"""Reading the lines of a motion program: text in, statements out, or a refusal."""
+"""Parse the lines of a motion program: text in, statements out, or a refusal."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from drivers.pmac.language.syntax import Assign, CallProgram, Line, Statement, V
 _READERS: Mapping[str, Reader] = {**MOTION_READERS, **FLOW_READERS, **MESSAGE_READERS}
 _WORDS = tuple(_READERS)
 WORDS = tuple(word for word in _WORDS if len(word) > 1)
-"""The words of motion programs, without the single letters that mean something else on line."""
+"""The words of motion programs, without the single letters that have another meaning on-line."""
 _COMBINING = {"==": "", "&=": "&", "|=": "|", "^=": "^"}
 """The signs of assignments that wait for the next move."""
 
 
 def parse_line(text: str) -> Line:
-    """Read one line that is meant for a program buffer; a blank line or a comment is the empty line.
+    """Parse one line that is meant for a program buffer; a blank line or a comment is the empty line.
 
     The axis words of a line are one move, see `gather_moves`. Raises PmacError 003: something on the line
     is not a statement of a motion program; 004: a character above 127 outside a comment.
@@ -42,11 +42,11 @@ def parse_line(text: str) -> Line:
 
 
 def parse_statement(scanner: Scanner) -> Statement | None:
-    """Read one statement; None, with nothing consumed, if none stands at the cursor.
+    """Parse one statement; None, with nothing consumed, if there is none at the cursor.
 
-    A single axis word comes back as a move of its own, for `gather_moves` to join. A letter that is a
-    word only with a value (`F`, `A`, `P1`) is no statement without it, so that a caller can try the on-line
-    commands next. Raises PmacError 003: a statement that begins well and goes wrong.
+    A single axis word is returned as a move of its own, for `gather_moves` to join. A letter that is a word only
+    with a value (`F`, `A`, `P1`) is no statement without it, so that a caller can try the on-line commands next.
+    Raises PmacError 003: a statement that begins well and is malformed later.
     """
     mark = scanner.mark()
     statement = _assign(scanner)

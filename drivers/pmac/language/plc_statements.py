@@ -1,6 +1,6 @@
-"""Reading the lines of a PLC: text in, statements out, or a refusal.
+"""Parse the lines of a PLC: text in, statements out, or a refusal.
 
-A PLC has branches, loops, assignments and messages like a motion program, conditions that go on over several
+A PLC has branches, loops, assignments and messages like a motion program, conditions that continue over several
 lines, and addresses of its own; it has no motion, no labels, jumps or calls, and no `M1==1`.
 """
 
@@ -29,15 +29,15 @@ from drivers.pmac.language.syntax import (
 )
 
 HIGHEST_SYSTEM = 16
-"""Of the largest family; what the card has not is found out when the statement is executed."""
+"""Of the largest family; a missing one is detected when the statement is executed."""
 
 _Reader = Callable[[Scanner, str], PlcStatement | None]
 
 
 def parse_plc_line(text: str) -> PlcLine:
-    """Read one line that is meant for a PLC; a blank line or a comment is the empty line.
+    """Parse one line that is meant for a PLC; a blank line or a comment is the empty line.
 
-    Nothing in it is `inline`: what stands behind an IF on its line waits for the ENDIF like the lines below.
+    Nothing in it is `inline`: what follows an IF on its line waits for the ENDIF like the lines below.
 
     Raises:
         PmacError: 003, something on the line is not a statement of a PLC; 004, a character above 127 outside a
@@ -54,10 +54,10 @@ def parse_plc_line(text: str) -> PlcLine:
 
 
 def parse_plc_statement(scanner: Scanner) -> PlcStatement | None:
-    """Read one statement; None, with nothing consumed, if none stands at the cursor.
+    """Parse one statement; None, with nothing consumed, if there is none at the cursor.
 
     Raises:
-        PmacError: 003, a statement that begins well and goes wrong.
+        PmacError: 003, a statement that begins well and is malformed later.
     """
     mark = scanner.mark()
     target = parse_variable(scanner)
@@ -72,7 +72,7 @@ def parse_plc_statement(scanner: Scanner) -> PlcStatement | None:
 
 
 def stored_lines(line: PlcLine) -> tuple[PlcLine, ...]:
-    """Return the lines that a PLC keeps of it: what stands behind a condition or an ELSE goes to the next one."""
+    """Return the lines that a PLC stores for it: what follows a condition or an ELSE moves to the next one."""
     lines: list[PlcLine] = []
     rest: list[PlcStatement] = []
     for statement in line:
@@ -91,7 +91,7 @@ def _further(scanner: Scanner, word: str) -> FurtherCondition:
 
 
 def _address(scanner: Scanner, word: str) -> Address:
-    """Read `#1`, `&2` or both, in either order."""
+    """Parse `#1`, `&2` or both, in either order."""
     motor: int | None = None
     system: int | None = None
     while (motor is None and scanner.peek("#")) or (system is None and scanner.peek("&")):

@@ -1,4 +1,4 @@
-"""Turning the lines of a PLC into instructions with jump targets, each condition in one piece."""
+"""Link the lines of a PLC into instructions with jump targets, each condition in one piece."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from drivers.pmac.language.syntax import (
 )
 
 MOST_CONDITION_LINES = 100
-"""Lines of one condition; bounds the depth of its tree."""
+"""Maximum lines of one condition; bounds the depth of its tree."""
 
 PlcInstruction = While | EndWhile | If | Else | EndIf | Assign | Message | PlcSwitch | Address
 
@@ -33,9 +33,9 @@ PlcInstruction = While | EndWhile | If | Else | EndIf | Assign | Message | PlcSw
 class PlcCode:
     """A PLC ready to run; the three tuples run in parallel.
 
-    `jumps` is where to go on: for a While whose condition is false, behind its end; for an EndWhile, at its
-    While (the only way back); for an If whose condition is false, in its alternative or behind its end; for an
-    Else that is reached, behind the end; NO_JUMP for anything else.
+    `jumps` is where to continue: for a While whose condition is false, after its end; for an EndWhile, at its
+    While (the only way back); for an If whose condition is false, in its alternative or after its end; for an Else
+    that is reached, after the end; NO_JUMP for anything else.
     """
 
     instructions: tuple[PlcInstruction, ...]
@@ -44,10 +44,10 @@ class PlcCode:
 
 
 def link_plc(program: PlcProgram) -> PlcCode:
-    """Find the ends of every loop and branch, and put conditions of several lines together.
+    """Find the ends of every loop and branch, and combine conditions of several lines.
 
     Raises:
-        PmacError: 009, an end or an ELSE without its beginning, an AND or OR that does not stand directly behind a
+        PmacError: 009, an end or an ELSE without its beginning, an AND or OR that does not stand directly after a
             condition, or a condition of too many lines; 016, a loop or branch without its end.
     """
     linker = _Linker()
@@ -60,7 +60,7 @@ def link_plc(program: PlcProgram) -> PlcCode:
 def joined(lines: list[tuple[str, Condition]]) -> Condition:
     """Join the conditions of several lines: each is a unit, and between them AND binds tighter than OR.
 
-    (Turbo PMAC User Manual, Multiple-Line Conditions.) The operator of the first line is not looked at.
+    (Turbo PMAC User Manual, Multiple-Line Conditions.) The operator of the first line is ignored.
     """
     groups: list[Condition] = []
     for operator, condition in lines:
@@ -90,7 +90,7 @@ class _Linker:
     jumps: list[int] = field(default_factory=list)
     blocks: list[_Block] = field(default_factory=list)
     condition: list[tuple[str, Condition]] = field(default_factory=list)
-    """The lines of the condition that the next line may go on with."""
+    """The lines of the condition that the next line may continue."""
 
     def add(self, number: int, statement: PlcStatement) -> None:
         if isinstance(statement, FurtherCondition):

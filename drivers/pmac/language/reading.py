@@ -1,4 +1,4 @@
-"""What several statements have in common: lists of letters and of numbers, axis words, program buffers."""
+"""Common parts of several statements: lists of letters and of numbers, axis words, program buffers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.syntax import AxisWord, Statement
 
 Reader = Callable[[Scanner, str], Statement | None]
-"""Reads on behind its word; None when what follows does not make a statement of it."""
+"""Parses what follows its word; None when that does not make a statement."""
 
 HIGHEST_PROGRAM = 32_767
 HIGHEST_PLC = 31
@@ -23,14 +23,14 @@ CLOSE = ("CLOSE", "CLS")
 
 _SPACES = r"\s*"
 TRAILING_CLOSE = re.compile(f"(?:{'|'.join(map(_SPACES.join, CLOSE))}){_SPACES}$", re.IGNORECASE)
-"""CLOSE at the end of a line that is stored; white space may stand anywhere in it."""
+"""CLOSE at the end of a stored line; white space may be anywhere in it."""
 
 
 def parse_letters(scanner: Scanner, letters: tuple[str, ...]) -> tuple[str, ...]:
-    """Read `(X,Y)`, each one of `letters`.
+    """Parse `(X,Y)`, each one of `letters`.
 
     Raises:
-        PmacError: 003, something else stands there.
+        PmacError: 003, something else is there.
     """
     scanner.expect("(")
     listed = [_letter(scanner, letters)]
@@ -41,10 +41,10 @@ def parse_letters(scanner: Scanner, letters: tuple[str, ...]) -> tuple[str, ...]
 
 
 def parse_numbers(scanner: Scanner, lowest: int, highest: int) -> tuple[int, ...]:
-    """Read `1..3,5`, each number from `lowest` to `highest`; a range stands for all its numbers.
+    """Parse `1..3,5`, each number from `lowest` to `highest`; a range stands for all its numbers.
 
     Raises:
-        PmacError: 003, no number, or one that is out of the limits.
+        PmacError: 003, not a number, or one outside the limits.
     """
     listed = list(_range(scanner, lowest, highest))
     while scanner.accept(","):
@@ -53,7 +53,7 @@ def parse_numbers(scanner: Scanner, lowest: int, highest: int) -> tuple[int, ...
 
 
 def parse_words(scanner: Scanner, letters: tuple[str, ...]) -> tuple[AxisWord, ...]:
-    """Read axis words as long as they stand one after another and no letter comes twice; perhaps none."""
+    """Parse axis words as long as they follow one another and no letter is repeated; perhaps none."""
     words: dict[str, AxisWord] = {}
     while True:
         mark = scanner.mark()

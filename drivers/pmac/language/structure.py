@@ -1,4 +1,4 @@
-"""Turning the lines of a program into instructions with jump targets, for a program counter to run."""
+"""Link the lines of a program into instructions with jump targets, for a program counter to run."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ NO_JUMP = -1
 class Code:
     """A program ready to run; the three tuples run in parallel.
 
-    `line_of` is the index of the line in the program (an implied end belongs to the last line in it).
-    `jumps` is where to go on: for a While whose condition is false, behind its end; for an EndWhile, to its
-    While; for an If whose condition is false, to the first instruction of the alternative or behind the end;
-    for an Else that is reached, behind the end; NO_JUMP for anything else. `labels` are the instructions that
-    carry a line number; of two with the same number the first one counts.
+    `line_of` is the index of the line in the program (an implied end belongs to the last line in it). `jumps` is
+    where to continue: for a While whose condition is false, after its end; for an EndWhile, at its While; for an
+    If whose condition is false, at the first instruction of the alternative or after the end; for an Else that is
+    reached, after the end; NO_JUMP for anything else. `labels` are the instructions that carry a line number; of
+    two with the same number the first one counts.
     """
 
     instructions: tuple[Statement, ...]

@@ -1,4 +1,4 @@
-"""The syntax tree of PMAC programs and expressions: what a line says, free of spelling and spacing."""
+"""The syntax tree of PMAC programs and expressions: their meaning, free of spelling and spacing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ AXES = ("A", "B", "C", "U", "V", "W", "X", "Y", "Z")
 """The letters of axes."""
 
 VECTOR = ("I", "J", "K")
-"""The letters of a vector, by its parts along X, Y and Z."""
+"""The letters of a vector, by its components along X, Y and Z."""
 
 
 class VariableKind(StrEnum):
@@ -38,7 +38,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Negate:
-    """A minus sign in front of an operand."""
+    """A minus sign before an operand."""
 
     operand: Expression
 
@@ -88,7 +88,7 @@ Condition = Comparison | Junction
 class Assign:
     """`P1=...`, executed when the line is calculated, one or two moves ahead of the motion.
 
-    With `synchronous` (`M1==...`) the value is calculated then, too, but stored when the next move starts.
+    With `synchronous` (`M1==...`) the value is also calculated then, but stored when the next move starts.
     `operator` & | or ^ (`M1&=...`, always synchronous) combines the value with that of the target.
     """
 
@@ -123,7 +123,7 @@ class Positioning:
 
 @dataclass(frozen=True, slots=True)
 class Feedrate:
-    """FRAX: the axes whose distance F speaks of; every axis when `axes` is empty, no axis with `none` (NOFRAX)."""
+    """FRAX: the axes whose distance F refers to; every axis when `axes` is empty, none with `none` (NOFRAX)."""
 
     axes: tuple[str, ...] = ()
     none: bool = False
@@ -138,7 +138,7 @@ class Normal:
 
 @dataclass(frozen=True, slots=True)
 class AxisWord:
-    """`X(P500)`, or `X10:5` with an end velocity in PVT mode; `I J K R` say where a circle's centre is."""
+    """`X(P500)`, or `X10:5` with an end velocity in PVT mode; `I J K R` define a circle's centre."""
 
     axis: str
     value: Expression
@@ -147,7 +147,7 @@ class AxisWord:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """The axis words of one line: the axes move together. I, J, K and R words of a circle stand among them."""
+    """The axis words of one line: the axes move together. I, J, K and R words of a circle are among them."""
 
     words: tuple[AxisWord, ...]
 
@@ -161,7 +161,7 @@ class Preset:
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """`HOME1..3,5`: search the home of motors and wait; `zero` (HOMEZ) declares them there without a move."""
+    """`HOME1..3,5`: home motors and wait; `zero` (HOMEZ) declares them homed without a move."""
 
     motors: tuple[int, ...]
     zero: bool = False
@@ -169,7 +169,7 @@ class Home:
 
 @dataclass(frozen=True, slots=True)
 class Wait:
-    """DWELL (real time, breaks blending) or DELAY (a move of no distance), in ms."""
+    """DWELL (real time, breaks blending) or DELAY (a move of zero distance), in ms."""
 
     word: str
     duration_ms: Expression
@@ -177,17 +177,17 @@ class Wait:
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """WAIT: nothing for a real-time interrupt; behind a WHILE it holds the program in its place."""
+    """WAIT: idle for a real-time interrupt; after a WHILE it holds the program in its place."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """STOP: the program stops here; R goes on with the next line."""
+    """STOP: the program stops here; R resumes with the next line."""
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """BLOCKSTART (`begins`) or BLOCKSTOP: what stands between is one step."""
+    """BLOCKSTART (`begins`) or BLOCKSTOP: the lines between them are one step."""
 
     begins: bool
 
@@ -208,14 +208,14 @@ class Goto:
 
 @dataclass(frozen=True, slots=True)
 class Gosub:
-    """GOSUB a label of the same program; RETURN comes back behind it."""
+    """GOSUB a label of the same program; RETURN continues after it."""
 
     label: Expression
 
 
 @dataclass(frozen=True, slots=True)
 class CallProgram:
-    """`CALL 500.100`: go on at a label (the fraction, in units of 1/100000) of another program, and come back.
+    """`CALL 500.100`: continue at a label (the fraction, in units of 1/100000) of another program, and return.
 
     `code` is the letter of a `G1`, `M3`, `T5` or `D7`, which are calls of programs 1000, 1001, 1002 and 1003.
     Words that follow on the line are arguments for READ; what READ does not take is executed afterwards.
@@ -227,9 +227,9 @@ class CallProgram:
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """A letter with a value behind a call that is no statement of its own, such as the P of `G4 P2000`.
+    """A letter with a value after a call that is not a statement of its own, such as the P of `G4 P2000`.
 
-    S may also stand alone: the spindle speed, which goes to Q127.
+    S may also be alone: the spindle speed, which goes to Q127.
     """
 
     letter: str
@@ -245,7 +245,7 @@ class Read:
 
 @dataclass(frozen=True, slots=True)
 class Return:
-    """RETURN: back behind the call, or the end of the program."""
+    """RETURN: continue after the call, or end the program."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,31 +312,31 @@ class FurtherCondition:
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """`ADDRESS#1&2`: the motor and the coordinate system that a PLC means from now on; None: as before."""
+    """`ADDRESS#1&2`: the motor and the coordinate system that a PLC addresses from now on; None: as before."""
 
     motor: int | None = None
     system: int | None = None
 
 
 Modal = Set | SelectMode | Positioning | Feedrate | Normal
-"""What stays in force for the moves that follow."""
+"""Modal statements for the moves that follow."""
 
 Flow = While | EndWhile | If | Else | EndIf | Label | Goto | Gosub | CallProgram | Read | Return
-"""What decides which line comes next."""
+"""Statements that determine the next line."""
 
 Statement = (
     Modal | Flow | Assign | Move | Preset | Home | Wait | Pause | Stop | Block | Argument | Message | PlcSwitch
 )
 
 Line = tuple[Statement, ...]
-"""What stands between two line ends. A program is a tuple of lines."""
+"""The statements between two line ends. A program is a tuple of lines."""
 
 Program = tuple[Line, ...]
 
 PlcStatement = While | EndWhile | If | Else | EndIf | FurtherCondition | Assign | Message | PlcSwitch | Address
-"""What a PLC is made of: no motion, no labels and jumps, and no statement of theirs is `inline`."""
+"""The statements of a PLC: no motion, no labels and jumps, and none of them is `inline`."""
 
 PlcLine = tuple[PlcStatement, ...]
-"""What stands between two line ends of a PLC."""
+"""The statements between two line ends of a PLC."""
 
 PlcProgram = tuple[PlcLine, ...]

@@ -1,4 +1,4 @@
-"""Writing statements as the text a controller accepts, with no more parentheses than the tree needs."""
+"""Format statements as text that a controller accepts, with no more parentheses than the tree needs."""
 
 from __future__ import annotations
 
@@ -57,31 +57,31 @@ from drivers.pmac.language.syntax import (
 )
 
 DECIMALS = 10
-"""The most decimals that `format_number` writes."""
+"""Maximum decimals that `format_number` writes."""
 
 _LARGEST_PLAIN_INDEX = 10**15
 _SUM, _PRODUCT, _OPERAND = range(3)
 
-# Which junction may stand inside which without parentheses.
+# Which junction may be inside which without parentheses.
 _ON_THE_LEFT = {("OR", "OR"), ("OR", "AND"), ("AND", "AND")}
 _ON_THE_RIGHT = {("OR", "AND")}
 
 
 def format_number(value: float) -> str:
-    """Write a number rounded to 10 decimals: never an exponent, a trailing zero or `-0`."""
+    """Format a number rounded to 10 decimals: never an exponent, a trailing zero or `-0`."""
     if value % 1.0 == 0.0:
-        return str(int(value))  # most of the thousands of values that a host may ask for at once
+        return str(int(value))  # most of the thousands of values that a host may query at once
     return _plain(f"{value:.{DECIMALS}f}")
 
 
 def format_constant(value: float) -> str:
-    """Write a number with as many decimals as it takes to read the same number back; no exponent."""
+    """Format a number with as many decimals as it takes to read the same number back; no exponent."""
     short = format_number(value)
     return short if float(short) == value else _plain(f"{Decimal(repr(float(value))):f}")
 
 
 def format_expression(expression: Expression) -> str:
-    """Write an expression."""
+    """Format an expression."""
     match expression:
         case Number(value):
             return format_constant(value)
@@ -99,13 +99,13 @@ def format_expression(expression: Expression) -> str:
 
 
 def format_data(value: Expression) -> str:
-    """Write the data after a word: a bare constant, or anything else in parentheses."""
+    """Format the data after a word: a bare constant, or anything else in parentheses."""
     text = format_expression(value)
     return text if isinstance(value, Number) else f"({text})"
 
 
 def format_condition(condition: Condition) -> str:
-    """Write a condition without the parentheses around the whole.
+    """Format a condition without the parentheses around the whole.
 
     Raises ValueError: an OR inside an AND, or a junction on the right, which cannot be written on one line.
     """
@@ -119,7 +119,7 @@ def format_condition(condition: Condition) -> str:
 
 
 def format_statement(statement: Statement | PlcStatement) -> str:
-    """Write one statement. Raises ValueError as `format_condition` does."""
+    """Format one statement. Raises ValueError as `format_condition` does."""
     match statement:
         case FurtherCondition(operator, condition):
             return f"{operator}({format_condition(condition)})"
@@ -198,7 +198,7 @@ def _listing(statement: Positioning | Feedrate | Normal | Move | Preset | Home |
 
 
 def format_line(line: Line) -> str:
-    """Write a line without a line end.
+    """Format a line without a line end.
 
     Raises ValueError: the line would be read back as another one (moves that `gather_moves` would join or
     move, words that the statement before them would take as its own, `inline` in contradiction to what
@@ -215,7 +215,7 @@ def format_line(line: Line) -> str:
 
 
 def format_plc_line(line: PlcLine) -> str:
-    """Write a line of a PLC without a line end. Raises ValueError as `format_condition` does."""
+    """Format a line of a PLC without a line end. Raises ValueError as `format_condition` does."""
     return " ".join(map(format_statement, line))
 
 

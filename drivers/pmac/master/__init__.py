@@ -1,1 +1,1 @@
-"""Being led by a master encoder: its position as the card converts it, external time base, following."""
+"""Motion driven by a master encoder: its converted position, external time base, position following."""

@@ -1,11 +1,11 @@
 """Position following: a motor follows a master by a ratio, Ix07 to Ix08, like a pair of gears.
 
 Each servo cycle the master's movement in 1/32 count, times Ix07, is added to a register of the motor in 1/(Ix08 x
-32) count: whole numbers, so that no remainder is ever lost. Ix07 may change while it runs; what was followed
-before stays. There is no ramp: following begins at the master's speed.
+32) count: integers, so that no remainder is ever lost. Ix07 may change during following without affecting the
+distance followed before. There is no ramp: following begins at the master's speed.
 
-The master is a converted position, what the encoder conversion table makes of an encoder once each servo cycle: a
-register of 24 bits, five of them fraction, that rolls over. Sources: PMAC User Manual, position processing,
+The master is a converted position, the encoder conversion table's output for an encoder in each servo cycle: a
+24-bit register, five bits of it fraction, that rolls over. Sources: PMAC User Manual, position processing,
 position following, encoder conversion table; PMAC and Turbo Software Reference, Ix05 to Ix08; Turbo, I8000.
 """
 
@@ -19,27 +19,27 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.memory import WORD_BITS
 
 COUNT_PARTS = 32
-"""The parts of a count that five bits of fraction tell apart."""
+"""Resolution of five fraction bits, parts per count."""
 
 _ADDRESS, _ENABLE, _RATIO, _SCALE = 5, 6, 7, 8
 """Ix05 master address, Ix06 enable, Ix07 and Ix08 the teeth of the two gears."""
 
 
 class FollowingMode(StrEnum):
-    """What following does to the position that is reported."""
+    """Effect of following on the reported position."""
 
     OFF = auto()
     NORMAL = auto()
-    """It counts as motion of the motor: the next programmed move to a place cancels it."""
+    """It counts as motion of the motor: the next programmed move to an absolute position cancels it."""
     OFFSET = auto()
-    """It is left out: programmed moves are added to it."""
+    """It is an offset: programmed moves are superimposed on it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowingSetup:
     """The settings of a motor; `master` is an address, `teeth` Ix07 and `own_teeth` Ix08.
 
-    `offset` is whether what is followed is left out of the position, now or when it was followed.
+    `offset` is whether the followed distance is left out of the position, now or when it was followed.
     """
 
     mode: FollowingMode
@@ -50,7 +50,7 @@ class FollowingSetup:
 
     @classmethod
     def of_motor(cls, motor: int, settings: Mapping[int, float], dialect: Dialect) -> FollowingSetup:
-        """Read the settings of a motor, I-variables by index; what is not there is 0."""
+        """Read the settings of a motor, I-variables by index; missing ones are 0."""
 
         def setting(number: int) -> int:
             return int(settings.get(dialect.motor_index(motor, number), 0))
@@ -69,13 +69,13 @@ class FollowingSetup:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Following:
-    """What a motor has followed so far: `followed` in 1/(Ix08 x 32) count, and the master's register."""
+    """The distance a motor has followed so far: `followed` in 1/(Ix08 x 32) count, and the master's register."""
 
     master_parts: int
     followed: int = 0
 
     def step(self, setup: FollowingSetup, master_parts: int) -> tuple[Following, int]:
-        """Go on by a servo cycle; return how far the motor goes with it, in 1/(Ix08 x 32) count, too.
+        """Advance by a servo cycle; return also the motor's movement in it, in 1/(Ix08 x 32) count.
 
         `master_parts` is the master's register, 24 bits in 1/32 count, which rolls over.
         """
@@ -85,16 +85,16 @@ class Following:
 
 
 def parts_of(counts: float) -> int:
-    """Return the whole 1/32 that a position in counts has reached."""
+    """Return a position in counts as 1/32 counts, rounded down."""
     return int(counts * COUNT_PARTS // 1)
 
 
 def register_change(new: int, old: int) -> int:
-    """Return how far the register went, the shorter way round, 1/32 count."""
+    """Return the change of the register, the shorter way round, 1/32 count."""
     half = 1 << (WORD_BITS - 1)
     return (new - old + half) % (1 << WORD_BITS) - half
 
 
 def in_counts(parts: int, setup: FollowingSetup) -> float:
-    """Return a distance of the motor, 1/(Ix08 x 32) count, in counts; with an Ix08 of 0 there is none."""
+    """Return a distance of the motor, 1/(Ix08 x 32) count, in counts; 0 with an Ix08 of 0."""
     return parts / (setup.own_teeth * COUNT_PARTS) if setup.own_teeth else 0.0

@@ -1,4 +1,4 @@
-"""What a host sends to set up an external time base: two lines of the conversion table, Ix93 and Ix94.
+"""The host's commands for an external time base: two lines of the conversion table, Ix93 and Ix94.
 
 Sources: PMAC Software Reference and Turbo Software Reference, encoder conversion table.
 """
@@ -14,15 +14,15 @@ TIME_BASE_METHOD = 0x4
 """The method digit of an entry that is not triggered."""
 
 METHOD_SHIFT = 20
-"""Where the method digit is in a set-up word."""
+"""Position of the method digit in a set-up word."""
 
 _TURBO_MODE = 1 << 19
-"""In a triggered entry of a Turbo PMAC: the source is a servo IC of the PMAC2 kind."""
+"""In a triggered entry of a Turbo PMAC: the source is a PMAC2-style servo IC."""
 
 _SOURCE_MASK = _TURBO_MODE - 1
 
 _SOURCE, _SLEW = 93, 94
-"""Ix93, where the time base comes from, and Ix94, how fast it may change."""
+"""Ix93, the time base source, and Ix94, its maximum rate of change."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,17 +39,17 @@ class TimeBaseEntry:
     pmac2_encoder: bool = False
 
     def word(self) -> int:
-        """Return the set-up word of the first line; the second one holds the scale factor."""
+        """The set-up word of the first line; the second one holds the scale factor."""
         method = TIME_BASE_METHOD if self.trigger is None else self.trigger
         mode = _TURBO_MODE if self.trigger is not None and self.pmac2_encoder else 0
         return method << METHOD_SHIFT | mode | self.source
 
     def address(self, dialect: Dialect) -> int:
-        """Return where the time base is, in X: the result of the second line."""
+        """Return the X address of the time base: the result of the second line."""
         return dialect.conversion_table.first_address + self.line + 1
 
     def commands(self, dialect: Dialect, system: int = 1) -> list[str]:
-        """Return the lines to send; the last one keeps Ix94 from limiting, which would lose counts."""
+        """Return the lines to send; the last one stops Ix94 from limiting, which would lose counts."""
         table = dialect.conversion_table
         source, slew = dialect.system_index(system, _SOURCE), dialect.system_index(system, _SLEW)
         if table.first_setting is None:

@@ -1,9 +1,10 @@
-"""External time base: the time of a coordinate system's trajectories passes with the counts of a master encoder.
+"""External time base: the counts of a master encoder advance the time of a coordinate system's trajectories.
 
 An entry of the encoder conversion table turns the counts of each servo cycle into trajectory time; Ix93 points at
-it. At the real-time input frequency (RTIF) programmed times are true. Everything is whole numbers, as on the card,
-so that nothing drifts: the scale factor 131072 / RTIF has to be one. Sources: PMAC and Turbo User Manual,
-synchronizing to external events; Software Reference, encoder conversion table, Ix93, Ix94; Turbo I8000.
+it. At the real-time input frequency (RTIF) programmed times are true. All arithmetic is in integers, as on the
+controller, so that nothing drifts: the scale factor 131072 / RTIF has to be an integer. Sources: PMAC and Turbo
+User Manual, synchronizing to external events; Software Reference, encoder conversion table, Ix93, Ix94; Turbo
+I8000.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ UNITS_PER_MS = I10_PER_MS
 """Time bases, I10 and Ix94 are in 2^-23 ms."""
 
 WIDEST_UNITS = (1 << (WORD_BITS - 1)) - 1
-"""A time base is a word of 24 bits with a sign: just below 1 ms of trajectory time in a servo cycle."""
+"""A time base is a signed 24-bit word: just below 1 ms of trajectory time in a servo cycle."""
 
 FASTEST_SLEW = WIDEST_UNITS
-"""Ix94 that never limits, so that the master is not lost."""
+"""Ix94 that never limits, so that no master counts are lost."""
 
 _SCALE = 2**17
 """The scale factor times RTIF, counts/ms."""
@@ -33,7 +34,7 @@ _UNITS_PER_COUNT = UNITS_PER_MS // _SCALE
 
 
 def nearest_factor(counts_per_ms: float) -> int:
-    """Return the whole scale factor whose real-time input frequency is nearest to a frequency, counts/ms."""
+    """Return the integer scale factor whose real-time input frequency is nearest to a frequency, counts/ms."""
     target = _SCALE / counts_per_ms
     below = min(max(1, int(target)), WIDEST_UNITS - 1)
     return min((below, below + 1), key=lambda factor: abs(_SCALE / factor - counts_per_ms))
@@ -50,7 +51,7 @@ def percent(factor: int, counts_per_ms: float) -> float:
 
 
 def increment_units(factor: int, master_parts: int) -> int:
-    """Return the trajectory time of a servo cycle, 2^-23 ms, for master counts in 1/32; a word is full at 1 ms."""
+    """Return the trajectory time of a servo cycle, 2^-23 ms, for master counts in 1/32; it saturates at 1 ms."""
     return _saturated(_UNITS_PER_PART * factor * master_parts)
 
 
@@ -67,9 +68,9 @@ class Trigger(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TriggeredTimeBase:
-    """A triggered entry: its state, scale factor, and the master's count of the servo cycle before.
+    """A triggered entry: its state, scale factor, and the master's count in the previous servo cycle.
 
-    The source is the encoder itself, in whole counts, and not the converted position.
+    The source is the encoder itself, in whole counts, not the converted position.
     """
 
     state: Trigger
@@ -77,9 +78,9 @@ class TriggeredTimeBase:
     counts: int = 0
 
     def step(self, counts: int, captured: int | None = None) -> tuple[TriggeredTimeBase, int]:
-        """Go on by a servo cycle, at whose end the master is at `counts`; return the time of it, 2^-23 ms, too.
+        """Advance by a servo cycle that ends with the master at `counts`; return its time, 2^-23 ms, too.
 
-        `captured` is the count at which the trigger came, if it came in this cycle: time begins exactly there.
+        `captured` is the count at the trigger, if it came in this cycle: time begins exactly there.
         """
         start, state = self.counts, self.state
         if state is Trigger.ARMED and captured is not None:

@@ -1,1 +1,1 @@
-"""PLC programs: one scan after another, when they run, and the timers that they read."""
+"""PLC programs: scan by scan execution, scheduling, and their timers."""

@@ -1,7 +1,7 @@
-"""The execution of a PLC, one scan at a time, and the timers that PLCs and programs wait by.
+"""Execute a PLC, one scan at a time, and the timers that PLCs and programs wait by.
 
-An ENDWHILE ends the scan, and the next one goes on with its WHILE (PMAC User Manual, PLC Programs 1-31). So every
-scan ends: inside it there is no way back, and each statement is executed once at most.
+An ENDWHILE ends the scan, and the next one continues with its WHILE (PMAC User Manual, PLC Programs 1-31). So
+every scan ends: inside it there is no way back, and each statement is executed at most once.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ _Step = Callable[[], int]
 """Executes an instruction and returns the place of the next one."""
 
 LOWEST_COUNT = -(2**23)
-"""Here a timer stays; it does not roll over (Turbo Software Reference, Isx11)."""
+"""Timers saturate here; they do not roll over (Turbo Software Reference, Isx11)."""
 
 _Name = TypeVar("_Name")
 
 
 @dataclass(frozen=True, slots=True)
 class Addressed:
-    """The motor and the coordinate system that commands mean which do not name one."""
+    """The motor and the coordinate system of commands that do not name one."""
 
     motor: int = 1
     system: int = 1
@@ -39,7 +39,7 @@ class Addressed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlcFault:
-    """A run-time error: in which line (from 0), the number of ERRnnn, and what was met, for people."""
+    """A run-time error: its line (from 0), the number of ERRnnn, and the cause in readable form."""
 
     line: int
     code: int
@@ -47,10 +47,10 @@ class PlcFault:
 
 
 class PlcHost(Protocol):
-    """Where the words of a PLC go that are not about variables; each in the order of the program."""
+    """Receives the PLC commands that are not about variables, each in program order."""
 
     def command(self, text: str, port: str, addressed: Addressed) -> None:
-        """CMD: an on-line command for the background; what names no motor or system is for those addressed."""
+        """CMD: an on-line command for the background; without a motor or system it is for those addressed."""
 
     def send(self, text: str, port: str) -> None:
         """SEND: text for a host."""
@@ -59,16 +59,16 @@ class PlcHost(Protocol):
         """DISPLAY: text for the display port."""
 
     def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
-        """ENABLE or DISABLE PLC; it may be the one that runs, whose scan still goes on to its end."""
+        """ENABLE or DISABLE PLC; it may be the running one, whose scan still continues to its end."""
 
 
 class PlcRun:
-    """One PLC on its way from scan to scan."""
+    """The state of one PLC from scan to scan."""
 
     def __init__(
         self, code: PlcCode, variables: VariableStore, host: PlcHost, addressed: Addressed | None = None
     ) -> None:
-        """`addressed` is what an earlier text of the same PLC has left; at power-up it is #1 and &1."""
+        """Set `addressed` to what an earlier text of the same PLC has left; at power-up it is #1 and &1."""
         self.addressed = addressed or Addressed()
         self._code = code
         self._variables = variables
@@ -80,19 +80,19 @@ class PlcRun:
 
     @property
     def line(self) -> int:
-        """The line that the next scan begins with, from 0."""
+        """The line at which the next scan begins, from 0."""
         lines = self._code.line_of
         return lines[self._counter] if lines else 0
 
     def restart(self) -> None:
-        """Begin the next scan at the top; what is addressed stays."""
+        """Begin the next scan at the top; the addressed motor and system stay."""
         self._counter = 0
 
     def scan(self) -> PlcFault | None:
         """Execute one scan.
 
         Returns:
-            None, or the run-time error that has ended it: the PLC is to be switched off then, and is at its top.
+            None, or the run-time error that has ended it: the PLC is to be disabled then, and is at its top.
         """
         self._follow_angle_unit()
         steps, place = self._steps, self._counter
@@ -109,7 +109,7 @@ class PlcRun:
         return None
 
     def _follow_angle_unit(self) -> None:
-        """Compile when I15 is not what it was at the last scan."""
+        """Recompile when I15 differs from the last scan."""
         degrees = self._variables.i(_ANGLE_UNIT) == 0
         if not self._steps or degrees != self._degrees:
             self._degrees = degrees
@@ -194,14 +194,14 @@ def _require(what: str, number: int, highest: int) -> None:
 
 
 def count_down(values: Mapping[_Name, float], cycles: int) -> dict[_Name, float]:
-    """Return what timers say after a number of servo cycles; below zero they count on down to -2^23."""
+    """Return timers after a number of servo cycles; below zero they continue counting down to -2^23."""
     return {name: max(float(LOWEST_COUNT), value - cycles) for name, value in values.items()}
 
 
 def timer_variables(dialect: Dialect, activation: float) -> tuple[int, ...]:
-    """Return the I-variables that are timers and run; `activation` is the value of `system_activation` (I68).
+    """Return the I-variables that are running timers; `activation` is the value of `system_activation` (I68).
 
-    Timers that are words of memory (`timer_words`) are not among them, and always run.
+    Timers that are memory words (`timer_words`) are not among them, and always run.
     """
     systems = range(1, min(int(activation) + 1, dialect.system_count) + 1)
     return tuple(dialect.system_index(system, number) for system in systems for number in dialect.timer_numbers)

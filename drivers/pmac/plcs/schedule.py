@@ -1,7 +1,7 @@
-"""Which PLCs run, and which of them begin at their top.
+"""Decide which PLCs run, and which of them begin at their top.
 
 PLC 0 runs in the foreground, a scan at each real-time interrupt; PLC 1 to 31 run in the background, a scan each in
-the order of their numbers. I5 permits the one or the other; a PLC that it permits must be switched on, too.
+the order of their numbers. I5 permits the one or the other; a PLC that it permits must also be enabled.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ FOREGROUND_PLC = 0
 
 @dataclass(frozen=True, slots=True)
 class PlcSwitches:
-    """The PLCs that are switched on, and those of them that have had no scan since and begin at their top."""
+    """The enabled PLCs, and those of them that begin at their top because they had no scan since."""
 
     enabled: frozenset[int] = frozenset()
     at_top: frozenset[int] = frozenset()
 
     def enable(self, numbers: Iterable[int]) -> PlcSwitches:
-        """ENABLE PLC: one that is on already goes on where it is."""
+        """ENABLE PLC: one that is already enabled continues where it is."""
         new = frozenset(numbers) - self.enabled
         return PlcSwitches(self.enabled | new, self.at_top | new)
 
@@ -34,12 +34,12 @@ class PlcSwitches:
         return PlcSwitches(self.enabled - off, self.at_top - off)
 
     def scanned(self, number: int) -> PlcSwitches:
-        """Note that a PLC begins a scan: the next one goes on where this one ends."""
+        """Record that a PLC begins a scan: the next one continues where this one ends."""
         return PlcSwitches(self.enabled, self.at_top - {number})
 
 
 def power_up(stored: Iterable[int]) -> PlcSwitches:
-    """Return the switches after power-up or reset: every PLC that there is, is on."""
+    """Return the switches after power-up or reset: every stored PLC is enabled."""
     return PlcSwitches().enable(stored)
 
 
@@ -49,9 +49,9 @@ def foreground_runs(i5: float, enabled: Collection[int], stored: Collection[int]
 
 
 def background_order(i5: float, enabled: Collection[int], stored: Collection[int]) -> tuple[int, ...]:
-    """Return the PLCs that have a scan in this background cycle, in their order.
+    """Return the PLCs that have a scan in this background cycle, in order.
 
-    One that an earlier one of the same cycle switches off is to be passed over: look at `enabled` again.
+    One that an earlier PLC of the same cycle disables is to be skipped: check `enabled` again.
     """
     if not _permits(i5, I5_BACKGROUND):
         return ()

@@ -1,9 +1,9 @@
-"""The cut with the lobe in a compensation table: the program holds the depth and feeds, the table does the rest.
+"""The cut with the lobe in a compensation table: the program holds the depth and feeds, the table adds the lobe.
 
-The carriage goes back to a row of zeros, where the table is switched on, and forth again; so the amplitude grows
-with Z, clear of the part. In the end it goes back there, and the table is switched off when its register reads 0:
-what is in it at that moment would stay added to the tool. Between the two the tool is on the lobe at any speed of
-the spindle, and also when it stands.
+The carriage moves back to a row of zeros, where the table is switched on, and forward again; so the amplitude
+grows with Z, clear of the part. In the end it returns there, and the table is switched off when its register reads
+0: its value at that moment would stay added to the tool. In between the tool is on the lobe at any spindle speed,
+and also at standstill.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from profiles.machine import MachineProfile
 PROGRAM_NUMBER = 3
 
 SEGMENT_MS = 8
-"""Moves of the feed; the end of a turn is looked for once in one."""
+"""Feed moves; each checks once for the end of a turn."""
 
 Z_SPEED_MM_S = 10.0
-"""Of the carriage on its way between the row of zeros and the part."""
+"""Carriage speed between the row of zeros and the part."""
 
 Z_RAMP_MS = 100
 SETTLE_MS = 200
 LOOK_MS = 20
 MOST_LOOKS = 25
-"""How often the register is looked at, so many ms apart, until it reads 0; then the table stays on."""
+"""Polls of the register, and the ms between them, until it reads 0; after that the table stays on."""
 
 COMPENSATION = 69
-"""M-variable of a motor, Mx69, that the manuals suggest for the register of its correction."""
+"""M-variable of a motor, Mx69, that the manuals suggest for its correction register."""
 
 
 def correction_register(machine: MachineProfile) -> str:
-    """Return the M-variable of the register that holds what is added to the tool."""
+    """Return the M-variable of the register that holds the correction of the tool."""
     return f"M{100 * machine.tool.motor + COMPENSATION}"
 
 
@@ -53,10 +53,10 @@ def register_definition(machine: MachineProfile, dialect: Dialect) -> str:
 def cam_program(
     job: Job, machine: MachineProfile, setup: CutSetup, cam: Cam, dialect: Dialect, *, trimmed: bool = False
 ) -> str:
-    """Return the text of the program, with the lines that set the table up in front of it.
+    """Return the text of the program, after the lines that set up the table.
 
     It starts with the tool retracted and the carriage clear of the part, and ends in the row of zeros. One that is
-    `trimmed` adds the wave of `cam_trim`; the card must turn the spindle then.
+    `trimmed` adds the harmonic of `cam_trim`; the controller must then turn the spindle.
 
     Raises:
         ProblemError: `program.too_long`.
@@ -86,7 +86,7 @@ def cam_program(
 
 
 def _cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]:
-    """Return what the lines about turning and feeding are filled with."""
+    """Return the template values about turning and feeding."""
     number = format_number
     turn_ms = 60_000.0 / job.spindle_speed_rpm
     turns = segment_ms / turn_ms
@@ -110,7 +110,7 @@ def _cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]
 
 
 def _table_values(machine: MachineProfile, setup: CutSetup, cam: Cam, dialect: Dialect) -> dict[str, object]:
-    """Return what the lines about the table and about the way to its row of zeros are filled with."""
+    """Return the template values about the table and the way to its row of zeros."""
     back = setup.carriage_start - cam.zero_z
     return {
         "error": f"{cam.chord_error_um:.4f}",

@@ -1,9 +1,9 @@
-"""The lobe as a compensation table: along a row the angle of the spindle, from row to row its size with Z.
+"""The lobe as a compensation table: each row runs over the spindle angle, the amplitude changes with Z.
 
-The rows lie evenly over the whole travel of Z, so that no position is rolled over into another one. Those in front
-of the part are zeros, from one of them to the next the amplitude grows to its full value, clear of the part, and
-behind the cut they are zeros again. The table holds the cam less its value at the zero of the spindle; that
-constant is carried by the program.
+The rows are evenly spaced over the whole travel of Z, so that no position rolls over into another one. Those
+before the part are zeros; from one of them to the next the amplitude grows to its full value, clear of the part;
+after the cut they are zeros again. The table holds the cam less its value at spindle zero; the program adds that
+constant.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
 CHORD_LIMIT_UM = 0.05
-"""What the straight lines between two entries may differ from the sinusoid."""
+"""Permitted deviation of the linear interpolation from the sinusoid."""
 
 ROW_MM = 10.0
-"""About the way of Z in which the amplitude grows."""
+"""Approximate Z distance over which the amplitude grows."""
 
 ROWS_IN_FRONT = 2
-"""At least so many spacings of rows lie in front of the part: one of zeros, one in which the amplitude grows."""
+"""Least number of row spacings before the part: one of zeros, one in which the amplitude grows."""
 
 LEAST_ROW_MM = 0.5
 """A shorter spacing leaves no place to stand in the row of zeros."""
 
 INSIDE_MM = 0.2
-"""How far in front of the last row of zeros the carriage stands for the switching."""
+"""Distance of the carriage from the last row of zeros while the table is switched."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cam:
-    """A table with what the program must know of it; positions in counts.
+    """A table with the data that the program needs; positions in counts.
 
-    `mean` is where the program holds the tool, the table's constant included. Up to `zero_z` the carriage is in a
-    row of zeros, from `full_z` on the amplitude is whole. `chord_error_um` is what straight lines cost.
+    `mean` is the program's tool position, the table's constant included. Up to `zero_z` the carriage is in a row
+    of zeros, from `full_z` on the amplitude is full. `chord_error_um` is the error of the linear interpolation.
     """
 
     table: CompensationTable
@@ -52,7 +52,7 @@ class Cam:
 
     @property
     def bytes_to_send(self) -> int:
-        """The entries as text, each with the space or the line end behind it."""
+        """Length of the entries as text, each with its space or line end."""
         return sum(len(str(entry)) + 1 for entry in self.table.entries)
 
 
@@ -60,7 +60,7 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Ca
     """Return the table that makes the tool follow `command` (um from the surface, infeed) by the spindle's angle.
 
     Raises:
-        ProblemError: `program.no_zero_row`, there is no room in front of the part.
+        ProblemError: `program.no_zero_row`, there is no room before the part.
     """
     columns, per_mm = column_count(command), machine.carriage.counts_per_mm
     spacing, front, full, rows = _rows(machine, setup)
@@ -79,7 +79,7 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Ca
     gain = np.zeros(rows + 1)
     places = spacing * np.arange(front, full + 1)
     gain[front : full + 1] = 1.0 + command.growth_per_mm * (places - setup.carriage_middle) / per_mm
-    # The program carries a constant; a row whose waves are not of the size of that has the rest of it.
+    # The program adds a constant; a row with harmonics of another amplitude has the difference.
     whole = (gain > 0.0).astype(float)
     entries = np.rint(PARTS_PER_COUNT * (np.outer(gain, wave) - held * whole[:, None])).astype(int).ravel()
     return Cam(
@@ -92,7 +92,7 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Ca
 
 
 def column_count(command: LobedPath) -> int:
-    """Return the fewest columns, the same number for each lobe, that keep the chords within their limit."""
+    """Return the fewest columns, the same number for each lobe, that keep the chord error within its limit."""
     columns = 4 * max(wave.lobes for wave in command.waves)
     columns += -columns % command.lobes
     while _chord_error_um(command, columns) > CHORD_LIMIT_UM:
@@ -105,7 +105,7 @@ def _chord_error_um(command: LobedPath, columns: int) -> float:
 
 
 def _corners_um(command: LobedPath, columns: int) -> NDArray[np.float64]:
-    """Return the waves at the columns of a turn, both its ends included, raised so that chords keep their size."""
+    """Return the harmonics at the columns of a turn, both ends included, scaled up to compensate the chords."""
     angle_deg = 360.0 * np.arange(columns + 1) / columns
     corners = np.zeros(columns + 1)
     for wave in command.waves:
@@ -114,7 +114,7 @@ def _corners_um(command: LobedPath, columns: int) -> NDArray[np.float64]:
 
 
 def _rows(machine: MachineProfile, setup: CutSetup) -> tuple[int, int, int, int]:
-    """Return the spacing in counts, the first and the last row of the whole amplitude, and how many spacings.
+    """Return the spacing in counts, the first and the last row of full amplitude, and the number of spacings.
 
     Raises:
         ProblemError: `program.no_zero_row`.
@@ -127,7 +127,7 @@ def _rows(machine: MachineProfile, setup: CutSetup) -> tuple[int, int, int, int]
         here_mm = setup.carriage_start / carriage.counts_per_mm
         value, limit = f"{here_mm:.2f} mm", f">= {ROWS_IN_FRONT * LEAST_ROW_MM:g} mm"
         raise ProblemError(Problem(code="program.no_zero_row", key="overhang_mm", value=value, limit=limit))
-    # The carriage runs on for some turns while the tool goes out.
+    # The carriage keeps feeding for some turns while the tool retracts.
     end = setup.carriage_start + setup.carriage_counts + setup.carriage_per_turn
     full = math.ceil(end / spacing) + 1
     travel = (carriage.travel_max_mm - carriage.travel_min_mm) * carriage.counts_per_mm

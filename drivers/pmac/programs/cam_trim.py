@@ -1,9 +1,10 @@
-"""What a cut on a table can learn while it goes on: a small wave of the program, superimposed on the table.
+"""In-process trim of a cut on a table: a small harmonic of the program, superimposed on the table.
 
-A table cannot be changed while it cuts. So the program adds a wave at the lobe frequency, read once a segment from
-two variables that a host may write at any time: P39 is what is wanted of its cosine, P40 of its sine, in counts
-against the lobe angle of the spindle. What is in effect goes there smoothly, so that no write makes a step, and a
-host that falls silent leaves it as it is. On the way out the wave is faded out with the depth.
+A table cannot be changed during the cut. So the program adds a harmonic at the lobe frequency, read once per
+segment from two variables that a host may write at any time: P39 is the commanded cosine amplitude, P40 the sine,
+in counts against the lobe angle of the spindle. The effective values follow smoothly, so that no write causes a
+step, and a host that falls silent leaves them as they are. During the retraction the harmonic fades out with the
+depth.
 """
 
 from __future__ import annotations
@@ -17,23 +18,23 @@ from profiles.compensations.path import LobedPath
 from profiles.job import Job
 
 MOST_TRIM_UM = 8.0
-"""The largest amplitude: some times what the force of a fine cut at the lobe frequency does to a soft servo."""
+"""Maximum amplitude: a few times a soft servo's deflection by a fine cut's force at the lobe frequency."""
 
 ROUNDING_COUNTS = 0.01
-"""By how much the two numbers of a wave may be rounded up on their way."""
+"""Maximum rounding-up of the two numbers of a harmonic on transmission."""
 
 SMOOTHED_MS = 40.0
-"""Time constant with which the wave goes where it is wanted."""
+"""Time constant with which the effective harmonic follows the commanded one."""
 
 
 def trim_segment_ms(job: Job) -> int:
-    """Return the longest segment in which cubics keep to the largest wave."""
+    """Return the longest segment in which cubics reproduce the largest harmonic."""
     largest = LobedPath(mean_um=0.0, amplitude_um=MOST_TRIM_UM, lobes=job.jaws, crest_deg=0.0)
     return longest_segment_ms(largest, job.lobe_frequency_hz)
 
 
 def trim_line(trim_um: complex, tool_count_um: float) -> str:
-    """Return the line that asks for the wave Re(c exp(j lobe angle)), c in um; it moves by itself nothing at rest.
+    """Return the line that commands the harmonic Re(c exp(j lobe angle)), c in um; at rest it causes no motion.
 
     Raises:
         ValueError: more than `MOST_TRIM_UM`.
@@ -45,7 +46,7 @@ def trim_line(trim_um: complex, tool_count_um: float) -> str:
 
 
 def trim_values(job: Job, setup: CutSetup, segment_ms: int, first_spindle: float) -> dict[str, object]:
-    """Return what `TRIM_VALUES`, `TRIMMED_CUT` and `TRIMMED_OUT` are filled with, but for what every cut has."""
+    """Return the values of `TRIM_VALUES`, `TRIMMED_CUT` and `TRIMMED_OUT`, except those common to every cut."""
     turns_per_ms = job.spindle_speed_rpm / 60_000.0
     scales = point_scales(2.0 * math.pi * job.lobe_frequency_hz * segment_ms / 1000.0)
     lobe_deg = 360.0 * job.jaws

@@ -1,7 +1,7 @@
-"""The paper's Prog. 1 for any job, mended: what is changed and why is listed in docs/paper-program.md.
+"""The paper's Prog. 1 for any job, corrected: docs/paper-program.md lists the changes and the reasons.
 
-The heart is as printed: two LINEAR moves for each lobe, TA10, TS and TM as the author wrote them, the tool
-going in by the whole lobe and back. What a controller makes of it is for the checker to say.
+The core is as printed: two LINEAR moves for each lobe, TA10, TS and TM as the author wrote them, the tool moving
+in by the whole lobe and back. The checker shows what a controller makes of it.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ RETRACT_MS = 200
 RETRACT_COUNTS = 10_000
 
 SETTLING_LOBES = 16
-"""Lobes from rest after which a move follows one of its own kind: Ix17 looks at the velocity before."""
+"""Lobes from rest after which a move follows one of its own kind: Ix17 depends on the velocity before."""
 
 
 def segment_ms(job: Job, machine: MachineProfile, ts_ms: int) -> float:
-    """Return the time that one of the two moves of a lobe really takes in the steady cut, ms."""
+    """Return the actual time of one of the two moves of a lobe in the steady cut, ms."""
     motors = (machine.spindle.motor, machine.tool.motor)
     variables = machine.controller.variables
     limits = Limits(
@@ -44,10 +44,10 @@ def segment_ms(job: Job, machine: MachineProfile, ts_ms: int) -> float:
 
 
 def spindle_start_counts(job: Job, machine: MachineProfile) -> float:
-    """Return where the spindle must stand at the start, counts from the index, within one turn.
+    """Return the spindle position required at the start, counts from the index, within one turn.
 
-    The tool is furthest in one move after the loop begins, and the loop begins a whole number of lobes after
-    the start: so the start is one move ahead of jaw 1 (Fig. 15 of the paper, in numbers).
+    The tool is furthest in one move after the loop begins, and the loop begins a whole number of lobes after the
+    start: so the start is one move ahead of jaw 1 (Fig. 15 of the paper, in numbers).
     """
     per_turn = machine.spindle.counts_per_rev
     jaw_1 = job.lobe_phase_deg / 360.0 * per_turn

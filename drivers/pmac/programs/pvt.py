@@ -1,11 +1,11 @@
 """The cut as PVT segments: a sinusoid locked to the spindle angle, with the servo's gain and phase inverted.
 
-PVT passes through every point, and the angle of each segment is calculated from its number, so that nothing
-is rounded from turn to turn. Segment times are whole milliseconds, as this controller needs them.
+PVT passes through every point, and the angle of each segment is calculated from its number, so that no rounding
+accumulates from turn to turn. Segment times are whole milliseconds, as this controller needs them.
 
 The cut is whole turns, counted from the start of the feed, each ended at the segment that is nearest to its end.
-Then the tool goes out from wherever the lobe has it: the path goes on, and is faded into the retracted position.
-So at no angle is the tool further in than the path would have had it.
+Then the tool retracts from any phase of the lobe: the path continues, and is faded into the retracted position. So
+at no angle is the tool further in than on the path.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from profiles.compensations.path import LobedPath
 from profiles.job import Job
 
 SPINDLE_STEP = " Y(P28+P16*P25):(P17)"
-"""The word that turns the spindle on in a segment."""
+"""The statement that moves the spindle in a segment."""
 
 LOBE_PATH = """\
 PVT{segment} ; the amplitude grows
@@ -60,17 +60,17 @@ P38=-P15*SIN(P27)*P36-P37*6*P35*(1-P35)/{out_ms}*1000
 X(P20+P37*P36):(P38){y} Z(P29+P33*{out_ms}/3000*(1-P35*P35*P35)):(P33*P35*P35)
 ENDWHILE
 """
-"""The lines that lead the tool along the lobe, whether the spindle is an axis of the program or its clock.
+"""The lines that move the tool along the lobe, with the spindle as an axis of the program or as its time base.
 
 Four steps: the amplitude grows clear of the part, whole turns are cut, the path is faded into the retracted
-position, everything rests. `{y}` is what moves the spindle, empty where something else turns it; `{go_on}` is what
-has to hold for another turn.
+position, everything rests. `{y}` moves the spindle, empty where something else turns it; `{go_on}` is the
+condition for another turn.
 """
 
 PROGRAM_NUMBER = 2
 
 INTERPOLATION_LIMIT_UM = 0.05
-"""What the cubics between the points may differ from the sinusoid."""
+"""Permitted deviation of the cubics between the points from the sinusoid."""
 
 LONGEST_SEGMENT_MS = 8
 HALF_RUN_UP_MS = 500
@@ -133,11 +133,11 @@ class PvtTiming:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointScales:
-    """How a sinusoid is best put into cubics that meet in their ends with their velocities.
+    """Scales for the best fit of a sinusoid by cubics with matching ends and end velocities.
 
-    Positions and velocities at the points are scaled so that the cubics between them are nearest to the
-    sinusoid in the mean square; `error` is the largest distance that is left, for an amplitude of 1. Without
-    the scales the cubics run inside the sinusoid, by (w h)^4 / 384 at most.
+    Positions and velocities at the points are scaled so that the cubics between them fit the sinusoid in the
+    least-squares sense; `error` is the largest remaining deviation, for an amplitude of 1. Without the scales the
+    cubics run inside the sinusoid, by (w h)^4 / 384 at most.
     """
 
     position: float
@@ -161,7 +161,7 @@ def point_scales(step_rad: float) -> PointScales:
 
 
 def interpolation_error_um(amplitude_um: float, frequency_hz: float, segment_ms: float) -> float:
-    """Return the largest distance of the cubics from the sinusoid."""
+    """Return the largest deviation of the cubics from the sinusoid."""
     return amplitude_um * point_scales(_step_rad(frequency_hz, segment_ms)).error
 
 
@@ -170,12 +170,12 @@ def _step_rad(frequency_hz: float, segment_ms: float) -> float:
 
 
 def fits_whole_milliseconds(command: LobedPath, frequency_hz: float) -> bool:
-    """Whether segments of 1 ms, the shortest there are, stay below the limit of interpolation."""
+    """Whether segments of 1 ms, the shortest possible, keep within the interpolation error limit."""
     return interpolation_error_um(command.amplitude_um, frequency_hz, 1.0) < INTERPOLATION_LIMIT_UM
 
 
 def longest_segment_ms(command: LobedPath, frequency_hz: float) -> int:
-    """Return the longest segment that stays well below the limit of interpolation, at least 1 ms."""
+    """Return the longest segment that keeps well within the interpolation error limit, at least 1 ms."""
     for segment_ms in range(LONGEST_SEGMENT_MS, 1, -1):
         if interpolation_error_um(command.amplitude_um, frequency_hz, segment_ms) < 0.5 * INTERPOLATION_LIMIT_UM:
             return segment_ms
@@ -189,7 +189,7 @@ def pvt_timing(job: Job, setup: CutSetup, command: LobedPath) -> PvtTiming:
         ProblemError: `program.too_long`.
     """
     turn_ms = 60_000.0 / job.spindle_speed_rpm
-    # The end of a turn is looked for once in a segment.
+    # The end of a turn is checked once in a segment.
     segment_ms = max(1, min(longest_segment_ms(command, job.lobe_frequency_hz), math.floor(turn_ms)))
     way_mm = (setup.surface + setup.depth - setup.retracted) * setup.tool_count_um / 1000.0
     approach_ms = math.ceil(1.5 * way_mm / OUT_SPEED_MM_S * 1000.0)
@@ -207,8 +207,8 @@ def pvt_timing(job: Job, setup: CutSetup, command: LobedPath) -> PvtTiming:
 def pvt_program(job: Job, setup: CutSetup, command: LobedPath) -> str:
     """Return the text of the program that makes the tool follow `command` (um from the surface, infeed).
 
-    The command must fit whole milliseconds.
-    It starts with the tool retracted and the carriage clear of the part, and ends the same way.
+    The command must fit whole milliseconds. The program starts with the tool retracted and the carriage clear of
+    the part, and ends the same way.
 
     Raises:
         ProblemError: `program.too_long`.
@@ -235,7 +235,7 @@ def pvt_program(job: Job, setup: CutSetup, command: LobedPath) -> str:
 def path_values(
     job: Job, setup: CutSetup, command: LobedPath, timing: PvtTiming, first_spindle: float
 ) -> dict[str, object]:
-    """Return what the lines of `LOBE_PATH` are filled with; the spindle is at `first_spindle` where they begin."""
+    """Return the template values of `LOBE_PATH`; the spindle is at `first_spindle` where its lines begin."""
     turns_per_ms = job.spindle_speed_rpm / 60_000.0
     first_turns = first_spindle / setup.counts_per_turn
     amplitude = command.amplitude_um / setup.tool_count_um

@@ -1,4 +1,4 @@
-"""Where the cut is on the machine, in the counts that a program speaks of."""
+"""The position of the cut on the machine, in counts as the program uses them."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
 APPROACH_MM = 0.5
-"""Free run in front of the part, in which the tool settles into its path before it meets the part."""
+"""Approach distance before the part, in which the tool settles on its path."""
 
 MOST_MOVES = 100_000
-"""Moves of a cut that are planned and checked; more would be hours at the lathe."""
+"""Maximum number of moves of a cut that are planned and checked; more would be hours at the lathe."""
 
 END_FLAG = "M26"
-"""What a host sets to 1 to end a cut before its time, at the end of a turn; every program looks at it."""
+"""A host sets this to 1 to end a cut early, at the end of a turn; every program checks it."""
 
 TURNS_CUT, FINISHED = "P43", "P44"
-"""What every program says of itself: the turns that it has begun, and 1 once it has come to its last line.
+"""Progress variables of every program: the turns that it has begun, and 1 once it has reached its last line.
 
-Both are 0 when it is loaded. A program that somebody else ends never comes there, or with fewer turns. Nor is it
-finished where P45, which counts its segments a second time, differs: somebody has gone on elsewhere in it.
+Both are 0 when it is loaded. A program that is ended from outside never reaches its last line, or does so with
+fewer turns. Nor is it complete where P45, which counts its segments a second time, differs: it was resumed
+elsewhere.
 """
 
 END_MARKS = f"""\
@@ -32,22 +33,21 @@ P45=0 ; its segments, counted a second time
 """
 
 SERVO = "servo"
-"""A spindle whose loop the card closes; any other is only followed."""
+"""A spindle whose loop the controller closes; any other is only followed."""
 
 ROUNDING_TURNS = 1e-6
-"""A cut that needs so much more than whole turns does not need one more."""
+"""A cut that exceeds whole turns by less than this does not need another turn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutSetup:
     """A job on a homed machine.
 
-    `surface` is the tool position (counts) at which the tip touches the blank; the axis of the tool counts
-    towards the work. `carriage_start` is clear of the part, `carriage_counts` the way from there to the end of
-    the cut, `carriage_middle` the middle of what is cut. `spindle_start` is where the spindle stands when the
-    program begins, in counts from its index.
-    `watchdog` is a condition of the controller's language that has to hold for the cut to go on, such as that a
-    timer of a host has not run out; empty is without.
+    `surface` is the tool position (counts) at which the tip touches the blank; the axis of the tool counts towards
+    the work. `carriage_start` is clear of the part, `carriage_counts` the distance from there to the end of the
+    cut, `carriage_middle` the middle of the cut. `spindle_start` is the spindle position when the program begins,
+    in counts from its index. `watchdog` is a condition of the controller's language that has to hold for the cut
+    to continue, such as that a host's timer has not run out; empty is without.
     """
 
     surface: float
@@ -64,7 +64,7 @@ class CutSetup:
 
     @property
     def go_on(self) -> str:
-        """What a program looks at before each turn: nobody holds the cut, and the lease has not run out."""
+        """The condition checked before each turn: no request to end the cut, and no watchdog timeout."""
         return f"{END_FLAG}=0" + (f" AND {self.watchdog}" if self.watchdog else "")
 
     @property
@@ -74,7 +74,7 @@ class CutSetup:
 
     @property
     def carriage_face(self) -> float:
-        """Where the middle of the tool is at the face of the part, counts."""
+        """Carriage position with the middle of the tool at the face of the part, counts."""
         return 2.0 * self.carriage_middle - (self.carriage_start + self.carriage_counts)
 
     @property
@@ -93,7 +93,7 @@ def cut_setup(
 ) -> CutSetup:
     """Place a job on a machine by the machine's own geometry: tool radius at home, jaw faces, overhang.
 
-    A cut in air is the same, all of it `air_mm` further out.
+    An air cut is the same, with everything `air_mm` further out.
     """
     tool, carriage = machine.tool, machine.carriage
     surface = (tool.home_radius_mm - job.radius_mm - air_mm) * tool.counts_per_mm
@@ -115,7 +115,7 @@ def cut_setup(
 
 
 def refuse_endless(moves: float) -> None:
-    """Refuse a cut of more moves than anybody would wait for.
+    """Refuse a cut with an unreasonable number of moves.
 
     Raises:
         ProblemError: `program.too_long`.

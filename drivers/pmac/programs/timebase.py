@@ -1,10 +1,10 @@
-"""The cut on the spindle's time: PVT segments on a triggered external time base, begun exactly at the index.
+"""The cut on the spindle's time base: PVT segments on a triggered external time base, started at the index.
 
-The time of the program passes with the counts of the spindle, so that the tool is where the angle says at any
-speed. The spindle is no axis of the coordinate system: the card jogs it, or somebody else turns it. The scale
-factor 131072 / RTIF is whole, so the speed at which programmed times are true is near that of the job, and a turn
-takes what it takes. While nobody turns the spindle no time passes and nothing of the program moves: what ends such
-a cut is an abort and a jog of the tool, which are not on this time base.
+The spindle counts advance the program's time, so that the tool is where the spindle angle requires at any speed.
+The spindle is not an axis of the coordinate system: the controller jogs it, or something else turns it. The scale
+factor 131072 / RTIF is an integer, so the speed at which programmed times are true is only near that of the job,
+and a turn takes accordingly. While the spindle stands, no time passes and nothing of the program moves: such a cut
+is ended by an abort and a jog of the tool, which do not depend on this time base.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ from profiles.machine import MachineProfile
 PROGRAM_NUMBER = 4
 
 SETTLE_MS = 500
-"""For the spindle to turn evenly, behind its ramp."""
+"""Settling time of the spindle speed after its ramp."""
 
 JOG_MS = 100
-"""In which the card has carried a jog command out, and Ix22 may be changed back."""
+"""Time for the controller to execute a jog command; after it Ix22 may be restored."""
 
 TRIGGER_STATE = "M199"
-"""M-variable of the state of the time base, as the manual's example has it."""
+"""M-variable of the time base state, as in the manual's example."""
 
 _SOURCE, _SLEW, _JOG_SPEED = 93, 94, 22
-"""Ix93, where the time base comes from, Ix94, how fast it may change, and Ix22 of the spindle."""
+"""Ix93, the time base source, Ix94, its maximum rate of change, and Ix22 of the spindle."""
 
 KEPT_SOURCE, KEPT_SLEW, KEPT_JOG_SPEED = "P40", "P41", "P42"
-"""What the settings were before the program changed them."""
+"""The settings before the program changed them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpindleClock:
-    """The time base of a cut: its two lines of the conversion table, and how fast it is at the speed of the cut.
+    """The time base of a cut: its two lines of the conversion table, and its rate at the speed of the cut.
 
-    `programmed_rpm` is the speed at which programmed times are true; `stretch` is what the times of the program
-    really take at the speed of the job.
+    `programmed_rpm` is the speed at which programmed times are true; `stretch` is the ratio of actual to
+    programmed times at the speed of the job.
     """
 
     entry: TimeBaseEntry
@@ -64,7 +64,7 @@ class SpindleClock:
 
 
 def spindle_clock(job: Job, machine: MachineProfile, dialect: Dialect) -> SpindleClock:
-    """Return the time base of a job, behind the lines that the factory has put into the conversion table."""
+    """Return the time base of a job, after the factory's lines of the conversion table."""
     turn_counts = machine.spindle.counts_per_rev
     target = _spindle_counts_per_ms(job, machine)
     factor = nearest_factor(target)
@@ -88,9 +88,9 @@ def spindle_clock(job: Job, machine: MachineProfile, dialect: Dialect) -> Spindl
 def timebase_program(
     job: Job, machine: MachineProfile, setup: CutSetup, command: LobedPath, dialect: Dialect
 ) -> str:
-    """Return the text of the program, with the lines that set the time base up in front of it.
+    """Return the text of the program, after the lines that set up the time base.
 
-    `command` is what the tool is told where the spindle is; it must fit whole milliseconds. The cut starts with
+    `command` is the commanded tool position by spindle angle; it must fit whole milliseconds. The cut starts with
     the tool retracted and the carriage clear of the part, and ends with the tool retracted.
 
     Raises:
@@ -99,7 +99,7 @@ def timebase_program(
     clock = spindle_clock(job, machine, dialect)
     programmed = replace(job, spindle_speed_rpm=clock.programmed_rpm)
     timing = pvt_timing(programmed, setup, command)
-    # The first segment, without a motion, is there for the card to play while the index is waited for.
+    # The first segment, without motion, is the one that the controller plays while it waits for the index.
     first_spindle = clock.counts_per_ms * (timing.segment_ms + timing.approach_ms)
     values = {
         **path_values(programmed, setup, command, timing, first_spindle),
@@ -119,10 +119,10 @@ def timebase_program(
 
 
 def _clock_values(machine: MachineProfile, clock: SpindleClock, dialect: Dialect) -> dict[str, object]:
-    """Return what the lines about the time base and the spindle are filled with."""
+    """Return the template values about the time base and the spindle."""
     address, motor = clock.entry.address(dialect), machine.spindle.motor
     released = read_definitions(released_definitions(machine)[1])
-    # The last two lines point the coordinate system at it: that is for the program.
+    # The last two lines point the coordinate system at it: the program does that.
     entry_lines = clock.entry.commands(dialect)[:-2]
     return {
         "programmed": f"{clock.programmed_rpm:.6g}",
@@ -151,7 +151,7 @@ def _spindle_counts_per_ms(job: Job, machine: MachineProfile) -> float:
 
 
 def run_up_ms(job: Job, machine: MachineProfile, dialect: Dialect) -> int:
-    """Return how long the spindle takes from rest to an even speed when the card jogs it."""
+    """Return how long the spindle takes from rest to a steady speed when the controller jogs it."""
     variables = VariableStore(settings_with(machine.controller.variables, dialect), dialect)
     speed = _spindle_counts_per_ms(job, machine)
     ramp = change_speed(0.0, 0.0, speed, jog_settings(variables, machine.spindle.motor))
@@ -159,7 +159,7 @@ def run_up_ms(job: Job, machine: MachineProfile, dialect: Dialect) -> int:
 
 
 def released_definitions(machine: MachineProfile) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the axis definitions that stay, and those of the spindle that have to go for this cut."""
+    """Return the axis definitions that stay, and those of the spindle that must be removed for this cut."""
     mine: list[str] = []
     others: list[str] = []
     for text in machine.controller.axis_definitions:
@@ -169,7 +169,7 @@ def released_definitions(machine: MachineProfile) -> tuple[tuple[str, ...], tupl
 
 
 def restoring_lines(machine: MachineProfile, dialect: Dialect) -> tuple[str, ...]:
-    """Return the lines that undo what the program and its set-up changed; everything has to be at rest."""
+    """Return the lines that undo the changes of the program and its set-up; everything has to be at rest."""
     source, slew = (f"I{dialect.system_index(1, number)}" for number in (_SOURCE, _SLEW))
     _, mine = released_definitions(machine)
     return (f"{source}={KEPT_SOURCE}", f"{slew}={KEPT_SLEW}", *(f"&1{text}" for text in mine))

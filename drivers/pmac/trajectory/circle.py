@@ -1,9 +1,9 @@
-"""CIRCLE1 and CIRCLE2: the arc in space, and what it means for each motor.
+"""CIRCLE1 and CIRCLE2: the arc in space, and the resulting motion of each motor.
 
 Source: PMAC User Manual, circular interpolation: the sense is right-handed about the normal vector; a change of
-radius is taken up smoothly on the way; a centre at no distance is an error; axes outside the plane go straight.
-Software Reference, Ix96: by its radius, an arc may be too long by so much (0: by anything); I90 (Isx97): an angle
-below it is a full turn more. Axis positions are user units, motors counts.
+radius is spread smoothly over the arc; a centre at distance 0 is an error; axes outside the plane move linearly.
+Software Reference, Ix96: the tolerance by which an arc given by its radius may be too long (0: any); I90 (Isx97):
+an angle below it is a full turn more. Axis positions are user units, motors counts.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ class CircleRadiusError(PmacError):
     """A run-time error with a status bit of its own: an arc without a radius, or with one that is too short."""
 
     def __init__(self, detail: str) -> None:
-        """`detail` says what was asked for."""
+        """`detail` describes the requested arc."""
         super().__init__(ErrorCode.DATA_ERROR, detail)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
-    """The path of the motors over a share u of the way, 0 to 1, as a displacement from its start.
+    """The path of the motors over a fraction u of its length, 0 to 1, as a displacement from its start.
 
     `sweep` is the angle (rad, about the normal) and `growth` the radius at the end over that at the start.
-    `cosine` and `sine` are the two radii that span the arc, `straight` is what goes linearly, all counts.
-    `length` is that of the path in user units.
+    `cosine` and `sine` are the two radii that span the arc, `straight` is the linear part, all counts. `length` is
+    that of the path in user units.
     """
 
     sweep: float
@@ -48,7 +48,7 @@ class Arc:
     length: float
 
     def displacement(self, share: float) -> Vector:
-        """Return the way made from the start of the arc, counts."""
+        """Return the displacement from the start of the arc, counts."""
         size = 1.0 + (self.growth - 1.0) * share
         along, across = size * math.cos(self.sweep * share), size * math.sin(self.sweep * share)
         return tuple(
@@ -57,7 +57,7 @@ class Arc:
         )
 
     def slope(self, share: float) -> Vector:
-        """Return the derivative of the displacement by the share of the way, counts."""
+        """Return the derivative of the displacement by the fraction of the path, counts."""
         grows, size = self.growth - 1.0, 1.0 + (self.growth - 1.0) * share
         cosine, sine = math.cos(self.sweep * share), math.sin(self.sweep * share)
         along = grows * cosine - size * self.sweep * sine
@@ -81,7 +81,7 @@ def arc_of(
     `radius_limit` is Ix96 (user units), `least_arc` I90 or Isx97 (half turns).
 
     Raises:
-        CircleRadiusError: a run-time error, there is no such arc.
+        CircleRadiusError: a run-time error, no such arc exists.
         PmacError: the normal has no direction.
     """
     normal = _unit(request.normal, "the normal of a circle")
@@ -97,14 +97,14 @@ def arc_of(
     growth = _size(last) / _size(first)
     cosine, sine = _counts(definitions, first), _counts(definitions, _cross(normal, first))
     along, across = growth * math.cos(sweep) - 1.0, growth * math.sin(sweep)
-    # What is left for the straight part makes the end exact, whatever the radii were rounded to.
+    # The remainder in the straight part makes the end exact, whatever the rounding of the radii.
     straight = tuple(d - along * a - across * b for d, a, b in zip(distance, cosine, sine, strict=True))
     length = math.hypot(0.5 * abs(sweep) * (_size(first) + _size(last)), axial)
     return Arc(sweep=sweep, growth=growth, cosine=cosine, sine=sine, straight=straight, length=length)
 
 
 def chord_length(request: CircleRequest, start: Mapping[str, float]) -> float:
-    """Return the straight distance that X, Y and Z go, user units."""
+    """Return the straight distance in X, Y and Z, user units."""
     return _size(_minus(_point(request.targets), _point(start)))
 
 
@@ -129,7 +129,7 @@ def _center(request: CircleRequest, chord: Point, normal: Point, radius_limit: f
 
 
 def _sweep(first: Point, last: Point, normal: Point, clockwise: bool, least: float) -> float:
-    """Return the angle from one radius to the other; one that is smaller than `least` is a turn more."""
+    """Return the angle from one radius to the other; one smaller than `least` is a turn more."""
     turn = math.tau if clockwise else -math.tau
     angle = math.atan2(_dot(normal, _cross(first, last)), _dot(first, last))
     if angle * turn < 0.0:

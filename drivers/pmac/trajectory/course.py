@@ -1,9 +1,9 @@
 """Blended moves along a curve: an arc, and the ramps between arcs and straight moves.
 
 As in a LINEAR blend, every move runs along its own path with a speed that rises in the ramp into it and falls in
-the ramp out of it, and the ways that two moves make in a ramp are added. The motion is cut into cubics of the
-segmentation time at most, exact in position and velocity where they meet. Between two straight moves the same
-rule gives `linear.lay`, which needs no cutting.
+the ramp out of it, and the displacements of two moves in a ramp are added. The motion is cut into cubics of at
+most the segmentation time, exact in position and velocity where they meet. Between two straight moves the same
+rule gives `linear.lay`, which needs no segmentation.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from drivers.pmac.trajectory.linear import (
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite
 
 MOST_CUTS = 4096
-"""The most cubics of one stretch; a turn in so many is exact to the last digit, however long it takes."""
+"""Maximum number of cubics in one stretch; a turn in so many is exact to the last digit, however long it takes."""
 
 SLIVER_MS = 1e-9
-"""Instants that are this close to each other are one: a cubic between them would be all rounding."""
+"""Instants this close to each other are one: a cubic between them would be all rounding."""
 
 State = tuple[Vector, Vector]
 """Position (counts) and velocity (counts/ms)."""
@@ -41,11 +41,11 @@ class Straight:
     velocity: Vector
 
     def after(self, elapsed_ms: float) -> State:
-        """Return the way from the start of the move, by its own time, and the velocity."""
+        """Return the displacement from the start of the move, by its own time, and the velocity."""
         return tuple(v * elapsed_ms for v in self.velocity), self.velocity
 
     def before_end(self, left_ms: float) -> State:
-        """Return the way from the end of the move (it is behind), and the velocity."""
+        """Return the displacement from the end of the move (negative), and the velocity."""
         return tuple(-v * left_ms for v in self.velocity), self.velocity
 
 
@@ -58,12 +58,12 @@ class Curve:
     segment_ms: float
 
     def after(self, elapsed_ms: float) -> State:
-        """Return the way from the start of the move, by its own time, and the velocity."""
+        """Return the displacement from the start of the move, by its own time, and the velocity."""
         share = elapsed_ms / self.tm_ms
         return self.arc.displacement(share), tuple(s / self.tm_ms for s in self.arc.slope(share))
 
     def before_end(self, left_ms: float) -> State:
-        """Return the way from the end of the move (it is behind), and the velocity."""
+        """Return the displacement from the end of the move (negative), and the velocity."""
         way, velocity = self.after(self.tm_ms - left_ms)
         return tuple(w - e for w, e in zip(way, self.arc.displacement(1.0), strict=True)), velocity
 
@@ -73,7 +73,7 @@ Course = Straight | Curve
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurvedBlend(Blend):
-    """A blend whose newest move goes along a curve; `velocity` is that at its end."""
+    """A blend whose newest move is along a curve; `velocity` is that at its end."""
 
     curve: Curve
 
@@ -106,7 +106,7 @@ def lay_course(
 
 
 def stop_course(blend: CurvedBlend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piece, ...]:
-    """Come to rest at the end of a curve with the TA and TS now in force.
+    """Come to rest at the end of a curve with the modal TA and TS.
 
     Raises:
         NoAccelerationTimeError: TA and TS are both zero.
@@ -121,7 +121,7 @@ def stop_course(blend: CurvedBlend, ta_ms: float, ts_ms: float, limits: Limits) 
 def _change_course(
     blend: Blend, new: Course, ta_ms: float, ts_ms: float, calculates: bool = True
 ) -> tuple[Piece, ...]:
-    """Run on to half a ramp before the boundary, then ramp; from rest the ramp begins at once."""
+    """Continue to half a ramp before the boundary, then ramp; from rest the ramp begins at once."""
     old = blend.curve if isinstance(blend, CurvedBlend) else Straight(blend.velocity)
 
     def running(elapsed_ms: float) -> State:
@@ -147,7 +147,7 @@ def _change_course(
 
 
 def _risen(elapsed_ms: float, ta_ms: float, ts_ms: float) -> tuple[float, float]:
-    """Return how far a ramp has come: the time gained by the move that rises, ms, and its share of its speed."""
+    """Return the progress of a ramp: the time gained by the rising move, ms, and its fraction of its speed."""
     if elapsed_ms > 0.5 * ta_ms:
         gone_ms, share = _risen(ta_ms - elapsed_ms, ta_ms, ts_ms)
         return elapsed_ms - 0.5 * ta_ms + gone_ms, 1.0 - share

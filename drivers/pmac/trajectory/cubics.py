@@ -1,4 +1,4 @@
-"""Many cubics of one motor at once: where they are, how far and how fast they go. Counts and ms.
+"""Many cubics of one motor at once: their positions, extents and speeds. Counts and ms.
 
 The coefficients of n cubics c0 + c1 t + c2 t^2 + c3 t^3 are an array of shape (4, n).
 """
@@ -18,13 +18,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """The cubics of one motor, coefficients of shape (4, n), and how long each lasts, ms, of shape (n,)."""
+    """The cubics of one motor, coefficients of shape (4, n), and the duration of each, ms, of shape (n,)."""
 
     cubics: Floats
     duration_ms: Floats
 
     def at(self, t_ms: Floats) -> Floats:
-        """Return the positions so long after each cubic began, counts."""
+        """Return the positions at these times after the start of each cubic, counts."""
         c0, c1, c2, c3 = self.cubics
         return np.asarray(((c3 * t_ms + c2) * t_ms + c1) * t_ms + c0, dtype=np.float64)
 
@@ -52,7 +52,7 @@ class Motion:
         return float(np.max([self._speed_at(each) for each in (still, instant, self.duration_ms)]))
 
     def _within(self, t_ms: Floats) -> Floats:
-        """Return instants, or the beginning of the cubic for one that is not in it, or is none."""
+        """Return instants, or the start of the cubic for one that is outside it, or nan."""
         return np.where((t_ms >= 0.0) & (t_ms <= self.duration_ms), t_ms, 0.0)
 
 

@@ -1,7 +1,7 @@
-"""From axes to motors: what the axis definitions and the I-variables say about the motors of a program.
+"""From axes to motors: the effect of axis definitions and I-variables on the motors of a program.
 
-Every vector is in the order of the definitions. Rotary axes (A, B, C) roll over by Ix27: above 0, counts a turn, a
-motor goes the shorter way to an absolute position; below 0 the sign of the commanded position is the direction,
+Every vector is in the order of the definitions. Rotary axes (A, B, C) roll over by Ix27: above 0, counts per turn,
+a motor goes the shorter way to an absolute position; below 0 the sign of the commanded position is the direction,
 and the move is less than a turn. Source: Software Reference, Ix27. Positions are counts of the motor.
 """
 
@@ -23,7 +23,7 @@ from drivers.pmac.variables import VariableStore
 ROTARY = frozenset("ABC")
 
 ROUNDING = 1e-9
-"""The share of a turn within which a motor already stands where it is sent."""
+"""The fraction of a turn within which a motor counts as already in position."""
 
 FARTHEST_COUNTS = 2.0**47 / (96 * 32)
 """Positions are 48 bits wide, in units of 1/(32 Ix08) count; the factory's Ix08 is 96."""
@@ -50,7 +50,7 @@ class MotorFrame:
         """Return the motor positions for axis positions; `absolute` axes may roll over on the way from `here`.
 
         Raises:
-            PmacError: 003, beyond the registers of the card.
+            PmacError: 003, beyond the registers of the controller.
         """
         if self._single is not None:
             counts = tuple([scale * targets[axis] + offset for axis, scale, offset in self._single])
@@ -62,10 +62,10 @@ class MotorFrame:
         return counts
 
     def velocities(self, velocities: Mapping[str, float]) -> Vector:
-        """Return motor velocities (counts/ms) for those of axes (user units a ms).
+        """Return motor velocities (counts/ms) for axis velocities (user units per ms).
 
         Raises:
-            PmacError: 003, beyond the registers of the card.
+            PmacError: 003, beyond the registers of the controller.
         """
         if self._single is not None:
             counts = tuple([scale * velocities.get(axis, 0.0) for axis, scale, _ in self._single])
@@ -75,12 +75,12 @@ class MotorFrame:
         return counts
 
     def positions(self, counts: Vector) -> dict[str, float]:
-        """Return the axis positions of motor positions."""
+        """Return the axis positions for motor positions."""
         by_motor = {d.motor: d for d in self.definitions}
         return axis_positions(by_motor, {d.motor: c for d, c in zip(self.definitions, counts, strict=True)})
 
     def limits(self) -> Limits:
-        """Ix16 and Ix17 count only while moves are not segmented (I13 = 0)."""
+        """Ix16 and Ix17 apply only while moves are not segmented (I13 = 0)."""
         if self.segment_ms > 0.0:
             return self._none
         motor = self._variables.motor
@@ -93,7 +93,7 @@ class MotorFrame:
         """Return the arc of a circle move from axis positions `start`, which are the counts `here`.
 
         Raises:
-            PmacError: 003, there is no such arc, or it is beyond the registers of the card.
+            PmacError: 003, no such arc exists, or it is beyond the registers of the controller.
         """
         arc = arc_of(
             request,
@@ -112,15 +112,15 @@ class MotorFrame:
 
     @property
     def segment_ms(self) -> float:
-        """I13: into what times moves are cut; 0 is not at all."""
+        """Segmentation time of moves, I13; 0 is no segmentation."""
         return self._variables.setting(Setting.SEGMENT_MS, self._system)
 
     def moved_by(self, axes: frozenset[str]) -> list[AxisDefinition]:
-        """Return the motors that serve any of some axes."""
+        """Return the motors that drive any of some axes."""
         return [d for d in self.definitions if axes & set(d.axes)]
 
     def rapid_settings(self) -> list[JogSettings]:
-        """Return how each motor is jogged by a RAPID move: at Ix22, or at Ix16."""
+        """Return the jog settings of each motor in a RAPID move: at Ix22, or at Ix16."""
         settings = []
         for definition in self.definitions:
             motor = definition.motor
@@ -129,13 +129,13 @@ class MotorFrame:
         return settings
 
     def jog_delay_ms(self, axes: frozenset[str]) -> float:
-        """Return the greatest calculation delay of the motors that serve some axes."""
+        """Return the greatest calculation delay of the motors that drive some axes."""
         delay = self._variables.setting
         return max((delay(Setting.JOG_DELAY_MS, d.motor) for d in self.moved_by(axes)), default=0.0)
 
 
 class Rollover:
-    """Keeps the whole turns between what a program calls the position of a motor and where it is."""
+    """Tracks the whole turns between a motor's position in the program and its actual position."""
 
     def __init__(self, definitions: Sequence[AxisDefinition], variables: VariableStore) -> None:
         self._rotary = [(k, d) for k, d in enumerate(definitions) if d.axis in ROTARY]
@@ -145,7 +145,7 @@ class Rollover:
     def unfold(
         self, counts: Vector, here: Vector, targets: Mapping[str, float], absolute: frozenset[str]
     ) -> Vector:
-        """Return where the motors are to go; `absolute` are the axes that were told a position."""
+        """Return the target positions of the motors; `absolute` are the axes given a position."""
         unfolded = list(counts)
         for index, definition in self._rotary:
             turn = self._variables.motor(definition.motor, 27)
@@ -163,7 +163,7 @@ def _way_round(distance: float, turn: float, forwards: bool | None) -> float:
     if up < 0.0:
         up += turn
     if up > (1.0 - ROUNDING) * turn:
-        up -= turn  # it stands there, but for rounding
+        up -= turn  # already there, except for rounding
     if forwards is None:
         return up if up <= 0.5 * turn else up - turn
     if forwards or abs(up) <= ROUNDING * turn:
@@ -172,7 +172,7 @@ def _way_round(distance: float, turn: float, forwards: bool | None) -> float:
 
 
 def check_range(what: str, values: Vector) -> None:
-    """Refuse what the registers of the card cannot hold; a nan is beyond them too.
+    """Refuse values that the controller's registers cannot hold; a nan is beyond them too.
 
     Raises:
         PmacError: 003, beyond the registers.

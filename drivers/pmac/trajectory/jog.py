@@ -1,4 +1,4 @@
-"""Jogs of one motor: Ix19 to Ix22 made into cubic pieces. Times ms, positions counts."""
+"""Jogs of one motor: Ix19 to Ix22 turned into cubic pieces. Times ms, positions counts."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from drivers.pmac.trajectory.pieces import Piece, ramp
 from drivers.pmac.variables import VariableStore
 
 SHORTEST_RAMP_MS = 1.0
-"""How a motion comes to rest when its two acceleration times, both zero, leave it no time."""
+"""Minimum acceleration time, used when both acceleration times are zero."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JogSettings:
-    """Ix19 greatest acceleration (counts/ms^2, 0 no limit), Ix20 and Ix21 times (ms), Ix22 speed (counts/ms)."""
+    """Ix19 maximum acceleration (counts/ms^2, 0 no limit), Ix20 and Ix21 times (ms), Ix22 speed (counts/ms)."""
 
     acceleration: float
     ta_ms: float
@@ -24,7 +24,7 @@ class JogSettings:
 
 
 def change_speed(position: float, before: float, after: float, settings: JogSettings) -> tuple[Piece, ...]:
-    """Go from velocity `before` to `after` (counts/ms); used to start and to stop an indefinite jog.
+    """Change velocity from `before` to `after` (counts/ms); used to start and to stop an indefinite jog.
 
     Raises:
         NoAccelerationTimeError: Ix20 and Ix21 are both zero.
@@ -38,10 +38,10 @@ def change_speed(position: float, before: float, after: float, settings: JogSett
 
 
 def jog_to(position: float, target: float, settings: JogSettings) -> tuple[Piece, ...]:
-    """Go from rest at `position` to rest at `target`.
+    """Move from rest at `position` to rest at `target`.
 
-    A jog is one unblended move at Ix22 whose acceleration time is lengthened where Ix19 asks for it; a short
-    one takes the acceleration time and stays slower.
+    A jog is one unblended move at Ix22 whose acceleration time is lengthened where Ix19 requires it; a short one
+    takes the acceleration time and stays slower.
 
     Raises:
         NoAccelerationTimeError: Ix20 and Ix21 are both zero.
@@ -50,7 +50,7 @@ def jog_to(position: float, target: float, settings: JogSettings) -> tuple[Piece
 
 
 def jog_time_ms(distance: float, settings: JogSettings) -> float:
-    """Return how long a jog takes before its acceleration is added, ms."""
+    """Return the duration of a jog before its acceleration is added, ms."""
     return abs(distance) / settings.speed if settings.speed > 0.0 else 0.0
 
 
@@ -69,7 +69,7 @@ def jog_in(position: float, target: float, settings: JogSettings, tm_ms: float) 
 
 
 def decelerate(position: float, velocity: float, rate: float) -> tuple[Piece, ...]:
-    """Come to rest at `rate` (Ix15, counts/ms^2). A rate of 0 never stops the motor: it runs on for ever."""
+    """Come to rest at `rate` (Ix15, counts/ms^2). A rate of 0 never stops the motor: it keeps moving for ever."""
     if velocity == 0.0:
         return ()
     if rate <= 0.0:
@@ -78,7 +78,7 @@ def decelerate(position: float, velocity: float, rate: float) -> tuple[Piece, ..
 
 
 def jog_settings(variables: VariableStore, motor: int, speed: int = 22) -> JogSettings:
-    """Return what the I-variables say about a jog of a motor, at Ix22 or the one that is named.
+    """Return the I-variable settings for a jog of a motor, at Ix22 or the variable `speed`.
 
     Ix20 and Ix21 are whole ms; both 0 count as 1 ms, where the controller would divide by zero.
     """

@@ -1,6 +1,6 @@
-"""LINEAR blended moves: the rules of TA, TS, TM, Ix16 and Ix17, and the ramps that follow from them.
+"""LINEAR blended moves: the rules of TA, TS, TM, Ix16 and Ix17, and the resulting ramps.
 
-Pure and incremental: a `Blend` holds what has been laid down, `lay` adds one move and `stop` ends the
+Pure and incremental: a `Blend` holds the state of the planned motion, `lay` adds one move and `stop` ends the
 sequence. Sources: PMAC User Manual, motion trajectories; Software Reference, TA, TS, TM, Ix16, Ix17; Quick
 Reference, formula for the limited blend. The numbers of the rules are those of docs/pmac-emulation.md.
 """
@@ -33,7 +33,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearMove:
-    """One commanded move: distance in counts for each motor, and the times in force, as commanded."""
+    """One commanded move: distance in counts for each motor, and the modal times, as commanded."""
 
     distance: Vector
     ta_ms: float
@@ -43,7 +43,7 @@ class LinearMove:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """What the controller makes of the commanded times."""
+    """The actual times that the controller derives from the commanded ones."""
 
     ta_ms: float
     ts_ms: float
@@ -52,7 +52,7 @@ class Timing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blend:
-    """Where the laid trajectory ends: inside the newest move, just after the ramp into it.
+    """The end of the planned trajectory: inside the newest move, just after the ramp into it.
 
     `target` is the nominal end of that move, `room_ms` the time left until then; at rest the velocity is
     zero, the target is the position and there is no limit to the next ramp.
@@ -65,7 +65,7 @@ class Blend:
 
 
 def at_rest(position: Vector) -> Blend:
-    """Return the state of motors that stand at `position` (counts)."""
+    """Return the state of motors at rest at `position` (counts)."""
     return Blend(target=position, velocity=(0.0,) * len(position), room_ms=0.0, at_rest=True)
 
 
@@ -86,7 +86,7 @@ def effective_timing(move: LinearMove, before: Vector, limits: Limits) -> Timing
     nominal_ms = max(tm_ms, ta_ms)
     for distance, was, limit in zip(move.distance, before, limits.acceleration, strict=True):
         if limit > 0.0:
-            # Ix17 guards the change into this move, and the stop that may follow it.
+            # Ix17 limits the change into this move, and the stop that may follow it.
             velocity = distance / nominal_ms
             change = max(abs(velocity - was), abs(velocity))
             ta_ms = max(ta_ms, min(change / limit + move.ts_ms, MOVE_TIME_MAX_MS))
@@ -116,7 +116,7 @@ def room_for_ramp(blend: Blend, ta_ms: float, ts_ms: float) -> tuple[float, floa
 
 
 def stop(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piece, ...]:
-    """Come to rest at the target with the TA and TS now in force (rule 8); nothing when already at rest.
+    """Come to rest at the target with the modal TA and TS (rule 8); nothing when already at rest.
 
     Raises:
         NoAccelerationTimeError: TA and TS are both zero.
@@ -134,7 +134,7 @@ def stop(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piec
 def _change_velocity(
     blend: Blend, velocity: Vector, ta_ms: float, ts_ms: float, calculates: bool = True
 ) -> tuple[Piece, ...]:
-    """Run on to half a ramp before the boundary, then ramp; from rest the ramp begins at once."""
+    """Continue to half a ramp before the boundary, then ramp; from rest the ramp begins at once."""
     if blend.at_rest:
         return ramp(blend.target, blend.velocity, velocity, ta_ms, ts_ms)
     half_ms = 0.5 * ta_ms

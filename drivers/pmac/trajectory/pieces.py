@@ -1,4 +1,4 @@
-"""Trajectories as cubic pieces: what every PMAC move mode is made of between two instants.
+"""Trajectories as cubic pieces: the building blocks of every PMAC move mode.
 
 Positions are motor counts, times ms. A piece holds one cubic for each motor that moves together.
 """
@@ -16,11 +16,11 @@ Cubic = tuple[float, float, float, float]
 """p(t) = c0 + c1 t + c2 t^2 + c3 t^3; counts and ms."""
 
 
-class Piece(NamedTuple):  # what a program makes by the thousand is a tuple: it is made three times as fast
+class Piece(NamedTuple):  # a tuple is created three times as fast, and a program makes thousands
     """`duration_ms` of motion; `calculates` marks the instant at which the next move is calculated.
 
-    A piece in `real_time` (a DWELL) passes at the rate of the servo clock whatever the time base is. `deferred`
-    are the assignments that take effect when it begins.
+    A piece in `real_time` (a DWELL) runs at the servo clock rate whatever the time base is. `deferred` are the
+    assignments that take effect when it begins.
     """
 
     duration_ms: float

@@ -1,4 +1,4 @@
-"""What a planner gives: the pieces of one look at the program, and what became of the request."""
+"""A planner's output: the pieces of one planning step, and the outcome of the request."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Event = HomeRequest | PresetRequest | Halt
 
 
 class MoveRecord(NamedTuple):
-    """What was asked and what is done with it; `timing` is None for moves that are done as asked.
+    """A requested move and its actual timing; `timing` is None for moves that are done as requested.
 
     `asked` of a RAPID move is the time of its slowest motor, before acceleration is added.
     """
@@ -27,10 +27,10 @@ class MoveRecord(NamedTuple):
 
 
 class Planned(NamedTuple):
-    """The pieces that one look at the program gave; `finished` when nothing follows them.
+    """The pieces from one planning step; `finished` when nothing follows them.
 
     An `event` is carried out when the pieces have been played; then `MotionPlanner.relocate` and
-    `ProgramRun.relocate` say where everything is, and the program goes on.
+    `ProgramRun.relocate` set the new positions, and the program continues.
     """
 
     pieces: tuple[Piece, ...]
@@ -46,17 +46,17 @@ def blended_record(line: int, target: Vector, move: LinearMove, timing: Timing) 
 
 
 def plain_record(line: int, target: Vector, tm_ms: float) -> MoveRecord:
-    """Return the record of a move that is done in the time that was asked for."""
+    """Return the record of a move that is done in the requested time."""
     return MoveRecord(line=line, target=target, asked=_plain(tm_ms), timing=None)
 
 
-@lru_cache(maxsize=8)  # a program has thousands of segments, and they all take as long
+@lru_cache(maxsize=8)  # a program has thousands of segments, all of the same duration
 def _plain(tm_ms: float) -> Timing:
     return Timing(ta_ms=0.0, ts_ms=0.0, tm_ms=tm_ms)
 
 
 def defer(pieces: tuple[Piece, ...], deferred: tuple[Deferred, ...]) -> tuple[Piece, ...]:
-    """Put assignments on the piece with which a move begins: the ramp into it, or else the first."""
+    """Attach assignments to the piece with which a move begins: the ramp into it, or else the first."""
     if not deferred:
         return pieces
     begin = next((k for k, piece in enumerate(pieces) if piece.calculates), 0)
@@ -64,7 +64,7 @@ def defer(pieces: tuple[Piece, ...], deferred: tuple[Deferred, ...]) -> tuple[Pi
 
 
 def circle_time_ms(request: CircleRequest, length: float) -> float:
-    """Return the time of a circle move: as told, or its length (user units) over its speed.
+    """Return the time of a circle move: as programmed, or its length (user units) over its speed.
 
     Raises:
         PmacError: 003, no speed.
@@ -77,7 +77,7 @@ def circle_time_ms(request: CircleRequest, length: float) -> float:
 
 
 def straightened(request: CircleRequest, length: float) -> LinearRequest:
-    """Return the LINEAR move that a circle move is without segmentation, or without a centre."""
+    """Return the LINEAR move that replaces a circle move without segmentation, or without a centre."""
     return LinearRequest(
         line=request.line,
         targets=request.targets,

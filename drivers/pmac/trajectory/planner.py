@@ -1,7 +1,7 @@
-"""From requests of a program to pieces of motion: the one place where a move mode becomes a trajectory.
+"""From program requests to pieces of motion: the one place where a move mode becomes a trajectory.
 
-The simulator plays the pieces, the checker draws them. Motors are taken in the order of the axis definitions;
-positions are counts, times ms.
+The simulator plays the pieces, the checker plots them. Motors are in the order of the axis definitions; positions
+are counts, times ms.
 """
 
 from __future__ import annotations
@@ -58,9 +58,10 @@ _State = tuple[Blend, Vector | None, spline.Spline | None, bool]
 
 
 class MotionPlanner:
-    """Lays the trajectory of one program run, one request at a time.
+    """Plans the trajectory of one program run, one request at a time.
 
-    What is laid ends at `_blend`: at rest, in a blended move, or, at its target, in a PVT or SPLINE sequence.
+    The planned motion ends at `_blend`: at rest, in a blended move, or, at its target, in a PVT or SPLINE
+    sequence.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class MotionPlanner:
         position: Vector,
         system: int = 1,
     ) -> None:
-        """`position` are the commanded motor positions in counts, in the order of `definitions`."""
+        """Take `position`, the commanded motor positions in counts, in the order of `definitions`."""
         self.run = run
         self._frame = MotorFrame(definitions, variables, system)
         self._variables = variables
@@ -85,11 +86,11 @@ class MotionPlanner:
 
     @property
     def target(self) -> Vector:
-        """The point that was programmed last, counts."""
+        """The last programmed point, counts."""
         return self._blend.target
 
     def plan(self) -> Planned:
-        """Calculate the next request and lay it.
+        """Calculate the next request and plan its motion.
 
         Raises:
             PmacError: a run-time error of the program.
@@ -102,12 +103,12 @@ class MotionPlanner:
             self._newest = request, before
             return planned
         except PmacError:
-            # Nothing of this request is played: what comes next has to join on to what is.
+            # Nothing of this request is played: what follows must join on to what has been played.
             self._blend, self._pvt_velocity, self._spline, self._after_break = before
             raise
 
     def take_back(self) -> bool:
-        """Forget what was laid last, and give it again at the next look; False if that cannot be done."""
+        """Discard the motion planned last, and plan it again at the next call; False if that is impossible."""
         if self._newest is None or self._ahead is not None:
             return False
         self._ahead, (self._blend, self._pvt_velocity, self._spline, self._after_break) = self._newest
@@ -117,7 +118,7 @@ class MotionPlanner:
     def settle(self) -> tuple[Piece, ...]:
         """Bring the motion to rest at its programmed point; the next move begins as after a break.
 
-        A PVT segment that does not end at rest ramps down at Ix15 behind its point.
+        A PVT segment that does not end at rest ramps down at Ix15 after its point.
 
         Raises:
             PmacError: TA and TS are both zero.
@@ -128,7 +129,7 @@ class MotionPlanner:
         return self._rest()
 
     def halt(self, rates: Vector) -> tuple[Piece, ...]:
-        """Give up the program: a blended or splined move ends at its target, a PVT motion ramps down.
+        """End the program: a blended or splined move ends at its target, a PVT motion ramps down.
 
         `rates` are Ix15 of the motors, counts/ms^2; the slowest motor sets the time, so that they stop together.
         """
@@ -143,9 +144,9 @@ class MotionPlanner:
         return pieces
 
     def relocate(self, counts: Vector, definitions: tuple[AxisDefinition, ...] | None = None) -> None:
-        """Go on from rest at `counts`: after a home search, or a motion by somebody else.
+        """Continue from rest at `counts`: after a home search, or a motion commanded elsewhere.
 
-        After a PSET the axes have other positions there: `definitions` say which.
+        After a PSET the axes have other positions there: `definitions` gives them.
         """
         before = self._frame.positions(self.target)
         self._frame = MotorFrame(definitions or self._frame.definitions, self._variables, self._system)
@@ -155,7 +156,7 @@ class MotionPlanner:
         self._after_break = True
 
     def _re_aim(self, before: Mapping[str, float], now: Mapping[str, float]) -> None:
-        """Let a move that was calculated already, but not laid, start from where the axes are now.
+        """Restart a move that was calculated but not yet planned from the present axis positions.
 
         Distances (INC) stay distances; what follows it in the program counts from its end.
         """
@@ -252,7 +253,7 @@ class MotionPlanner:
         return Planned(pieces=(*lead, *defer((laid,), request.deferred)), record=record)
 
     def _following_ms(self, duration_ms: float) -> float:
-        """Return the time of the segment that comes next; after the last one it is as long as that."""
+        """Return the time of the following segment; after the last one, that of the last."""
         if self._ahead is None:
             self._ahead = self.run.advance()
         following = self._ahead
@@ -263,7 +264,7 @@ class MotionPlanner:
     def _dwell(self, duration_ms: float, deferred: tuple[Deferred, ...] = ()) -> Planned:
         pieces = self._rest()
         self._after_break = True
-        # Never less than one real-time interrupt, or a loop without moves would never let go of the time.
+        # At least one real-time interrupt, or a loop without moves would never let time advance.
         wait_ms = max(duration_ms, 0.0 if pieces and not deferred else self._interrupt_ms())
         waits = [wait._replace(real_time=True, deferred=deferred) for wait in self._wait(wait_ms)]
         return Planned(pieces=(*pieces, *waits))
@@ -276,7 +277,7 @@ class MotionPlanner:
         return lead + self._first_delay() if self._after_break else lead
 
     def _first_delay(self) -> tuple[Piece, ...]:
-        """I11: what passes between a break and the first move after it, on the time base."""
+        """Wait for I11 between a break and the first move after it, on the time base."""
         waits = self._after_break
         self._after_break = False
         return self._wait(self._variables.i(11)) if waits else ()
@@ -293,7 +294,7 @@ class MotionPlanner:
         return self._rest()
 
     def _rest(self, least_ms: float = 0.0) -> tuple[Piece, ...]:
-        """Come to rest, blended moves with the TA and TS now in force; a PVT sequence ends as it was told to."""
+        """Come to rest, blended moves with the modal TA and TS; a PVT sequence ends as programmed."""
         ended, self._spline = self._spline, None
         if ended is not None:
             return spline.end(ended)

@@ -1,10 +1,10 @@
 """SPLINE1 and SPLINE2: cubic B-splines of the programmed points, one segment at a time.
 
 Source: PMAC User Manual and Turbo User Manual, splined moves: at the end of segment i the commanded point is
-(P(i-1) + 4 P(i) + P(i+1)) / 6, the velocity (P(i+1) - P(i-1)) / (2 T), a cubic joins them, and a segment of no
-distance stands at both ends. That is the uniform cubic B-spline; for unequal times the manuals only say that
-the calculation is similar, and the non-uniform cubic B-spline is taken, in which each distance is spread over
-its own segment and its two neighbours.
+(P(i-1) + 4 P(i) + P(i+1)) / 6, the velocity (P(i+1) - P(i-1)) / (2 T), a cubic joins them, and a segment of zero
+distance is added at both ends. That is the uniform cubic B-spline; for unequal times the manuals only say that the
+calculation is similar, and the non-uniform cubic B-spline is used, in which each distance is spread over its own
+segment and its two neighbours.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from drivers.pmac.trajectory.pieces import Piece, Vector, hermite
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spline:
-    """A spline that is laid up to `position` with `velocity`, where the segment to `point` begins.
+    """A spline planned up to `position` with `velocity`, where the segment to `point` begins.
 
     `distance` is that of the segment to `point`, `duration_ms` its time, `before_ms` that of the one before it.
     """
@@ -35,7 +35,7 @@ class Spline:
 
 
 def begin(start: Vector, duration_ms: float, uniform: bool) -> Spline:
-    """Begin at rest: a segment of no distance comes first, as long as the first one that is programmed."""
+    """Begin at rest: a segment of zero distance comes first, as long as the first programmed one."""
     still = tuple(0.0 for _ in start)
     return Spline(
         uniform=uniform,
@@ -52,7 +52,7 @@ def add(spline: Spline, target: Vector, duration_ms: float, next_ms: float) -> t
     """Add a segment to `target` that is followed by one of `next_ms`.
 
     Returns:
-        The motion of the segment before it, which can be laid now, and the spline that has it.
+        The motion of the segment before it, which can now be played, and the extended spline.
     """
     distance = tuple(t - p for t, p in zip(target, spline.point, strict=True))
     here_ms = spline.duration_ms
@@ -79,7 +79,7 @@ def add(spline: Spline, target: Vector, duration_ms: float, next_ms: float) -> t
 
 
 def end(spline: Spline) -> tuple[Piece, ...]:
-    """Come to rest at the last point: its segment, and one of no distance that is as long."""
+    """Come to rest at the last point: its segment, and one of zero distance and equal duration."""
     duration_ms = spline.duration_ms
     last, rest = add(spline, spline.point, duration_ms, duration_ms)
     still, _ = add(rest, spline.point, duration_ms, duration_ms)

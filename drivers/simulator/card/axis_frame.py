@@ -1,4 +1,4 @@
-"""The axes of a coordinate system: how they are made of motors, and where their zeros have been moved to."""
+"""The axes of a coordinate system: their motors, and the offsets of their zero points."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drivers.simulator.card.motor import Motor
 
 
 class AxisFrame:
-    """Axis definitions by motor, with the origins that PSET, `X=5` and Z have given the axes (user units).
+    """Axis definitions by motor, with the origins that PSET, `X=5` and Z have set for the axes (user units).
 
     `motors` are those of the axes, in the order of their numbers.
     """
@@ -29,12 +29,12 @@ class AxisFrame:
 
     @property
     def shifted(self) -> tuple[AxisDefinition, ...]:
-        """The definitions for the axes as they count now, in the same order."""
+        """The axis definitions with the present origins, in the same order."""
         return tuple(self.definitions[number].shifted(self._origins) for number in sorted(self.definitions))
 
     @property
     def stopped_at(self) -> Vector | None:
-        """Where a program that can be gone on with has left the motors, counts; None when that may be anywhere."""
+        """Motor positions at which a resumable program was stopped, counts; None when it can resume anywhere."""
         places = tuple(motor.stopped_at for motor in self.motors if motor.stopped_at is not None)
         return places if len(places) == len(self.motors) else None
 
@@ -44,12 +44,12 @@ class AxisFrame:
             motor.stopped_at = None if places is None else places[at]
 
     def positions(self) -> dict[str, float]:
-        """Return where the axes are commanded to be, in user units."""
+        """Return the commanded axis positions, in user units."""
         desired = {motor.number: motor.desired for motor in self.motors}
         return axis_positions({definition.motor: definition for definition in self.shifted}, desired)
 
     def define(self, motor: int, definition: AxisDefinition | None) -> None:
-        """Assign a motor to its axes, or clear it; the axes concerned count from their definition again."""
+        """Assign a motor to its axes, or clear it; the origins of these axes are cleared."""
         before = self.definitions.pop(motor, None)
         for axis in (*(before.axes if before else ()), *(definition.axes if definition else ())):
             self._origins.pop(axis, None)
@@ -60,7 +60,7 @@ class AxisFrame:
         self._bias_motors()
 
     def preset(self, presets: Mapping[str, float]) -> None:
-        """Call the present places of axes so, in user units; nothing moves.
+        """Preset the present positions of axes to these values; nothing moves.
 
         Raises:
             PmacError: 003, there is no such axis here.
@@ -73,7 +73,7 @@ class AxisFrame:
         self._bias_motors()
 
     def clear(self) -> None:
-        """Forget every definition."""
+        """Clear every definition."""
         self.definitions.clear()
         self._origins.clear()
         self.motors = ()

@@ -14,17 +14,17 @@ from drivers.simulator.card.program_buffer import OpenBuffer, PlcBuffer, Program
 from drivers.simulator.context import Context
 
 MAX_LINES = 20_000
-"""Room for one program; a real card has some tens of thousands of words for all."""
+"""Room for one program; a real controller has some tens of thousands of words for all."""
 
 ROOM_LINES = 100_000
 """Room for all of them."""
 
 _CHARACTERS_A_VALUE = 2
-"""So many are stored in the time that a variable is read."""
+"""Lines stored in the time that a variable is read."""
 
 PROTECTED_PROGRAMS = range(1000, HIGHEST_PROGRAM + 1)
 PROTECTED_PLCS = range(16)
-"""What a password keeps from being opened and listed (Software Reference, PASSWORD)."""
+"""Programs that a password protects from opening and listing (Software Reference, PASSWORD)."""
 
 
 def open_program(context: Context, number: int) -> None:
@@ -46,7 +46,7 @@ def open_program(context: Context, number: int) -> None:
 
 
 def open_plc(context: Context, number: int) -> None:
-    """OPEN PLC n: it is switched off, until it is switched on behind CLOSE.
+    """OPEN PLC n: it is disabled, until it is enabled again after CLOSE.
 
     Raises:
         PmacError: 002 protected, 007 a buffer is open already.
@@ -68,7 +68,7 @@ def clear(controller: Controller) -> None:
 
 
 def close(controller: Controller) -> None:
-    """CLOSE whatever buffer is open, whoever opened it; nothing to close is no error."""
+    """CLOSE whatever buffer is open, whoever opened it; without one this is no error."""
     controller.open_buffer = None
 
 
@@ -121,7 +121,7 @@ def delete_all(controller: Controller) -> None:
 
 
 def store(scanner: Scanner, context: Context) -> None:
-    """Put the rest of the line into the open buffer; a CLOSE at its end is carried out.
+    """Put the rest of the line into the open buffer; a CLOSE at its end is executed.
 
     Raises:
         PmacError: 003 not a program line, 006 no room.
@@ -148,21 +148,21 @@ def store(scanner: Scanner, context: Context) -> None:
 
 
 def room_lines(controller: Controller) -> int:
-    """Return how many lines more can be stored.
+    """Return how many more lines can be stored.
 
-    An entry of a compensation table takes as much room as a line, and so does a long word to gather into.
+    An entry of a compensation table takes as much room as a line, and so does a gathered long word.
     """
     return ROOM_LINES - stored_lines_in(controller) - controller.tables.entry_count - controller.gather.size
 
 
 def stored_lines_in(controller: Controller) -> int:
-    """Return how many lines all programs and PLCs have."""
+    """Return the number of lines in all programs and PLCs."""
     stored: list[ProgramBuffer | PlcBuffer] = [*controller.programs.values(), *controller.plcs.buffers.values()]
     return sum(len(buffer.lines) for buffer in stored)
 
 
 def refuse_protected(controller: Controller, number: int, protected: range) -> None:
-    """Make sure that a program may be seen.
+    """Check that a program may be read.
 
     Raises:
         PmacError: 002, a password is set and was not given.

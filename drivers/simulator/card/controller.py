@@ -1,7 +1,7 @@
 """The simulated PMAC: variables, motors, coordinate systems, program buffers and its background cycle.
 
-It has no clock of its own: it is advanced by servo cycles. What the background does (limits, replies to the
-host) happens between two blocks.
+It has no clock of its own: the caller advances it by servo cycles. Background tasks (limits, replies to the host)
+run between two blocks of cycles.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from drivers.simulator.card.table_memory import TableMemory
 from drivers.simulator.plant.axis import bare_axis
 
 ALL_MOTORS, MOTORS_OF_SYSTEM = 0, 1
-"""Whom a fault kills."""
+"""Which motors a fault kills."""
 
 INDEX_COUNTS = 2000.0
-"""How far apart the home triggers of a motor without a machine are."""
+"""Distance between the home triggers of a motor without a machine."""
 
 
 class Controller:
-    """State and behaviour of the card; ports and plants are attached from outside."""
+    """State and behaviour of the controller; ports and plants are attached from outside."""
 
     def __init__(
         self,
@@ -52,9 +52,9 @@ class Controller:
         dialect: Dialect = PMAC,
         flash: Flash | None = None,
     ) -> None:
-        """`servo_period_ms` is the true rate of the hardware; I10 only tells the card about it.
+        """Take `servo_period_ms`, the true rate of the hardware; I10 is only the controller's setting of it.
 
-        Motors that have no axis in `axes` are ideal ones, with nothing behind them. What `flash` holds comes back.
+        Motors without an axis in `axes` are ideal, with no mechanics. The contents of `flash` are restored.
 
         Raises:
             ProfileError: `file.unreadable`, see `Flash.power_up`.
@@ -108,7 +108,7 @@ class Controller:
 
     @property
     def pending_commands(self) -> deque[tuple[str, str, Addressed]]:
-        """On-line commands of programs and PLCs (CMD), to be executed in the background, see `CardHost`."""
+        """On-line commands of programs and PLCs (CMD), waiting for the background, see `CardHost`."""
         return self.host.pending_commands
 
     @property
@@ -142,9 +142,9 @@ class Controller:
         return tracks
 
     def background(self) -> None:
-        """Look at every motor and scan the PLCs, between two servo interrupts and in no fixed time.
+        """Check every motor and scan the PLCs, between two servo interrupts and in no fixed time.
 
-        What the PLCs command (CMD) waits in `pending_commands`.
+        On-line commands of the PLCs (CMD) wait in `pending_commands`.
         """
         for motor in self._awake:
             alarm = motor.look()
@@ -155,10 +155,10 @@ class Controller:
         self.plcs.scan_background()
 
     def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
-        """ENABLE PLC and DISABLE PLC, from wherever they come. It switches all of them or none.
+        """ENABLE PLC and DISABLE PLC, from any source. It switches all of them or none.
 
         Raises:
-            PmacError: 007, one to be switched on is open; 009 or 016, it is not well formed.
+            PmacError: 007, one to be enabled is open; 009 or 016, it is not well formed.
         """
         opened = self.open_buffer
         if not enable:
@@ -169,7 +169,7 @@ class Controller:
             self.plcs.enable(numbers)
 
     def program_code(self, number: int) -> Code | None:
-        """Return a stored program ready to be run, None when there is no such program.
+        """Return a stored program ready to run, None when there is no such program.
 
         Raises:
             PmacError: 009 or 016, it is not well formed.
@@ -182,7 +182,7 @@ class Controller:
         return next((s for s in self._all_systems if motor in s.definitions), None)
 
     def refuse_in_control(self, motor: int) -> None:
-        """Make sure that no program moves a motor, so that it may be jogged, homed or killed.
+        """Check that no program moves a motor, so that it may be jogged, homed or killed.
 
         Raises:
             PmacError: 001, one does.
@@ -221,7 +221,7 @@ class Controller:
             system.define(motor, system.definitions[motor])
 
     def start_program(self, system: int) -> None:
-        """R: run the program that a coordinate system points to, or go on with it.
+        """R: run or resume the program that a coordinate system points to.
 
         Raises:
             PmacError: those of `CoordinateSystem.run`.
@@ -237,11 +237,11 @@ class Controller:
         self.systems[system].step()
 
     def run_all(self) -> None:
-        """Control-R: R for every coordinate system; one that cannot run is passed over."""
+        """Control-R: R for every coordinate system; one that cannot run is skipped."""
         self._each(CoordinateSystem.run)
 
     def step_all(self) -> None:
-        """Control-S: S for every coordinate system; one that cannot run is passed over."""
+        """Control-S: S for every coordinate system; one that cannot run is skipped."""
         self._each(CoordinateSystem.step)
 
     def quit_all(self) -> None:
@@ -253,22 +253,22 @@ class Controller:
         self._each(CoordinateSystem.hold)
 
     def abort_all(self) -> None:
-        """Control-A: every program is dropped, every activated motor ramps down; open loops are closed."""
+        """Control-A: abort every program; every activated motor ramps down; open loops are closed."""
         self._each(CoordinateSystem.kill)
         for motor in self.motors.values():
             if motor.activated:
                 motor.abort()
 
     def kill_all(self) -> None:
-        """Control-K: every loop is opened."""
+        """Control-K: open every loop."""
         self._each(CoordinateSystem.kill)
         for motor in self.motors.values():
             motor.kill()
 
     def reset(self, factory: Mapping[int, float] | None = None) -> None:
-        """Start again from what was saved or the machine's settings, or from factory defaults, which are no more.
+        """Restart from the saved or the machine's settings, or from factory defaults, which clear everything.
 
-        The password has to be given again; the factory sets none.
+        The password has to be entered again; the factory default is none.
         """
         self.kill_all()
         for motor in self.motors.values():
@@ -294,7 +294,7 @@ class Controller:
         self._power_up()
 
     def _run(self, cycles: int, cycle_ms: float) -> dict[int, list[float]]:
-        """Run servo cycles in which nothing leads anything, or a single one."""
+        """Run servo cycles without coupled motors, or a single cycle."""
         leads = self._leads
         if leads.active:
             leads.begin_cycle()
@@ -323,14 +323,14 @@ class Controller:
             self.systems[1].define(definition.motor, definition)
 
     def _power_up(self) -> None:
-        """Begin with the settings that there are: PLCs are on, the loops that Ix80 wants closed are closed."""
+        """Start with the present settings: PLCs are enabled, and the loops that Ix80 selects are closed."""
         self.plcs.power_up()
         for motor in self.motors.values():
             if motor.activated and int(motor.variable(80)) & 1:
                 motor.enable()
 
     def _follow_settings(self) -> None:
-        """Take note of which motors are activated: what is not activated is off, and costs nothing."""
+        """Record which motors are activated: the others are off and cost no computing time."""
         self._revision = self.variables.i_revision
         self._kill([motor for motor in self.motors.values() if motor.amplifier_enabled and not motor.activated])
         self._awake = tuple(m for m in self.motors.values() if m.activated or m.number in self._with_plant)
@@ -341,14 +341,14 @@ class Controller:
                 act(system)
 
     def _stop_on_limit(self, motor: Motor) -> None:
-        """A travel limit stops the motor, and the program that moves it with all of its motors."""
+        """Stop a motor at a travel limit, and all motors of the program that moves it."""
         system = self.system_of(motor.number)
         if system is not None and (system.running or system.moving):
             system.abort(closing=False)
         motor.stop_on_limit()
 
     def _trip(self, motor: Motor, alarm: Alarm) -> None:
-        """A fault kills the motor and, as the flag mode says, its neighbours; what moved with them ramps down."""
+        """Kill a faulty motor and the neighbours in its flag mode; the other motors of their program ramp down."""
         system = self.system_of(motor.number)
         action = action_on_fault(self.variables, motor.number)
         others: Iterable[Motor] = (motor,)

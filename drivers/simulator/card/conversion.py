@@ -1,4 +1,4 @@
-"""The encoder conversion table of the card: its set-up words, and what they make of the encoders.
+"""The encoder conversion table of the controller: its set-up words, and the converted positions.
 
 The encoder at channel n is that of motor n. Entries that are neither an encoder nor a time base convert nothing.
 """
@@ -19,10 +19,10 @@ _ENCODER_METHOD = 0x0
 
 
 class Conversion:
-    """Set-up words by their line; in a family that has I-variables for them, those are the words.
+    """Set-up words by line; in a family that has I-variables for them, those are the words.
 
-    `revision` counts the changes of words that are no I-variables. `results` are the time bases of the cycle
-    that has just ended, 2^-23 ms, by the line in which they are found.
+    `revision` counts the changes of words that are not I-variables. `results` are the time bases of the cycle that
+    has just ended, 2^-23 ms, by the line of their result.
     """
 
     def __init__(self, variables: VariableStore, motors: Mapping[int, Motor]) -> None:
@@ -36,24 +36,24 @@ class Conversion:
 
     @property
     def changed_words(self) -> dict[int, int]:
-        """The words by line that are not as they left the factory, in a family that has no settings for them."""
+        """The words by line that differ from the factory's, in a family that has no settings for them."""
         factory = dict(enumerate(self._table.setup))
         return {line: word for line, word in sorted(self._words.items()) if word != factory.get(line, 0)}
 
     def reset(self, changed: Mapping[int, int] | None = None) -> None:
-        """Take the words of the factory, but for those in `changed`, by line."""
+        """Restore the factory words, except those in `changed`, by line."""
         if self._table.first_setting is None:
             self._words = {**dict(enumerate(self._table.setup)), **(changed or {})}
         self.results.clear()
         self.revision += 1
 
     def line_at(self, address: int) -> int | None:
-        """Return which line is at an address, 0 the first."""
+        """Return the line at an address, 0 the first."""
         line = address - self._table.first_address
         return line if 0 <= line < self._table.lines else None
 
     def word(self, line: int) -> int:
-        """Return the set-up word of a line, without a sign."""
+        """Return the unsigned set-up word of a line."""
         first = self._table.first_setting
         return self._words.get(line, 0) if first is None else int(self._variables.i(first + line)) & _WORD
 

@@ -1,4 +1,4 @@
-"""A coordinate system of the simulated controller: what a host tells it, what it reports, and when it may move."""
+"""A coordinate system of the simulated controller: its commands, its reports, and when it may move."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from drivers.simulator.card.program_motion import Place, ProgramMotion
 from drivers.simulator.card.time_base import TimeBase
 
 OFF_BY_COUNTS = 1.0 / 32.0
-"""How far a motor may be off the place where a program was stopped; the card reads a count no finer."""
+"""Permitted distance of a motor from the place where a program was stopped; the controller resolves no finer."""
 
 
 class CoordinateSystem:
-    """Which motors move together, the program that they are pointed at, and how a host lets it move them.
+    """The motors that move together, their program, and the run control of a host.
 
-    When a program was stopped on the way (Q, S, STOP, A and the like) it can be resumed, until something else is
-    pointed at. `busy` is whether a block of servo cycles concerns the system at all.
+    A program stopped on the way (Q, S, STOP, A and the like) can be resumed, until another one is pointed at.
+    `busy` is whether a block of servo cycles affects the system at all.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class CoordinateSystem:
 
     @property
     def in_control(self) -> bool:
-        """Whether the motors are the program's: nobody else may move them."""
+        """Whether the motors belong to the program: nothing else may move them."""
         return (self.running or self.moving) and not self.held
 
     @property
@@ -84,7 +84,7 @@ class CoordinateSystem:
 
     @property
     def single_step(self) -> bool:
-        """Whether the program stops, or has stopped, behind a move."""
+        """Whether the program stops, or has stopped, after a move."""
         return self._motion.single_step
 
     @property
@@ -109,11 +109,11 @@ class CoordinateSystem:
 
     @property
     def override_percent(self) -> float:
-        """The time base as it is now, 100 for real time."""
+        """The present time base, 100 for real time."""
         return self.time_base.percent
 
     def set_override(self, percent: float) -> None:
-        """`%`: ask for another time base.
+        """`%`: command another time base.
 
         Raises:
             PmacError: 003, below 0.
@@ -138,7 +138,7 @@ class CoordinateSystem:
         self.program_number, self._label = program, label
 
     def run(self) -> None:
-        """R: run the program, go on where it was stopped, or go on after a feed hold.
+        """R: run the program, resume it where it was stopped, or resume after a feed hold.
 
         Raises:
             PmacError: 001 something runs, 010 both limits, 011 the stop is not yet done, 012 a motor is open
@@ -148,7 +148,7 @@ class CoordinateSystem:
         self._go(stepping=False)
 
     def step(self) -> None:
-        """S: the same for one move, or for what stands between BLOCKSTART and BLOCKSTOP.
+        """S: the same for one move, or for the lines between BLOCKSTART and BLOCKSTOP.
 
         Raises:
             PmacError: as for `run`.
@@ -156,7 +156,7 @@ class CoordinateSystem:
         self._go(stepping=True)
 
     def quit(self) -> None:
-        """Q: calculate no further move; what is calculated is played, then the motors stop."""
+        """Q: calculate no further move; the calculated motion is played, then the motors stop."""
         self._motion.quit()
 
     def stop_at_block(self) -> None:
@@ -167,7 +167,7 @@ class CoordinateSystem:
             self._motion.quit()
 
     def forget_debt(self) -> None:
-        """Another source leads the time: what one that ran backwards has taken away is not owed any more."""
+        """Change the time base source: trajectory time that a reversed source took back is not made up for."""
         self._motion.forget_debt()
 
     def hold(self) -> None:
@@ -176,23 +176,23 @@ class CoordinateSystem:
         self.busy = True
 
     def quick_hold(self) -> None:
-        """Hold the program (backslash): the same, there being no buffer of segments to stop in."""
+        """Hold the program (backslash): the same, as there is no segment buffer to stop in."""
         self.program_hold = self.running or self.moving
         self.hold()
 
     def abort(self, closing: bool = True) -> None:
-        """Drop the motion; each motor ramps down by itself, and `closing` closes the loops that are open."""
+        """Abort the motion; each motor ramps down by itself, and `closing` closes the loops that are open."""
         self.kill()
         for motor in self.motors:
             if closing or motor.enabled:
                 motor.abort()
 
     def kill(self) -> None:
-        """Drop the motion; the motors are somebody else's to stop."""
+        """Drop the motion; the caller stops the motors."""
         self._motion.drop()
 
     def reset(self) -> None:
-        """Forget everything, as at power-up."""
+        """Clear everything, as at power-up."""
         self._motion.reset()
         self.frame.clear()
         self.program_number = self._label = None
@@ -201,7 +201,7 @@ class CoordinateSystem:
         self.resume_error = self.end_of_block_stop = self.program_hold = False
 
     def match_positions(self) -> None:
-        """PMATCH: take the axes to be where the motors are; a stopped program goes on from there.
+        """PMATCH: set the axis positions from the motors; a stopped program resumes from there.
 
         Raises:
             PmacError: 001, a program moves them.
@@ -210,7 +210,7 @@ class CoordinateSystem:
         self.frame.stopped_at = None
 
     def set_axis(self, axis: str, position: float) -> None:
-        """`X=5`: call the present place of an axis so (user units); nothing moves.
+        """`X=5`: preset the present position of an axis (user units); nothing moves.
 
         Raises:
             PmacError: 001 a program moves, 003 no such axis here.
@@ -219,7 +219,7 @@ class CoordinateSystem:
         self._motion.preset({axis: position})
 
     def zero_axes(self) -> None:
-        """Z: call the present place of every axis zero.
+        """Z: preset the present position of every axis to zero.
 
         Raises:
             PmacError: 001, a program moves them.
@@ -232,11 +232,11 @@ class CoordinateSystem:
         return self._motion.calculated_at or (self.program_number or 0, 0)
 
     def executing(self) -> Place:
-        """PE: the program and the line that are moved by now."""
+        """PE: the program and the line that are being executed."""
         return self._motion.executing_at if self.moving else self.program_counter()
 
     def sample(self, cycles: int, cycle_ms: float) -> dict[int, list[float]]:
-        """Return the commands of a block by motor number, nothing when no motion of a program is being played."""
+        """Return the commands of a block by motor number, nothing when no program motion is being played."""
         commands = self._motion.sample(cycles, cycle_ms)
         if not commands:
             self.busy = self.moving or not self.time_base.steady
@@ -244,7 +244,7 @@ class CoordinateSystem:
 
     def _go(self, stepping: bool) -> None:
         motion = self._motion
-        # That something runs is what the host has to know first, whatever is wrong with the motors.
+        # A running program is the first thing the host must know, whatever is wrong with the motors.
         if self.time_base.holding or not self.in_control:
             refuse_unfit(self.motors)
         self.resume_error = False
@@ -259,7 +259,7 @@ class CoordinateSystem:
         self.program_hold, self.busy = False, True
 
     def _prepare(self) -> None:
-        """Have the program ready that R begins or goes on with."""
+        """Prepare the program that R starts or resumes."""
         motion = self._motion
         if self.program_number is None:
             raise PmacError(ErrorCode.NO_PROGRAM, f"&{self.number} points to no program")
@@ -298,7 +298,7 @@ class CoordinateSystem:
 
 
 def refuse_unfit(motors: Sequence[Motor]) -> None:
-    """Make sure that there are motors, all activated, in closed loop, and free to go at least one way.
+    """Check that there are motors, all activated, in closed loop, and free to move at least one way.
 
     Raises:
         PmacError: 014, 013, 012, 010, in this order.
@@ -317,7 +317,7 @@ def refuse_unfit(motors: Sequence[Motor]) -> None:
 
 
 def refuse_moving(motion: ProgramMotion) -> None:
-    """Make sure that no program moves the axes.
+    """Check that no program moves the axes.
 
     Raises:
         PmacError: 001, one does.
@@ -327,7 +327,7 @@ def refuse_moving(motion: ProgramMotion) -> None:
 
 
 def refuse_busy(motion: ProgramMotion, motors: Sequence[Motor]) -> None:
-    """Make sure that nothing moves the motors, a program or a jog.
+    """Check that nothing moves the motors, neither a program nor a jog.
 
     Raises:
         PmacError: 011, a program that was stopped is not yet at rest; 001, anything else moves them.
@@ -341,7 +341,7 @@ def refuse_busy(motion: ProgramMotion, motors: Sequence[Motor]) -> None:
 
 
 def refuse_moved(motors: Sequence[Motor], stopped: Vector) -> None:
-    """Make sure that every motor is still where a program was stopped, in counts.
+    """Check that every motor is still where a program was stopped, in counts.
 
     Raises:
         PmacError: 017, one is not, or moves.

@@ -1,4 +1,4 @@
-"""Timers of the card: nothing is written while they count, what they say is worked out when they are read."""
+"""Timers of the controller: not updated while they count; the value is computed when read."""
 
 from __future__ import annotations
 
@@ -11,46 +11,46 @@ from drivers.pmac.plcs.plc import LOWEST_COUNT, timer_variables
 from drivers.pmac.variables import VariableStore
 
 ServoCycles = Callable[[], int]
-"""How many servo cycles there were so far."""
+"""Returns the number of servo cycles so far."""
 
 _Name = TypeVar("_Name")
 
 
 class Countdown(Generic[_Name]):
-    """Timers by name, each kept as the value that was written and the servo cycle in which it was.
+    """Timers by name, each stored as the value written and the servo cycle of writing.
 
     They begin at 0. Those that are not `running` keep their value.
     """
 
     def __init__(self, names: Iterable[_Name], now: ServoCycles) -> None:
-        """`names` are all that there are; all of them run."""
+        """Take `names`, all timers; all of them run."""
         self._now = now
         self._written: dict[_Name, tuple[float, int]] = {name: (0.0, now()) for name in names}
         self._running = frozenset(self._written)
 
     def __contains__(self, name: object) -> bool:
-        """Whether there is such a timer."""
+        """Whether the timer exists."""
         return name in self._written
 
     def read(self, name: _Name) -> float:
-        """Return what a timer says now."""
+        """Return the present value of a timer."""
         value, since = self._written[name]
-        # As `count_down` does, for one: it is read in each scan of a PLC.
+        # As `count_down`, for a single timer: each PLC scan reads it.
         return max(float(LOWEST_COUNT), value - (self._now() - since)) if name in self._running else value
 
     def write(self, name: _Name, value: float) -> None:
-        """Let a timer go on from a value."""
+        """Let a timer continue from a value."""
         self._written[name] = value, self._now()
 
     def run_only(self, names: Iterable[_Name]) -> None:
-        """Let these run on from where they are, and the others stand."""
+        """Let these continue from their values, and stop the others."""
         now = self._now()
         self._written = {name: (self.read(name), now) for name in self._written}
         self._running = frozenset(names)
 
 
 class TimedVariables(VariableStore):
-    """The variables of a card, of which some I-variables are timers. SAVE does not keep what those say."""
+    """The variables of a controller, of which some I-variables are timers. SAVE does not keep the timers."""
 
     def __init__(self, i_variables: Mapping[int, float], dialect: Dialect, now: ServoCycles) -> None:
         self._timer_numbers = frozenset(timer_variables(dialect, dialect.system_count))
@@ -63,7 +63,7 @@ class TimedVariables(VariableStore):
         return self._timers.read(index) if index in self._timer_numbers else self._i.get(index, 0.0)
 
     def replace_i(self, values: Mapping[int, float]) -> None:
-        """Put a whole set of I-variables in the place of the present one; timers not among them begin at 0."""
+        """Replace the whole set of I-variables; timers not among them start at 0."""
         super().replace_i({index: value for index, value in values.items() if index not in self._timer_numbers})
         for index in self._timer_numbers:
             self._timers.write(index, values.get(index, 0.0))
@@ -76,7 +76,8 @@ class TimedVariables(VariableStore):
 
     def _set_i(self, index: int, value: float) -> None:
         if index in self._timer_numbers:
-            # No setting follows from a timer: a PLC that writes one in each scan must not have all of them read.
+            # Timers do not change `i_revision`: a PLC that writes one in each scan must not cause all settings to
+            # be reread.
             revision = self.i_revision
             super()._set_i(index, value)
             self._timers.write(index, self._i.pop(index))

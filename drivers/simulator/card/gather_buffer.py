@@ -1,7 +1,7 @@
-"""The buffer of data gathering: samples of registers, taken at the end of servo cycles, until they are listed.
+"""The data gathering buffer: samples of registers, taken at the end of servo cycles, until they are listed.
 
-DEFINE GATHER reserves it, and alone puts the place where data are stored back to its beginning; GATHER goes on
-from that place. What is gathered, and how often, is read once, by GATHER.
+DEFINE GATHER reserves it, and only that resets the storage pointer to its beginning; GATHER continues from there.
+The sources and the period are read once, by GATHER.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _WORD = (1 << WORD_BITS) - 1
 _LONG = (1 << LONG_BITS) - 1
 
 _Source = tuple[Pointer, Callable[[float], int], int]
-"""A register, what makes the bits of its value, and how far up they stand in a sample."""
+"""A register, the encoder of its value, and the bit position of it in a sample."""
 
 
 class GatherBuffer:
-    """A stretch of memory of `size` long words, 0 before it is defined; `running` while it is being filled."""
+    """A block of memory of `size` long words, 0 before it is defined; `running` while it is being filled."""
 
     def __init__(self, variables: VariableStore) -> None:
-        """`variables` are those of the card: they say what is gathered, and have the memory that it is in."""
+        """Take the controller's `variables`: they select the sources, and give access to the memory."""
         self._variables = variables
         self._memory: Memory | None = None
         self.running = False
@@ -52,10 +52,10 @@ class GatherBuffer:
         return self.size > 0
 
     def define(self, long_words: int) -> None:
-        """DEFINE GATHER: reserve so many long words; data begin at the first one, and none can be listed any more.
+        """DEFINE GATHER: reserve long words; data begin at the first, earlier data can no longer be listed.
 
         Raises:
-            PmacError: 003, none at all; 007, it is being filled.
+            PmacError: 003, size 0; 007, it is being filled.
         """
         self._refuse_running("DEFINE GATHER")
         if long_words < 1:
@@ -64,10 +64,10 @@ class GatherBuffer:
         self.size = long_words
 
     def start(self) -> None:
-        """GATHER: begin with the next servo cycle, behind what is there already. While it runs, nothing changes.
+        """GATHER: start with the next servo cycle, after the data already there. No effect while it runs.
 
         Raises:
-            PmacError: 003, not defined, or nothing that could be gathered; 006, no room for one sample.
+            PmacError: 003, not defined, or no valid sources; 006, no room for one sample.
         """
         if self.running:
             return
@@ -87,7 +87,7 @@ class GatherBuffer:
         self._listable = self.running = True
 
     def stop(self) -> None:
-        """ENDGATHER: what was gathered stays."""
+        """ENDGATHER: stop; the data stay."""
         self.running = False
 
     def delete(self) -> None:
@@ -100,13 +100,13 @@ class GatherBuffer:
         self.clear()
 
     def clear(self) -> None:
-        """Be no buffer any more, as after power-up."""
+        """Remove the buffer, as after power-up."""
         self.running = self._listable = False
         self.size = 0
         self._data.clear()
 
     def sample(self) -> None:
-        """Take the sample of a servo cycle, if one is due; the last one for which there is room ends it."""
+        """Take the sample of a servo cycle, if one is due; stop when the buffer is full."""
         cycle = self._cycle
         self._cycle = cycle + 1
         if self._memory is None or not is_due(cycle, self._period):
@@ -137,7 +137,7 @@ class GatherBuffer:
         return len(self._data) + self._sample_bytes <= self.size * _LONG_BYTES
 
     def _lay_out(self, chosen: Sequence[Pointer]) -> None:
-        """Prepare what a sample needs: thousands are taken a second."""
+        """Precompute what a sample needs: thousands are taken per second."""
         shifts = shifts_of(chosen)
         self._sources = tuple((source, _BITS[source.space], at) for source, at in zip(chosen, shifts, strict=True))
         self._padding = padding_of(chosen)
@@ -157,4 +157,4 @@ def _long(value: float) -> int:
 
 
 _BITS = {"X": _word, "Y": _word, "D": _long, "L": float48.encode}
-"""What makes the bits of the values of a memory space."""
+"""Encoders of values by memory space."""

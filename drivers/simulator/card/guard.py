@@ -1,4 +1,4 @@
-"""What the card watches of one motor in every background cycle, its travel too, read once from its settings."""
+"""The monitoring of one motor in every background cycle, including its travel limits, with its settings cached."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NO_TRAVEL_SWITCHES, _NO_FAULT_INPUT = 1 << 17, 1 << 20
 
 
 class Alarm(Enum):
-    """Why the card takes a motor out of somebody's hands."""
+    """Why the controller stops a motor by itself."""
 
     FOLLOWING_ERROR = auto()
     AMPLIFIER = auto()
@@ -24,7 +24,7 @@ class Alarm(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guard:
-    """Limits in counts, infinite where they are switched off; `looks` is what in-position needs beyond one."""
+    """Limits in counts, infinite where they are disabled; `looks`: additional polls required for in-position."""
 
     fatal_error: float
     warning_error: float
@@ -37,7 +37,7 @@ class Guard:
 
 
 def read_guard(variables: VariableStore, motor: int) -> Guard:
-    """Return what the settings of a motor say now."""
+    """Return the present settings of a motor."""
     mode = int(variables.setting(Setting.FLAG_MODE, motor))
     return Guard(
         fatal_error=_or_none(variables.motor(motor, 11)) / PARTS_PER_COUNT,
@@ -52,22 +52,22 @@ def read_guard(variables: VariableStore, motor: int) -> Guard:
 
 
 def _or_none(limit: float) -> float:
-    """0 and less switch a limit of the following error off."""
+    """0 and less disable a limit of the following error."""
     return limit if limit > 0.0 else math.inf
 
 
 def action_on_fault(variables: VariableStore, motor: int) -> int:
-    """Return whom a fault of this motor kills: 0 all motors, 1 those of its coordinate system, 2 or 3 itself."""
+    """Return which motors a fault of this one kills: 0 all, 1 those of its coordinate system, 2 or 3 itself."""
     return int(variables.setting(Setting.FLAG_MODE, motor)) >> 21 & 3
 
 
 @dataclass(slots=True)
 class TravelLimits:
-    """What a motor may no longer do.
+    """State of a motor's travel limits.
 
     `plus_pin` and `minus_pin` are the inputs +LIM and -LIM, set when the switch is open. Beware: it is the pin
     +LIM that stops travel in the negative direction, and -LIM that stops it in the positive one (PMAC Software
-    Reference, Ix25). `positive` and `negative` are what is reported, named after the direction that is barred.
+    Reference, Ix25). `positive` and `negative` are the reported limits, named after the blocked direction.
     `stopped` is whether a limit has stopped the motor.
     """
 
@@ -79,18 +79,18 @@ class TravelLimits:
 
     @property
     def concerned(self) -> bool:
-        """Whether anything is set, so that it has to be looked at even inside Ix13 and Ix14."""
+        """Whether a limit is set, so that it must be checked even inside Ix13 and Ix14."""
         return self.positive or self.negative or self.plus_pin or self.minus_pin
 
     def look(self, position: float, highest: float, lowest: float, *, pins_used: bool) -> None:
-        """Take note of where the motor is, and how far it may go, in counts."""
+        """Record the motor's position and its travel range, in counts."""
         self.positive = (pins_used and self.minus_pin) or position > highest
         self.negative = (pins_used and self.plus_pin) or position < lowest
 
     def bars(self, direction: float) -> bool:
-        """Whether motion in a direction is not allowed now."""
+        """Whether motion in a direction is blocked now."""
         return (direction > 0.0 and self.positive) or (direction < 0.0 and self.negative)
 
     def reset(self) -> None:
-        """Forget what was seen; the switches stay where they are."""
+        """Clear the state; the switches stay where they are."""
         self.positive = self.negative = self.stopped = False

@@ -1,4 +1,4 @@
-"""The motion of a motor that no program commands: jogs, home searches with their trigger, and ramps to rest."""
+"""Motor motion that no program commands: jogs, home searches with their trigger, and ramps to rest."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from drivers.simulator.card.player import Player
 
 
 class Stage(Enum):
-    """The stages of a move that looks for a trigger: a home search, or a jog until a trigger."""
+    """The stages of a move that waits for a trigger: a home search, or a jog-until-trigger."""
 
     SEARCHING = auto()
     STOPPING = auto()
     LAST_MOVE = auto()
     MISSED = auto()
-    """The move has ended without a trigger; known until the next one, so that the host can tell (User Manual)."""
+    """The move has ended without a trigger; kept until the next one, for the host to read (User Manual)."""
 
 
 class JogMotion:
-    """What a motor plays of its own accord.
+    """The motion of a motor outside programs.
 
-    Positions are counts from the motor's zero; `here` and `velocity` (counts/ms) are those that are commanded now.
-    `player` is None at rest. `stage` is None in a move that looks for no trigger; `homes` is whether the trigger
-    is to be the motor's home. `aborting` is a ramp at Ix15, `pre_jog` the way back to where a program was stopped.
-    `began_at` is where the motor was before this move, and those that it has cut short.
+    Positions are counts from the motor's zero; `here` and `velocity` (counts/ms) are the present commanded ones.
+    `player` is None at rest. `stage` is None in a move without a trigger; `homes` is whether the trigger becomes
+    the motor's home. `aborting` is a ramp at Ix15, `pre_jog` the return to where a program was stopped. `began_at`
+    is the motor's position before this move and the moves it has interrupted.
     """
 
     def __init__(self, motor: int, variables: VariableStore) -> None:
@@ -44,16 +44,16 @@ class JogMotion:
 
     @property
     def homing(self) -> bool:
-        """Whether a home search is under way, its last move included."""
+        """Whether a home search is under way, including its last move."""
         return self.stage is not None and self.homes
 
     @property
     def seeking_home(self) -> bool:
-        """Whether the home trigger is being looked for and not yet found."""
+        """Whether the home trigger is being searched and not yet found."""
         return self.stage is Stage.SEARCHING and self.homes
 
     def run_at(self, speed: float, here: float, velocity: float) -> None:
-        """Change to a speed (counts/ms) and keep it; 0 is kept, too, until something else is played."""
+        """Change to a speed (counts/ms) and keep it, including 0, until something else is played."""
         pieces = change_speed(here, velocity, speed, jog_settings(self._variables, self._motor))
         end = position_at(pieces[-1].cubics[0], pieces[-1].duration_ms)
         self._play((*pieces, Piece(float("inf"), ((end, speed, 0.0, 0.0),))), here)
@@ -63,7 +63,7 @@ class JogMotion:
         self._play(self._stopping(here, velocity), here)
 
     def go_to(self, target: float, here: float, velocity: float) -> None:
-        """Jog to `target`, after a stop when the motor moves."""
+        """Jog to `target`, after a stop if the motor moves."""
         pieces = self._stopping(here, velocity)
         start = position_at(pieces[-1].cubics[0], pieces[-1].duration_ms) if pieces else here
         self._play((*pieces, *jog_to(start, target, jog_settings(self._variables, self._motor))), here)
@@ -75,12 +75,12 @@ class JogMotion:
         self.aborting = bool(pieces)
 
     def seek(self, *, homes: bool, past_trigger: float = 0.0) -> None:
-        """Let the move that has just begun look for the trigger, to end so many counts past it."""
+        """Let the move that has just begun wait for the trigger, to end this many counts past it."""
         self.stage = Stage.SEARCHING
         self.homes, self._past_trigger = homes, past_trigger
 
     def meet(self, trigger: float, here: float, velocity: float) -> None:
-        """Stop because the trigger was met, then go where the move is to end."""
+        """Stop because the trigger was found, then go to the end position."""
         self.stop(here, velocity)
         self.stage = Stage.STOPPING
         self._past_trigger += trigger
@@ -106,7 +106,7 @@ class JogMotion:
         return commands
 
     def _next_stage(self, position: float) -> None:
-        """Go on with what follows when a move has ended: past the trigger, and then nothing."""
+        """Continue with the next stage when a move has ended: past the trigger, and then nothing."""
         ended, self.stage = self.stage, None
         if ended is Stage.SEARCHING:
             self.stage = Stage.MISSED
@@ -135,17 +135,17 @@ class JogMotion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HomeSensor:
-    """Where the home trigger is, in machine counts.
+    """The position of the home trigger, in machine counts.
 
-    Without a period it is a flag that is met at `position` and stays met below it, at the end of travel; with
-    a period it is an index once a turn.
+    Without a period it is a flag that is found at `position` and stays set below it, at the end of travel; with a
+    period it is an index once per turn.
     """
 
     position: float = 0.0
     period: float | None = None
 
     def passed(self, before: float, after: float) -> float | None:
-        """Return the machine position of the trigger met on the way from `before` to `after`, if any."""
+        """Return the machine position of the trigger between `before` and `after`, if any."""
         if self.period is None:
             return self.position if min(before, after) <= self.position else None
         forward = after >= before

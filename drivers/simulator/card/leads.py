@@ -1,9 +1,9 @@
-"""What makes a motor or the time of a coordinate system depend on other motors, within the servo cycle.
+"""Coupling of a motor, or of a coordinate system's time, to other motors within the servo cycle.
 
-Compensation tables, position following and external time base. As long as none of them is in use, the card runs
-whole blocks motor by motor; as soon as one is, it runs one servo cycle after another, the motors in the order of
-their numbers: a table whose source has a higher number than its target sees it one cycle late. Time bases and
-followers take what the master has counted in the servo cycle that has just ended.
+Compensation tables, position following and external time base. As long as none of them is in use, the controller
+runs whole blocks motor by motor; as soon as one is, it runs one servo cycle after another, the motors in the order
+of their numbers: a table whose source has a higher number than its target sees it one cycle late. Time bases and
+followers use the counts of the master in the servo cycle that has just ended.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ _METHOD = _WORD >> WORD_BITS - METHOD_SHIFT
 
 
 class Tables(Protocol):
-    """The compensation tables that the card has."""
+    """The compensation tables of the controller."""
 
     @property
     def tables(self) -> Mapping[int, CompensationTable]:
-        """Those that have all their entries, by the motor that they belong to."""
+        """The complete tables, by the motor that they belong to."""
 
     @property
     def revision(self) -> int:
@@ -61,7 +61,7 @@ class _Follower:
 
 @dataclass(slots=True, kw_only=True)
 class _Clock:
-    """A time base entry that leads coordinate systems; `parts` and `true_position` are of the cycle before."""
+    """A time base entry that drives coordinate systems; `parts` and `true_position` are of the previous cycle."""
 
     entry: TimeBaseEntry
     master: Motor
@@ -71,7 +71,7 @@ class _Clock:
     triggered: TriggeredTimeBase | None
 
     def step(self) -> int:
-        """Return the time of this servo cycle, 2^-23 ms, and tell the systems."""
+        """Return the time of this servo cycle, 2^-23 ms, and pass it to the systems."""
         master = self.master
         if self.triggered is None:
             parts = parts_of(master.counter)
@@ -89,7 +89,7 @@ class _Clock:
 
 
 class Leads:
-    """Follows the settings, and does in each servo cycle what they ask for."""
+    """Tracks the settings, and applies the active couplings in each servo cycle."""
 
     def __init__(
         self,
@@ -111,7 +111,7 @@ class Leads:
         self._corrected: dict[int, list[CompensationTable]] = {}
 
     def look(self) -> bool:
-        """Read the settings if they may have changed; return whether anything depends on anything."""
+        """Read the settings if they may have changed; return whether any coupling is active."""
         now = (self._variables.i_revision, self._conversion.revision, self._tables.revision)
         if now != self._seen:
             self._seen = now
@@ -122,7 +122,7 @@ class Leads:
         return self.active
 
     def begin_cycle(self) -> None:
-        """Take what the masters have counted in the servo cycle that has just ended."""
+        """Read the counts of the masters in the servo cycle that has just ended."""
         for line, clock in self._clocks.items():
             before = clock.triggered.state if clock.triggered else None
             self._conversion.results[line] = clock.step()
@@ -133,10 +133,10 @@ class Leads:
         for number in self._corrected:
             motor = self._motors[number]
             if not motor.activated:
-                self.correct(motor)  # it has no turn of its own, and must not be thrown when it has one again
+                self.correct(motor)  # it is not stepped now, and must not jump when it is stepped again
 
     def correct(self, motor: Motor) -> None:
-        """Work out the correction of a motor from where its sources are by now."""
+        """Compute the correction of a motor from the present positions of its sources."""
         tables = self._corrected.get(motor.number)
         if tables:
             motor.correction = sum(table.correction(*self._places(table)) for table in tables)
@@ -149,11 +149,11 @@ class Leads:
         ]
 
     def _note_trigger(self, line: int, state: Trigger) -> None:
-        """Let a host see in the set-up word that time has begun."""
+        """Show a host in the set-up word that time has begun."""
         self._conversion.set_word(line, self._conversion.word(line) & _METHOD | state << METHOD_SHIFT)
 
     def _find_clocks(self) -> None:
-        """Find the time base entries that are in use; one that was in use goes on from where it is."""
+        """Find the time base entries that are in use; one that was in use continues from its state."""
         before, self._clocks = self._clocks, {}
         self._conversion.results.clear()
         for system in self._systems.values():
@@ -161,7 +161,7 @@ class Leads:
             line, entry = self._conversion.line_at(address), self._conversion.time_base(address)
             master = self._master(entry)
             if line is None or entry is None or master is None:
-                # Where nothing counts no time passes; what is no line of the table is the register of `%`.
+                # Without a master no time passes; an address outside the table is the register of `%`.
                 if system.time_base.led:
                     system.busy = True
                     system.forget_debt()
@@ -204,7 +204,7 @@ class Leads:
 
 
 def _clock(entry: TimeBaseEntry, master: Motor, before: _Clock | None) -> _Clock:
-    """Return the clock of an entry. What its master did before it was in use is not made up for."""
+    """Return the clock of an entry. Master motion before its use is not made up for."""
     same = before is not None and before.master is master and (before.triggered is None) == (entry.trigger is None)
     parts, true_position, counts = parts_of(master.counter), master.true_position, round(master.counter)
     if before is not None and same:

@@ -1,4 +1,4 @@
-"""A motor of the simulated controller: what it is told by a host, and what it reports."""
+"""A motor of the simulated controller: its host commands, and its reports."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ FULL_OUTPUT_PERCENT = 100.0
 
 
 class Motor(MotorLoop):
-    """A loop that is closed, opened, jogged and sent home.
+    """A loop that is closed, opened, jogged and homed.
 
-    What is reported, and what a jog is told, has `bias` added to the counts of the loop, by which PSET and its
-    like have moved the zero of the axes. `offset_following` keeps what is followed out of what is reported.
+    Reported and commanded positions are the counts of the loop plus `bias`, by which PSET and the like have moved
+    the zero of the axes. `offset_following` keeps the followed distance out of the reports.
     """
 
     def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
@@ -32,18 +32,18 @@ class Motor(MotorLoop):
 
     @property
     def position(self) -> float:
-        """Actual position as it is reported."""
+        """Actual position as reported."""
         followed = self.superimposed if self.offset_following else 0.0
         return self.encoder + self.bias - followed
 
     @property
     def positive_limit(self) -> bool:
-        """Whether travel in the positive direction is barred. Not looked at while the amplifier is off."""
+        """Whether travel in the positive direction is blocked. Not checked while the amplifier is disabled."""
         return self.travel.positive
 
     @property
     def negative_limit(self) -> bool:
-        """Whether travel in the negative direction is barred. Not looked at while the amplifier is off."""
+        """Whether travel in the negative direction is blocked. Not checked while the amplifier is disabled."""
         return self.travel.negative
 
     @property
@@ -58,7 +58,7 @@ class Motor(MotorLoop):
 
     @property
     def aborting(self) -> bool:
-        """Whether the motor comes to rest at Ix15."""
+        """Whether the motor is coming to rest at Ix15."""
         return self._jog.aborting
 
     @property
@@ -68,21 +68,21 @@ class Motor(MotorLoop):
 
     @property
     def homing(self) -> bool:
-        """Whether a home search is under way, its last move included."""
+        """Whether a home search is under way, including its last move."""
         return self._jog.homing
 
     @property
     def searching(self) -> bool:
-        """Whether a trigger is being looked for and not yet found."""
+        """Whether a trigger is being searched and not yet found."""
         return self._jog.stage is Stage.SEARCHING
 
     @property
     def trigger_move(self) -> bool:
-        """Whether the motor moves until a trigger and to the end behind it, or has met none on its last move."""
+        """Whether the motor is moving to a trigger or on to its end position, or found none on its last move."""
         return self._jog.stage is not None
 
     def enable(self) -> None:
-        """Close the loop where the motor stands."""
+        """Close the loop at the present position."""
         if not self.enabled:
             self.enabled = True
             self._output = None
@@ -98,7 +98,7 @@ class Motor(MotorLoop):
         self._jog.forget()
 
     def reset(self) -> None:
-        """Start as at power-up: killed, not homed, and at position 0 wherever the iron is."""
+        """Start as at power-up: killed, not homed, and at position 0 wherever the axis is."""
         self.read_absolute_position()
         self.fatal_error = self.amplifier_fault = False
         self.home_capture = self.variable_jog = self.correction = self.superimposed = 0.0
@@ -107,14 +107,14 @@ class Motor(MotorLoop):
         self._power_up_origin = self.axis.origin
 
     def read_absolute_position(self) -> None:
-        """Take the present place for 0, killed and not homed: there is no absolute encoder to ask."""
+        """Set the present position to 0, killed and not homed: there is no absolute encoder to read."""
         self.kill()
         self.home_complete = False
         self._rebase(self.encoder)
         self.bias = self.superimposed = 0.0
 
     def phase(self) -> None:
-        """`$`: there is nothing to phase; the loop is closed where the motor stands.
+        """`$`: no phasing is needed; the loop is closed where the motor stands.
 
         Raises:
             PmacError: 018, the motor moves.
@@ -124,7 +124,7 @@ class Motor(MotorLoop):
         self.enable()
 
     def open_loop(self, percent: float) -> None:
-        """Open the loop and hold the output at `percent` of Ix69, at most all of it, as on the card."""
+        """Open the loop and hold the output at `percent` of Ix69, limited to 100 as on the controller."""
         share = max(-FULL_OUTPUT_PERCENT, min(percent, FULL_OUTPUT_PERCENT)) / FULL_OUTPUT_PERCENT
         self._jog.forget()
         self.enabled = False
@@ -134,7 +134,7 @@ class Motor(MotorLoop):
         self._output = 0.0 if self.travel.stopped else share
 
     def jog_speed(self, direction: int) -> None:
-        """Jog for ever in `direction`; 0 stops, and closes the loop of a killed motor."""
+        """Jog indefinitely in `direction`; 0 stops, and closes the loop of a killed motor."""
         self.enable()
         if self._barred(direction):
             return
@@ -145,9 +145,9 @@ class Motor(MotorLoop):
             self._jog.stop(self.desired, self.velocity)
 
     def jog_to(self, position: float, past_trigger: float | None = None) -> None:
-        """Jog to a reported position in counts, after a stop when the motor moves.
+        """Jog to a reported position in counts, after a stop if the motor moves.
 
-        With `past_trigger`, the motor stops when it meets the home trigger and goes so many counts past it.
+        With `past_trigger`, the motor stops at the home trigger and goes that many counts past it.
         """
         self._go_to(position - self.bias, past_trigger)
 
@@ -158,12 +158,12 @@ class Motor(MotorLoop):
         self._go_to(here + distance, past_trigger)
 
     def jog_back(self) -> None:
-        """Jog to where a stopped program left the motor, or else to where it stood before its last jog."""
+        """Jog to where a stopped program left the motor, or else to where it was before its last jog."""
         self._go_to(self._jog.began_at if self.stopped_at is None else self.stopped_at)
         self._jog.pre_jog = self.jogging and not self.travel.stopped
 
     def home(self) -> None:
-        """Search the home trigger at Ix23; Ix13 and Ix14 mean nothing until it is found."""
+        """Search the home trigger at Ix23; Ix13 and Ix14 are ignored until it is found."""
         self.enable()
         speed = self.variable(23)
         self.home_complete = False
@@ -174,7 +174,7 @@ class Motor(MotorLoop):
         self._jog.seek(homes=True)
 
     def home_zero(self) -> None:
-        """Call the present place home without a move; the following error stays what it is."""
+        """Home at the present position without a move; the following error stays what it is."""
         here = self.desired if self.enabled else self.encoder
         self._jog.forget()
         self._declare_home(here, here)
@@ -185,7 +185,7 @@ class Motor(MotorLoop):
         self._jog.abort(self.desired, self.velocity)
 
     def stop_on_limit(self) -> None:
-        """Come to rest at Ix15, or take an open-loop output away, because there is no way further."""
+        """Come to rest at Ix15, or remove an open-loop output, because the direction is blocked."""
         if self.enabled:
             self.abort()
         else:
@@ -201,7 +201,7 @@ class Motor(MotorLoop):
             self._jog.seek(homes=False, past_trigger=past_trigger)
 
     def _barred(self, direction: float) -> bool:
-        """Whether a limit lets the motor not go there. It stops, or stays, and that is all that the card says."""
+        """Whether a limit blocks the motion. The motor stops, or stays, without any other report."""
         barred = self.travel.bars(direction)
         self.travel.stopped = barred or (self.travel.stopped and not direction)
         if barred and self.velocity:

@@ -1,4 +1,4 @@
-"""The loop of a motor: what every servo cycle makes of it, and what the background cycle finds."""
+"""The loop of a motor: its state in every servo cycle, and its checks in the background cycle."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from drivers.simulator.plant.axis import Scale, read_encoder
 
 
 class MotorLoop:
-    """Where a motor is told to be and where it is, in counts from its zero; `axis` is the iron behind it.
+    """Commanded and actual position of a motor, in counts from its zero; `axis` is the hardware it drives.
 
     `enabled` is closed loop. `program_timer` is whether a coordinate system is playing a program with this motor.
-    `stopped_at` is where a program that can be resumed has left the motor. `fault_input` is what the amplifier
-    says; somebody else sets it, as the pins of `travel` and `index_lost`, that no home trigger is met.
+    `stopped_at` is where a resumable program has left the motor. `fault_input` is the amplifier fault input, set
+    from outside, as are the pins of `travel` and `index_lost`, which suppresses the home trigger.
 
-    The loop is told `desired`, with `correction` (of compensation tables, or whoever writes their register) and
-    `superimposed` (what is followed of a master and not yet part of `desired`) added to it, all in counts. What is
-    followed becomes part of `desired` as soon as nothing else moves the motor, unless `offset_following` keeps it
-    out. `true_position` is where the axis is by its machine position, whatever the encoder says, `pace` how far it
-    has gone in its last servo cycle, and `cycles_run` how many it has run. `scale` is what the axis is read by.
+    The loop's command is `desired` plus `correction` (of compensation tables, or from a write to their register)
+    plus `superimposed` (followed from a master and not yet part of `desired`), all in counts. The followed
+    distance becomes part of `desired` as soon as nothing else moves the motor, unless `offset_following` keeps it
+    out. `true_position` is the machine position of the axis, whatever the encoder reads, `pace` its movement in
+    the last servo cycle, and `cycles_run` the number of cycles run. `scale` is the axis's scale.
     """
 
     def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
@@ -66,7 +66,7 @@ class MotorLoop:
 
     @property
     def amplifier_enabled(self) -> bool:
-        """Whether the amplifier is on: in closed loop, or with an open-loop output."""
+        """Whether the amplifier is enabled: in closed loop, or with an open-loop output."""
         return self.enabled or self._output is not None
 
     @property
@@ -76,12 +76,12 @@ class MotorLoop:
 
     @property
     def counter(self) -> float:
-        """What the encoder has counted since power-up, with the fraction of a count; homing leaves it alone."""
+        """The encoder count since power-up, with the fraction of a count; homing does not change it."""
         return self.actual + self.axis.origin - self._lost_counts
 
     @property
     def net_desired(self) -> float:
-        """What the loop is told to be, in counts."""
+        """The commanded position of the loop, in counts."""
         return self.desired + self.correction + self.superimposed
 
     @property
@@ -91,7 +91,7 @@ class MotorLoop:
 
     @property
     def following_error(self) -> float:
-        """What the loop is told minus actual position, in counts; 0 in open loop."""
+        """Commanded minus actual position, in counts; 0 in open loop."""
         return self.net_desired - self.encoder if self.enabled else 0.0
 
     @property
@@ -101,13 +101,13 @@ class MotorLoop:
 
     @property
     def in_position(self) -> bool:
-        """Closed loop, at rest, no program timer, and within Ix28, for as many scans as are asked for."""
+        """Closed loop, at rest, no program timer, and within Ix28, for the required number of scans."""
         guard = self.guard
         return self._poller > guard.looks and self._settled(abs(self.following_error), guard)
 
     @property
     def guard(self) -> Guard:
-        """The settings that are watched, as they stand."""
+        """The monitored settings, as they are now."""
         revision = self._variables.i_revision
         if revision != self._guard_revision:
             self._guard, self._guard_revision = read_guard(self._variables, self.number), revision
@@ -153,11 +153,11 @@ class MotorLoop:
         return machine
 
     def passed_index(self, before: float, after: float) -> float | None:
-        """Return where the home trigger was met between two machine positions, if it was."""
+        """Return the home trigger position between two machine positions, if any."""
         return None if self.index_lost else self._home.passed(before, after)
 
     def follow_master(self, counts: float) -> None:
-        """Go `counts` with a master, in closed loop and as far as the limits of travel let it."""
+        """Follow a master by `counts`, in closed loop and as far as the travel limits allow."""
         if not self.enabled:
             return
         if self.travel.bars(counts):
@@ -167,7 +167,7 @@ class MotorLoop:
         self._led_since_look += counts
 
     def look(self) -> Alarm | None:
-        """Look at limits, following error and position, as the background does; say what calls for action."""
+        """Check limits, following error and position, as the background does; return an alarm to act on."""
         if not self.enabled and self._output is None:
             self._poller = 0
             return None
@@ -190,12 +190,12 @@ class MotorLoop:
         return None
 
     def _absorb(self) -> None:
-        """Make what was followed motion of the motor itself; a program goes on from wherever that has led to."""
+        """Make the followed distance motion of the motor itself; a program continues from the result."""
         self.desired += self.superimposed
         self.superimposed, self.stopped_at = 0.0, None
 
     def _count_losses(self) -> None:
-        """While the encoder does not count, the reading stays; what was lost meanwhile stays lost."""
+        """Freeze the reading while the encoder does not count; counts lost meanwhile stay lost."""
         lost = self.axis.encoder_lost
         if self._losing and not lost:
             missed = self.true_position - self.axis.origin - self.actual
@@ -204,7 +204,7 @@ class MotorLoop:
         self._losing = lost
 
     def _look_at_travel(self, here: float, guard: Guard) -> None:
-        """Ix13 and Ix14 rest while the home trigger is being searched: where zero is, is not known then."""
+        """Ignore Ix13 and Ix14 while the home trigger is being searched: the zero is not known then."""
         highest, lowest = (inf, -inf) if self._jog.seeking_home else (guard.highest, guard.lowest)
         self.travel.look(here, highest, lowest, pins_used=guard.switches_used)
 
@@ -233,16 +233,16 @@ class MotorLoop:
         self._jog.meet(caught, self.desired, self.velocity)
 
     def _declare_home(self, zero: float, captured: float) -> None:
-        """Make `zero` the motor's zero; what was captured is kept in counts from power-up."""
+        """Make `zero` the motor's zero; captured positions are kept in counts from power-up."""
         self.home_capture = captured + self.axis.origin - self._power_up_origin
         self._rebase(zero)
         self.home_complete = True
 
     def _rebase(self, offset: float) -> None:
-        """Make `offset` the new zero; the iron does not move."""
+        """Make `offset` the new zero; the axis does not move."""
         self.axis.rebase(offset)
         self.desired -= offset
         self.actual -= offset
         self._last_actual -= offset
         self._jog.began_at -= offset
-        self.stopped_at = None  # a program goes on from where the motor is, in the counts that hold now
+        self.stopped_at = None  # a program resumes from where the motor is, in the new counts

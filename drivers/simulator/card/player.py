@@ -1,4 +1,4 @@
-"""Playing pieces of motion at servo instants."""
+"""Play pieces of motion at servo instants."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Refill = Callable[[], Iterable[Piece]]
 Assign = Callable[[tuple[Deferred, ...]], None]
 
 SAME_COUNTS = 1e-6
-"""Two motions that are no further apart are the same."""
+"""Two motions no further apart than this are the same."""
 
 
 class Player:
-    """A queue of pieces with a clock of its own, sampled one servo cycle after another.
+    """A queue of pieces with its own clock, sampled one servo cycle after another.
 
-    `refill` is asked for more when a piece begins that is marked `calculates`, and when the queue is empty;
-    an empty answer means rest. `assign` gets the deferred assignments of a piece that begins. Time that is left
-    over between two pieces is carried into the next one.
+    `refill` is asked for more when a piece begins that is marked `calculates`, and when the queue is empty; an
+    empty reply means rest. `assign` gets the deferred assignments of a piece that begins. Time left over between
+    two pieces is carried into the next one.
     """
 
     def __init__(self, position: Vector, refill: Refill | None = None, assign: Assign | None = None) -> None:
@@ -39,11 +39,11 @@ class Player:
 
     @property
     def in_real_time(self) -> bool:
-        """Whether what is played now passes at the rate of the servo clock, whatever the time base is."""
+        """Whether the present piece runs at the rate of the servo clock, whatever the time base is."""
         return self._entered and bool(self._queue) and self._queue[0].real_time
 
     def forget_debt(self) -> None:
-        """Go on from the start of the piece that is played, if time was taken back beyond it."""
+        """Continue from the start of the present piece, if time was taken back beyond it."""
         self._elapsed_ms = max(self._elapsed_ms, 0.0)
 
     def append(self, pieces: Iterable[Piece]) -> None:
@@ -51,9 +51,9 @@ class Player:
         self._queue.extend(pieces)
 
     def replace(self, old: Sequence[Piece], new: Sequence[Piece]) -> bool:
-        """Play `new` where `old` was to be played, the pieces that were added last.
+        """Play `new` in place of `old`, the pieces that were added last.
 
-        When those have begun, both have to be the same up to now; False, and nothing is changed, if they are not.
+        When those have begun, both must be the same up to now; if not, nothing is changed, and False is returned.
         """
         ahead = [piece for piece in self._queue if not any(piece is each for each in old)]
         if ahead:
@@ -75,8 +75,8 @@ class Player:
         """Return `count` positions for each motor, one servo cycle apart, the first one cycle from now.
 
         `rate_ms` is the trajectory time that passes in a servo cycle; None is `cycle_ms`, real time. Below 0 it
-        goes back, but no further than to the start of the piece that is played: there the position waits until
-        the time has come again.
+        runs backwards, but no further than the start of the present piece: there the position waits until the time
+        has come again.
         """
         track: list[list[float]] = [[] for _ in self.position]
         rate_ms = cycle_ms if rate_ms is None else rate_ms
@@ -86,7 +86,7 @@ class Player:
             piece = self._queue[0]
             step_ms = cycle_ms if piece.real_time else rate_ms
             if step_ms != before_ms and before_ms:
-                # What is left of a servo cycle is worth more or less in a piece that passes at another rate.
+                # The rest of a servo cycle is worth more or less in a piece that runs at another rate.
                 self._elapsed_ms *= step_ms / before_ms
             before_ms = step_ms
             room = (piece.duration_ms - self._elapsed_ms) / step_ms if step_ms > 0.0 else math.inf
@@ -111,7 +111,7 @@ class Player:
         return track
 
     def _enter(self) -> bool:
-        """Make sure that a piece is there to be played, and calculate ahead where it says so."""
+        """Make sure that there is a piece to play, and calculate ahead where it is marked."""
         if not self._queue:
             if self._refill is None:
                 return False
@@ -128,7 +128,7 @@ class Player:
         return True
 
     def _finish(self, piece: Piece) -> None:
-        """Leave a piece at its exact end, so that rest is exactly where the move was to end."""
+        """Leave a piece at its exact end, so that rest is exactly at the end of the move."""
         self._queue.popleft()
         self._elapsed_ms -= piece.duration_ms
         self._entered = False

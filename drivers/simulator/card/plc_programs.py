@@ -1,4 +1,4 @@
-"""The PLCs of the card: their texts, which of them are on, and their scans."""
+"""The PLCs of the controller: their texts, which of them are enabled, and their scans."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ INTERRUPT_PERIOD = 8
 
 
 class PlcPrograms:
-    """What is stored in `buffers`, by number, and what is on its way.
+    """The PLCs stored in `buffers`, by number, and the state of the running ones.
 
-    `faults` are the run-time errors that have switched PLCs off, until those are switched on again.
+    `faults` are the run-time errors that have disabled PLCs, until those are enabled again.
     """
 
     def __init__(self, variables: VariableStore, host: PlcHost) -> None:
@@ -42,7 +42,7 @@ class PlcPrograms:
 
     @property
     def foreground(self) -> bool:
-        """Whether real-time interrupts have anything to do: PLC 0 has text, is on, and I5 permits it."""
+        """Whether real-time interrupts have anything to do: PLC 0 has text, is enabled, and I5 permits it."""
         enabled = self.switches.enabled
         return bool(enabled) and foreground_runs(self._variables.i(PERMISSION), enabled, self._runs)
 
@@ -52,17 +52,17 @@ class PlcPrograms:
         return period - cycles % period
 
     def open(self, number: int) -> PlcBuffer:
-        """Return the buffer of a PLC to be filled: the PLC is off, and what it has addressed stays."""
+        """Return the buffer of a PLC to be filled: the PLC is disabled, and its addressing stays."""
         self._forget(number)
         return self.buffers.setdefault(number, PlcBuffer())
 
     def delete(self, number: int) -> None:
-        """Remove a PLC, if it is there; what it has addressed is kept for the next one of that number."""
+        """Remove a PLC, if it exists; its addressing is kept for the next one of that number."""
         self._forget(number)
         self.buffers.pop(number, None)
 
     def enable(self, numbers: Sequence[int]) -> None:
-        """Switch PLCs on, all or none. One that is on already goes on, one without text does nothing.
+        """Enable PLCs, all or none. One already enabled continues where it is, one without text does nothing.
 
         Raises:
             PmacError: 009 or 016, one of them is not well formed.
@@ -74,7 +74,7 @@ class PlcPrograms:
         self.switches = self.switches.enable(new)
 
     def disable(self, numbers: Sequence[int]) -> None:
-        """Switch PLCs off."""
+        """Disable PLCs."""
         self.switches = self.switches.disable(numbers)
 
     def disable_all(self) -> None:
@@ -82,7 +82,7 @@ class PlcPrograms:
         self.switches = PlcSwitches()
 
     def power_up(self) -> None:
-        """Begin anew: every stored PLC is on, but for one that is not well formed."""
+        """Restart: every stored PLC is enabled, except one that is not well formed."""
         self.switches = PlcSwitches()
         self.faults.clear()
         self._runs.clear()
@@ -96,16 +96,16 @@ class PlcPrograms:
         self.switches = power_up(sound)
 
     def scan_foreground(self) -> None:
-        """Let PLC 0 have its scan at a real-time interrupt."""
+        """Run a scan of PLC 0 at a real-time interrupt."""
         if self.foreground:
             self._scan(FOREGROUND_PLC)
 
     def scan_background(self) -> None:
-        """Let each of PLC 1 to 31 have its scan of this background cycle."""
+        """Run the scan of each of PLC 1 to 31 in this background cycle."""
         if not self.switches.enabled:
             return
         for number in background_order(self._variables.i(PERMISSION), self.switches.enabled, self._runs):
-            # An earlier one of this cycle may have switched it off.
+            # An earlier one of this cycle may have disabled it.
             if number in self.switches.enabled:
                 self._scan(number)
 
@@ -113,7 +113,7 @@ class PlcPrograms:
         run = self._runs[number]
         if number in self.switches.at_top:
             run.restart()
-            # Before the scan: it may switch itself off and on, and then begins at its top again.
+            # Before the scan: it may disable and enable itself, and then begins at its top again.
             self.switches = self.switches.scanned(number)
         fault = run.scan()
         if fault is not None:

@@ -1,4 +1,4 @@
-"""Where the lines of programs and PLCs are kept, which buffer is being filled, and the password on them."""
+"""Storage of program and PLC lines, the open buffer, and the password protection."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class PlcBuffer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenBuffer:
-    """The program, or the PLC, that is being filled, and the host that opened it: nobody else may fill it."""
+    """The program, or the PLC, being filled, and the host that opened it: no other host may fill it."""
 
     program: int = 0
     plc: int | None = None
@@ -32,7 +32,7 @@ class OpenBuffer:
 
 
 class Password:
-    """None is set at first; it has to be given again after every reset (Software Reference, PASSWORD)."""
+    """Initially none is set; it has to be entered again after every reset (Software Reference, PASSWORD)."""
 
     def __init__(self, text: str = "") -> None:
         self.text = text
@@ -40,14 +40,14 @@ class Password:
 
     @property
     def locked(self) -> bool:
-        """Whether it is set, and was not given since the last reset."""
+        """Whether it is set, and was not entered since the last reset."""
         return not self._given
 
     def give(self, text: str) -> None:
-        """Give the password, or set another one when it is given already.
+        """Enter the password, or set another one if it is already entered.
 
         Raises:
-            PmacError: 002, it is another one.
+            PmacError: 002, it is wrong.
         """
         if self._given:
             self.text = text
@@ -57,9 +57,9 @@ class Password:
             raise PmacError(ErrorCode.PASSWORD, "not the password")
 
     def lock(self) -> None:
-        """Forget that it was given (a reset)."""
+        """Require it again (after a reset)."""
         self._given = not self.text
 
     def clear(self) -> None:
-        """Set none, as the factory does."""
+        """Clear it, as in the factory default."""
         self.text, self._given = "", True

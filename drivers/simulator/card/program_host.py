@@ -1,4 +1,4 @@
-"""Where the words of programs and PLCs wait that are not about motion: for the ports, and for the background."""
+"""Queues for the non-motion commands of programs and PLCs: to the ports, and to the background."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from collections.abc import Callable
 from drivers.pmac.plcs.plc import Addressed
 
 PENDING_LIMIT = 1024
-"""Texts of one kind that may wait; of more, the oldest are lost, for the card to go on with nobody listening."""
+"""Maximum queued texts of one kind; the oldest are dropped: the controller needs no listener to continue."""
 
 ADDRESS_OF_PROGRAMS = Addressed()
-"""What the commands of a motion program mean, whichever system runs it."""
+"""The addressing of a motion program's commands, whichever system runs it."""
 
 SwitchPlc = Callable[[bool, tuple[int, ...]], None]
 
 
 class CardHost:
-    """What programs and PLCs have said and asked for, until somebody comes for it.
+    """Messages and commands of programs and PLCs, until they are fetched.
 
-    `pending_commands` are the on-line commands of CMD with the letter of their port ("" for none) and what they
-    address, `host_messages` the texts of SEND with their port.
+    `pending_commands` are the on-line commands of CMD with the letter of their port ("" for none) and their
+    addressing, `host_messages` the texts of SEND with their port.
     """
 
     def __init__(self, switch_plc: SwitchPlc) -> None:
-        """`switch_plc` switches PLCs on (True) or off, at once."""
+        """Take `switch_plc`, which enables (True) or disables PLCs at once."""
         self.pending_commands: deque[tuple[str, str, Addressed]] = deque(maxlen=PENDING_LIMIT)
         self.host_messages: deque[tuple[str, str]] = deque(maxlen=PENDING_LIMIT)
         self._switch_plc = switch_plc
@@ -38,7 +38,7 @@ class CardHost:
         self.host_messages.append((text, port))
 
     def display(self, text: str) -> None:
-        """DISPLAY: the card has none."""
+        """DISPLAY: the controller has no display."""
 
     def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
         """ENABLE PLC and DISABLE PLC.
@@ -49,6 +49,6 @@ class CardHost:
         self._switch_plc(enable, numbers)
 
     def reset(self) -> None:
-        """Forget everything, as at power-up."""
+        """Clear everything, as at power-up."""
         self.pending_commands.clear()
         self.host_messages.clear()

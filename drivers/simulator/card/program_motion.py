@@ -1,4 +1,4 @@
-"""The motion of a program: calculated one move ahead, played, stopped on its way and gone on with."""
+"""The motion of a program: calculated one move ahead, played, stopped and resumed."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ Place = tuple[int, int]
 class ProgramMotion:
     """The program that moves the motors of a coordinate system, or has moved them until it was stopped.
 
-    It is `running` while moves are still to be calculated. `single_step` lets it stop behind the next one.
-    `executing_at` is what is played. The planner stays as long as the program can be gone on with: up to its end,
-    a run-time error, or something else that is pointed at. What is calculated is played to its end without it.
+    It is `running` while moves are still to be calculated. `single_step` stops it after the next one.
+    `executing_at` is the line being played. The planner is kept as long as the program can be resumed: up to its
+    end, a run-time error, or another program being pointed at. Calculated motion is played to its end without it.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class ProgramMotion:
         frame: AxisFrame,
         time_base: TimeBase,
     ) -> None:
-        """`motors` are all of the card, for HOME; those of the axes are in `frame`."""
+        """Take `motors`, all of the controller, for HOME; those of the axes are in `frame`."""
         self.running = False
         self.single_step = False
         self.runtime_error = False
@@ -62,7 +62,7 @@ class ProgramMotion:
 
     @property
     def held_at(self) -> Vector | None:
-        """Where a feed hold has brought the motion to rest, counts; the motors may be jogged then."""
+        """Position at which a feed hold has brought the motion to rest, counts; the motors may be jogged then."""
         player = self._player
         return player.position if player is not None and self._time_base.holding and self._frozen(player) else None
 
@@ -78,16 +78,16 @@ class ProgramMotion:
 
     @property
     def resumable(self) -> bool:
-        """Whether there is a program to go on with."""
+        """Whether there is a program to resume."""
         return self._planner is not None
 
     @property
     def calculated_at(self) -> Place | None:
-        """The program and the line that are calculated next, None when there is nothing to go on with."""
+        """The program and the line that are calculated next, None when there is nothing to resume."""
         return None if self._planner is None else (self._planner.run.program, self._planner.run.line)
 
     def load(self, run: ProgramRun) -> None:
-        """Take a program that is at its beginning."""
+        """Take a program at its beginning."""
         frame = self._frame
         self._planner = MotionPlanner(run, frame.shifted, self._variables, frame.places, self.system)
 
@@ -103,13 +103,13 @@ class ProgramMotion:
         self.runtime_error = self.radius_error = False
 
     def release(self, stepping: bool) -> None:
-        """Go on after a feed hold; a single step that was held stays one."""
+        """Resume after a feed hold; a single step that was held stays one."""
         self._time_base.release()
         self._frame.stopped_at = None
         self.single_step = stepping or (self.single_step and not self.running)
 
     def quit(self) -> None:
-        """Calculate no further move; what is calculated is played, then the motors stop."""
+        """Calculate no further move; the calculated motion is played, then the motors stop."""
         if not self.running:
             return
         self.running, self.single_step = False, True
@@ -117,7 +117,7 @@ class ProgramMotion:
             self._player.append(self._halt())
 
     def take_back(self) -> bool:
-        """Stop in front of the move that was calculated last; False when it is too late for that."""
+        """Stop before the move that was calculated last; False when it is too late for that."""
         if not self.running or self._planner is None or self._player is None:
             return False
         planner = copy(self._planner)
@@ -130,18 +130,18 @@ class ProgramMotion:
         return True
 
     def forget_debt(self) -> None:
-        """Let the motion go on from where it stands, whatever time was taken back."""
+        """Continue the motion from its present state, whatever time was taken back."""
         if self._player is not None:
             self._player.forget_debt()
 
     def drop(self) -> None:
-        """Let go of the motors where they are; the program can be gone on with from wherever they come to rest."""
+        """Release the motors where they are; the program can be resumed from wherever they come to rest."""
         self._event, self._homing = None, ()
         self.running = False
         self._rest(None)
 
     def reset(self) -> None:
-        """Forget everything, as at power-up."""
+        """Clear everything, as at power-up."""
         self.drop()
         self.forget()
         self.runtime_error = self.radius_error = self.single_step = False
@@ -151,7 +151,7 @@ class ProgramMotion:
         self._planner = self._frame.stopped_at = None
 
     def preset(self, presets: Mapping[str, float]) -> None:
-        """Call the present places of axes so (user units); nothing moves, and the program goes on from there.
+        """Preset the present positions of axes (user units); nothing moves, and the program continues from there.
 
         Raises:
             PmacError: 003, no such axis here.
@@ -160,7 +160,7 @@ class ProgramMotion:
         self.relocate()
 
     def relocate(self) -> None:
-        """Let the program go on from where the motors are, and the axes as they count now."""
+        """Let the program continue from the present motor positions and axis origins."""
         if self._planner is not None:
             self._planner.run.relocate(self._frame.positions())
             self._planner.relocate(self._frame.places, self._frame.shifted)
@@ -182,11 +182,11 @@ class ProgramMotion:
         return {motor.number: track for motor, track in zip(self._frame.motors, tracks, strict=True)}
 
     def _stand(self, player: Player | None, cycles: int) -> None:
-        """Let time pass in which no motion is played: home searches of a program, a hold, or nothing at all."""
+        """Pass time without motion to play: home searches of a program, a hold, or nothing at all."""
         self._time_base.advance(cycles)
         self._wait_for_homes()
         if player is not None and self._time_base.holding:
-            self._frame.stopped_at = player.position  # J= leads back to here
+            self._frame.stopped_at = player.position  # J= returns to here
 
     def _frozen(self, player: Player) -> bool:
         return self._time_base.stopped and not player.in_real_time
@@ -225,7 +225,7 @@ class ProgramMotion:
                 self._player.append(pieces)
 
     def _fail(self) -> tuple[Piece, ...]:
-        """End the program with a run-time error; return what brings the motors to rest."""
+        """End the program with a run-time error; return the pieces that bring the motors to rest."""
         pieces = self._halt()
         self.running, self.runtime_error, self._planner = False, True, None
         return pieces
@@ -236,7 +236,7 @@ class ProgramMotion:
         return self._planner.halt(tuple(motor.variable(15) for motor in self._frame.motors))
 
     def _carry_out(self, event: Event) -> None:
-        """Do what waits for the motion before it, once that has been played and the motors stand."""
+        """Execute the event that waits for the motion before it, once that is played and the motors stand."""
         player = self._player
         if player is None or not player.idle:
             return
@@ -254,7 +254,7 @@ class ProgramMotion:
             self._rest(player.position)
 
     def _seek_homes(self, request: HomeRequest) -> None:
-        """HOME in a program: the motors are their own until all of them are done."""
+        """HOME in a program: the motors move by themselves until all of them are done."""
         self._player = None
         motors = tuple(self._motors[number] for number in request.motors if number in self._motors)
         taken = [motor for motor in motors if motor.program_timer and motor not in self._frame.motors]
@@ -284,7 +284,7 @@ class ProgramMotion:
             self._rest(self._frame.places)
 
     def _rest(self, position: Vector | None) -> None:
-        """No motion is left; `position` is where a program that was stopped has to go on, None wherever it is."""
+        """End the motion; `position` is where a stopped program has to resume, None for anywhere."""
         self._player = None
         self._time_base.restart()
         for motor in self._frame.motors:

@@ -1,7 +1,7 @@
-"""The memory of the simulated card: registers of motors and systems at their addresses, plain words elsewhere.
+"""The memory of the simulated controller: registers of motors and systems, plain words elsewhere.
 
-What a register holds is asked for when it is read, so that looking at it costs the motion nothing. Registers of
-position are in 1/(Ix08 x 32) count, those of velocity in 1/(Ix09 x 32) count a servo cycle.
+A register's value is computed when it is read, so that reads do not slow the motion. Registers of position are in
+1/(Ix08 x 32) count, those of velocity in 1/(Ix09 x 32) count per servo cycle.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DOUBLE_BITS = 2 * WORD_BITS
 _HALF = 0xFFFF
 
 Value = Callable[[Controller, int], float]
-"""What the register of a motor or a system, by its number, holds."""
+"""Computes the register of a motor or a system, by its number."""
 
 
 def _of_motor(value: Callable[[Motor], float]) -> Value:
@@ -72,14 +72,14 @@ READERS: Mapping[str, Value] = {
     "global_status_1": _global_word(0),
     "global_status_2": _global_word(1),
 }
-"""The registers that there are; which of them a family has, and where, is in its dialect."""
+"""All registers; which of them a family has, and where, is in its dialect."""
 
 
 class CardMemory:
-    """X and Y words of 24 bits, together a D word of 48; L words are numbers of their own beside them.
+    """X and Y words of 24 bits, together a D word of 48; L words are separate numbers.
 
-    What is written to a register is lost, but for the position of a variable jog and a correction. Some words may
-    be timers, and some set up the encoder conversion table.
+    A write to a register is lost, except for the variable jog position and the correction. Some words may be
+    timers, and some set up the encoder conversion table.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -106,7 +106,7 @@ class CardMemory:
                 return self._number(pointer)
 
     def write(self, pointer: Pointer, value: float) -> None:
-        """Store a value there; non-integers are rounded, the bits that do not fit are lost."""
+        """Store a value; non-integers are rounded, bits that do not fit are lost."""
         match pointer.space:
             case "X" | "Y":
                 mask = _mask(pointer.width) << pointer.offset
@@ -122,7 +122,7 @@ class CardMemory:
                 self._set_number(pointer, value)
 
     def word(self, space: str, address: int) -> int:
-        """Return a word of 24 bits, without a sign; `space` is X or Y."""
+        """Return an unsigned 24-bit word; `space` is X or Y."""
         held = self._registers.get((space, address))
         if held is not None:
             return _whole(self._held(held)) & WORD
@@ -147,7 +147,7 @@ class CardMemory:
             self._words[space, address] = value & WORD
 
     def double(self, address: int) -> int:
-        """Return the X word and the Y word, together 48 bits, without a sign."""
+        """Return the X word and the Y word, together 48 bits, unsigned."""
         held = self._registers.get(("D", address))
         if held is not None:
             return _whole(self._held(held)) & _mask(DOUBLE_BITS)
@@ -189,7 +189,7 @@ class CardMemory:
 
 
 def _addresses(dialect: Dialect) -> dict[tuple[str, int], tuple[str, int]]:
-    """Return the name and the number of the motor or system of each register, by its space and address."""
+    """Return the name and the motor or system number of each register, by its space and address."""
     return {
         (register.space, register.address + (number - 1) * register.stride): (name, number)
         for name, register in dialect.registers.items()

@@ -1,4 +1,4 @@
-"""What the card answers about motors, coordinate systems and itself."""
+"""The controller's reports on motors, coordinate systems and itself."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.motor import Motor
 
 VELOCITY_STEP = 0.1
-"""V and control-V are rounded to this, in counts per servo cycle."""
+"""Resolution of V and control-V, in counts per servo cycle."""
 
 _AXES = "ABCUVWXYZ"
 _BLENDING_OFF = 92
@@ -53,7 +53,7 @@ def system_status(controller: Controller, number: int) -> str:
 
 
 def global_status(controller: Controller, *, all_cards: bool = False) -> str:
-    """The digits of `???`, for a host that has addressed this card alone or `all_cards` of its line."""
+    """The digits of `???`, for a host that has addressed this controller alone or `all_cards` of its line."""
     return digits_of(global_words(controller, all_cards=all_cards))
 
 

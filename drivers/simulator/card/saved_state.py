@@ -1,6 +1,6 @@
-"""What SAVE keeps: settings, definitions, programs and tables, in memory or in a file that outlives the process.
+"""The state that SAVE keeps: settings, definitions, programs and tables, in memory or in a persistent file.
 
-The values of P, Q and M are not among it, nor a table that is not full. The file is JSON, written in one step.
+The values of P, Q and M are not included, nor an incomplete table. The file is JSON, written atomically.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
 SCHEMA = 1
 UNREADABLE = "file.unreadable"
 CAP_BYTES = 4_000_000
-"""Above anything that a card has room for; read, it takes some twenty times as much."""
+"""More than any controller has room for; parsed, it takes some twenty times as much."""
 
 Texts = Mapping[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SavedState:
-    """Everything as text, by its number; `axes` are definitions such as `#1->X` by coordinate system.
+    """The whole state as text, by number; `axes` are definitions such as `#1->X` by coordinate system.
 
     `tables` are the lines that send a compensation table, by its motor, `conversion` the changed words of the
     encoder conversion table, by their line.
@@ -55,13 +55,13 @@ class SavedState:
     programs: Texts
     plcs: Texts
     password: str
-    # Files of cards that knew none of these have none.
+    # Missing in files of earlier versions.
     tables: Texts = field(default_factory=dict)
     conversion: Mapping[str, int] = field(default_factory=dict)
 
 
 class Memories(Protocol):
-    """What a controller holds of what SAVE keeps."""
+    """The parts of a controller that SAVE keeps."""
 
     dialect: Dialect
     programs: dict[int, ProgramBuffer]
@@ -77,17 +77,17 @@ class Memories(Protocol):
 
 
 class Flash:
-    """The memory that keeps its contents without power; with a `path`, a file."""
+    """The non-volatile memory; with a `path`, a file."""
 
     def __init__(self, path: Path | None = None) -> None:
         self._path = path
         self._state: SavedState | None = None
 
     def save(self, controller: Memories) -> None:
-        """Keep the present state.
+        """Save the present state.
 
         Raises:
-            ProfileError: `file.not_writable`; what was saved before is still there.
+            ProfileError: `file.not_writable`; the earlier saved state is still there.
         """
         state = _taken(controller)
         if self._path is not None:
@@ -96,10 +96,10 @@ class Flash:
         self._state = state
 
     def power_up(self, controller: Memories) -> None:
-        """Bring back what an earlier process has saved, if there is such a file.
+        """Restore what an earlier process has saved, if there is such a file.
 
         Raises:
-            ProfileError: `file.unreadable`, it is not ours, or of another family of controllers;
+            ProfileError: `file.unreadable`, not such a file, or of another family of controllers;
                 `schema.unsupported`.
         """
         if self._path is None or not self._path.exists():
@@ -118,7 +118,7 @@ class Flash:
         self._state = state
 
     def restore(self, controller: Memories) -> None:
-        """Bring back what was saved; without that, the controller stays as it is."""
+        """Restore the saved state; without one, the controller stays as it is."""
         if self._state is not None:
             _put_back(self._state, controller)
 
@@ -151,14 +151,14 @@ def _texts(listings: Mapping[int, Iterable[str]]) -> Texts:
 
 
 def _judge(state: SavedState) -> None:
-    """Refuse numbers of variables, systems and programs that are none."""
+    """Refuse invalid numbers of variables, systems and programs."""
     for numbered in asdict(state).values():
         if isinstance(numbered, Mapping):
             _ = [int(number) for number in numbered]
 
 
 def _put_back(state: SavedState, controller: Memories) -> None:
-    """Make the controller, at rest, what it was."""
+    """Restore the state of the controller, at rest."""
     variables = controller.variables
     variables.replace_i({int(index): value for index, value in state.settings.items()})
     highest = controller.dialect.highest_address

@@ -1,4 +1,4 @@
-"""The controller's side of an axis: what a motor needs of it, and the PID loop that closes it."""
+"""The controller's side of an axis: the interface that a motor needs, and its PID loop."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from drivers.simulator.plant.tip_load import TipLoad
 
 
 class Axis(Protocol):
-    """What a motor of the simulated controller drives.
+    """The axis that a motor of the simulated controller drives.
 
-    Positions are motor counts; `origin` is the machine position of motor zero, so that homing can move the zero
-    without moving the iron. While `encoder_lost`, the encoder does not count and a closed loop sees its last
-    reading; while `jammed`, the iron stands still whatever the force.
+    Positions are motor counts; `origin` is the machine position of motor zero, so that homing can shift the zero
+    without moving the axis. While `encoder_lost`, the encoder does not count and a closed loop sees its last
+    reading; while `jammed`, the axis stands still whatever the force.
     """
 
     origin: float
@@ -26,26 +26,26 @@ class Axis(Protocol):
     jammed: bool
 
     def close_loop(self) -> float:
-        """Begin to hold the present position; return it as the commanded one, in motor counts."""
+        """Hold the present position; return it as the commanded one, in motor counts."""
 
     def follow(self, commands: Sequence[float]) -> list[float]:
-        """Run one servo cycle a command (counts); return the true position at each cycle."""
+        """Run one servo cycle per command (counts); return the true position at each cycle."""
 
     def push(self, output: float, cycles: int) -> list[float]:
-        """Run `cycles` in open loop; `output` is the share of Ix69, -1 to 1. Return the true positions."""
+        """Run `cycles` in open loop; `output` is the fraction of Ix69, -1 to 1. Return the true positions."""
 
     def coast(self, cycles: int) -> list[float]:
-        """Run `cycles` with the amplifier off; return the true position at each cycle."""
+        """Run `cycles` with the amplifier disabled; return the true position at each cycle."""
 
     def rebase(self, counts: float) -> None:
-        """Make the present `counts` the new zero of the motor; the iron does not move."""
+        """Make the present `counts` the new zero of the motor; the axis does not move."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServoGains:
     """The PID of the controller (Ix30 to Ix35, Ix08, Ix09) with its output limit Ix69.
 
-    Of Ix63, the limit of the integrator, only 0 counts: it switches the integrator off.
+    Of Ix63, the integrator limit, only 0 has an effect: it disables the integrator.
 
     Output in DAC bits = 2^-19 Ix30 (Ix08 (FE + (Ix32 CV + Ix35 CA)/128 + Ix33 IE/2^23) - Ix31 Ix09 AV/128),
     counts and counts per cycle (PMAC User Manual, PID; Software Reference, Ix30 to Ix35).
@@ -66,9 +66,9 @@ class ServoGains:
 class ServoAxis:
     """The loop of one motor: encoder, PID, output limit and one cycle of output delay, round a driven mass.
 
-    It is stepped a block of servo cycles at a time, and carries the state of the iron with its own: position and
-    speed are the only two numbers that pass between them in each cycle. `at_end` is whether an end of its travel
-    has held the iron in the last block.
+    It is stepped a block of servo cycles at a time, and carries the mechanical state with its own: position and
+    speed are the only two numbers exchanged in each cycle. `at_end` is whether an end of its travel has held the
+    axis in the last block.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class ServoAxis:
         lag_s: float = 0.0,
         load: TipLoad | None = None,
     ) -> None:
-        """`lag_s` is the time constant of the current, `scale` reads, and `load` pushes beside the motor."""
+        """Take `lag_s`, the current's time constant, `scale`, the encoder, and `load`, an additional force."""
         self.origin = origin
         self.encoder_lost = False
         self.jammed = False
@@ -107,7 +107,7 @@ class ServoAxis:
 
     @property
     def output_fraction(self) -> float:
-        """Last output over its limit."""
+        """Last output as a fraction of its limit."""
         return self._force / self._limit
 
     def set_gains(self, gains: ServoGains) -> None:
@@ -132,7 +132,7 @@ class ServoAxis:
     def rebase(self, counts: float) -> None:
         """Shift the motor's zero by `counts`.
 
-        An encoder that counts again goes on from its last reading: the zero moves, what was read does not.
+        An encoder that counts again continues from its last reading: the zero moves, the reading does not.
         """
         self.origin += counts
         self._x -= counts
@@ -183,11 +183,11 @@ class ServoAxis:
         return positions
 
     def push(self, output: float, cycles: int) -> list[float]:
-        """Hold a share of Ix69, as far as the amplifier gives it, with the same delay as in closed loop."""
+        """Hold a fraction of Ix69, within the amplifier's limit, with the same delay as in closed loop."""
         return self._drift(max(-self._limit, min(output * self._full_output, self._limit)), cycles)
 
     def coast(self, cycles: int) -> list[float]:
-        """Let the mass run out against its damping and friction."""
+        """Let the mass coast against its damping and friction."""
         self._force = 0.0
         return self._drift(0.0, cycles)
 
@@ -205,7 +205,7 @@ class ServoAxis:
         return positions
 
     def _follow_hindered(self, commands: Sequence[float]) -> list[float]:
-        """Close the loop where something is the matter: the same, a cycle at a time."""
+        """Close the loop under a fault: the same as `follow`, a cycle at a time."""
         positions = []
         if self._load is not None:
             self._load.begin()
@@ -242,7 +242,7 @@ class ServoAxis:
             self._encoder = self.scale.read(self._x)
 
     def _move(self) -> None:
-        """Let the iron go on for a cycle under the force that it has."""
+        """Advance the mass for a cycle under its present force."""
         if self.jammed:
             self._v = 0.0
         elif self._slide:
@@ -250,7 +250,7 @@ class ServoAxis:
             self._x, self._v = self._slide.step(self._x, self._v, self._force, load)
         else:
             plant, v, force = self._plant, self._v, self._force
-            # In the order of `follow`, to the last bit: which of the two it is, nobody is to see.
+            # In the order of `follow`, to the last bit: the results must be identical.
             self._x = self._x + plant.glide * v + plant.push_x * force
             self._v = plant.decay * v + plant.push_v * force
         ends = self._ends
@@ -258,7 +258,7 @@ class ServoAxis:
             self._x, self._v, self.at_end = ends.holds(self._x + self.origin) - self.origin, 0.0, True
 
     def _may_meet_end(self, cycles: int) -> bool:
-        """Whether an end of travel is near enough to be met within so many cycles."""
+        """Whether an end of travel is near enough to be reached within so many cycles."""
         if self._ends is None:
             return False
         time_s, place = cycles * self._cycle_s, self._x + self.origin

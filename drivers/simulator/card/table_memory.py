@@ -1,7 +1,7 @@
-"""The compensation tables that a card holds, and the one that a host is filling.
+"""The compensation tables of the controller, and the one that a host is filling.
 
-DEFINE COMP reserves the memory; the constants that the same host sends next are the entries. A table is there for
-the order of the memory as soon as it is defined, and corrects something when its last entry has come.
+DEFINE COMP reserves the memory; the constants that the same host sends next are the entries. A table counts in the
+memory order as soon as it is defined, and corrects something once its last entry has come.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Unfilled:
-    """A table that still waits for entries of its `host`."""
+    """A table that still expects entries from its `host`."""
 
     definition: TableDefinition
     host: object
@@ -24,7 +24,7 @@ class _Unfilled:
 
 
 class TableMemory:
-    """`tables` are the complete ones, by the motor that they belong to; a change makes another mapping of them.
+    """Holds the complete `tables`, by the motor that they belong to; a change creates a new mapping.
 
     `revision` counts up with every change.
     """
@@ -42,7 +42,7 @@ class TableMemory:
 
     @property
     def entry_count(self) -> int:
-        """How many entries all tables have room for."""
+        """Number of entries in all tables."""
         return sum(self.definition(motor).entry_count for motor in self.motors)
 
     def definition(self, motor: int) -> TableDefinition:
@@ -56,7 +56,7 @@ class TableMemory:
         return self._table(motor).definition
 
     def entries(self, motor: int) -> Sequence[int]:
-        """Return the entries of a motor's table, as many as have come.
+        """Return the entries of a motor's table received so far.
 
         Raises:
             PmacError: 003, it has none.
@@ -83,7 +83,7 @@ class TableMemory:
         """Take the next entries of the table that is being filled.
 
         Raises:
-            PmacError: 003, more than it has room for; then none of them is taken.
+            PmacError: 003, more than it has room for; then none of them is accepted.
         """
         filling = self._filling
         if filling is None:
@@ -100,7 +100,7 @@ class TableMemory:
         self.revision += 1
 
     def delete(self, motor: int, buffers: Collection[str]) -> None:
-        """DELETE COMP; without a table there is nothing to do.
+        """DELETE COMP; without a table it has no effect.
 
         Raises:
             PmacError: those of `refuse_deletion`.
@@ -113,7 +113,7 @@ class TableMemory:
         self.revision += 1
 
     def leave(self) -> None:
-        """Fill none any more, as after a reset; a table that was not full stays unfilled."""
+        """Stop filling, as after a reset; an incomplete table stays so."""
         self._filling = None
 
     def clear(self) -> None:
@@ -121,7 +121,7 @@ class TableMemory:
         self.replace(())
 
     def replace(self, tables: Iterable[CompensationTable]) -> None:
-        """Hold these tables and no others, as after a reset."""
+        """Hold exactly these tables, as after a reset."""
         self.tables = {table.definition.motor: table for table in tables}
         self._unfilled.clear()
         self._filling = None

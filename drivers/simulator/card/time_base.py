@@ -1,4 +1,4 @@
-"""The time base of a coordinate system: how fast the time of its trajectories passes."""
+"""The time base of a coordinate system: the rate of its trajectory time."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from drivers.simulator.card.player import Player
 REAL_TIME_PERCENT = 100.0
 
 _OVERRIDE_SLEW, _HOLD_SLEW = 94, 95
-"""Ix94 and Ix95: by how many 2^-23 ms a servo cycle's worth of trajectory time may change from cycle to cycle."""
+"""Ix94 and Ix95: maximum change of the time base per servo cycle, 2^-23 ms."""
 
 _WIDEST = I10_PER_MS - 1
-"""The time base is a signed word of 24 bits, a servo cycle's worth in 2^-23 ms."""
+"""The time base is a signed 24-bit word, a servo cycle's worth in 2^-23 ms."""
 
 
 class TimeBase:
-    """What is asked for, what a feed hold makes of it, and the value that slews from one to the other.
+    """The commanded time base, the effect of a feed hold, and the value that slews between them.
 
-    `%` asks, or the source that Ix93 names instead, anew in each servo cycle. `percent` is the present value; at
-    100 a servo cycle is a servo cycle, as I10 states it. `real_time` is whether that is so and stays so. A feed
-    hold and the start after it slew at Ix95, everything else at Ix94.
+    The command is `%`, or the source that Ix93 names instead, anew in each servo cycle. `percent` is the present
+    value; at 100 a servo cycle is a servo cycle, as I10 states it. `real_time` is whether that is so and stays so.
+    A feed hold and the start after it slew at Ix95, everything else at Ix94.
     """
 
     def __init__(self, system: int, variables: VariableStore) -> None:
@@ -38,12 +38,12 @@ class TimeBase:
 
     @property
     def led(self) -> bool:
-        """Whether another source than `%` says how fast time passes."""
+        """Whether another source than `%` sets the rate of time."""
         return self._led is not None
 
     @property
     def steady(self) -> bool:
-        """Whether the present value is the one that is asked for."""
+        """Whether the present value equals the commanded one."""
         return self.percent == self._goal
 
     @property
@@ -58,7 +58,7 @@ class TimeBase:
         return self._override if self._led is None else self._led
 
     def set_override(self, percent: float) -> None:
-        """Ask for another rate; above what the card can do it takes the highest, as the card does.
+        """Command another rate; above the controller's maximum it is limited, as on the controller.
 
         Raises:
             PmacError: 003, not a number from 0.
@@ -69,7 +69,7 @@ class TimeBase:
         self._note()
 
     def lead(self, units: int | None) -> None:
-        """Take what the source says of this servo cycle, 2^-23 ms; None gives it back to `%`."""
+        """Take the source's value for this servo cycle, 2^-23 ms; None returns the command to `%`."""
         self._led = None if units is None else REAL_TIME_PERCENT * units / self._units()
         self._note()
 
@@ -79,20 +79,20 @@ class TimeBase:
         self._note()
 
     def release(self) -> None:
-        """Slew back to what `%` asks for, after a feed hold."""
+        """Slew back to the `%` command, after a feed hold."""
         self._resuming = self._resuming or self.holding
         self.holding = False
         self._note()
 
     def restart(self) -> None:
-        """Forget a hold, for a motion that is over: the next one begins at what `%` asks for."""
+        """Clear a hold when the motion is over: the next one begins at the `%` command."""
         if self.holding or self._resuming:
             self.holding = self._resuming = False
             self.percent = self._goal
             self._note()
 
     def reset(self) -> None:
-        """Go back to real time, as at power-up."""
+        """Return to real time, as at power-up."""
         self.holding = self._resuming = False
         self.percent = self._override = REAL_TIME_PERCENT
         self._led = None

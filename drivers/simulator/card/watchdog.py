@@ -1,7 +1,7 @@
-"""When the background cycle of the card has its turn, and the watchdog that shuts the card down if it is late.
+"""The schedule of the background cycle, and the watchdog that shuts the controller down if it is late.
 
-The card is dead then: its motors are killed, it reads nothing and says nothing, until it is switched off and on.
-A background cycle that nothing slows down is never late, however little I40 allows.
+The controller is dead then: its motors are killed, and it neither reads nor sends, until it is power-cycled. A
+background cycle that nothing slows down is never late, however little I40 allows.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from drivers.simulator.faults.lines import Lines
 
 
 def most_cycles(watchdog: Watchdog, variables: VariableStore) -> int:
-    """Return how many servo cycles may lie between two background cycles. The count goes to 0, and trips below."""
+    """Return the maximum servo cycles between two background cycles. The count goes to 0, and trips below."""
     count = int(variables.i(watchdog.number)) if watchdog.number is not None else 0
     interrupt = int(variables.i(INTERRUPT_PERIOD)) + 1 if watchdog.of_interrupts else 1
     return (count or watchdog.count) * interrupt + interrupt - 1
 
 
 class Background:
-    """Asked after each block of servo cycles. `cycle_ms` is the shortest time between two background cycles."""
+    """Called after each block of servo cycles. `cycle_ms` is the shortest time between two background cycles."""
 
     def __init__(self, controller: Controller, lines: Lines) -> None:
-        """`lines` are told that the card is dead, or slow."""
+        """Take `lines`, informed when the controller is dead, or slow."""
         self._controller = controller
         self._lines = lines
         self._last = controller.cycles
@@ -37,12 +37,12 @@ class Background:
         return self._lines.dead
 
     def slow_down(self, cycle_ms: float) -> None:
-        """Let background cycles come no sooner than this behind one another; 0: as soon as they can."""
+        """Set the minimum time between background cycles; 0: as soon as possible."""
         self._cycle_ms = cycle_ms
         self._lines.slow = cycle_ms > 0.0
 
     def comes(self) -> bool:
-        """Return whether it is time for a background cycle, which is then as good as done."""
+        """Return whether a background cycle is due; the caller then runs it."""
         if self.tripped:
             return False
         controller = self._controller
@@ -57,7 +57,7 @@ class Background:
         return True
 
     def trip(self) -> None:
-        """Shut the card down."""
+        """Shut the controller down."""
         if self.tripped:
             return
         self.tripped_s = self._lines.now_s()
@@ -67,7 +67,7 @@ class Background:
         self._controller.gather.stop()
 
     def power_cycle(self) -> None:
-        """Reset the card, and begin anew. It tells of a watchdog that has tripped until its next reset."""
+        """Reset the controller, and restart. It reports a tripped watchdog until its next reset."""
         tripped = self.tripped
         self._controller.reset()
         self._controller.watchdog_tripped = tripped

@@ -1,1 +1,1 @@
-"""On-line commands by topic: each module has a table of its words and what they do."""
+"""On-line commands by topic: each module has a table of its words and their functions."""

@@ -1,4 +1,4 @@
-"""Which motor, coordinate system and card a host means, and which motors make an axis."""
+"""Address a motor, a coordinate system and a controller, and assign motors to axes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MOTORS_IN_A_BANK = 8
 
 
 def address_card(scanner: Scanner, context: Context) -> None:
-    """`@n`: what follows is for card n; `@@`: for all; `@` reports. It matters only with bit 1 of I1.
+    """`@n`: what follows is for controller n; `@@`: for all; `@` reports. It matters only with bit 1 of I1.
 
     Raises:
         PmacError: 003, a number above 15.
@@ -46,7 +46,7 @@ def _address_motor(scanner: Scanner, context: Context) -> None:
 def _address_bank(scanner: Scanner, context: Context) -> None:
     """`##1`: the control characters report motors 9 to 16.
 
-    With eight motors, and with a space between the signs, it is `#`, and `#1` behind it.
+    With eight motors, and with a space between the signs, it is `#`, and `#1` after it.
     """
     banks = context.dialect.motor_count // MOTORS_IN_A_BANK
     behind = scanner.mark()

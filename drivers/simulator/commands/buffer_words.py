@@ -1,4 +1,4 @@
-"""Words about program buffers: OPEN, CLEAR, CLOSE, LIST, DELETE, SIZE, ENABLE PLC and DISABLE PLC."""
+"""Program buffer commands: OPEN, CLEAR, CLOSE, LIST, DELETE, SIZE, ENABLE PLC and DISABLE PLC."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _delete(scanner: Scanner, context: Context) -> None:
 
 
 def _abbreviated(target: str) -> Handler:
-    """`DEL GAT`: DEL alone is no word, so that DELAY is none of its."""
+    """`DEL GAT`: DEL alone is not a word, so that DELAY does not match."""
 
     def command(scanner: Scanner, context: Context) -> None:
         scanner.reset(scanner.mark() - len(target))
@@ -100,7 +100,7 @@ def _switch_plc(word: str) -> Handler:
 
 
 def _plc_text(scanner: Scanner, context: Context) -> None:
-    """A PLC that is typed although its OPEN was refused must not abort with `AND(`, nor step with `SEND`."""
+    """Prevent a PLC that is typed after a refused OPEN from aborting with `AND(`, or stepping with `SEND`."""
     raise PmacError(ErrorCode.NO_BUFFER_OPEN, context.text[:20])
 
 

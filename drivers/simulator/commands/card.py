@@ -1,4 +1,4 @@
-"""The card as a whole: saving, resetting, and the password of its programs."""
+"""Commands for the whole controller: saving, resetting, and the password of its programs."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def _factory_reset(_: Scanner, context: Context) -> None:
 
 
 def _work_of_all(context: Context) -> int:
-    """Return what it costs to keep, or to bring back, everything that the card holds."""
+    """Return the cost of saving, or restoring, the whole state of the controller."""
     controller = context.controller
     kept = len(controller.variables.settings()) + len(controller.variables.pointers)
     return kept + buffers.stored_lines_in(controller) * LINE_WORK
 
 
 def _password(scanner: Scanner, context: Context) -> None:
-    """`PASSWORD=text`: everything up to the end of the line, as it was typed."""
+    """`PASSWORD=text`: everything up to the end of the line, as typed."""
     scanner.expect("=")
     rest = len(scanner.rest)
     text = context.text[scanner.position :]

@@ -1,4 +1,4 @@
-"""What control characters do, apart from those that are about the line itself (CR, backspace, ^I, ^N, ^Y)."""
+"""The functions of control characters, except those that edit the line itself (CR, backspace, ^I, ^N, ^Y)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drivers.simulator.card.motor import Motor
 from drivers.simulator.context import Context
 
 Action = Callable[[Context], str | None]
-"""What is done; the text is what the host is told, None when it is told nothing."""
+"""The function; it returns the text for the host, None when there is none."""
 
 
 def control(letter: str) -> int:
@@ -18,7 +18,7 @@ def control(letter: str) -> int:
 
 
 CONTROL_X = control("X")
-"""Forgets what has come, and what waits to be sent."""
+"""Discards pending input and output."""
 
 
 def _motors(report: Callable[[Context, Motor], str]) -> Action:
@@ -47,10 +47,10 @@ ACTING: Mapping[int, Action] = {
     control("R"): lambda context: context.controller.run_all(),
     control("S"): lambda context: context.controller.step_all(),
 }
-"""They act as soon as they come, past every line that waits."""
+"""They act as soon as they arrive, before every pending line."""
 
 STOPS = (control("A"), control("K"))
-"""From a host, they also forget the commands (CMD) that wait: none of them may move what was just stopped."""
+"""From a host, they also discard pending commands (CMD): none of them may move what was just stopped."""
 
 REPORTING: Mapping[int, Action] = {
     control("B"): _motors(lambda context, motor: reports.motor_status(context.controller, motor)),
@@ -60,7 +60,7 @@ REPORTING: Mapping[int, Action] = {
     control("P"): _motors(lambda context, motor: reports.position(context.controller, motor)),
     control("V"): _motors(lambda _, motor: reports.velocity(motor)),
 }
-"""They are answered past every line that waits, as far as the share of the host goes."""
+"""They are answered before every pending line, within the host's share."""
 
 ACTIONS: Mapping[int, Action] = {**ACTING, **REPORTING}
-"""Those that are not here do nothing, or are about the line itself."""
+"""Others have no function, or edit the line itself."""

@@ -1,4 +1,4 @@
-"""Words about data gathering: DEFINE, GATHER, ENDGATHER, LIST and DELETE."""
+"""Data gathering commands: DEFINE, GATHER, ENDGATHER, LIST and DELETE."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _GATHER = ("GATHER", "GAT")
 
 
 def _define(scanner: Scanner, context: Context) -> None:
-    """`DEFINE GATHER 1000` long words; without a number all the room there is, and no program has any."""
+    """`DEFINE GATHER 1000` long words; without a number all available memory, leaving none for programs."""
     controller = context.controller
     if controller.open_buffer is not None:
-        # The buffer that is open lies in the memory that this one would take.
+        # The open buffer lies in the memory that this one would take.
         raise PmacError(ErrorCode.BUFFER_IN_USE, "a buffer is open; CLOSE first")
     room = buffers.room_lines(controller) + controller.gather.size
     size = scanner.take_integer()

@@ -1,4 +1,4 @@
-"""What a command is: something that reads its own arguments and acts for the host that sent it."""
+"""The command handler: parses its own arguments and acts for the host that sent it."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from drivers.simulator.context import Context
 Handler = Callable[[Scanner, Context], None]
 
 LINE_WORK = 16
-"""What writing or keeping a line of a program costs, in variables that are read."""
+"""Cost of writing or storing a program line, in variables read."""
 
 
 def say(report: Callable[[Context], str]) -> Handler:
-    """Return a command that answers one line."""
+    """Return a command that replies one line."""
 
     def command(_: Scanner, context: Context) -> None:
         context.lines.append(report(context))
@@ -23,7 +23,7 @@ def say(report: Callable[[Context], str]) -> Handler:
 
 
 def signed_constant(scanner: Scanner) -> float | None:
-    """Go past a constant, negative or not; None, with nothing consumed, when none stands at the cursor."""
+    """Consume a constant, negative or not; None, with nothing consumed, when there is none at the cursor."""
     start = scanner.mark()
     negative = scanner.accept("-")
     value = scanner.take_number()

@@ -1,4 +1,4 @@
-"""What kind of card this is."""
+"""Identification of the controller."""
 
 from __future__ import annotations
 
@@ -33,4 +33,4 @@ def _identify(word: str) -> Handler:
 
 
 WORDS: dict[str, Handler] = {spelling: _identify(word) for spelling, word in _SPELLINGS.items()}
-"""The answers, and which words a family has, are in its dialect."""
+"""The replies, and which words a family has, are in its dialect."""

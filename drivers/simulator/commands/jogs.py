@@ -1,4 +1,4 @@
-"""Moving single motors: jogs, home searches, phasing, open loop and kill."""
+"""Move single motors: jogs, home searches, phasing, open loop and kill."""
 
 from __future__ import annotations
 
@@ -55,14 +55,14 @@ def _distance(scanner: Scanner, motor: Motor) -> float:
 
 
 def _amount(scanner: Scanner, motor: Motor) -> float | None:
-    """Return a constant, or with `*` the motor's variable jog register; None when neither stands there."""
+    """Return a constant, or with `*` the motor's variable jog register; None when there is neither."""
     if scanner.accept("*"):
         return motor.variable_jog
     return signed_constant(scanner)
 
 
 def _reached(counts: float) -> float:
-    """Return a place that a jog may go to: the registers of the card are as wide for it as for programs.
+    """Return a jog target, checked against the range of the registers, as for programs.
 
     Raises:
         PmacError: 003, beyond them.
@@ -73,7 +73,7 @@ def _reached(counts: float) -> float:
 
 
 def _past_trigger(scanner: Scanner) -> float | None:
-    """`^100` behind a jog: stop at the trigger, then go so many counts past it."""
+    """`^100` after a jog: stop at the trigger, then go that many counts past it."""
     if not scanner.accept("^"):
         return None
     counts = signed_constant(scanner)
@@ -91,7 +91,7 @@ def _home_zero(_: Scanner, context: Context) -> None:
 
 
 def _kill(_: Scanner, context: Context) -> None:
-    """A motor that is not activated is off already."""
+    """Ignore a motor that is not activated: it is off already."""
     context.controller.refuse_in_control(context.motor_number)
     context.motor.kill()
 
@@ -108,7 +108,7 @@ def _phase(_: Scanner, context: Context) -> None:
 
 
 def _read_absolute_position(_: Scanner, context: Context) -> None:
-    """`$*`: the motor is killed and takes the place where it is for its zero."""
+    """`$*`: kill the motor and set its present position to zero."""
     context.controller.read_absolute_position(context.active_motor.number)
 
 

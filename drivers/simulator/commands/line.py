@@ -1,6 +1,6 @@
-"""One line of text from a host, executed command by command.
+"""Execute one line of text from a host, command by command.
 
-Several commands may stand in a line with or without separators; what was done before an error stays done.
+A line may contain several commands with or without separators; commands before an error stay executed.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from drivers.simulator.commands.handler import Handler
 from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context
 
 _DAISY_CHAIN = 2
-"""Bit 1 of I1: cards on one line, addressed with `@n`."""
+"""Bit 1 of I1: several controllers on one line, addressed with `@n`."""
 
 _COMMAND_WORK = 5
-"""What any command costs, in values that are read or set."""
+"""Cost of any command, in values read or set."""
 
 _ALWAYS_ON_LINE: dict[str, Handler] = {
     **addressing.WORDS,
@@ -46,24 +46,24 @@ _ALWAYS_ON_LINE: dict[str, Handler] = {
     **systems.WORDS,
     **table_words.WORDS,
 }
-"""Words that are never stored, not even while a buffer is open."""
+"""Words that are never stored, even while a buffer is open."""
 
 _WORDS: dict[str, Handler] = {**_ALWAYS_ON_LINE, **jogs.WORDS, **buffer_words.SHARED_WORDS}
-"""With those that may also be words of a program; the longest that fits wins."""
+"""With those that may also be program words; the longest match wins."""
 
 _LETTERS: dict[str, Handler] = {**status.LETTERS, **jogs.LETTERS, **systems.LETTERS}
-"""Single letters, looked for after the variables that begin with the same letter."""
+"""Single letters, matched after the variables that begin with the same letter."""
 
 _ALWAYS = tuple(_ALWAYS_ON_LINE)
 _ANY = tuple(_WORDS)
 _SINGLE = tuple(_LETTERS)
 
 _IMMEDIATE = re.compile(r"J(?:[+/=:^]|-(?![\d.($]))|[PVFKRSHQAZ]+(?=[#&?%@]|$)|M\d+(?:\.\.\d+)?->")
-"""What cannot be a program's although its letters can: `J+` is a jog, `J-5` is part of the centre of a circle."""
+"""Commands although their letters are program words: `J+` is a jog, `J-5` is part of the centre of a circle."""
 
 
 def answers(context: Context) -> bool:
-    """Whether the card is the one that this host has addressed; alone on its line, it always is."""
+    """Whether this host has addressed the controller; alone on its line, it always has."""
     variables = context.controller.variables
     if not int(variables.i(1)) & _DAISY_CHAIN:
         return True
@@ -74,7 +74,7 @@ def execute(text: str, context: Context) -> bool:
     """Execute one line in one go.
 
     Returns:
-        Whether the line, or a part of it, was for this card.
+        Whether the line, or a part of it, was for this controller.
 
     Raises:
         PmacError: the command at which execution stopped.
@@ -88,12 +88,12 @@ def execute(text: str, context: Context) -> bool:
 
 
 def commands(text: str, context: Context) -> Generator[None, None, bool]:
-    """Execute one line, with a pause between two commands; whoever runs it may do something else there.
+    """Execute one line, yielding between two commands; the caller may do something else there.
 
-    Data for the host is appended to `context.lines`, what the commands cost is added to `context.work`.
+    Data for the host is appended to `context.lines`, the cost of the commands is added to `context.work`.
 
     Returns:
-        Whether the line, or a part of it, was for this card.
+        Whether the line, or a part of it, was for this controller.
 
     Raises:
         PmacError: the command at which execution stopped.
@@ -145,7 +145,7 @@ def _command(scanner: Scanner, context: Context, *, first: bool) -> None:
 
 
 def _word(scanner: Scanner) -> str | None:
-    """`RX` is only a word with an address behind it: `B1R LIST PC` runs and lists."""
+    """Match `RX` only with an address after it: `B1R LIST PC` runs and lists."""
     start = scanner.mark()
     word = scanner.take_word(_ANY)
     if word in memory.WORDS and not scanner.peek(memory.ADDRESS_STARTS):
@@ -155,7 +155,7 @@ def _word(scanner: Scanner) -> str | None:
 
 
 def _constant(scanner: Scanner, context: Context) -> bool:
-    """A line that is nothing but a number sets P0 (User Manual, Special-Use P-Variable)."""
+    """Set P0 from a line that is only a number (User Manual, Special-Use P-Variable)."""
     start = scanner.mark()
     negative = scanner.accept("-")
     value = scanner.take_number()
@@ -173,7 +173,7 @@ def _refusal(scanner: Scanner) -> PmacError:
 
 
 def _pass_over(scanner: Scanner) -> None:
-    """What another card is told is nothing to this one."""
+    """Skip commands for another controller."""
     rest = scanner.rest
     found = rest.find("@")
     scanner.reset(scanner.mark() + (len(rest) if found < 0 else found))

@@ -1,4 +1,4 @@
-"""Reading and writing words of memory: `RX:$3D`, `RHY:$720,16`, `WY:$720,$C000,$C004`."""
+"""Read and write memory words: `RX:$3D`, `RHY:$720,16`, `WY:$720,$C000,$C004`."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from drivers.simulator.commands.handler import Handler, signed_constant
 from drivers.simulator.context import Context
 
 MOST_WORDS = 256
-"""Words that one command reads."""
+"""Maximum words read by one command."""
 
 _WORD_WORK = 3
-"""What a word costs, in variables that are read."""
+"""Cost of a word, in variables read."""
 
 ADDRESS_STARTS = ":$0123456789"
 
 _SPACES = {"X": WORD_BITS, "Y": WORD_BITS, "D": 2 * WORD_BITS, "L": 0}
-"""The kinds of words, and how many bits a whole one has; L is a number."""
+"""The kinds of words and their width in bits; L is a number."""
 
 
 def _read(space: str, hexadecimal: bool) -> Handler:

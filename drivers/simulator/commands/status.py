@@ -1,4 +1,4 @@
-"""What a motor, a coordinate system and the card report of themselves."""
+"""Status reports of a motor, a coordinate system and the controller."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drivers.simulator.context import Context
 
 
 def _status(scanner: Scanner, context: Context) -> None:
-    """`?` of the motor, `??` of the coordinate system, `???` of the card. A space between them parts them."""
+    """`?` of the motor, `??` of the coordinate system, `???` of the controller. A space separates them."""
     marks = 1
     while marks < len(_REPORTS) and scanner.peek("?") and context.text[scanner.position - 1] == "?":
         scanner.expect("?")

@@ -1,4 +1,4 @@
-"""Running programs in a coordinate system, and where its axes are."""
+"""Run programs in a coordinate system, and report its axes."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from drivers.simulator.commands.handler import LINE_WORK, Handler, say
 from drivers.simulator.context import Context
 
 LABELS = 100_000
-"""The fraction behind a program number is a label in units of 1/100000: `B1.1` is label N10000."""
+"""The fraction after a program number is a label in units of 1/100000: `B1.1` is label N10000."""
 
 _PRESET_WORK = 30
-"""What it costs, in variables that are read: the places of every axis follow."""
+"""Cost in variables read: the positions of every axis are recomputed."""
 
 _PRESET = re.compile(r"[A-CU-Z]=")
 
 
 def set_axis(scanner: Scanner, context: Context) -> bool:
-    """`X=5`: the axis is, from now on, at 5, without a move; False when no such command stands at the cursor."""
+    """`X=5`: preset the axis to 5, without a move; False when there is no such command at the cursor."""
     if not _PRESET.match(scanner.rest):
         return False
     axis = scanner.take_word(AXIS_LETTERS)
@@ -89,7 +89,7 @@ def _place(place: tuple[int, int]) -> str:
 
 
 def _list_place(read: Callable[[CoordinateSystem], tuple[int, int]]) -> Handler:
-    """`LIST PC` and `LIST PC,3`: the place, and so many lines of the program from there."""
+    """`LIST PC` and `LIST PC,3`: the place, and that many lines of the program from there."""
 
     def command(scanner: Scanner, context: Context) -> None:
         count = scanner.take_integer() if scanner.accept(",") else 1

@@ -1,4 +1,4 @@
-"""Words about compensation tables: DEFINE COMP with its entries, LIST COMP, LIST COMP DEF and DELETE COMP."""
+"""Compensation table commands: DEFINE COMP with its entries, LIST COMP, LIST COMP DEF and DELETE COMP."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from drivers.simulator.commands.handler import LINE_WORK, Handler
 from drivers.simulator.context import Context
 
 _CONSTANT = re.compile(r"[+-]?[\d.]")
-"""How a line of entries begins; `$` is a command."""
+"""First characters of a line of entries; `$` is a command."""
 
 
 def fill(scanner: Scanner, context: Context) -> bool:
-    """Take a line of constants for the table that its host is filling; False when it is no such line.
+    """Take a line of constants for the table that its host is filling; False when it is not such a line.
 
     Raises:
-        PmacError: 003, an entry that is none, or more than the table waits for; then none of the line is taken.
+        PmacError: 003, an invalid entry, or more than the table expects; then none of the line is accepted.
     """
     tables = context.controller.tables
     if not tables.is_filled_by(context) or context.fills_buffer or not _CONSTANT.match(scanner.rest):
@@ -33,7 +33,7 @@ def fill(scanner: Scanner, context: Context) -> bool:
 def _define(scanner: Scanner, context: Context) -> None:
     controller = context.controller
     if controller.open_buffer is not None:
-        # The buffer that is open lies in the memory that the table would take.
+        # The open buffer lies in the memory that the table would take.
         raise PmacError(ErrorCode.BUFFER_IN_USE, "a buffer is open; CLOSE first")
     definition = scan_definition(scanner, context.motor_number, context.dialect.motor_count)
     room = buffers.room_lines(controller)

@@ -1,4 +1,4 @@
-"""Variables: asking for them, setting them, and pointing M-variables at memory."""
+"""Query and set variables, and point M-variables at memory."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LONG, _HEXADECIMAL = 1, 2
 
 
 def variable(scanner: Scanner, context: Context) -> bool:
-    """Answer or assign `P1`, `P1..3`, `P1,3,2`, `I130=*`, `M1->...`; False when none stands at the cursor.
+    """Report or assign `P1`, `P1..3`, `P1,3,2`, `I130=*`, `M1->...`; False when there is none at the cursor.
 
     Raises:
         PmacError: 003, no such variable, range or value.
@@ -92,13 +92,13 @@ def _reported(context: Context, kind: VariableKind, indices: range) -> Iterator[
 
 
 def _refuse_gap(scanner: Scanner, context: Context) -> None:
-    """The arrow of a definition has to stand right behind the number (Software Reference, M->)."""
+    """Require the arrow of a definition directly after the number (Software Reference, M->)."""
     if context.text[scanner.position - 1].isspace():
         raise scanner.refusal("no space in front of -> as in M1->*")
 
 
 def _define(scanner: Scanner, context: Context, indices: range) -> None:
-    """Set, or tell, what M-variables point at."""
+    """Set, or report, M-variable definitions."""
     store = context.controller.variables
     if not _DEFINITION.match(scanner.rest):
         long = int(store.i(9)) & _LONG

@@ -1,1 +1,1 @@
-"""The Ethernet board of the simulated card."""
+"""The Ethernet board of the simulated controller."""

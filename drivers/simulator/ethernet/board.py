@@ -1,4 +1,4 @@
-"""What all clients of the Ethernet board share, and the requests that the board answers without the card."""
+"""The state shared by all clients of the Ethernet board, and the requests that it answers by itself."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Board:
         self.ip_address = FACTORY_ADDRESS
 
     def answer(self, request: Request) -> bytes | None:
-        """Return the reply, None when the request is for the card."""
+        """Return the reply, None when the request is for the controller."""
         if request.code not in _OWN:
             return None
         place, data = request.value, request.data
@@ -43,11 +43,11 @@ class Board:
                 to_clear = int.from_bytes(data[4:], "little")
                 self._change_word(place, to_set=data[:4], to_keep=(~to_clear & 0xFFFF_FFFF).to_bytes(4, "little"))
             case RequestCode.IPADDRESS:
-                # A new address is kept; it would be used after the next power-up.
+                # A new address is stored; it would take effect after the next power-up.
                 self.ip_address = data if request.direction == Direction.DOWNLOAD else self.ip_address
                 return self.ip_address
             case _:
-                pass  # firmware is taken, and the old one goes on
+                pass  # firmware is accepted, but the old one keeps running
         return TAKEN
 
     def _change_word(self, place: int, to_set: bytes = bytes(4), to_keep: bytes = b"\xff" * 4) -> None:

@@ -1,7 +1,7 @@
-"""One client of the Ethernet board: requests in, each answered by one reply, strictly in their order.
+"""One client of the Ethernet board: requests in, each answered by one reply, strictly in order.
 
-The board types lines on a port of the card and keeps what it says, in a queue of its own for each client, until
-a request fetches it.
+The board writes lines to a port of the controller and stores the output, in a queue for each client, until a
+request fetches it.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from drivers.simulator.machine import SimulatedLathe
 BELL, CR = b"\x07", b"\r"
 
 REQUESTS_PER_TURN = 4
-"""Requests of one client that are answered in one turn: nobody can keep the board from the others."""
+"""Maximum requests of one client per turn: none can block the board for the others."""
 
 _ERROR = re.compile(rb"ERR(\d{3})")
 
 Steps = Generator[None, None, bytes]
-"""Work on one request that waits for the card between two steps, and returns the reply."""
+"""Processes one request in steps between which it waits for the controller, and returns the reply."""
 
 
 class EthernetSession:
     """The requests and the response queue of one client."""
 
     def __init__(self, lathe: SimulatedLathe, port: Port, board: Board) -> None:
-        """The port is the client's own, the board is everybody's."""
+        """Take the port, the client's own, and the board, shared by all."""
         self._lathe = lathe
         self._port = port
         port.on_board = True
@@ -60,12 +60,12 @@ class EthernetSession:
 
     @property
     def crowded(self) -> bool:
-        """Whether more waits to be answered than there should."""
+        """Whether more input is pending than allowed."""
         return len(self._received) + self._way_in.waiting >= INBOX_LIMIT or self._port.crowded
 
     @property
     def busy(self) -> bool:
-        """Whether the last turn left something that another one would get on with."""
+        """Whether another turn could make progress."""
         if self._port.lines.silent:
             return False
         if self._work is not None:
@@ -74,21 +74,21 @@ class EthernetSession:
 
     @property
     def idle(self) -> bool:
-        """Whether every request that has come is answered; a part of one does not count."""
+        """Whether every complete request has been answered; a part of one does not count."""
         if self._way_in.waiting or self._way_out.waiting:
             return False
         return self._work is None and self._incomplete and self._port.idle
 
     def receive(self, data: bytes) -> None:
-        """Take bytes from the line of the client. A card that is shut down has nobody to read them."""
+        """Accept bytes from the client. A controller that is shut down discards them."""
         if not self._port.lines.dead:
             self._received += b"".join(self._way_in.carry((data,)))
 
     def turn(self) -> list[bytes]:
-        """Get on with the requests; return what has arrived at the client, each item to be sent in one go.
+        """Process the requests; return what has arrived at the client, each item to be sent in one go.
 
         Raises:
-            MalformedRequestError: what the client sends is no request.
+            MalformedRequestError: the client's input is not a request.
         """
         if self._port.lines.silent:
             return []
@@ -105,17 +105,17 @@ class EthernetSession:
         except MalformedRequestError:
             if not replies:
                 raise
-            # What came before it is answered first; the next turn meets it again.
+            # Earlier requests are answered first; the next turn raises it again.
         if self._work is None:
             self._listen()
         return replies
 
     def _step(self) -> bytes | None:
-        """Get on with the request in work, or begin the next one; return the reply when it is done."""
+        """Continue the request in work, or begin the next one; return the reply when it is done."""
         if self._work is None:
             request, used = take_request(self._received)
             self._incomplete = request is None
-            # With others behind it, a request waits for its share as the lines of a queue do.
+            # With others after it, a request waits for its share as the lines of a queue do.
             self._held = used < len(self._received) and self._port.spent
             if request is None or self._held:
                 return None
@@ -139,15 +139,15 @@ class EthernetSession:
             case RequestCode.SENDLINE:
                 self._port.type(_line_of(request))
             case RequestCode.GETBUFFER:
-                return (yield from self._fetch(buffer_length, request.target))
+                return (yield from self._fetch(buffer_length, request.reply_length))
             case RequestCode.GETLINE:
-                return (yield from self._fetch(line_length, request.target))
+                return (yield from self._fetch(line_length, request.reply_length))
             case RequestCode.READREADY:
                 self._listen()
                 return b"\1\0" if self._queue else b"\0\0"
             case RequestCode.CTRL_RESPONSE:
                 yield from self._type(bytes([request.control_character]))
-                return self._take(request.target)
+                return self._take(request.reply_length)
             case RequestCode.SENDCTRLCHAR:
                 yield from self._type(bytes([request.control_character]))
             case RequestCode.FLUSH:
@@ -168,7 +168,7 @@ class EthernetSession:
         return TAKEN
 
     def _write_buffer(self, request: Request) -> Steps:
-        """Type line by line up to the first error. The answers are for the board and not for the client."""
+        """Write line by line up to the first error. The replies are for the board, not for the client."""
         yield from self._type(b"")
         kept, self._queue = self._queue, bytearray()
         reply = write_reply()
@@ -183,7 +183,7 @@ class EthernetSession:
         return reply
 
     def _type(self, data: bytes) -> Generator[None, None, None]:
-        """Hand the card something and wait until every line is answered."""
+        """Pass input to the controller and wait until every line is answered."""
         self._port.type(data)
         self._listen()
         while not self._port.idle:
@@ -191,7 +191,7 @@ class EthernetSession:
             self._listen()
 
     def _fetch(self, length: Callable[[bytearray, int], int], most: int) -> Steps:
-        """Take a reply from the queue once it is complete, or once the card has nothing more to say."""
+        """Take a reply from the queue once it is complete, or once the controller has nothing more to send."""
         self._listen()
         while not (end := length(self._queue, most)) and not self._port.idle:
             yield
@@ -204,7 +204,7 @@ class EthernetSession:
         return data or NOTHING
 
     def _listen(self) -> None:
-        """Let the card execute the next few lines, and keep what it says while there is room for it."""
+        """Let the controller execute the next few lines, and store its output while there is room."""
         self._lathe.attend(self._port)
         said = self._port.take_said()
         if len(self._queue) <= UNREAD_LIMIT:
@@ -217,6 +217,6 @@ def _line_of(request: Request) -> bytes:
 
 
 def _lines_of(request: Request) -> list[bytes]:
-    """Return the lines; a NUL ends one, and may be missing behind the last."""
+    """Return the lines; a NUL ends one, and may be missing after the last."""
     lines = request.data.split(b"\0")
     return lines if lines[-1] else lines[:-1]

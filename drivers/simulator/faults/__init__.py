@@ -1,1 +1,1 @@
-"""Faults on demand for the simulated machine: of its lines, of its motors and of the card."""
+"""Fault injection for the simulated machine: its lines, its motors and its controller."""

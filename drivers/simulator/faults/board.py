@@ -1,4 +1,4 @@
-"""The faults of one simulated machine: which of them wait, which are there, and when they are over.
+"""The injected faults of one simulated machine: pending, active and over.
 
 All times are simulated. A fault begins, and ends, with a background cycle; one without a delay begins at once.
 """
@@ -15,17 +15,17 @@ from drivers.simulator.faults.effects import Effect, FaultTarget, effect_of, unt
 from drivers.simulator.faults.parameter import Parameter, Value, refusal
 
 MOST_FAULTS = 1000
-"""Faults that may be there, or wait, at once."""
+"""Maximum number of pending and active faults."""
 
 _AFTER_S, _FOR_S = replace(AFTER, name="after_s"), replace(FOR, name="for_s")
-"""What the times are called in a call, where a unit is in the name."""
+"""Names of the times in a function call, where the unit is part of the name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Injected:
-    """A fault that was asked for; `ends_s` is infinite for one that lasts until it is cleared.
+    """A fault that was requested; `ends_s` is infinite for one that lasts until it is cleared.
 
-    `outcome` is what has come of it that is to be told, and empty where there is nothing, or not yet.
+    `outcome` is the result to be reported, empty where there is none, or not yet.
     """
 
     fault: Fault
@@ -49,10 +49,10 @@ class _Entry:
 
 
 class FaultBoard:
-    """Faults on demand; any number of them at once."""
+    """Injects faults; any number of them at once."""
 
     def __init__(self, site: FaultTarget) -> None:
-        """`site` is what they happen to."""
+        """`site` is the target of the faults."""
         self._site = site
         self._entries: list[_Entry] = []
 
@@ -65,7 +65,7 @@ class FaultBoard:
         seed: int = 0,
         **parameters: Value,
     ) -> Injected:
-        """Let a fault happen in `after_s`, for `for_s` or else until `clear`; its chance is drawn from `seed`.
+        """Inject a fault in `after_s`, for `for_s` or else until `clear`; its random effects use `seed`.
 
         Raises:
             RefusedError: `simulator.fault`, there is no such fault or parameter, or a value is out of range.
@@ -76,7 +76,7 @@ class FaultBoard:
     def ask(
         self, name: str, given: Mapping[str, Value], after: Parameter = AFTER, lasting: Parameter = FOR
     ) -> Injected:
-        """Do the same as `inject`, with values that may be text, and the times among them.
+        """Do the same as `inject`, with values that may be text, including the times.
 
         Raises:
             RefusedError: as `inject`.
@@ -103,13 +103,13 @@ class FaultBoard:
         return injected
 
     def active(self) -> tuple[Injected, ...]:
-        """Return the faults that are not over, in the order in which they were asked for; some may yet wait."""
+        """Return the faults that are not over, in the order of request; some may be pending."""
         return tuple(entry.injected for entry in self._entries)
 
     def clear(self) -> None:
-        """End all of them; what is on its way to a host or to the card arrives at once.
+        """End all of them; delayed bytes to a host or to the controller arrive at once.
 
-        A card whose watchdog has tripped stays dead, and that fault is still there.
+        A controller whose watchdog has tripped stays dead, and that fault stays active.
         """
         for entry in tuple(self._entries):
             if not (entry.running and entry.injected.fault.moment):
@@ -117,18 +117,18 @@ class FaultBoard:
         self._site.lines.clearings += 1
 
     def power_up(self) -> None:
-        """Forget the moments that have happened: the card is not as they have left it any more."""
+        """Forget momentary faults that have happened: the controller's state no longer shows them."""
         for entry in tuple(self._entries):
             if entry.running and entry.injected.fault.moment:
                 self._end(entry)
 
     @property
     def shut_down_s(self) -> float | None:
-        """When the watchdog has shut the card down, by whatever fault; None where it has not."""
+        """Time at which the watchdog has shut the controller down, by any fault; None if it has not."""
         return self._site.background.tripped_s
 
     def follow(self) -> None:
-        """Begin and end what is due."""
+        """Begin and end the faults that are due."""
         if not self._entries:
             return
         now_s = self._site.lines.now_s()
@@ -148,4 +148,4 @@ class FaultBoard:
             return
         for other in self._entries:
             if other.running and other.injected.name == entry.injected.name:
-                other.effect.begin()  # what both have done is not undone by the end of one
+                other.effect.begin()  # the end of one must not undo what both have done

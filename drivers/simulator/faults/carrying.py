@@ -1,4 +1,4 @@
-"""What a fault makes of the time in which bytes arrive. Pure: bytes in, timed bytes out."""
+"""Effects of faults on the arrival time of bytes. Pure: bytes in, timed bytes out."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class Piece:
 
 
 def late(said: bytes, *, delay_s: float) -> list[Piece]:
-    """All of it comes late."""
+    """All of it arrives late."""
     return [Piece(data=said, late_s=delay_s)]
 
 
 def split(said: bytes, *, pieces: int, gap_s: float) -> list[Piece]:
-    """It comes in pieces of about the same length; what is shorter comes byte by byte."""
+    """It arrives in pieces of about the same length; shorter text arrives byte by byte."""
     count = max(1, min(pieces, len(said)))
     ends = [len(said) * number // count for number in range(count + 1)]
     parts = [said[start:end] for start, end in pairwise(ends)]
@@ -36,7 +36,7 @@ def split(said: bytes, *, pieces: int, gap_s: float) -> list[Piece]:
 
 
 def slow(said: bytes, *, baud: float) -> list[Piece]:
-    """It comes a character at a time."""
+    """It arrives a character at a time."""
     character_s = CHARACTER_BITS / baud
     return [Piece(data=said[place : place + 1], gap_s=character_s) for place in range(len(said))]
 
@@ -61,11 +61,11 @@ CARRIERS: Mapping[str, Callable[[Mapping[str, Value]], Carry]] = {
     "split-segments": _split,
     "9600-baud": _slow,
 }
-"""By the name of the fault: what its parameters make of a unit of bytes."""
+"""By the name of the fault: the effect of its parameters on a unit of bytes."""
 
 
 def combine(pieces: list[Piece], carry: Carry) -> list[Piece]:
-    """Let a second fault have what a first one has left; the waits of both are had."""
+    """Apply a second fault to the result of a first one; both delays add up."""
     combined: list[Piece] = []
     for piece in pieces:
         first, *rest = carry(piece.data)
@@ -75,7 +75,7 @@ def combine(pieces: list[Piece], carry: Carry) -> list[Piece]:
 
 
 def schedule(pieces: list[Piece], sent_s: float, last_s: float) -> list[tuple[float, bytes]]:
-    """Return when each piece arrives, behind what arrived `last_s`; nothing overtakes."""
+    """Return when each piece arrives, after the previous arrival `last_s`; nothing overtakes."""
     arrivals: list[tuple[float, bytes]] = []
     for piece in pieces:
         last_s = max(sent_s + piece.late_s, max(sent_s, last_s) + piece.gap_s)

@@ -1,4 +1,4 @@
-"""The faults that can be had, each with what it does and what it can be told."""
+"""The catalogue of faults, each with its effect and its parameters."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ AXES = ("tool", "spindle", "carriage")
 
 
 class Concerns(StrEnum):
-    """Whom a fault concerns."""
+    """The target of a fault."""
 
     HOSTS = "every host"
     MOTOR = "a motor"
@@ -30,9 +30,9 @@ class Fault:
     moment: bool = False
 
     def settle(self, given: Mapping[str, Value], times: Iterable[str]) -> dict[str, Value]:
-        """Return the value of each parameter, as it was given or by default.
+        """Return the value of each parameter, as given or by default.
 
-        `times` is what else can be given: a refusal names it, too.
+        `times` are the other permitted names: a refusal lists them, too.
 
         Raises:
             RefusedError: `simulator.fault`, one is not known or out of range.
@@ -46,7 +46,7 @@ class Fault:
 
     @property
     def times(self) -> tuple[Parameter, ...]:
-        """When it happens, for how long, and how its chance is drawn."""
+        """When it happens, for how long, and its random seed."""
         return (AFTER, SEED) if self.moment else (AFTER, FOR, SEED)
 
 
@@ -209,7 +209,7 @@ CATALOGUE: Mapping[str, Fault] = {fault.name: fault for fault in (*_LINES, *_MOT
 
 
 def find(name: str) -> Fault:
-    """Return the fault of a name.
+    """Return the fault with a name.
 
     Raises:
         RefusedError: `simulator.fault`, there is none.

@@ -1,4 +1,4 @@
-"""Faults asked for in words, as they are typed: `inject late-reply after=1.5 for=0.2 delay_ms=300 seed=3`."""
+"""Fault commands as typed: `inject late-reply after=1.5 for=0.2 delay_ms=300 seed=3`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WORDS = ("list", "help NAME", "inject NAME [KEY=VALUE ...]", "active", "clear")
 
 
 class Faulty(Protocol):
-    """A machine that can have faults."""
+    """A machine that supports fault injection."""
 
     @property
     def faults(self) -> FaultBoard:
@@ -26,7 +26,7 @@ class Faulty(Protocol):
 
 
 def obey(lathe: Faulty, words: Sequence[str]) -> list[str] | None:
-    """Do what is asked for; return what is to be said about it, None where the words are not about faults.
+    """Execute a fault command; return the text to report, None where the words are not about faults.
 
     Raises:
         RefusedError: `simulator.fault`.
@@ -69,7 +69,7 @@ def _inject(board: FaultBoard, name: str, settings: list[str]) -> Injected:
 
 
 def _shut_down(board: FaultBoard) -> list[str]:
-    """What no end of a fault mends."""
+    """State that the end of the fault does not repair its effect."""
     if board.shut_down_s is None:
         return []
     return [f"card shut down by its watchdog at {board.shut_down_s:.3f} s; power-cycle"]

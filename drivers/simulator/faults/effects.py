@@ -1,4 +1,4 @@
-"""What each fault does to the simulated machine, and how it is undone."""
+"""The effect of each fault on the simulated machine, and how it is undone."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ _Item = TypeVar("_Item")
 
 
 class Rippling(Protocol):
-    """An axis whose true speed can swing."""
+    """An axis whose true speed can oscillate."""
 
     speed_ripple: float
     ripple_per_turn: int
 
     def swing_as_built(self) -> None:
-        """Swing as this spindle does by itself."""
+        """Oscillate as this spindle does without a fault."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultTarget:
-    """What faults happen to.
+    """The target of faults.
 
-    `motors` are the numbers by axis name, `cut` cuts every connection that there is, `card` is what another host
-    meets.
+    `motors` are the numbers by axis name, `cut` cuts every open connection, `card` is the controller as another
+    host sees it.
     """
 
     controller: Controller
@@ -52,7 +52,7 @@ class FaultTarget:
     card: Card
 
     def motor(self, values: Mapping[str, Value]) -> Motor:
-        """Return the motor that is meant."""
+        """Return the addressed motor."""
         return self.controller.motors[self.motors[str(values["motor"])]]
 
 
@@ -65,15 +65,15 @@ def _never() -> bool:
 
 
 def untold() -> str:
-    """Nothing is to be told."""
+    """Report nothing."""
     return ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """What a fault does. `begin` may be called again while it lasts, unless it is a moment.
+    """The effect of a fault. `begin` may be called again while it lasts, unless it is a moment.
 
-    `over` is whether it has ended by itself, `outcome` what has come of it.
+    `over` is whether it has ended by itself, `outcome` its result.
     """
 
     begin: Callable[[], None]
@@ -83,7 +83,7 @@ class Effect:
 
 
 def effect_of(name: str, values: Mapping[str, Value], random: Random, site: FaultTarget) -> Effect:
-    """Return what the fault of a name does, with a value for each of its parameters."""
+    """Return the effect of the named fault, with a value for each of its parameters."""
     if name in SPOILERS or name in CARRIERS:
         return _on_lines(name, values, random, site.lines)
     return _EFFECTS[name](values, site)
@@ -95,7 +95,7 @@ def _on_lines(name: str, values: Mapping[str, Value], random: Random, lines: Lin
     if name in SPOILERS:
         return _listed(Spoiler(spoil=SPOILERS[name], chance=chance), lines.spoilers, chance)
     carry = CARRIERS[name](values)
-    # Both ways is the line itself; the other faults are of what the card sends.
+    # The line itself works both ways; the other faults affect the controller's output.
     return _listed(Carrier(carry=carry, chance=chance, both_ways="baud" in values), lines.carriers, chance)
 
 
@@ -163,7 +163,7 @@ def _limit(values: Mapping[str, Value], site: FaultTarget) -> Effect:
     def switch(opened: bool) -> None:
         travel = site.motor(values).travel
         if values["direction"] == "positive":
-            travel.minus_pin = opened  # it is this pin that bars the positive direction
+            travel.minus_pin = opened  # this is the pin that blocks the positive direction
         else:
             travel.plus_pin = opened
 
@@ -179,7 +179,7 @@ def _jam(values: Mapping[str, Value], site: FaultTarget) -> Effect:
         axis.jammed = jammed
 
     def tripped() -> bool:
-        """A trip from before does not count."""
+        """Ignore an earlier trip."""
         nonlocal seen_sound
         seen_sound = seen_sound or not motor.fatal_error
         return seen_sound and motor.fatal_error

@@ -1,4 +1,4 @@
-"""The line of one host: what the card has said on it, and what is on its way."""
+"""The line of one host: the controller's output on it, and the bytes in transit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drivers.simulator.faults.spoiling import Reply
 
 
 class Outbox:
-    """What the card has said to one host, a unit for each reply or message; faults have spoiled it already."""
+    """The controller's output to one host, a unit for each reply or message; faults have already been applied."""
 
     def __init__(self, lines: Lines) -> None:
         self._lines = lines
@@ -20,12 +20,12 @@ class Outbox:
         self.waiting = 0
 
     def say(self, said: bytes) -> None:
-        """Add what answers no line."""
+        """Add output that answers no line."""
         self._units.append(said)
         self.waiting += len(said)
 
     def begin(self, data: bytes) -> None:
-        """Add data of a reply of which the end is yet to come; where replies are spoiled it waits for that."""
+        """Add data of a reply whose end is still to come; where replies are spoiled it waits for that."""
         if self._lines.spoilers or self._begun:
             self._begun += data
         else:
@@ -43,7 +43,7 @@ class Outbox:
             self.say(said)
 
     def take(self) -> list[bytes]:
-        """Return, and forget, what has been said."""
+        """Return and clear the output."""
         if not self._units:
             return []
         units, self._units = self._units, []
@@ -51,16 +51,16 @@ class Outbox:
         return units
 
     def forget(self) -> None:
-        """Say nothing of what waits."""
+        """Discard the pending output."""
         self.take()
         self._begun.clear()
 
 
 class Carriage:
-    """One way of a line, with what is on it. Nothing overtakes; without faults all arrives at once."""
+    """One direction of a line, with the bytes in transit, in order; without faults all arrives at once."""
 
     def __init__(self, lines: Lines, *, inward: bool) -> None:
-        """`inward` is the way from the host to the card."""
+        """`inward` is the direction from the host to the controller."""
         self._lines = lines
         self._inward = inward
         self._on_the_way: deque[tuple[float, bytes]] = deque()
@@ -83,12 +83,12 @@ class Carriage:
         return self._arrived()
 
     def forget(self) -> None:
-        """Let nothing of it arrive."""
+        """Discard the bytes in transit."""
         self._on_the_way.clear()
         self._last_s, self.waiting = 0.0, 0
 
     def _hurry(self) -> None:
-        """Let arrive what was on its way when all faults were ended."""
+        """Deliver the bytes that were in transit when all faults were ended."""
         self._clearings, self._last_s = self._lines.clearings, 0.0
         self._on_the_way = deque((0.0, data) for _, data in self._on_the_way)
 

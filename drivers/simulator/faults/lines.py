@@ -1,4 +1,4 @@
-"""What lies between the card and its hosts: nothing, or what faults make of it; the same for every host."""
+"""The lines between the controller and its hosts, with the effects of faults; the same for every host."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from drivers.simulator.faults.spoiling import Reply, Spoil
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class Chance:
-    """Which replies a fault hits: a `share` of them, drawn in the order in which they leave, and `left` in all."""
+    """Random selection of the replies that a fault hits: the fraction `share`, in order, and `left` in all."""
 
     random: Random
     share: float = 1.0
@@ -24,7 +24,7 @@ class Chance:
         return self.left > 0 and self.random.random() < self.share
 
     def count(self) -> None:
-        """One was changed by it; what a fault can do nothing to does not count."""
+        """Count a reply that was changed; replies that a fault cannot affect do not count."""
         self.left -= 1
 
 
@@ -38,7 +38,7 @@ class Spoiler:
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class Carrier:
-    """A fault that holds bytes up; those of hosts, too, if it is `both_ways`."""
+    """A fault that delays bytes; also those of hosts, if it is `both_ways`."""
 
     carry: Carry
     chance: Chance
@@ -47,14 +47,14 @@ class Carrier:
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class Garbling:
-    """A fault that makes another line of the next one that has a text in it; it is `over` then."""
+    """A fault that alters the next line with text in it; it is `over` then."""
 
     find: bytes
     replace: bytes
     over: bool = False
 
     def of(self, line: bytes) -> bytes:
-        """Return what the card reads where a host has sent a line."""
+        """Return the line as the controller reads it."""
         if self.over or self.find not in line:
             return line
         self.over = True
@@ -65,8 +65,8 @@ class Garbling:
 class Lines:
     """The state of all lines.
 
-    `cut` is whether no host can be connected, `hung` whether the card neither reads nor answers, `dead` whether it
-    is shut down, `slow` whether it looks at its hosts in its background cycle only. `clearings` counts how often
+    `cut` is whether no host can connect, `hung` whether the controller neither reads nor replies, `dead` whether
+    it is shut down, `slow` whether it serves its hosts in its background cycle only. `clearings` counts how often
     all faults were ended.
     """
 
@@ -82,17 +82,17 @@ class Lines:
 
     @property
     def silent(self) -> bool:
-        """Whether the card is not to be heard, whatever is sent."""
+        """Whether the controller sends nothing, whatever it receives."""
         return self.hung or self.dead
 
     def read(self, line: bytes) -> bytes:
-        """Return what the card reads where a host has sent a line."""
+        """Return the line as the controller reads it."""
         for garbling in self.garblings:
             line = garbling.of(line)
         return line
 
     def spoiled(self, reply: Reply) -> bytes:
-        """Return what is left of a reply."""
+        """Return a reply as the faults leave it."""
         for spoiler in self.spoilers:
             if spoiler.chance.hits() and (spoilt := spoiler.spoil(reply)).sent != reply.sent:
                 reply = spoilt

@@ -1,4 +1,4 @@
-"""What a fault can be told: one value each, with a unit, a default and a range, and how it is read from text."""
+"""The parameters of a fault: a value with a unit, a default and a range, and how it is parsed from text."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from profiles.problem import Problem
 Value: TypeAlias = float | str
 
 MOST_SHOWN = 80
-"""Characters of what was met that are told."""
+"""Maximum characters of a refused value that are reported."""
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
@@ -22,8 +22,8 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORE
 class Parameter:
     """A number from `least` to `most`, one of `choices`, or with neither a text.
 
-    Without a `default` it need not be given; `meaning` says what happens then. With `above_least`, `least` itself
-    is not allowed.
+    Without a `default` it is optional; `meaning` describes the effect of omitting it. With `above_least`, `least`
+    itself is not allowed.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Parameter:
         return value if value and value.isascii() and value.isprintable() else None
 
     def _number(self, value: object) -> float | None:
-        """Read a number, or digits of ASCII; a caller may bring anything."""
+        """Parse a number, or ASCII digits; a caller may pass anything."""
         if isinstance(value, str):
             if _NUMBER.fullmatch(value) is None:
                 return None
@@ -81,15 +81,15 @@ class Parameter:
 
 
 def refusal(fault: str, key: str, value: str, limit: str) -> RefusedError:
-    """Return why a fault cannot be had: what was asked for, and what is allowed."""
+    """Return the refusal of a fault: the requested and the allowed values."""
     return RefusedError(Problem(code="simulator.fault", where=fault, key=key, value=value, limit=limit))
 
 
 def _shown(value: object) -> str:
-    """What was met, fit for one line."""
+    """Return the refused value, shortened to one line."""
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, int) and abs(value) >= 10**MOST_SHOWN:
-        return "an integer that is too large"  # Python writes none of more than 4300 digits
+        return "an integer that is too large"  # Python formats none of more than 4300 digits
     shown = ascii(str(value))[1:-1]
     return shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}..."

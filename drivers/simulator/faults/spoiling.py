@@ -1,4 +1,4 @@
-"""What a fault makes of the bytes of one reply. Pure: a reply in, a reply out."""
+"""Effects of faults on the bytes of one reply. Pure: a reply in, a reply out."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _SUMMED = re.compile(rb"(\r)(.)", re.DOTALL)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reply:
-    """What the card answers to one line: its data, what accepts or refuses the line, and the checksum of that.
+    """The reply to one line: its data, the acceptance or refusal, and the checksum of that.
 
-    With `summed`, each line of data has its checksum behind its CR, and `checksum` that of the line of the host,
-    which a refused line has not.
+    With `summed`, each line of data has its checksum after its CR, and `checksum` is that of the host's line,
+    which a refused line does not have.
     """
 
     data: bytes = b""
@@ -31,23 +31,23 @@ class Reply:
 
 
 def without_acknowledgement(reply: Reply) -> Reply:
-    """Leave out what accepts a line; the refusal of one stays."""
+    """Remove the acceptance of a line; a refusal stays."""
     return reply if reply.end.startswith(BELL) else replace(reply, end=b"")
 
 
 def with_empty_line(reply: Reply) -> Reply:
-    """Put an empty line in front."""
-    checksum = CR if reply.summed else b""  # that of a CR alone is 13, a CR again
+    """Put an empty line first."""
+    checksum = CR if reply.summed else b""  # the checksum of a CR alone is 13, a CR again
     return replace(reply, data=CR + checksum + reply.data)
 
 
 def as_nul(_: Reply) -> Reply:
-    """Put a NUL in its place."""
+    """Replace it with a NUL."""
     return Reply(data=NUL)
 
 
 def as_bare_bell(_: Reply) -> Reply:
-    """Put a BEL without a text in its place."""
+    """Replace it with a BEL without text."""
     return Reply(end=BELL)
 
 

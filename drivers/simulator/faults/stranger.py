@@ -1,4 +1,4 @@
-"""Another host of the card, of whom the others know nothing: it sends one line, reads the answer, and goes."""
+"""Another host of the controller, unknown to the others: it sends one line, reads the reply, and disconnects."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ if TYPE_CHECKING:
     from drivers.simulator.hosts.port import Port
 
 _CONTROL = re.compile(r"\^[A-Z]")
-"""A control character, as it is written: no line begins like that."""
+"""A control character in caret notation: no line begins like that."""
 
 _NAMES = {0x00: "NUL", 0x02: "STX", 0x06: "ACK", 0x07: "BEL", 0x0A: "LF", 0x0D: "CR"}
 
 
 class Card(Protocol):
-    """What a host meets."""
+    """The controller as a host sees it."""
 
     def connect(self) -> Port:
         """Plug it in."""
 
     def attend(self, port: Port) -> None:
-        """Let the card look at it now."""
+        """Let the controller serve it now."""
 
     def forget(self, port: Port) -> None:
-        """Take it off without a word to the card."""
+        """Unplug it without notifying the controller."""
 
 
 class Stranger:
-    """A host like any other: what is the matter with the card, or with its lines, it meets, too.
+    """A host like any other: faults of the controller, or of its lines, affect it, too.
 
-    `told` is what has become of its line.
+    `told` is the outcome of its line.
     """
 
     def __init__(self, card: Card) -> None:
@@ -42,7 +42,7 @@ class Stranger:
         self._heard = b""
 
     def write(self, line: str) -> None:
-        """Send a line; `^A` sends control-A, and likewise each other letter."""
+        """Send a line; `^A` sends control-A, and likewise for each other letter."""
         try:
             self._port = self._card.connect()
         except LinkError:
@@ -52,7 +52,7 @@ class Stranger:
         self._card.attend(self._port)
 
     def answered(self) -> bool:
-        """Whether nothing more comes of it."""
+        """Whether it has finished."""
         if self._port is None:
             return True
         if self._port.lost:
@@ -65,7 +65,7 @@ class Stranger:
         return True
 
     def leave(self) -> None:
-        """Go; a buffer that it has opened stays open, and a line that nobody has read is lost."""
+        """Disconnect; a buffer that it has opened stays open, and an unread line is lost."""
         if self._port is not None:
             self._card.forget(self._port)
             self._port = None
@@ -78,7 +78,7 @@ def _as_sent(line: str) -> bytes:
 
 
 def _in_words(heard: bytes) -> str:
-    """Return what was heard, fit for one line: `25<CR><ACK>`."""
+    """Return the reply as one line of text: `25<CR><ACK>`."""
     text = "".join(chr(code) if 0x20 <= code < 0x7F else f"<{_NAMES.get(code, f'{code:02X}')}>" for code in heard)
     number = re.search(rb"\x07(ERR\d+)?", heard)
     if number is None:

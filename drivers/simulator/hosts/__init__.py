@@ -1,1 +1,1 @@
-"""Who speaks to the simulated controller: sockets, ptys, and the process around it."""
+"""Host interfaces of the simulated controller: sockets, ptys, and the process around it."""

@@ -1,9 +1,9 @@
 """The private channel between the process of the simulated lathe and the one that started it.
 
-It is a stream of JSON lines, one answer for each request: `{"do": "mount", "job": {...}}`, `{"do": "measure"}`,
-`{"do": "look"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null switches it off) and
-`{"do": "fault", "line": "..."}` (as `control_line` says). The answer to what cannot be done is
-`{"refused": reason}`. Before anything is asked, one line `{"ready": device}` says where the card is connected.
+It is a stream of JSON lines, one reply for each request: `{"do": "mount", "job": {...}}`, `{"do": "measure"}`,
+`{"do": "look"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it) and
+`{"do": "fault", "line": "..."}` (see `control_line`). The reply to an impossible request is
+`{"refused": reason}`. Before any request, one line `{"ready": device}` names the device of the controller.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from profiles.problem import ProfileError
 async def converse(
     lathe: SimulatedLathe, device: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
 ) -> None:
-    """Say where the card is, then answer until the other side is gone."""
+    """Announce the device, then answer until the other side disconnects."""
     await _say(writer, {"ready": device})
     try:
         while line := await reader.readline():
             await _say(writer, answer(lathe, line))
     except (ConnectionError, ValueError):
-        return  # gone in the middle of something, or a line without end: nobody is there to talk to
+        return  # disconnected in the middle of a line, or a line without end: there is no one to reply to
 
 
 def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
-    """Do what a line asks for."""
+    """Execute the request in a line."""
     try:
         request = from_json(line)
         match request["do"]:

@@ -1,7 +1,7 @@
-"""One connected host: bytes between a transport and its port of the card.
+"""One connected host: bytes between a transport and its port of the controller.
 
-What a host sends is executed as it comes, between two blocks of servo cycles and without advancing time; what is
-left over has its next turn when the others have had theirs.
+A host's input is executed as it arrives, between two blocks of servo cycles and without advancing time; the rest
+gets its next turn after those of the others.
 """
 
 from __future__ import annotations
@@ -19,35 +19,35 @@ from drivers.simulator.hosts.real_time import Host
 from drivers.simulator.machine import SimulatedLathe
 
 UNREAD_LIMIT = 1_000_000
-"""Bytes of replies that are kept for a host that does not read."""
+"""Maximum buffered reply bytes for a host that does not read."""
 
 SLOW_READER = 65_536
-"""Unread bytes beyond which a host is served in the background only: it is not in a hurry."""
+"""Unread bytes beyond which a host is served only in the background: it is not waiting for replies."""
 
 
 class Discipline(Protocol):
-    """How the bytes of a host become lines for its port, and the answers become bytes."""
+    """Converts a host's bytes to lines for its port, and replies to bytes."""
 
     @property
     def crowded(self) -> bool:
-        """Whether more waits to be executed than there should."""
+        """Whether more input is pending than allowed."""
 
     @property
     def busy(self) -> bool:
-        """Whether the last turn left something that another one would get on with."""
+        """Whether another turn could make progress."""
 
     @property
     def idle(self) -> bool:
-        """Whether everything that has come is done and answered, but for what is half a line or request."""
+        """Whether all input has been executed and answered, except an incomplete line or request."""
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host."""
 
     def turn(self) -> list[bytes]:
-        """Do the next bit of work; return what is to be sent, each item in one go.
+        """Do the next piece of work; return the bytes to send, each item in one go.
 
         Raises:
-            MalformedRequestError: the host sends what nobody can answer.
+            MalformedRequestError: the input of the host cannot be answered.
         """
 
 
@@ -61,17 +61,17 @@ class PlainStream:
 
     @property
     def crowded(self) -> bool:
-        """Whether more waits to be executed than there should."""
+        """Whether more input is pending than allowed."""
         return self._port.crowded
 
     @property
     def busy(self) -> bool:
-        """Whether the last turn left lines that may be executed in this cycle."""
+        """Whether lines are left that may be executed in this cycle."""
         return self._port.ready
 
     @property
     def idle(self) -> bool:
-        """Whether everything that has come is done and answered; half a line does not count."""
+        """Whether all input has been executed and answered; half a line does not count."""
         return self._port.idle
 
     def receive(self, data: bytes) -> None:
@@ -79,18 +79,18 @@ class PlainStream:
         self._port.receive(data)
 
     def turn(self) -> list[bytes]:
-        """Execute the next few lines; return what the card has said since."""
+        """Execute the next few lines; return the controller's output since the last call."""
         self._lathe.attend(self._port)
         said = self._port.take_output()
         return [said] if said else []
 
 
 Begin = Callable[[SimulatedLathe, Port], Discipline]
-"""What makes the discipline of a new connection."""
+"""Creates the discipline of a new connection."""
 
 
 class Turns:
-    """Repeats some work while there is more of it; between two turns everybody else has one."""
+    """Repeats work while there is more of it; other hosts have a turn in between."""
 
     def __init__(self, work: Callable[[], bool]) -> None:
         """`work` returns whether there is more."""
@@ -105,7 +105,7 @@ class Turns:
             self._next = self._loop.call_soon(self._follow)
 
     def end(self) -> None:
-        """Take no turn any more."""
+        """Stop taking turns."""
         self._work = lambda: False
 
     def _follow(self) -> None:
@@ -114,7 +114,7 @@ class Turns:
 
 
 def _reset(transport: asyncio.Transport) -> None:
-    """End a connection as one that is broken: the host is not told that anybody has closed it."""
+    """End a connection as broken: the host sees a reset, not a close."""
     line = transport.get_extra_info("socket")
     if line is not None:
         line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
@@ -149,7 +149,7 @@ class Connection(asyncio.Protocol):
         self._hosts.add(self)
 
     def data_received(self, data: bytes) -> None:
-        """Take what the host sends, and answer it if it reads its answers."""
+        """Accept the host's input, and answer it if it reads its replies."""
         if self._port is None or self._cut_off(self._port):
             return
         self._discipline.receive(data)
@@ -159,17 +159,17 @@ class Connection(asyncio.Protocol):
             self._hold_back()
 
     def eof_received(self) -> bool:
-        """The host sends nothing more, but may yet read: it is closed behind the answers to what it has sent."""
+        """Handle the host's end of input: it may still read, and is closed after the replies."""
         self._ended = True
         self.flush()
         return True
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The host is gone."""
+        """Handle the loss of the connection."""
         self._unplug()
 
     def flush(self) -> None:
-        """Send what the card has answered, and read on when it has room again."""
+        """Send the controller's replies, and resume reading when it has room again."""
         if self._port is not None and not self._cut_off(self._port):
             self._turns.take()
 
@@ -191,7 +191,7 @@ class Connection(asyncio.Protocol):
             return False
         for reply in replies:
             if self._transport.is_closing():
-                return False  # the host was gone before its replies; `connection_lost` follows
+                return False  # the host disconnected before its replies; `connection_lost` follows
             self._transport.write(reply)
         unread = self._transport.get_write_buffer_size()
         if unread > UNREAD_LIMIT:
@@ -206,7 +206,7 @@ class Connection(asyncio.Protocol):
         return self._discipline.busy and unread <= SLOW_READER
 
     def _hold_back(self) -> None:
-        """Leave to the network what the card has no room for."""
+        """Leave input that the controller has no room for in the network buffers."""
         if not self._discipline.crowded:
             self._transport.resume_reading()
         elif self._transport.is_reading():

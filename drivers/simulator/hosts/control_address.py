@@ -1,4 +1,4 @@
-"""Where faults are asked for: `tcp:HOST:PORT` of this machine, or a socket in its file system, `unix:PATH`."""
+"""The address of the control socket: `tcp:HOST:PORT` of this machine, or `unix:PATH` in its file system."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from drivers.link.address import TcpAddress, parse_host_port
 from profiles.problem import Problem
 
 PREFIX = "control:"
-"""What stands in front of such an address where it is told among others."""
+"""Prefix of such an address in a list of addresses."""
 
 OK, REFUSED = "ok", "refused: "
-"""How the last line of each answer there begins."""
+"""First word of the last line of each reply."""
 
 LONGEST_PATH = 107
-"""Bytes of the path of a socket: one less than Linux has room for."""
+"""Maximum bytes of a socket path: one less than Linux has room for."""
 
 LONGEST_LINE = 4096
-"""Bytes of a line there, without its end."""
+"""Maximum bytes of a line, without its end."""
 
 _FORM = f"tcp:127.0.0.1:PORT | unix:PATH, a path of {LONGEST_PATH} bytes at most"
 
@@ -39,10 +39,10 @@ ControlAddress: TypeAlias = TcpAddress | UnixAddress
 
 
 def parse_control_address(text: str) -> ControlAddress:
-    """Read an address, with or without the word `control:` in front of it.
+    """Parse an address, with or without the prefix `control:`.
 
     Raises:
-        LinkError: `link.bad_address`; `link.not_loopback`, it is on another machine, or could be met from one.
+        LinkError: `link.bad_address`; `link.not_loopback`, it is on another machine, or reachable from one.
     """
     kind, _, rest = text.removeprefix(PREFIX).partition(":")
     if kind == "tcp":

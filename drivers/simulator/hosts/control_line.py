@@ -1,6 +1,6 @@
-"""What is asked of a served simulator in a line of text: for faults, and for what people do at the lathe.
+"""Execute text commands to a served simulator: faults, and an operator's actions at the lathe.
 
-An answer is some lines, the last of which is `ok` or `refused: ...`.
+A reply is some lines, the last of which is `ok` or `refused: ...`.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ WORDS = (*command.WORDS, "power-cycle", "spindle RPM", "spindle off", "collision
 
 
 class Attended(command.Faulty, Protocol):
-    """A lathe that somebody stands at: its switches, and what can be seen there."""
+    """A lathe with an operator: its switches, and what can be seen there."""
 
     @property
     def collisions(self) -> tuple[Collision, ...]:
-        """What has met since the last blank was clamped."""
+        """The collisions since the last blank was clamped."""
 
     def power_cycle(self) -> None:
-        """Switch the card off and on."""
+        """Power-cycle the controller."""
 
     def set_spindle(self, rpm: float | None) -> None:
-        """Set a spindle on an inverter; None switches it off."""
+        """Set a spindle on an inverter; None disables it."""
 
 
 def answer(lathe: Attended, line: str) -> str:
-    """Do what a line asks for; return all that is to be said about it, lines with an end each."""
+    """Execute a line; return the text to report, lines with an end each."""
     try:
         said = [*_obey(lathe, line), OK]
     except RefusedError as error:
@@ -96,5 +96,5 @@ def _told(collision: Collision) -> str:
 
 
 def _shown(text: str) -> str:
-    """What was met, fit for one line."""
+    """Return the refused value, shortened to one line."""
     return ascii(text)[1:-1]

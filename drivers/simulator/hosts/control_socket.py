@@ -1,4 +1,4 @@
-"""The socket on which faults are asked for: a line of text each, answered as `control_line` says."""
+"""The control socket: text lines, answered as `control_line` says."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from drivers.simulator.hosts.control_line import answer
 from drivers.simulator.machine import SimulatedLathe
 
 LINES_A_TURN = 4
-"""Lines that are answered in one go; between two, the machine and its hosts have a turn."""
+"""Maximum lines that are answered in one go; in between, the machine and its hosts have a turn."""
 
 UNREAD_LIMIT = 65_536
-"""Bytes of answers that wait for a host; beyond that, nothing of it is read."""
+"""Maximum reply bytes that wait for a client; beyond that, its input is not read."""
 
 OWNER_ONLY = 0o600
 
 SERVED_WITHIN_S = 1.0
-"""How long somebody who holds a path may take to show it."""
+"""Timeout to find out whether a path is still served."""
 
 
 class ControlHost(asyncio.Protocol):
-    """One who asks for faults."""
+    """One client of the control socket."""
 
     def __init__(self, lathe: SimulatedLathe) -> None:
         self._lathe = lathe
@@ -38,22 +38,22 @@ class ControlHost(asyncio.Protocol):
         self._transport: asyncio.Transport
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Keep the way back."""
+        """Keep the transport for replies."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         transport.set_write_buffer_limits(high=UNREAD_LIMIT)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The host is gone, and what it has sent with it."""
+        """Discard the input of a client that has disconnected."""
         self._turns.end()
 
     def data_received(self, data: bytes) -> None:
-        """Answer each line that is complete; who sends one without an end is left."""
+        """Answer each complete line; drop a client that sends one without an end."""
         self._received += data
         self._turns.take()
 
     def eof_received(self) -> bool:
-        """A last line may lack its end. The connection is closed behind the answers."""
+        """Accept a last line without its end. The connection is closed after the replies."""
         if self._received.rpartition(b"\n")[2].strip():
             self._received += b"\n"
         self._ended = True
@@ -61,11 +61,11 @@ class ControlHost(asyncio.Protocol):
         return True
 
     def pause_writing(self) -> None:
-        """The host does not read."""
+        """Stop while the client does not read."""
         self._full = True
 
     def resume_writing(self) -> None:
-        """It does again."""
+        """Resume when it reads again."""
         self._full = False
         self._turns.take()
 
@@ -112,7 +112,7 @@ async def listen_for_control(lathe: SimulatedLathe, address: ControlAddress, ope
 
 
 def _bind(listening: socket.socket, address: UnixAddress) -> None:
-    """Take the path; one that a process has left behind when it died is taken over."""
+    """Bind the path; one left by a dead process is reused."""
     with suppress(FileNotFoundError):
         if stat.S_ISSOCK(os.lstat(address.path).st_mode) and not _served(address.path):
             os.unlink(address.path)
@@ -124,7 +124,7 @@ def _bind(listening: socket.socket, address: UnixAddress) -> None:
 
 
 def _served(path: str) -> bool:
-    """Whether somebody listens on a socket."""
+    """Whether a process listens on a socket."""
     with closing(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)) as probe:
         probe.settimeout(SERVED_WITHIN_S)
         try:
@@ -134,11 +134,11 @@ def _served(path: str) -> bool:
         except OSError as error:
             if error.errno != errno.EAGAIN and not isinstance(error, TimeoutError):
                 raise
-        return True  # as also where so many wait to be served that there is no room for another
+        return True  # also when the backlog is full
 
 
 def _remove(path: str, inode: int) -> None:
-    """Remove our socket, and nobody else's that has come to stand there since."""
+    """Remove our socket, but not another one that has since taken its path."""
     with suppress(OSError):
         if os.lstat(path).st_ino == inode:
             os.unlink(path)

@@ -1,4 +1,4 @@
-"""One host connection of the simulated card: its line discipline, and its queue."""
+"""One host connection of the simulated controller: its line discipline, and its queue."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ CR = 0x0D
 BACKSPACE, REPEAT, SUM, RECALL = b"\x08", b"\t", b"\x0e", b"\x19"
 
 LINE_LIMIT = 255
-"""Characters of one command line."""
+"""Maximum characters of one command line."""
 
 ANSWER_PER_TURN = 4096
-"""Bytes of answers after which no further line of that host is begun in the same go."""
+"""Reply bytes after which no further line of that host is begun in the same go."""
 
 INBOX_LIMIT = 1_048_576
-"""Bytes that may wait to be executed; whoever brings them is to hold back the rest.
+"""Maximum bytes that may wait to be executed; beyond it the transport must hold back the rest.
 
-It is far more than anybody sends in earnest, for a stop to be heard behind a flood of the same host.
+It is far more than any normal use needs, so that a stop is heard after a flood of the same host.
 """
 
 ANNOUNCED_LIMIT = 65_536
-"""Bytes that may wait to be read before what programs say is lost on that host."""
+"""Maximum unread bytes before program messages are lost on that host."""
 
 _PART_WORK, _CHARACTERS_A_VALUE = 4, 2
-"""What looking at a part of the queue costs, in values: so many, and one for so many characters."""
+"""Cost of scanning a part of the queue, in values: a fixed part, and one for so many characters."""
 
 _REPORT_WORK, _REPORTED_A_VALUE = 10, 3
-"""What a report costs: so many at least, and one for so many characters."""
+"""Cost of a report: a minimum, and one for so many characters."""
 
 _ANSWERED = (CR, *REPEAT, *SUM, *RECALL)
 _PART = re.compile(b"[" + bytes((*_ANSWERED, *BACKSPACE)) + b"]")
-"""What a queue is taken apart at, so that none of these goes by for nothing."""
+"""Characters at which the queue is split, so that each of them is charged."""
 
 _AT_ONCE = re.compile(b"[" + bytes((*ACTIONS, CONTROL_X)) + b"]")
 _REPORT = re.compile(b"[" + bytes(REPORTING) + b"]")
@@ -52,9 +52,9 @@ _NO_TEXT = bytes(byte for byte in range(0x20) if byte not in (*_ANSWERED, *BACKS
 
 
 class Port:
-    """Bytes in, bytes out. `service` is called once a background cycle, and whenever something has come.
+    """Bytes in, bytes out. `service` is called once per background cycle, and whenever input has come.
 
-    `lines` is what lies between the card and its hosts. Once the line is `lost`, nobody hears of it any more.
+    `lines` are the lines between the controller and its hosts. Once the line is `lost`, its output is discarded.
     `on_board` is whether an Ethernet board sits between this port and the line.
     """
 
@@ -77,13 +77,13 @@ class Port:
 
     @property
     def crowded(self) -> bool:
-        """Whether more waits to be executed than there should."""
+        """Whether more input is pending than allowed."""
         waiting = len(self._fresh) + len(self._reports) + len(self._queue)
         return waiting + self._way_in.waiting >= INBOX_LIMIT
 
     @property
     def idle(self) -> bool:
-        """Whether every line that has come is answered; half a line does not count."""
+        """Whether every complete line has been answered; half a line does not count."""
         if self._fresh or self._reports or self._running is not None:
             return False
         if self._way_in.waiting or self._way_out.waiting:
@@ -92,14 +92,14 @@ class Port:
 
     @property
     def ready(self) -> bool:
-        """Whether `service` would get on with something before the next background cycle."""
+        """Whether `service` could make progress before the next background cycle."""
         if self.lines.silent or self.lines.slow:
             return False
         return bool(self._fresh or self._waiting) and self._may_go_on()
 
     @property
     def heavy(self) -> bool:
-        """Whether the last turn was a long one, so that it is time for others."""
+        """Whether the last turn was a long one, so that others should be served."""
         return self._share.heavy
 
     @property
@@ -108,7 +108,7 @@ class Port:
         return self._share.cycle_over
 
     def receive(self, data: bytes) -> None:
-        """Take bytes from the line of the host. A card that is shut down has nobody to read them.
+        """Accept bytes from the line of the host. A controller that is shut down discards them.
 
         Raises:
             LinkError: `link.lost`, the cable is cut.
@@ -120,11 +120,11 @@ class Port:
             self.type(b"".join(self._way_in.carry((data,))))
 
     def type(self, data: bytes) -> None:
-        """Take bytes that are at the card already."""
+        """Accept bytes that have already arrived at the controller."""
         self._fresh += data
 
     def take_output(self) -> bytes:
-        """Return, and forget, what has arrived at the host.
+        """Return and clear what has arrived at the host.
 
         Raises:
             LinkError: `link.lost`, the cable is cut.
@@ -133,11 +133,11 @@ class Port:
         return b"".join(self._way_out.carry(self._outbox.take()))
 
     def take_said(self) -> bytes:
-        """Return, and forget, what the card has said, before it is on the line of a host."""
+        """Return and clear the controller's output, before it is on the line of a host."""
         return b"".join(self._outbox.take())
 
     def power_up(self) -> None:
-        """Begin anew: nothing that came before is known."""
+        """Restart: clear all earlier state."""
         self._fresh.clear()
         self._way_in.forget()
         self._clear()
@@ -145,19 +145,19 @@ class Port:
         self._context = Context(self._controller)
 
     def announce(self, said: bytes) -> None:
-        """Tell the host something that it has not asked for. It comes between two replies, or is lost."""
+        """Send the host an unsolicited message. It comes between two replies, or is lost."""
         if self._outbox.waiting < ANNOUNCED_LIMIT:
             self._outbox.say(said)
 
     def disconnect(self) -> None:
-        """The host is gone: a buffer that it left open is closed, so that others can work."""
+        """Handle a disconnect: a buffer that the host left open is closed, so that others can work."""
         if self._context.fills_buffer:
             self._controller.open_buffer = None
 
     def obey(self) -> None:
-        """Act on the control characters that have come, past every line that waits; keep the rest for later.
+        """Act on the received control characters, before every pending line; keep the rest for later.
 
-        They are done in their order. Reports beyond the share of the host wait, and only they.
+        They are executed in order. Only reports beyond the share of the host wait.
         """
         if self._way_in.waiting:
             self.type(b"".join(self._way_in.carry(())))
@@ -199,18 +199,18 @@ class Port:
         return bool(self._reports or self._queue) or self._running is not None
 
     def _may_go_on(self) -> bool:
-        """Whether this host has something left in this cycle. What comes alone is nobody's flood."""
+        """Whether this host has some share left in this cycle. A single item is always allowed."""
         return not self._share.cycle_over or self._alone()
 
     def _alone(self) -> bool:
-        """Whether nothing waits behind what is next."""
+        """Whether the next item is the last one pending."""
         found = _PART.search(self._queue)
         if self._reports or self._running is not None:
             return found is None and len(self._reports) + (self._running is not None) == 1
         return found is None or found.end() == len(self._queue)
 
     def _take(self, data: bytes) -> None:
-        """Act on the stops and starts in a stretch, each once, in the order in which they came last.
+        """Act on the stops and starts in a stretch, each once, in the order of their last occurrence.
 
         No time passes between them, so that only the last of the same kind has an effect.
         """
@@ -223,7 +223,7 @@ class Port:
         self._queue += data.translate(None, _NO_TEXT)
 
     def _report(self) -> None:
-        """Answer the next control character that is answered."""
+        """Answer the next control character that has a reply."""
         said = self._act(self._reports.pop(0)) or ""
         self._share.spend(max(_REPORT_WORK, len(said) // _REPORTED_A_VALUE), lines=1)
         if answers(self._context):
@@ -239,7 +239,7 @@ class Port:
             return None
 
     def _forget(self) -> None:
-        """Control-X: nothing that came before it is done or answered any more."""
+        """Control-X: discard all earlier input and its replies."""
         self._clear()
         if self._controller.variables.i(63):
             self._outbox.say(bytes((CONTROL_X,)))
@@ -254,7 +254,7 @@ class Port:
         self._overlong = False
 
     def _take_apart(self) -> None:
-        """Add to the line up to its end, or to a control character that is about the line itself."""
+        """Append to the line up to its end, or to a control character that edits the line itself."""
         found = _PART.search(self._queue)
         part = found[0] if found else b""
         end = found.start() if found else len(self._queue)
@@ -275,20 +275,20 @@ class Port:
             self._begin(self._last_line if part == REPEAT else bytes(self._line))
 
     def _add(self, text: bytes) -> None:
-        """Add to the line what it has room for."""
+        """Append to the line as much as it has room for."""
         room = LINE_LIMIT - len(self._line)
         self._overlong = self._overlong or len(text) > room
         self._line += text[:room]
         self._share.spend(_PART_WORK + len(text) // _CHARACTERS_A_VALUE)
 
     def _garble(self) -> None:
-        """Have the line that has come be another; it must have room for that, too."""
+        """Replace the received line by another one, which must also fit."""
         line = self.lines.read(bytes(self._line))
         self._overlong = self._overlong or len(line) > LINE_LIMIT
         self._line = bytearray(line[:LINE_LIMIT])
 
     def _begin(self, line: bytes) -> None:
-        """Execute a line, as far as the turn goes."""
+        """Execute a line, as far as the turn allows."""
         overlong, self._overlong = self._overlong, False
         self._line.clear()
         self._running_line, self._last_line = line, line or self._last_line
@@ -302,7 +302,7 @@ class Port:
         self._go_on()
 
     def _go_on(self) -> None:
-        """Execute the commands of the line that are left, as far as the turn goes."""
+        """Execute the remaining commands of the line, as far as the turn allows."""
         assert self._running is not None
         refusal, heard = None, True
         try:
@@ -310,7 +310,7 @@ class Port:
                 next(self._running)
                 self._spend_work()
                 if self._share.work_over:
-                    # What has been answered so far goes out; the rest of the line has its next turn.
+                    # The replies so far are sent; the rest of the line gets its next turn.
                     how = replies.wording(self._controller.variables)
                     self._outbox.begin(replies.data(self._context.lines, how))
                     self._context.lines.clear()
@@ -328,7 +328,7 @@ class Port:
         self._context.work = 0
 
     def _end_line(self, refusal: PmacError | None, heard: bool) -> None:
-        """Answer a line. I3, I4 and I6 may have been changed by this very line; the answer follows them."""
+        """Answer a line. This very line may have changed I3, I4 and I6; the reply follows the new values."""
         how = replies.wording(self._controller.variables)
         data, summed = replies.data(self._context.lines, how), how.checksums
         if refusal is not None:

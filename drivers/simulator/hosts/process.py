@@ -1,7 +1,7 @@
 """The simulated lathe as a process of its own, seen from the one that starts it.
 
-The controller is spoken to over a serial line, like any other. What people do in the shop (clamp a blank, look
-at the chuck, put the part on the gauge) goes over a private channel, as `drivers.simulator.hosts.channel` says.
+The controller is connected by a serial line, like a real one. An operator's actions in the shop (clamp a blank,
+look at the chuck, put the part on the gauge) use a private channel, see `drivers.simulator.hosts.channel`.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class SimulatorProcess:
     """One running simulator. It is used from one thread, and ends with the process that started it."""
 
     def __init__(self, child: _Child, address: SerialAddress) -> None:
-        """Use `start`."""
+        """Use `start` instead."""
         self.address = address
         self._child = child
         self._over = ""
@@ -57,10 +57,10 @@ class SimulatorProcess:
         plant: str = "mounted",
         clamping_sd_percent: float = 0.0,
     ) -> SimulatorProcess:
-        """Start a simulator of the machine profile in a file and wait until it can be connected.
+        """Start a simulator of the machine profile in a file and wait until it accepts connections.
 
-        Chuck and tool are mounted at random, and the iron is as `plant` says (see `plant_named`); with a `seed`,
-        the same way each time.
+        Chuck and tool are mounted at random, and the simulated hardware is that of `plant` (see `plant_named`);
+        with a `seed`, the same each time.
 
         Raises:
             LinkError: `simulator.not_started`.
@@ -105,7 +105,7 @@ class SimulatorProcess:
         return Trace(angle_deg=angle_deg, deviation_um=deviation_um, meta=MappingProxyType(said["meta"]))
 
     def look(self) -> WorkshopView:
-        """Look at the chuck.
+        """Return what an operator sees at the chuck.
 
         Raises:
             LinkError: `simulator.gone`.
@@ -114,15 +114,15 @@ class SimulatorProcess:
         return WorkshopView(**{**said, "collisions": tuple(said["collisions"])})
 
     def set_spindle(self, rpm: float | None) -> None:
-        """Set a spindle on an inverter as at the lathe: it ramps to `rpm`, or runs out where that is None.
+        """Set a spindle on an inverter as at the lathe: it ramps to `rpm`, or coasts where that is None.
 
         Raises:
-            LinkError: `simulator.gone`; `simulator.refused`, the card drives this spindle, or not as fast.
+            LinkError: `simulator.gone`; `simulator.refused`, the controller drives this spindle, or not as fast.
         """
         self._ask("spindle", rpm=rpm)
 
     def fault(self, line: str) -> str:
-        """Ask for a fault, or about faults, in a line as on the control socket; return the lines of the answer.
+        """Send a fault command as on the control socket; return the lines of the reply.
 
         Raises:
             LinkError: `simulator.gone`; `simulator.refused`, with the allowed range.
@@ -132,7 +132,7 @@ class SimulatorProcess:
         return str(self._ask("fault", line=line)["said"])
 
     def close(self) -> None:
-        """Ask it to end, and end it when it does not. Safe to call twice."""
+        """Ask the process to end, and kill it if it does not. Safe to call twice."""
         if not self._over:
             self._end(ConnectionError("closed"))
 
@@ -142,7 +142,7 @@ class SimulatorProcess:
         try:
             said = self._child.ask({"do": what, **content})
         except (OSError, ValueError) as error:
-            # What was asked may yet be answered: nothing that came later would answer what is asked then.
+            # A late reply may still come: later replies would no longer match their requests.
             self._end(error)
             raise self._error("simulator.gone", what, self._over) from error
         if "refused" in said:
@@ -150,7 +150,7 @@ class SimulatorProcess:
         return said
 
     def _end(self, cause: Exception) -> None:
-        """End the process; a name that it has left would lead to whoever has that pseudo-terminal next."""
+        """Kill the process; a name left behind would lead to whoever gets that pseudo-terminal next."""
         self._over = self._child.end(cause)
         remove_name(self.address.device)
 
@@ -159,14 +159,14 @@ class SimulatorProcess:
 
 
 class _Child:
-    """The process, the channel to it and what it complains of. Raises `OSError` and `ValueError`."""
+    """The process, its channel and its error output. Raises `OSError` and `ValueError`."""
 
     def __init__(self, arguments: list[str]) -> None:
-        # A file and no pipe: nobody reads it while all is well, and it must not block then.
+        # A file instead of a pipe: nothing reads it in normal operation, and it must not block then.
         self._complaints: IO[bytes] = tempfile.TemporaryFile()
         self._channel, theirs = socket.socketpair()
         self._kept = b""
-        # -P: what lies in the present folder is not ours, whatever it is called.
+        # -P: do not import modules from the current folder.
         command = [sys.executable, "-P", "-m", "drivers.simulator", "--channel", str(theirs.fileno()), *arguments]
         try:
             self._process = subprocess.Popen(
@@ -185,13 +185,13 @@ class _Child:
             theirs.close()
 
     def ask(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Send a request and return what is answered."""
+        """Send a request and return the reply."""
         self._channel.settimeout(REQUEST_TIMEOUT_S)
         self._channel.sendall(json.dumps(request).encode("ascii") + b"\n")
         return self.read(REQUEST_TIMEOUT_S)
 
     def read(self, timeout_s: float) -> dict[str, Any]:
-        """Return the next thing it says."""
+        """Return the next message."""
         deadline = time.monotonic() + timeout_s
         while b"\n" not in self._kept:
             left_s = deadline - time.monotonic()
@@ -209,7 +209,7 @@ class _Child:
         return said
 
     def end(self, cause: Exception) -> str:
-        """End it, and return why: its last words where it left any, otherwise `cause`."""
+        """End it, and return the reason: the last line of its error output, if any, otherwise `cause`."""
         self._channel.close()
         try:
             self._process.wait(END_TIMEOUT_S)

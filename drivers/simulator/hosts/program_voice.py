@@ -1,7 +1,6 @@
-"""What programs and PLCs do to hosts: their on-line commands (CMD) are executed, their texts (SEND) are told.
+"""Execute on-line commands (CMD) of programs and PLCs, and send their messages (SEND) to hosts.
 
-Both happen in the background cycle. Everything that is told goes to every host: which of them listens is not the
-card's to know.
+Both happen in the background cycle. Messages go to every host: the controller does not know which of them listens.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ from drivers.simulator.hosts.port import Port
 from drivers.simulator.hosts.share import WORK_PER_TURN
 
 COMMANDS_PER_CYCLE = 16
-"""Commands of programs that are executed in one background cycle, fewer when they are heavy."""
+"""Maximum program commands per background cycle, fewer when they are costly."""
 
 
 def speak(controller: Controller, ports: Sequence[Port]) -> None:
-    """Carry out what programs have asked for since the last cycle."""
+    """Execute the programs' requests since the last cycle."""
     commands, messages = controller.pending_commands, controller.host_messages
     if not commands and not messages:
         return
@@ -39,9 +38,9 @@ def speak(controller: Controller, ports: Sequence[Port]) -> None:
 
 
 def _command(controller: Controller, text: str, port: str, addressed: Addressed) -> tuple[bytes, int]:
-    """Execute a command as from a host with these addresses; return what hosts are told, and what it has cost.
+    """Execute a command as from a host with these addresses; return the output, and the cost.
 
-    Data is told only when the program named a port for it.
+    Data is sent only when the program named a port for it.
     """
     context = Context(
         controller,

@@ -1,4 +1,4 @@
-"""A pseudo-terminal in the place of a serial line, under a name of our own, the simulated card at its far end."""
+"""A pseudo-terminal in place of a serial line, with a stable name, and the simulated controller at its far end."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ CHUNK = 4096
 
 
 class PtyHost:
-    """The one host of the line; `device` is where it finds it, a name of our own.
+    """The only host of the line; `device` is the stable name that it opens.
 
-    Like a serial line it is always there: what a host that goes has left, the next one finds. Only a cut cable
-    hangs it up. Then the name is gone, and comes back with another pseudo-terminal behind it. `heard_s` is when
-    the host was last heard, real time, None before its first word.
+    Like a serial line it always exists: input left by one host is seen by the next one. Only a cut cable hangs it
+    up. Then the name disappears, and returns with another pseudo-terminal. `heard_s` is the time of the host's
+    last input, real time, None before the first.
     """
 
     def __init__(self, lathe: SimulatedLathe) -> None:
-        """Make the pseudo-terminal, and listen on it in the running event loop.
+        """Create the pseudo-terminal, and listen on it in the running event loop.
 
         Raises:
             OSError: it cannot be done.
@@ -46,24 +46,24 @@ class PtyHost:
 
     @property
     def device(self) -> str:
-        """Where a host finds it, whichever pseudo-terminal that is."""
+        """The stable device name, whichever pseudo-terminal that is."""
         return self._name.path
 
     def flush(self) -> None:
-        """Send what the card has answered and the line takes, and read on when the card has room again.
+        """Send the controller's replies as the line accepts them, and resume reading when it has room again.
 
-        Without a handshake, what nobody reads is lost in the end.
+        Without flow control, unread output is eventually lost.
         """
         if self._open and self._port.lost:
             self._hang_up()
         if self._open:
             self._turns.take()
         elif not self._lathe.lines.cut:
-            with suppress(OSError):  # there is none left at the moment: the next flush tries again
+            with suppress(OSError):  # none is available now: the next flush tries again
                 self._plug_in()
 
     def close(self) -> None:
-        """Hang up for good."""
+        """Close permanently."""
         self._hang_up()
         remove_name(self.device)
 
@@ -78,7 +78,7 @@ class PtyHost:
         os.close(self._far_end)
 
     def _plug_in(self) -> None:
-        # The far end stays open here: a host that closes it would otherwise hang up the whole line.
+        # The far end is kept open here: a host that closes it would otherwise hang up the whole line.
         self._line, self._far_end = os.openpty()
         try:
             tty.setraw(self._far_end)
@@ -122,12 +122,12 @@ class PtyHost:
             try:
                 del self._unsent[: os.write(self._line, self._unsent)]
             except BlockingIOError:
-                pass  # the host does not read at the moment
+                pass  # the host is not reading now
         self._hold_back()
         return self._stream.busy and len(self._unsent) <= SLOW_READER
 
     def _hold_back(self) -> None:
-        """Leave on the line what the card has no room for."""
+        """Leave on the line the input that the controller has no room for."""
         target = not self._stream.crowded
         if target and not self._reading:
             self._loop.add_reader(self._line, self._receive)
@@ -137,10 +137,10 @@ class PtyHost:
 
 
 class StableName:
-    """A symbolic link in a temporary folder that only its owner may look into."""
+    """A symbolic link in a temporary folder with owner-only access."""
 
     def __init__(self) -> None:
-        """Make the folder.
+        """Create the folder.
 
         Raises:
             OSError: it cannot be done.
@@ -148,7 +148,7 @@ class StableName:
         self.path = os.path.join(tempfile.mkdtemp(prefix=FOLDER), NAME)
 
     def point_at(self, device: str) -> None:
-        """Lead to a device, at no time to nothing where it has led to one before.
+        """Point to a device, without ever being absent once it exists.
 
         Raises:
             OSError: it cannot be done.
@@ -158,13 +158,13 @@ class StableName:
         os.replace(fresh, self.path)
 
     def withdraw(self) -> None:
-        """Lead nowhere."""
+        """Remove the link."""
         with suppress(OSError):
             os.unlink(self.path)
 
 
 def remove_name(path: str) -> None:
-    """Remove a name with its folder, also one that a process has left behind when it died; nothing else."""
+    """Remove a name with its folder, also one left by a dead process; nothing else."""
     name = Path(path)
     if name.name == NAME and name.parent.name.startswith(FOLDER):
         with suppress(OSError):

@@ -1,8 +1,8 @@
-"""Simulated time in step with real time, for the servers: how late it is, and whom it waits for.
+"""Keep simulated time in step with real time, for the servers: its delay, and when it waits for the host.
 
-A screen and its simulator share one computer. Where that has too much to do, the screen is held up, and a real
-card would end what moves, as it must. Here the card waits, for a while, for the one host that it serves: longer
-silences are real ones.
+The user interface and its simulator share one computer. When that is overloaded, the interface is delayed, and a
+real controller would end a motion, as it must. Here the controller waits, for a limited time, for its only host:
+longer silences are real ones.
 """
 
 from __future__ import annotations
@@ -16,34 +16,34 @@ from collections.abc import Callable, Collection, Coroutine
 from typing import Any, Protocol
 
 KEPT = 20_000
-"""Delays that are kept, the latest: at 5 ms a tick, those of 100 s."""
+"""Number of delays that are kept, the latest: at 5 ms a tick, those of 100 s."""
 
 TICK_S = 0.005
 MOST_CATCH_UP_S = 0.1
-"""Real time made up for in one tick; a process that was asleep for longer loses the rest."""
+"""Maximum real time made up for in one tick; a process that was suspended for longer loses the rest."""
 
 SLICE_S = 0.01
-"""Simulated time that is advanced in one go: between two, hosts and signals are heard."""
+"""Simulated time advanced in one go: in between, hosts and signals are served."""
 
 HEARD_S = 0.18
-"""How far time runs on without a word of the host: a lease that it has just renewed holds beyond that."""
+"""How far time runs without input from the host: shorter than a watchdog timeout that has just been renewed."""
 
 PATIENCE_S = 2.0
-"""How long a silence is put down to the computer."""
+"""How long a silence is attributed to the computer."""
 
 
 class Advanced(Protocol):
-    """What has a time that is advanced."""
+    """An object whose time is advanced."""
 
     def wait(self, seconds: float) -> None:
         """Advance it."""
 
 
 class Host(Protocol):
-    """Whoever is connected to the card."""
+    """A host connected to the controller."""
 
     def flush(self) -> None:
-        """Pass on what the card has answered, and read on when it has room again; never wait."""
+        """Forward the controller's replies, and resume reading when it has room again; never wait."""
 
 
 def ending_signals() -> asyncio.Event:
@@ -62,7 +62,7 @@ class WallClock:
         return time.monotonic()
 
     async def sleep(self, seconds: float) -> None:
-        """Let everybody else have a turn, and `seconds` pass."""
+        """Yield to others for at least `seconds`."""
         await asyncio.sleep(seconds)
 
 
@@ -76,14 +76,14 @@ class LagRecord:
         return len(self._delays_s)
 
     def add(self, delay_s: float) -> None:
-        """Take down one more delay."""
+        """Record one more delay."""
         self._delays_s.append(delay_s)
 
     def quantile_s(self, share: float) -> float:
-        """Return the least delay that `share` (0 to 1) of the delays do not exceed.
+        """Return the least delay that the fraction `share` (0 to 1) of the delays do not exceed.
 
         Raises:
-            ValueError: nothing has been taken down.
+            ValueError: nothing has been recorded.
         """
         if not self._delays_s:
             raise ValueError("no delays")
@@ -98,9 +98,9 @@ async def keep_time(
     speed: float = 1.0,
     lag: LagRecord | None = None,
 ) -> None:
-    """Let simulated time keep up with real time until one of `endings` is over; raise what went wrong.
+    """Keep simulated time in step with real time until one of `endings` is over; raise its error.
 
-    Simulated time runs `speed` times as fast. How late each tick comes is taken down in `lag`.
+    Simulated time runs `speed` times as fast. The delay of each tick is recorded in `lag`.
     """
     clock = run_clock(lathe, hosts, WallClock(), speed, LagRecord() if lag is None else lag)
     tasks = {asyncio.create_task(work) for work in (clock, *endings)}
@@ -133,13 +133,13 @@ async def run_clock(
 
 
 class PatientTime:
-    """Advances a lathe unless its host is being waited for. `heard_s` says when it was last heard, None: never."""
+    """Advances a lathe unless it waits for its host. `heard_s` is the time of its last input, None: never."""
 
     def __init__(self, lathe: Advanced, heard_s: Callable[[], float | None], now_s: Callable[[], float]) -> None:
         self._lathe, self._heard_s, self._now_s = lathe, heard_s, now_s
 
     def wait(self, seconds: float) -> None:
-        """Advance it, or let the time pass it by."""
+        """Advance it, or skip the time while it waits."""
         heard_s = self._heard_s()
         if heard_s is None or not HEARD_S < self._now_s() - heard_s < PATIENCE_S:
             self._lathe.wait(seconds)

@@ -1,4 +1,4 @@
-"""How the card words what it says to a host: handshake (I3), checksums (I4), errors (I6), messages (I62, I64).
+"""Format output to a host: handshake (I3), checksums (I4), errors (I6), messages (I62, I64).
 
 Pure: settings and text in, bytes out.
 """
@@ -14,12 +14,12 @@ STX, ACK, BELL, LF, CR = b"\x02", b"\x06", b"\x07", b"\n", b"\r"
 
 _BITS = 3
 _LINE_FEEDS = 1
-"""The bit of I3 that puts line feeds in front of data, and in the place of no acknowledgement."""
+"""The bit of I3 that puts line feeds before data, and instead of a missing acknowledgement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wording:
-    """The settings as they stand. Values above 3 wrap in their effect."""
+    """The present settings. Values above 3 wrap in their effect."""
 
     handshake: int
     checksums: bool
@@ -29,17 +29,17 @@ class Wording:
 
     @property
     def lead(self) -> bytes:
-        """What stands in front of each line of data."""
+        """Prefix of each line of data."""
         return LF if self.handshake in (1, 3) else b""
 
     @property
     def acknowledgement(self) -> bytes:
-        """What tells that a line was accepted."""
+        """The acknowledgement of a line."""
         return (b"", LF, ACK, ACK)[self.handshake]
 
 
 def wording(variables: VariableStore) -> Wording:
-    """Return how the card speaks at the moment."""
+    """Return the present settings of the controller."""
     i = variables.i
     handshake = int(i(3)) & _BITS
     switch = variables.dialect.no_line_feeds_switch
@@ -55,7 +55,7 @@ def wording(variables: VariableStore) -> Wording:
 
 
 def data(lines: Iterable[str], how: Wording) -> bytes:
-    """Return lines of data, each with its end and, where it is wanted, with a checksum of all its bytes."""
+    """Return lines of data, each with its end and, where enabled, with a checksum of all its bytes."""
     lead, said = how.lead, bytearray()
     if not how.checksums:
         before, behind = lead.decode("ascii"), CR.decode("ascii")
@@ -68,12 +68,12 @@ def data(lines: Iterable[str], how: Wording) -> bytes:
 
 
 def line_checksum(line: bytes, how: Wording) -> bytes:
-    """Return the checksum of a line that is accepted; it stands behind the acknowledgement."""
+    """Return the checksum of a line that is accepted; it follows the acknowledgement."""
     return bytes([checksum(line)]) if how.checksums else b""
 
 
 def refused(code: int, how: Wording) -> bytes:
-    """Return the complaint about a line. There is no acknowledgement behind it, and no checksum."""
+    """Return the error reply to a line. No acknowledgement or checksum follows it."""
     text = b"ERR%03d" % code
     match how.errors:
         case 1:
@@ -85,13 +85,13 @@ def refused(code: int, how: Wording) -> bytes:
 
 
 def message(text: str, how: Wording) -> bytes:
-    """Return what a program says unasked: without an acknowledgement."""
+    """Return an unsolicited program message: without an acknowledgement."""
     mark = STX if how.marked else b""
     return mark + how.lead + text.encode("ascii", "replace") + (b"" if how.silent_end else CR)
 
 
 def complaint(code: int, how: Wording) -> bytes:
-    """Return the error of a command that a program gave; with I6 = 2 only hosts are told of errors."""
+    """Return the error of a program's command; with I6 = 2 only hosts get error messages."""
     return b"" if how.errors == 2 else refused(code, how)
 
 

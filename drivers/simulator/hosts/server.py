@@ -1,6 +1,6 @@
-"""The simulated card in real time, at any number of addresses: ASCII streams, Ethernet boards, a serial line.
+"""Serve the simulated controller in real time, at any number of addresses: ASCII, Ethernet boards, serial.
 
-Faults are asked for at an address of their own.
+Faults have a control address of their own.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from profiles.problem import Problem
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listeners:
-    """Where hosts may connect: `tcp` is the ASCII stream, `ethernet` the requests of the Ethernet board.
+    """Listening addresses: `tcp` is the ASCII stream, `ethernet` the requests of the Ethernet board.
 
-    `control` is where faults are asked for.
+    `control` is the control socket for faults.
     """
 
     tcp: TcpAddress | None = None
@@ -40,7 +40,7 @@ class Listeners:
 def serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float = 1.0) -> None:
     """Serve until SIGINT, SIGTERM or SIGHUP; simulated time runs `speed` times as fast as real time.
 
-    Once all of them can be connected, `ready` is told each address, such as `tcp:127.0.0.1:1025`.
+    Once all of them accept connections, `ready` is called with each address, such as `tcp:127.0.0.1:1025`.
 
     Raises:
         LinkError: `link.cannot_listen`.
@@ -66,9 +66,9 @@ async def listen(
     hosts: set[Host],
     opened: ExitStack,
 ) -> AsyncIterator[str]:
-    """Listen everywhere; yield the addresses that were bound. `opened` closes them.
+    """Listen at all addresses; yield the bound addresses. `opened` closes them.
 
-    Whoever advances the time of the lathe has to `flush` the `hosts` then.
+    Whatever advances the time of the lathe has to `flush` the `hosts` then.
 
     Raises:
         LinkError: `link.cannot_listen`.

@@ -1,1 +1,1 @@
-"""The iron: axes, workpiece and gauge."""
+"""The simulated hardware: axes, workpiece and gauge."""

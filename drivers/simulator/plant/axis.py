@@ -9,19 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 
 read_encoder: Callable[[float], int] = round
-"""The reading for a true position, both in counts: the nearest whole one. A name for what Python has built in,
-because it stands in the innermost loop of all."""
+"""The reading for a true position, both in counts, rounded to the nearest integer. An alias for the Python
+built-in, because it is in the innermost loop of all.
+"""
 
 DRAWN_AT_ONCE = 4096
 
 OPEN_LOOP_COUNTS_PER_S = 100_000.0
-"""Speed that a full open-loop output drives an ideal axis to, in the time constant with which it runs out."""
+"""Speed of an ideal axis at full open-loop output; it settles with the time constant of its coasting."""
 
 BARE_COAST_S = 0.1
-"""How an axis runs out that has no machine behind it, time constant."""
+"""Coasting time constant of an axis without a machine."""
 
 BARE_ORIGIN = 500.0
-"""Where such an axis stands at power-up, in counts from a home trigger."""
+"""Position of such an axis at power-up, in counts from a home trigger."""
 
 
 class Scale:
@@ -32,7 +33,7 @@ class Scale:
 
 
 class NoisyScale(Scale):
-    """A scale whose every reading has a Gaussian noise of its own before it is rounded."""
+    """A scale whose every reading has independent Gaussian noise before it is rounded."""
 
     def __init__(self, rms_counts: float, seed: int) -> None:
         self._rms_counts = rms_counts
@@ -40,7 +41,7 @@ class NoisyScale(Scale):
         self._drawn: list[float] = []
 
     def read(self, place: float) -> int:
-        """Return the reading at a true place, counts."""
+        """Return the reading at a true position, counts."""
         if not self._drawn:
             self._drawn = self._generator.normal(0.0, self._rms_counts, DRAWN_AT_ONCE).tolist()
         self.before, self.now = self.now, self._drawn.pop()
@@ -48,10 +49,10 @@ class NoisyScale(Scale):
 
 
 class IdealAxis:
-    """An axis that is where it is told to be; switched off, it runs out with a time constant.
+    """An axis that is at its commanded position; disabled, it coasts with a time constant.
 
-    It has no mass: jammed, or at an end of its travel, it stands, and freed, it is at once where it is told to be.
-    `at_end` is whether it was held by an end in the last block.
+    It has no mass: jammed, or at an end of its travel, it stands, and once freed, it is at once at its commanded
+    position. `at_end` is whether an end held it in the last block.
     """
 
     def __init__(self, cycle_s: float, coast_s: float, origin: float = 0.0, ends: Ends | None = None) -> None:
@@ -62,14 +63,14 @@ class IdealAxis:
         self._ends = ends
         self._x = 0.0
         self._reading = 0.0  # the last one, while the encoder does not count
-        self._unseen = 0.0  # how far it was from there when its loop was closed on it
+        self._unseen = 0.0  # its distance from there when its loop was closed on it
         self._blind = False
         self._step = 0.0
         self._keep = math.exp(-cycle_s / coast_s)
         self._full_step = OPEN_LOOP_COUNTS_PER_S * cycle_s
 
     def close_loop(self) -> float:
-        """Stand still where it is, whatever the reading."""
+        """Hold the present position, whatever the reading."""
         self._step = 0.0
         if not self.encoder_lost:
             self._unseen = 0.0
@@ -80,7 +81,7 @@ class IdealAxis:
     def rebase(self, counts: float) -> None:
         """Shift the motor's zero by `counts`.
 
-        An encoder that counts again goes on from its last reading: the zero moves, what was read does not.
+        An encoder that counts again continues from its last reading: the zero moves, the reading does not.
         """
         self.origin += counts
         self._x -= counts
@@ -90,7 +91,7 @@ class IdealAxis:
         self._reading -= counts
 
     def follow(self, commands: Sequence[float]) -> list[float]:
-        """Be where the commands say; without an encoder, as far from there as when the loop was closed."""
+        """Follow the commands; without an encoder, with the offset present when the loop was closed."""
         if self.jammed:
             return self._stand(len(commands))
         positions = [command + self._unseen for command in commands] if self._unseen else list(commands)
@@ -112,7 +113,7 @@ class IdealAxis:
         return self._within(positions)
 
     def coast(self, cycles: int) -> list[float]:
-        """Run out."""
+        """Coast."""
         return self.push(0.0, cycles)
 
     def _within(self, positions: list[float]) -> list[float]:
@@ -132,19 +133,19 @@ class IdealAxis:
 
 
 def bare_axis(cycle_s: float) -> IdealAxis:
-    """Return an axis with nothing behind it, for a motor that the machine does not use."""
+    """Return an axis without mechanics, for a motor that the machine does not use."""
     return IdealAxis(cycle_s, BARE_COAST_S, origin=BARE_ORIGIN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ends:
-    """Machine positions in counts. Beyond them the iron cannot be; it stands where it has met one."""
+    """Machine positions in counts: the limits of the axis, which stops there."""
 
     lowest: float
     highest: float
 
     def holds(self, place: float) -> float:
-        """Return the place where the iron is that something would bring to `place`."""
+        """Return the position of the axis when something would move it to `place`."""
         return min(max(place, self.lowest), self.highest)
 
 

@@ -1,6 +1,6 @@
-"""What must not meet on a lathe: the tool and a part that stands, too much of it, or the jaws.
+"""Collisions on a lathe: the tool with a standing part, with too much of it, or with the jaws.
 
-Iron that meets here goes on as the card commands. What a crash breaks is not simulated, that it happened is said.
+After a collision the simulation continues as commanded. Damage is not simulated, only the collision reported.
 """
 
 from __future__ import annotations
@@ -12,46 +12,46 @@ from enum import StrEnum
 from profiles.job import Job
 
 TOUCH_MM = 0.05
-"""How far into a standing part the tip may be: a touch that marks, and no crash."""
+"""Depth of the tip in a standing part up to which it is a mere touch that marks, not a crash."""
 
 TOOL_TAKES_MM = 1.0
-"""What the tool takes more than the cut of its job, on the radius. A choice, for an insert of a finishing cut."""
+"""Permitted depth beyond the cut of its job, on the radius. A choice, for an insert of a finishing cut."""
 
 MOST_FEED_MM_PER_TURN = 1.0
-"""The largest feed that a job may have. What enters material faster than that is no cut."""
+"""The largest feed that a job may have. A tool that enters material faster is not cutting."""
 
 STANDS_TURNS = 1e-5
 """A spindle that turns less than this in a servo cycle stands: 1.4 rpm at 442 us."""
 
 
 BACK_TURNS = 0.05
-"""How far back a spindle may turn in the cut: a servo that was stopped in a hurry comes back by 6 deg."""
+"""Permitted backward rotation of the spindle in the cut: a servo after a hard stop comes back by 6 deg."""
 
 
 class CollisionKind(StrEnum):
-    """What met what."""
+    """Kinds of collision."""
 
     STANDING_PART = "standing_part"
-    """The tip went into the clamped surface while the spindle stood."""
+    """The tip entered the clamped surface while the spindle stood."""
     END_FACE = "end_face"
-    """The tip went into material along Z faster than any feed."""
+    """The tip entered material along Z faster than any feed."""
     TOO_DEEP = "too_deep"
-    """The tip went deeper than the tool takes."""
+    """The tip went deeper than the tool permits."""
     THROUGH_WALL = "through_wall"
-    """The tip went through the wall into the bore."""
+    """The tip broke through the wall into the bore."""
     JAWS = "jaws"
     """The tip went beyond the jaw faces, within the outer radius of the jaws."""
     INFEED = "infeed"
-    """The tip went deeper than its cut, by more a turn than the tool takes."""
+    """The tip went deeper than its cut, by more per turn than the tool permits."""
     REVERSE = "reverse"
     """The tip was in material while the spindle turned backwards."""
     END_OF_TRAVEL = "end_of_travel"
-    """The tool or the carriage met the end of its iron."""
+    """The tool or the carriage hit the end of its travel."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Collision:
-    """One collision where it began: radius and Z of the tool tip, the spindle from its index, simulated time."""
+    """One collision at its start: radius and Z of the tool tip, the spindle from its index, simulated time."""
 
     kind: CollisionKind
     radius_mm: float
@@ -62,7 +62,7 @@ class Collision:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clamped:
-    """A blank in the chuck. `deepest_mm` is the least radius that the tool takes, `bore_mm` that of the wall."""
+    """A blank in the chuck. `deepest_mm` is the least radius that the tool may cut, `bore_mm` that of the wall."""
 
     radius_mm: float
     bore_mm: float
@@ -70,13 +70,13 @@ class Clamped:
     free_end_mm: float
 
     def deeper_than_its_cut(self, radius_mm: float) -> bool:
-        """Whether a radius is further in than the job has anything to cut, and than a touch."""
+        """Whether a radius is deeper than the job's cut, and than a touch."""
         return radius_mm < self.deepest_mm + TOOL_TAKES_MM - TOUCH_MM
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Track:
-    """Where the tip was: radius, spindle turns since the index and Z, one servo cycle apart up to `end_ms`."""
+    """The path of the tip: radius, spindle turns since the index and Z, one servo cycle apart up to `end_ms`."""
 
     radius_mm: Sequence[float]
     turns: Sequence[float]
@@ -90,7 +90,7 @@ SurfaceAt = Callable[[float, float], float]
 
 
 def clamped(job: Job, jaw_face_mm: float) -> Clamped:
-    """Return the blank of a job, clamped in front of the jaw faces."""
+    """Return the blank of a job, clamped before the jaw faces."""
     cut_mm = job.depth_of_cut_mm + job.lobe_amplitude_um / 1000.0
     return Clamped(
         radius_mm=job.radius_mm,
@@ -101,9 +101,9 @@ def clamped(job: Job, jaw_face_mm: float) -> Clamped:
 
 
 def _met(turned: float, back: float, fed_mm: float, infed_mm: float) -> CollisionKind | None:
-    """Return what it is to go like this in material, in a servo cycle; None for a cut.
+    """Return the collision of such a motion in material, in a servo cycle; None for a cut.
 
-    The spindle has `turned` in this cycle, and is `back` from where it was furthest in this material.
+    The spindle has `turned` in this cycle, and is `back` from its furthest position in this material.
     """
     if abs(turned) < STANDS_TURNS:
         return CollisionKind.STANDING_PART
@@ -115,7 +115,7 @@ def _met(turned: float, back: float, fed_mm: float, infed_mm: float) -> Collisio
 
 
 class CollisionWatch:
-    """Finds each kind of collision once, from the clamping of a blank to that of the next."""
+    """Detects each kind of collision once, from the clamping of a blank to that of the next."""
 
     def __init__(self, jaw_face_mm: float, jaw_outer_mm: float) -> None:
         self.found: tuple[Collision, ...] = ()
@@ -127,15 +127,15 @@ class CollisionWatch:
         self._furthest: float | None = None  # turns, since the tip went into the part
 
     def clamp(self, part: Clamped, surface_at: SurfaceAt) -> None:
-        """Begin anew with a blank, whose surface is asked for before a track has cut it."""
+        """Restart with a blank, whose surface is queried before a track has cut it."""
         self._part, self._surface_at, self.found = part, surface_at, ()
 
     def release(self) -> None:
-        """Take the part away."""
+        """Remove the part."""
         self._part = None
 
     def look(self, track: Track, *, at_end: bool = False) -> None:
-        """Look at a track, before it cuts; `at_end` is whether an axis is held by the end of its travel."""
+        """Check a track, before it cuts; `at_end` is whether an axis is held by the end of its travel."""
         if at_end:
             self._report(CollisionKind.END_OF_TRAVEL, track, len(track.radius_mm) - 1)
         least_mm, part = min(track.radius_mm), self._part
@@ -154,7 +154,7 @@ class CollisionWatch:
                 return
 
     def _look_at_part(self, track: Track, part: Clamped) -> None:
-        """The cheap questions first: in a cut, all of them are answered by the radius and the feed."""
+        """Check the cheap conditions first: in a cut, radius and feed decide all of them."""
         turns_before, z_before, radius_before = self._before or (track.turns[0], track.z_mm[0], track.radius_mm[0])
         for at, radius_mm in enumerate(track.radius_mm):
             turns, z_mm = track.turns[at], track.z_mm[at]
@@ -185,7 +185,7 @@ class CollisionWatch:
             kind=kind,
             radius_mm=track.radius_mm[at],
             z_mm=track.z_mm[at],
-            # Twice: the remainder of next to nothing below 0 is a whole turn.
+            # Twice: the remainder of a tiny negative number is a whole turn.
             angle_deg=360.0 * (track.turns[at] % 1.0) % 360.0,
             time_ms=track.end_ms - after * track.cycle_ms,
         )

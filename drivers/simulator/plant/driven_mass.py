@@ -1,6 +1,6 @@
-"""A mass that a current amplifier pushes: the slide of a linear motor, or what a spindle motor turns.
+"""A mass driven by a current amplifier: the slide of a linear motor, or the rotor of a spindle motor.
 
-It is known by what an axis makes of it, motor counts and bits of the DAC, so that one loop serves both.
+It is described in axis units, motor counts and DAC bits, so that one loop serves both.
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ import math
 from dataclasses import dataclass
 
 NO_DAMPING = 1e-6
-"""Share of its speed that a mass loses in a servo cycle, below which the formulas with damping cancel out."""
+"""Fraction of its speed that a mass loses in a servo cycle, below which the formulas with damping cancel out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZeroOrderHold:
-    """One servo cycle of a mass under a force that is held through it, exact.
+    """One servo cycle of a mass under a constant force, exact.
 
     With x in counts, v in counts/s and the force in DAC bits, at the end of the cycle
     x' = x + glide v + push_x force and v' = decay v + push_v force.
@@ -28,10 +28,10 @@ class ZeroOrderHold:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrivenMass:
-    """A mass with viscous damping behind a current amplifier, as in Eq 9 and Table 4 of the paper.
+    """A mass with viscous damping driven by a current amplifier, as in Eq 9 and Table 4 of the paper.
 
-    `damping_per_s` is damping over mass, `acceleration_per_bit` in counts/s2. `friction` is what Coulomb friction
-    takes from its speed, in counts/s2, whatever the speed; at rest it holds against a force below it.
+    `damping_per_s` is damping over mass, `acceleration_per_bit` in counts/s2. `friction` is the deceleration by
+    Coulomb friction, in counts/s2, at any speed; at rest it holds against a force below it.
     """
 
     damping_per_s: float
@@ -40,7 +40,7 @@ class DrivenMass:
     friction: float = 0.0
 
     def held(self, cycle_s: float) -> ZeroOrderHold:
-        """Return what a servo cycle of `cycle_s` does to it, but for the friction."""
+        """Return its motion in a servo cycle of `cycle_s`, without the friction."""
         rate = self.damping_per_s
         if rate * cycle_s < NO_DAMPING:
             glide, push = cycle_s, 0.5 * cycle_s**2
@@ -82,7 +82,7 @@ def rotary_motor(
     counts_per_turn: float,
     friction_n_m: float = 0.0,
 ) -> DrivenMass:
-    """Return what a torque motor turns."""
+    """Return the rotor of a torque motor."""
     counts_per_rad = counts_per_turn / (2.0 * math.pi)
     return DrivenMass(
         damping_per_s=drag_n_m_s_per_rad / inertia_kg_m2,

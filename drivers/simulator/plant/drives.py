@@ -1,4 +1,4 @@
-"""The drives of a simulated lathe, built from what its profile and its true parameters say."""
+"""The drives of a simulated lathe, built from its profile and its true parameters."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ MotorVariable = Callable[[int, int], float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drives:
-    """The axes of one lathe. `inverter` is what drives the spindle where the card does not.
+    """The axes of one lathe. `inverter` drives the spindle where the controller does not.
 
-    `load` is what the cut does to the tool, `wander` what the axis of the spindle does; None is nothing of it.
+    `load` is the effect of the cut on the tool, `wander` the radial error of the spindle; None is no effect.
     """
 
     tool: ServoAxis
@@ -49,14 +49,14 @@ class Drives:
         }
 
     def take_gains(self, variables: VariableStore) -> None:
-        """Use the gains that the card has now."""
+        """Use the present gains of the controller."""
         self.tool.set_gains(_gains(self.machine.tool.motor, variables.motor))
         if isinstance(self.spindle.drive, ServoAxis):
             self.spindle.drive.set_gains(_gains(self.machine.spindle.motor, variables.motor))
 
 
 def build_drives(machine: MachineProfile, true: TrueParameters, settings: dict[int, float]) -> Drives:
-    """Return the drives; `settings` are the I-variables of the card."""
+    """Return the drives; `settings` are the I-variables of the controller."""
 
     def setting(motor: int, suffix: int) -> float:
         return settings.get(100 * motor + suffix, 0.0)
@@ -122,7 +122,7 @@ def _spindle(machine: MachineProfile, true: TrueParameters, drive: Axis) -> Spin
 def _spindle_drive(
     machine: MachineProfile, true: TrueParameters, setting: MotorVariable
 ) -> ServoAxis | IdealAxis | InverterSpindle:
-    """Return what turns the spindle. What the card counts is the encoder, which a belt may drive."""
+    """Return the spindle drive. The controller counts the encoder, which a belt may drive."""
     spindle, cycle_s = machine.spindle, _cycle_s(machine)
     counts_per_turn = spindle.counts_per_rev * true.belt_ratio
     start_counts = float(round(true.spindle_start_turns * counts_per_turn))

@@ -1,4 +1,4 @@
-"""A mass on dry guides, driven by a current that lags: exact through a servo cycle, stop and start included."""
+"""A mass on dry guides, driven by a current with a lag: exact through a servo cycle, stop and start included."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from drivers.simulator.plant.driven_mass import DrivenMass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurrentLag:
-    """What is left in a servo cycle of a force that is not yet, or still, there; exact for a held command.
+    """Effect of a current lag within a servo cycle; exact for a constant command.
 
-    The difference d of the force from what is asked dies out as d exp(-t / lag). At the end of the cycle `left` of
-    it remains; `mean` is its mean over the cycle. Beside that mean, held, it moves the mass by another
-    `more_x` d and its speed by `more_v` d, because more of it comes early (counts and counts/s, d in counts/s2).
+    The difference d between the force and its command decays as d exp(-t / lag). At the end of the cycle `left` of
+    it remains; `mean` is its mean over the cycle. Compared with that constant mean, it moves the mass by an
+    additional `more_x` d and its speed by `more_v` d, because more of it comes early (counts and counts/s, d in
+    counts/s2).
     """
 
     left: float
@@ -47,10 +48,10 @@ def current_lag(mass: DrivenMass, cycle_s: float, lag_s: float) -> CurrentLag:
 
 
 class DrySlide:
-    """One servo cycle of a mass with viscous damping and Coulomb friction under a held force.
+    """One servo cycle of a mass with viscous damping and Coulomb friction under a constant force.
 
-    With `lag_s` the force follows what is asked for with that time constant, which is exact while the mass slides;
-    a stop or a start within the cycle sees the mean of the force.
+    With `lag_s` the force follows its command with that time constant, which is exact while the mass slides; a
+    stop or a start within the cycle uses the mean of the force.
     """
 
     def __init__(self, mass: DrivenMass, cycle_s: float, lag_s: float = 0.0) -> None:
@@ -65,7 +66,7 @@ class DrySlide:
     def step(self, x: float, v: float, force: float, load: float = 0.0) -> tuple[float, float]:
         """Return position (counts) and speed (counts/s) a cycle later.
 
-        `force` is asked for in DAC bits, `load` is what else pushes, in counts/s2.
+        `force` is the command in DAC bits, `load` an additional force, in counts/s2.
         """
         drive, more_x, more_v = force * self._per_bit, 0.0, 0.0
         if self._lag is not None:
@@ -93,8 +94,8 @@ class DrySlide:
         return x + part.push_x * pull, part.push_v * pull
 
     def _time_to_rest(self, v: float, pull: float) -> float:
-        """Return when a speed is used up against a pull: v exp(-rt) + pull (1 - exp(-rt)) / r = 0."""
+        """Return when a pull has reduced a speed to 0: v exp(-rt) + pull (1 - exp(-rt)) / r = 0."""
         if pull * v >= 0.0:
-            return self._cycle_s  # it only comes to rest because the current was late
+            return self._cycle_s  # it only comes to rest because of the current lag
         rate = self._one.damping_per_s
         return -v / pull if rate == 0.0 else math.log1p(-rate * v / pull) / rate

@@ -1,4 +1,4 @@
-"""The gauges of the simulated shop: the trace of a part, and what the eye sees at the chuck."""
+"""The gauges of the simulated shop: the trace of a part, and the view of the chuck."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Floats = NDArray[np.float64]
 
 
 class Gauge:
-    """What measures round parts: each time the part sits a little beside the axis, and each point has its noise.
+    """A roundness gauge: each time the part sits slightly off the axis, and each point has its noise.
 
     Deviations are um, positive outwards, at 3600 angles from the spindle index, in the direction in which the cut
-    turned. Without a known start mark the trace begins anywhere.
+    turned. Without a known start mark the trace begins at a random angle.
     """
 
     def __init__(self, true: TrueParameters) -> None:
@@ -61,12 +61,12 @@ def look_at(
     jaw_1_deg: float,
     collisions: Sequence[Collision] = (),
 ) -> WorkshopView:
-    """Return what is seen with the tool tip at radius `tip_mm` and Z `z_mm`, the spindle `turns` from its index.
+    """Return the view with the tool tip at radius `tip_mm` and Z `z_mm`, the spindle `turns` from its index.
 
-    `length_mm` is where the part stands along Z, from its free end to the jaw faces; `jaw_1_deg` the spindle angle
-    at which jaw 1 meets the mark; of `collisions` the kinds are seen.
+    `length_mm` is the Z range of the part, from its free end to the jaw faces; `jaw_1_deg` the spindle angle at
+    which jaw 1 meets the mark; of `collisions` the kinds are seen.
     """
-    # To a hundredth first, so that -180.001 is seen as 180 and not as -180.
+    # Round to a hundredth first, so that -180.001 is seen as 180 and not as -180.
     past_deg = round(360.0 * turns - jaw_1_deg, 2) % 360.0
     gap_mm = None
     if part is not None and length_mm[0] <= z_mm <= length_mm[1]:

@@ -1,6 +1,6 @@
 """A conventional spindle: an induction motor on an inverter, switched and set at the lathe.
 
-The card reads its encoder and never closes its loop: what the card puts out goes nowhere.
+The controller reads its encoder and never closes its loop: the controller's output is not connected.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from drivers.simulator.plant.axis import read_encoder
 class InductionDrive:
     """The motor and its inverter, at the spindle.
 
-    `slip_rpm` is how far the motor falls behind its field at `peak_torque_n_m`, and less in proportion.
+    `slip_rpm` is the slip of the motor at `peak_torque_n_m`, and less in proportion.
     """
 
     inertia_kg_m2: float
@@ -28,9 +28,9 @@ class InductionDrive:
 
 
 class InverterSpindle:
-    """A spindle that turns as its inverter says, whatever the card commands.
+    """A spindle that turns as its inverter commands, whatever the controller commands.
 
-    `load_n_m` is the torque of the cut. Switched on while it runs out, the inverter catches it at its speed.
+    `load_n_m` is the torque of the cut. Enabled while it coasts, the inverter catches it at its speed.
     """
 
     def __init__(self, drive: InductionDrive, counts_per_turn: float, cycle_s: float, origin: float) -> None:
@@ -45,22 +45,22 @@ class InverterSpindle:
         self._reading = 0.0
         self._blind = False
         self._speed = 0.0  # rad/s
-        self._field = 0.0  # what the inverter puts out, rad/s
-        self._target: float | None = None  # rad/s; None is switched off
+        self._field = 0.0  # inverter output, rad/s
+        self._target: float | None = None  # rad/s; None is disabled
 
     @property
     def speed_rpm(self) -> float:
-        """How fast it really turns."""
+        """Its true speed."""
         return self._speed * 30.0 / math.pi
 
     def set_rpm(self, rpm: float) -> None:
-        """Switch on and ramp to a speed; positive is the direction of the cut."""
+        """Enable and ramp to a speed; positive is the direction of the cut."""
         if self._target is None:
             self._field = self._speed
         self._target = rpm * math.pi / 30.0
 
     def switch_off(self) -> None:
-        """Let it run out."""
+        """Let it coast."""
         self._target = None
 
     def close_loop(self) -> float:
@@ -70,7 +70,7 @@ class InverterSpindle:
     def rebase(self, counts: float) -> None:
         """Shift the motor's zero by `counts`.
 
-        An encoder that counts again goes on from its last reading: the zero moves, what was read does not.
+        An encoder that counts again continues from its last reading: the zero moves, the reading does not.
         """
         self.origin += counts
         self._x -= counts
@@ -80,15 +80,15 @@ class InverterSpindle:
         self._reading -= counts
 
     def follow(self, commands: Sequence[float]) -> list[float]:
-        """Turn; the commands go nowhere."""
+        """Turn; the commands have no effect."""
         return self.coast(len(commands))
 
     def push(self, output: float, cycles: int) -> list[float]:
-        """Turn; the output goes nowhere."""
+        """Turn; the output has no effect."""
         return self.coast(cycles)
 
     def coast(self, cycles: int) -> list[float]:
-        """Turn as the inverter says, or run out."""
+        """Turn as the inverter commands, or coast."""
         track = []
         for _ in range(cycles):
             before = self._speed
@@ -101,7 +101,7 @@ class InverterSpindle:
         return track
 
     def _next_speed(self) -> float:
-        """Return the speed a cycle later: behind the field by the slip, or what drag and load leave of it."""
+        """Return the speed a cycle later: the field less the slip, or decelerated by drag and load."""
         drive = self._drive
         against_n_m = drive.friction_n_m + self.load_n_m
         if self._target is None:
@@ -110,11 +110,11 @@ class InverterSpindle:
             stopped = self.jammed or slower * self._speed <= 0.0
             return 0.0 if stopped else slower
         if self.jammed:
-            self._field = 0.0  # freed, it comes up again by the ramp
+            self._field = 0.0  # freed, it accelerates again by the ramp
             return 0.0
         most = drive.ramp_rpm_per_s * math.pi / 30.0 * self._cycle_s
         self._field += max(-most, min(self._target - self._field, most))
         per_n_m = drive.slip_rpm * math.pi / 30.0 / drive.peak_torque_n_m
         loaded = abs(self._field) - per_n_m * against_n_m
-        # The drag is a part of the load, and goes with the speed that comes out.
+        # The drag is part of the load, and depends on the resulting speed.
         return math.copysign(max(loaded, 0.0) / (1.0 + per_n_m * drive.drag_n_m_s_per_rad), self._field)

@@ -1,8 +1,8 @@
-"""Named plants: files that say by how much the iron of a lathe is not what its machine profile says.
+"""Named plants: files of the differences between a lathe's true values and its machine profile.
 
-A plant is bundled (`ideal`, `paper`, `realistic`), `mounted` (the ideal one, set up by hand), or a file of the
-same keys, whose path ends in `.toml`. Keys may stand in any tables; factors are on the values of the profile. A
-mass, damping or thrust of the tool may be said itself, in the place of a factor.
+A plant is bundled (`ideal`, `paper`, `realistic`), `mounted` (the ideal one, set up by hand), or a file with the
+same keys, whose path ends in `.toml`. Keys may be in any tables; factors apply to the values of the profile. A
+mass, damping or thrust of the tool may be given as a value, instead of a factor.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from profiles.problem import Problem, ProfileError
 _FOLDER = Path(__file__).parent / "presets"
 MOUNTED = "mounted"
 PLANTS = ("ideal", MOUNTED, "paper", "realistic")
-"""The names under which a lathe is asked for."""
+"""The names of the plants."""
 
 SEEDS = 2**32
 
 INSTEAD_OF = {"mass_kg": "mass_factor", "thrust_n_per_v": "thrust_factor"}
-"""Keys that say a value itself, each with the factor beside which it cannot stand."""
+"""Keys that give a value, each with the factor that it excludes."""
 
 
 def _factor(key: str, table: str) -> Field:
@@ -86,13 +86,13 @@ def plant_named(
 ) -> TrueParameters:
     """Return the true parameters of a plant on a machine.
 
-    What chance decides comes from `seed`, and is another each time without one. `clamping_sd_percent` is the
-    standard deviation of the chucking force from clamping to clamping; 0 makes all clampings identical. Set up by
-    hand, the chuck is at any angle and the tip near its nominal radius, and the spindle has its inertia.
+    Random effects use `seed`, and differ each time without one. `clamping_sd_percent` is the standard deviation of
+    the chucking force from clamping to clamping; 0 makes all clampings identical. Set up by hand, the chuck is at
+    any angle and the tip near its nominal radius, and the spindle has its inertia.
 
     Raises:
         ProfileError: `plant.unknown`, no such name; those of a file that cannot be read or has wrong keys;
-            `key.instead_of`, a value and the factor in whose place it stands; `value.out_of_range`, a friction of
+            `key.instead_of`, a value and the factor that it replaces; `value.out_of_range`, a friction of
             more than all damping.
     """
     by_hand = mounted_by_hand or name_or_path == MOUNTED
@@ -129,7 +129,7 @@ def _values(name_or_path: str) -> tuple[Mapping[str, Any], str]:
 
 
 def _with_friction(true: TrueParameters, friction_n: float, where: str) -> TrueParameters:
-    """Return the iron with so much of its damping dry; a file `where` that asks for more than all is refused."""
+    """Return the parameters with this much of the damping dry; refuse a file `where` that asks for more."""
     try:
         return replace(true, coulomb_friction_n=friction_n)
     except ValueError:

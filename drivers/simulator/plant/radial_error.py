@@ -1,4 +1,4 @@
-"""The axis of a spindle wanders as it turns: the work comes towards the tool and goes, and no encoder sees it."""
+"""Radial error motion of a spindle: the axis wanders as it turns, unseen by any encoder."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import math
 from random import Random
 
 PLACES = 3600
-"""Places of a turn between which the wander is not resolved: 0.1 deg, below a hundredth of it."""
+"""Angular resolution of the error motion: 0.1 deg, whose error is below a hundredth of it."""
 
 PIECES = (2, 3, 4, 5, 7)
-"""Waves a turn of what repeats. Once a turn is no error: the part sits a little beside the axis, and is round."""
+"""Undulations per revolution of the synchronous part. One is no error: the part is off the axis, and round."""
 
 STRAY_PER_TURN = (0.43, 2.57)
-"""Waves a turn of what does not repeat: the cage of a rolling bearing, and what its rolling elements do."""
+"""Undulations per revolution of the asynchronous part: the cage of a rolling bearing, and its rolling elements."""
 
 STRAY_SHARE = 0.1
-"""What does not repeat over what does, peak to peak."""
+"""Asynchronous over synchronous part, peak to peak."""
 
 
 class RadialError:
-    """Waves of falling size and of phases by chance, `um_pp` peak to peak over a turn; a little beside strays."""
+    """Harmonics of falling size and random phases, `um_pp` peak to peak over a turn; a few asynchronous."""
 
     def __init__(self, um_pp: float, random: Random) -> None:
         phases = [(n, random.uniform(0.0, 2.0 * math.pi)) for n in PIECES]
@@ -31,6 +31,6 @@ class RadialError:
         self._strays = [(2.0 * math.pi * each, random.uniform(0.0, 2.0 * math.pi)) for each in STRAY_PER_TURN]
 
     def at_mm(self, turns: float) -> float:
-        """Return how far the work is towards the tool, mm, when the spindle stands `turns` from its index."""
+        """Return the displacement of the work towards the tool, mm, at spindle position `turns` from its index."""
         strays = sum(math.sin(wave * turns + phase) for wave, phase in self._strays)
         return self._repeats_mm[int(turns % 1.0 * PLACES) % PLACES] + self._stray_mm * strays

@@ -1,4 +1,4 @@
-"""A spindle that turns unevenly: what its belt, its gears or its load do within a turn, and no servo takes out."""
+"""Speed ripple of a spindle: the effect of belt, gears or load within a turn, which no servo removes."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import math
 from collections.abc import Iterable
 
 FADES_IN_TURNS = 0.25
-"""In how much of a turn the swing comes up or goes: the spindle must not jump, nor turn by itself."""
+"""Fraction of a turn over which the ripple fades in or out: the spindle must not jump, nor turn by itself."""
 
 FADES_IN_S = 0.1
-"""Time constant with which it goes where the spindle stands."""
+"""Time constant with which it fades while the spindle stands."""
 
 NONE_BELOW_RPM, FULL_FROM_RPM = 3.0, 20.0
-"""Mean speeds between which the swing comes up: a spindle that stands has no speed to swing."""
+"""Mean speeds between which the ripple fades in: a standing spindle has no speed to oscillate."""
 
 SMOOTHED_S = 0.02
-"""Time constant of the mean speed: what a servo does at rest is no speed."""
+"""Time constant of the mean speed: servo motion at rest is not speed."""
 
 GONE_COUNTS = 1e-3
 
 
 class Ripple:
-    """Swings a track about its mean, `per_turn` times a turn of the iron, so that the speed swings by a share.
+    """Modulates a track about its mean, `per_turn` times a turn of the axis, with a fraction of its speed.
 
     With v the mean speed, k = 2 pi per_turn / turn and a phase p, the angle is x + (share / k) sin(k x + p), and
     so the speed v (1 + share cos(k x + p)).
@@ -39,17 +39,17 @@ class Ripple:
 
     @property
     def swings(self) -> bool:
-        """Whether something of the swing is there, wanted or not."""
+        """Whether there is some ripple, commanded or still fading."""
         return self._amplitude != 0.0
 
     def swing(
         self, track: Iterable[float], origin: float, share: float, per_turn: int, *, jammed: bool = False
     ) -> list[float]:
-        """Return a track (motor counts, its zero at `origin`) as the iron really goes; what is jammed stays."""
+        """Return a track (motor counts, its zero at `origin`) with the ripple; a jammed axis stays."""
         if not self.swings:
             self._per_turn = per_turn
         wave = 2.0 * math.pi * self._per_turn / self._counts_per_turn
-        # Another number of swings a turn comes when this one is gone.
+        # Another number of cycles per turn starts when this one has faded out.
         target = share / wave if self._per_turn == per_turn else 0.0
         swung = []
         for mean in track:
@@ -63,7 +63,7 @@ class Ripple:
         return swung
 
     def _fade(self, target: float, step: float) -> None:
-        """Let the amplitude come or go for a cycle in which the mean place has gone a step."""
+        """Fade the amplitude for a cycle in which the mean position has moved a step."""
         self._speed += (step / self._cycle_s - self._speed) * self._cycle_s / SMOOTHED_S
         rpm = abs(self._speed) / self._counts_per_s_at_1_rpm
         target *= min(max((rpm - NONE_BELOW_RPM) / (FULL_FROM_RPM - NONE_BELOW_RPM), 0.0), 1.0)

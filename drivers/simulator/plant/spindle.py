@@ -1,4 +1,4 @@
-"""The spindle of a lathe, whatever drives it, with the unevenness of its turning."""
+"""The spindle of a lathe with any drive, and its speed ripple."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from drivers.simulator.plant.ripple import Ripple
 
 
 class Spindle:
-    """An axis that turns: one of the drives, and a ripple on the way to the iron that its loop does not see.
+    """A rotary axis: one of the drives, and a ripple after it that its loop does not see.
 
-    `speed_ripple` is the share by which the speed swings about its mean, `ripple_per_turn` times a turn.
+    `speed_ripple` is the fraction by which the speed oscillates about its mean, `ripple_per_turn` times a turn.
     """
 
     def __init__(
@@ -22,14 +22,14 @@ class Spindle:
         built: tuple[float, int] = (0.0, 2),
         phase_rad: float = 0.0,
     ) -> None:
-        """`built` is how it swings by itself: the share, and how often in a turn."""
+        """`built` is its ripple without a fault: the fraction, and the cycles per turn."""
         self.drive = drive
         self._built = built
         self.speed_ripple, self.ripple_per_turn = built
         self._ripple = Ripple(counts_per_turn, cycle_s, phase_rad)
 
     def swing_as_built(self) -> None:
-        """Swing again as this spindle does by itself."""
+        """Restore the ripple without a fault."""
         self.speed_ripple, self.ripple_per_turn = self._built
 
     @property
@@ -52,7 +52,7 @@ class Spindle:
 
     @property
     def jammed(self) -> bool:
-        """Whether the iron stands still whatever the force."""
+        """Whether the axis stands still whatever the force."""
         return self.drive.jammed
 
     @jammed.setter
@@ -60,7 +60,7 @@ class Spindle:
         self.drive.jammed = jammed
 
     def close_loop(self) -> float:
-        """Begin to hold the present mean position; what it swings by is a following error."""
+        """Hold the present mean position; the ripple is a following error."""
         return self.drive.close_loop()
 
     def rebase(self, counts: float) -> None:
@@ -68,7 +68,7 @@ class Spindle:
         self.drive.rebase(counts)
 
     def follow(self, commands: Sequence[float]) -> list[float]:
-        """Run one servo cycle a command."""
+        """Run one servo cycle per command."""
         return self._turned(self.drive.follow(commands))
 
     def push(self, output: float, cycles: int) -> list[float]:
@@ -76,7 +76,7 @@ class Spindle:
         return self._turned(self.drive.push(output, cycles))
 
     def coast(self, cycles: int) -> list[float]:
-        """Run with the amplifier off."""
+        """Run with the amplifier disabled."""
         return self._turned(self.drive.coast(cycles))
 
     def _turned(self, track: list[float]) -> list[float]:

@@ -1,8 +1,8 @@
-"""The cut presses the tool out: what its tip meets in each servo cycle, and the force of that.
+"""The cutting force on the tool: the material at its tip in each servo cycle, and the resulting force.
 
-The force is that of the fresh strip, which the feed brings under the tool: its depth is from the surface that is
-met there, the blank or what an earlier pass has left, down to the tip. What the land rubs behind it is left out.
-What a cut asks of spindle and tool is the main force of the law by which it is predicted, at the true edge.
+The force is that of the fresh strip, which the feed brings under the tool: its depth is from the surface before
+the tip, the blank or what an earlier pass has left, down to the tip. Rubbing of the land is neglected. The load on
+spindle and tool is the main force of the law by which it is predicted, at the true edge.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from profiles.job import Job
 from profiles.materials import MATERIALS, Material, material_or_none
 
 ALUMINIUM = MATERIALS[0]
-"""Wrought, not hardenable: what is cut where a job names a material of which nothing is known."""
+"""Wrought, not hardenable: the material assumed where a job names an unknown one."""
 
 CELLS = 360
-"""Places round the part in which the surface is known."""
+"""Number of angles round the part at which the surface is known."""
 
 STRIP_MM = 0.1
-"""Length along Z of a ring of such places. A ring counts as cut when the leading edge of the tool has left it."""
+"""Length of a ring of such places along Z. A ring counts as cut when the leading edge of the tool has left it."""
 
 
 def material_of(job: Job) -> Material:
-    """Return what the part of a job really is."""
+    """Return the true material of a job's part."""
     return material_or_none(job.material) or ALUMINIUM
 
 
@@ -52,7 +52,7 @@ class Moving(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TipGeometry:
-    """Where tip, part and counts are: the radius of the tip at machine zero, and the land of the tool along Z."""
+    """Relation of tip, part and counts: radius of the tip at machine zero, and land of the tool along Z."""
 
     home_radius_mm: float
     land_mm: float
@@ -63,7 +63,7 @@ class TipGeometry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stock:
-    """A clamped blank: `ends_mm` is where it stands along Z, `share` the passive force over the main one."""
+    """A clamped blank: `ends_mm` is its range along Z, `share` the passive force over the main one."""
 
     radius_mm: float
     ends_mm: tuple[float, float]
@@ -72,7 +72,7 @@ class Stock:
     edge_n_per_mm: float
 
     def passive_n_per_mm(self, feed_mm_per_turn: float) -> float:
-        """Return the force on the tool for each mm of depth, N: share of the main one; none without feed."""
+        """Return the force on the tool for each mm of depth, N: `share` times the main one; none without feed."""
         if feed_mm_per_turn <= 0.0:
             return 0.0
         return self.share * cutting_force_n(1.0, feed_mm_per_turn, self.material, self.edge_n_per_mm)
@@ -81,7 +81,7 @@ class Stock:
 class TipLoad:
     """The force on the tool, servo cycle by servo cycle.
 
-    The tool is run before the spindle and the carriage: within a block of cycles these are taken to go on at the
+    The tool is run before the spindle and the carriage: within a block of cycles these are extrapolated at the
     pace of their last one, which is a hundredth of a degree at most in a cut.
     """
 
@@ -102,16 +102,16 @@ class TipLoad:
         self._cell: int | None = None
 
     def watch(self, tool: Moving, spindle: Moving, carriage: Moving) -> None:
-        """Look at these motors from now on."""
+        """Use these motors from now on."""
         self._motors = tool, spindle, carriage
 
     def clamp(self, stock: Stock | None) -> None:
-        """Clamp a blank, or take away what is clamped."""
+        """Clamp a blank, or remove it."""
         self._stock, self._ring, self._cell = stock, None, None
         self._rings.clear()
 
     def begin(self) -> None:
-        """Begin a block of servo cycles: see how fast the part turns, and which ring the leading edge is in."""
+        """Begin a block of servo cycles: update the speed of the part, and the ring of the leading edge."""
         self._n_per_mm = 0.0
         if self._stock is None or self._motors is None:
             return
@@ -129,7 +129,7 @@ class TipLoad:
             self._cell = None
 
     def push(self, place: float) -> float:
-        """Return what the cut does to the slide at a machine position (counts) in the next cycle, counts/s2."""
+        """Return the effect of the cut on the slide at a machine position (counts) in a cycle, counts/s2."""
         if not self._n_per_mm:
             self.force_n = 0.0
             return 0.0
@@ -145,7 +145,7 @@ class TipLoad:
         return -self._push_per_n * self.force_n
 
     def _leave(self, cell: int, tip_mm: float) -> None:
-        """Turn the places down that the tip has passed since the last cycle."""
+        """Cut the places that the tip has passed since the last cycle."""
         fresh = self._fresh
         for each in range(cell if self._cell is None else self._cell + 1, cell + 1):
             if tip_mm < fresh[each % CELLS]:
@@ -153,7 +153,7 @@ class TipLoad:
         self._cell = cell
 
     def _enter(self, ring: int | None, stock: Stock) -> None:
-        """Come into a ring: what was cut in the last one is from now on what is met there."""
+        """Enter a ring: the surface cut in the last one is from now on the one before the tip."""
         if ring == self._ring:
             return
         if self._ring is not None:
@@ -165,5 +165,5 @@ class TipLoad:
 
 
 def _ahead(axis: Moving, cycle: int) -> float:
-    """Return where an axis is in a servo cycle, counts, if it goes on as in its last one."""
+    """Return the position of an axis in a servo cycle, counts, extrapolated from its last one."""
     return axis.true_position + axis.pace * (cycle - axis.cycles_run + 1)

@@ -1,7 +1,7 @@
-"""What the simulated machine, its jaws and the part in them really are, beside what the profiles say of them.
+"""The true parameters of the simulated machine, its jaws and its part, as opposed to the profiles' values.
 
 The controller, the planner and the console know the nominal values of the machine profile and of the job. The
-iron has these. Where they differ there is something to find and to learn; by default they do not.
+simulated hardware has these. Differences are there to be found and learned; by default there are none.
 """
 
 from __future__ import annotations
@@ -21,14 +21,15 @@ JAW_STIFFNESS_N_PER_UM = 50.0
 OVAL = 2
 
 TIP_OFF_BY_UM = 300
-"""How far from its nominal radius the tip of a tool may stand that was clamped by hand."""
+"""Deviation of the tip from its nominal radius for a tool that was clamped by hand."""
 
 FRICTION_FOUND_AT_MM_PER_S = 100.0
-"""Peak speed of the sine at which dry friction and its viscous equivalent take the same energy: the fastest that
-the card lets the tool go. The paper does not say with which motion its damping was found."""
+"""Peak speed of the sine at which dry friction and its viscous equivalent take the same energy: the maximum tool
+speed that the controller permits. The paper does not state with which motion its damping was found.
+"""
 
 BEYOND_TRAVEL_MM = 3.0
-"""How far behind the travel of its profile the iron of an axis meets its stop."""
+"""Distance of the mechanical stop of an axis beyond the travel of its profile."""
 
 COAST_S = 1.5
 
@@ -43,42 +44,42 @@ class TrueParameters:
     `force_n_per_v` is the thrust for one volt of command, `peak_command_v` the command at which the amplifier
     has reached its peak current. `home_radius_mm` is the radius of the tool tip at the end of its travel,
     `jaw_face_mm` the Z position of the jaw faces, `wiper_land_mm` the length of the tool's flat along Z.
-    `damping_n_s_per_m` has all friction of the tool in it; `coulomb_friction_n` says how much of that is dry (see
+    `damping_n_s_per_m` includes all friction of the tool; `coulomb_friction_n` is the dry part of that (see
     `viscous_n_s_per_m`). A commutation that is `commutation_error_deg` off leaves the cosine of the thrust. The
     scale of the tool reads up to `scale_error_um` wrong, once in each `scale_period_um`, and with a noise of
     `encoder_noise_um` (rms, Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`.
 
-    The cut presses the tool out by `passive_share` of the main cutting force, with `edge_n_per_mm` along the edge
+    The cut deflects the tool with `passive_share` of the main cutting force, with `edge_n_per_mm` along the edge
     on a chip of no thickness (`profiles.cutting.cutting_force`); 0 is a cut without force on the tool.
 
     `jaw_1_deg` is the spindle angle, from the index, at which jaw 1 of the chuck meets the mark at the tool; None
-    is a chuck that was mounted as each job says, with jaw 1 at `jaw_offset_deg` behind the angle of the job. A
-    part springs back by `lobe_factor` times what its job says, or, whatever jobs believe, `lobe_um_pp` at a
-    chucking force of `lobe_force_n` (None: that of the job's own error); a job without a lobe has none. At another
-    force or speed it is in proportion to the force that holds the part at speed, which is less than at rest by the
-    centrifugal force of the jaws, each with `jaw_mass_radius_kg_m` of mass times radius. It is high where its job
-    says, or `lobe_past_jaw_deg` past the jaws. Jaw 1 presses by the share `jaw_1_harder` more than the mean of all
-    jaws. Each clamping has a force of its own, with a standard deviation of the share `clamping_force_spread`.
+    is a chuck that was mounted as each job says, with jaw 1 at `jaw_offset_deg` after the angle of the job. A part
+    springs back by `lobe_factor` times its job's value, or, whatever jobs state, `lobe_um_pp` at a chucking force
+    of `lobe_force_n` (None: that of the job's own error); a job without a lobe has none. At another force or speed
+    it is in proportion to the force that holds the part at speed, which is less than at rest by the centrifugal
+    force of the jaws, each with `jaw_mass_radius_kg_m` of mass times radius. It is high where its job says, or
+    `lobe_past_jaw_deg` past the jaws. Jaw 1 presses by the fraction `jaw_1_harder` more than the mean of all jaws.
+    Each clamping has its own force, with a standard deviation of the fraction `clamping_force_spread`.
 
-    The lobe grows by the share `lobe_growth_per_mm` with each mm past the middle of the cut, towards the jaws;
-    None is as its job says.
+    The lobe grows by the fraction `lobe_growth_per_mm` with each mm past the middle of the cut, towards the jaws;
+    None is the job's value.
 
-    An `ideal_spindle` is where it is told to be; another has inertia, torque, drag and friction. Its encoder makes
-    `belt_ratio` turns for one of the spindle: not 1 when it sits on the motor. `slip_rpm` and `ramp_rpm_per_s` are
-    of an inverter. Its speed swings by the share `speed_ripple` about its mean, `ripple_per_turn` times a turn,
-    and its axis wanders by `radial_error_um_pp` (peak to peak, see `RadialError`).
+    An `ideal_spindle` is at its commanded position; another has inertia, torque, drag and friction. Its encoder
+    makes `belt_ratio` turns for one of the spindle: not 1 when it sits on the motor. `slip_rpm` and
+    `ramp_rpm_per_s` are of an inverter. Its speed oscillates by the fraction `speed_ripple` about its mean,
+    `ripple_per_turn` times a turn, and its axis wanders by `radial_error_um_pp` (peak to peak, see `RadialError`).
 
-    On the gauge a part sits up to `gauge_eccentricity_um` beside the axis, each point has a noise of
-    `gauge_noise_um` (rms), and where no mark is known the trace begins anywhere.
+    On the gauge a part sits up to `gauge_eccentricity_um` off the axis, each point has a noise of `gauge_noise_um`
+    (rms), and where no mark is known the trace begins at a random angle.
 
-    `seed` decides what chance decides: the noises, the forces of clampings, the phases of ripple and wander.
+    `seed` determines all random effects: the noises, the forces of clampings, the phases of ripple and wander.
 
-    Between `tool_ends_mm` and `carriage_ends_mm`, from their flags, the iron of these axes can be; None is without
+    `tool_ends_mm` and `carriage_ends_mm`, from their flags, are the mechanical ends of these axes; None is without
     an end.
 
-    The starts are where the machine was left standing, from its flags and its index: power-up tells the card
-    nothing about it. `coast_s` is the time constant with which the carriage and an ideal spindle run out when
-    their amplifiers are switched off.
+    The starts are the machine's positions at power-up, from its flags and its index, which the controller does not
+    know. `coast_s` is the time constant with which the carriage and an ideal spindle coast when their amplifiers
+    are disabled.
     """
 
     moving_mass_kg: float
@@ -130,7 +131,7 @@ class TrueParameters:
     coast_s: float = COAST_S
 
     def __post_init__(self) -> None:
-        """Refuse a friction that is more than all damping.
+        """Refuse a friction that exceeds the whole damping.
 
         Raises:
             ValueError: `coulomb_friction_n` is too large.
@@ -141,7 +142,7 @@ class TrueParameters:
 
     @property
     def most_friction_n(self) -> float:
-        """The dry friction that takes as much as all damping."""
+        """The dry friction equivalent to the whole damping."""
         return self.damping_n_s_per_m * math.pi * FRICTION_FOUND_AT_MM_PER_S / 1000.0 / 4.0
 
     @property
@@ -155,19 +156,19 @@ class TrueParameters:
 
     @property
     def thrust_n_per_v(self) -> float:
-        """What the commutation leaves of the thrust for one volt."""
+        """The thrust for one volt that the commutation leaves."""
         return self.force_n_per_v * math.cos(math.radians(self.commutation_error_deg))
 
     def chance(self, what: str) -> Random:
-        """Return the chance that decides `what`: the same for the same seed, whatever else is drawn."""
+        """Return the random generator for `what`: the same for the same seed, whatever else is drawn."""
         return Random(f"{self.seed} {what}")
 
     def scale_wrong_mm(self, tool_mm: float) -> float:
-        """Return how much further in the tool is than its scale says, at a place of its travel."""
+        """Return how much further in the tool is than its scale reads, at a place of its travel."""
         return self.scale_error_um / 1000.0 * math.sin(2000.0 * math.pi * tool_mm / self.scale_period_um)
 
     def blank(self, job: Job, force_factor: float = 1.0) -> Blank:
-        """Return the blank that is clamped for a job, with `force_factor` times the force that it asks for."""
+        """Return the blank that is clamped for a job, with `force_factor` times the force that it specifies."""
         said_deg = job.jaw_1_deg + self.jaw_offset_deg
         lobe_um_pp = self._lobe_um_pp(job, force_factor * job.chucking_force_n)
         past_deg = job.lobe_past_jaw_deg if self.lobe_past_jaw_deg is None else self.lobe_past_jaw_deg
@@ -183,7 +184,7 @@ class TrueParameters:
         )
 
     def _lobe_um_pp(self, job: Job, force_n: float) -> float:
-        """Return how much the part of a job springs back, peak to peak, clamped at rest with `force_n` in all."""
+        """Return the spring-back of a job's part, peak to peak, clamped at rest with a total of `force_n`."""
         found_um_pp, found_n = job.lobe_error_um_pp, job.error_force_n
         if self.lobe_um_pp is not None and job.lobe_error_um_pp:
             found_um_pp, found_n = self.lobe_um_pp, self.lobe_force_n or job.error_force_n
@@ -193,21 +194,21 @@ class TrueParameters:
         return self.lobe_factor * found_um_pp * _share(now_n, then_n)
 
     def _held_n(self, jaws: int, force_n: float, spindle_speed_rpm: float) -> float:
-        """Return what is left of a chucking force at speed, N over all jaws; below 0 nothing holds the part."""
+        """Return the remaining chucking force at speed, N over all jaws; below 0 nothing holds the part."""
         return force_n - centrifugal_loss_n(jaws * self.jaw_mass_radius_kg_m, spindle_speed_rpm)
 
     def growth_per_mm(self, job: Job) -> float:
-        """Return by which share of itself the lobe of a job grows with each mm towards the jaws."""
+        """Return the fraction by which the lobe of a job grows with each mm towards the jaws."""
         said = (job.lobe_growth_percent_per_mm or 0.0) / 100.0
         return said if self.lobe_growth_per_mm is None else self.lobe_growth_per_mm
 
     def force_factor(self, random: Random) -> float:
-        """Draw the force of a clamping, a share of what was asked for: its logarithm is normal, it is never 0."""
+        """Draw the force of a clamping, relative to the specified one: log-normal, so it is never 0."""
         return math.exp(random.gauss(0.0, self.clamping_force_spread)) if self.clamping_force_spread else 1.0
 
 
 def ideal(machine: MachineProfile) -> TrueParameters:
-    """Return a lathe that is what its profile says; spindle and carriage are where they are told to be."""
+    """Return a lathe that equals its profile; spindle and carriage are at their commanded positions."""
     tool, spindle = machine.tool, machine.spindle
     return TrueParameters(
         moving_mass_kg=tool.moving_mass_kg,
@@ -216,7 +217,7 @@ def ideal(machine: MachineProfile) -> TrueParameters:
         peak_command_v=tool.peak_current_a / tool.amplifier_gain_a_per_v,
         home_radius_mm=tool.home_radius_mm,
         jaw_face_mm=machine.carriage.jaw_face_mm,
-        # The centre of mass of a jaw is taken for its middle, and its inner end for the spindle axis.
+        # The centre of mass of a jaw is assumed at its middle, and its inner end at the spindle axis.
         jaw_outer_radius_mm=2.0 * machine.chuck.jaw_radius_mm,
         jaw_mass_radius_kg_m=machine.chuck.jaw_mass_kg * machine.chuck.jaw_radius_mm / 1000.0,
         wiper_land_mm=tool.wiper_land_mm,
@@ -231,7 +232,7 @@ def ideal(machine: MachineProfile) -> TrueParameters:
 def set_up_by_hand(true: TrueParameters, machine: MachineProfile, random: Random) -> TrueParameters:
     """Return a lathe set up by hand: chuck at any angle, tool tip near its nominal radius, a spindle with inertia.
 
-    That is what an alignment has to find: the angle in whole hundredths of a degree, the radius in whole um.
+    An alignment has to find these: the angle in whole hundredths of a degree, the radius in whole um.
     """
     off_by_mm = random.randint(-TIP_OFF_BY_UM, TIP_OFF_BY_UM) / 1000.0
     return replace(
@@ -246,10 +247,10 @@ def set_up_by_hand(true: TrueParameters, machine: MachineProfile, random: Random
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jaws:
-    """The jaws of a chuck that holds a ring with `force_n` in all, jaw 1 by a share `first_harder` above the mean.
+    """The jaws of a chuck holding a ring with `force_n` in all, jaw 1 a fraction `first_harder` above the mean.
 
-    A radial load bends a ring n times a turn by 1 / (n^2 - 1)^2 of it: an oval is softer than any lobe. Loads
-    W_i at angles a_i make a wave of sum W_i cos n (angle - a_i). With jaw 1 the share d above the mean, the
+    A radial load bends a ring n times a turn by 1 / (n^2 - 1)^2 of it: an oval is softer than any lobe. Loads W_i
+    at angles a_i make a harmonic of sum W_i cos n (angle - a_i). With jaw 1 the fraction d above the mean, the
     others below it, and n no multiple of the N jaws, that is W d N / (N - 1) against the N W of the lobe.
     """
 
@@ -259,7 +260,7 @@ class Jaws:
 
     @property
     def oval_share(self) -> float:
-        """Amplitude of what comes twice a turn over that of the lobe; two jaws make their lobe of it."""
+        """Amplitude of the second harmonic over that of the lobe; two jaws make their lobe of it."""
         if self.count == OVAL:
             return 0.0
         softer = (self.count**2 - 1) ** 2 / (OVAL**2 - 1) ** 2
@@ -267,9 +268,9 @@ class Jaws:
 
     @property
     def shift_um(self) -> float:
-        """How far jaw 1 presses the whole part off the axis, against the stiffness N k / 2 of the chuck.
+        """The displacement of the whole part off the axis by jaw 1, against the stiffness N k / 2 of the chuck.
 
-        Two opposite jaws are stiff by 2 k along their line, and yield not at all across it.
+        Two opposite jaws are stiff by 2 k along their line, and rigid across it.
         """
         unbalanced_n = self.force_n / self.count * self.first_harder * self.count / (self.count - 1)
         stiffness = JAW_STIFFNESS_N_PER_UM * (self.count if self.count == OVAL else self.count / 2.0)
@@ -277,9 +278,9 @@ class Jaws:
 
 
 def _share(now_n: float, then_n: float) -> float:
-    """Return how the lobe goes with the force that holds a part; what is held as it was found is exactly as found.
+    """Return the factor of the lobe at another holding force; at the force of its measurement it is exactly 1.
 
-    A part that nothing holds is not bent: 0, and so it is where the error is said to be of a part like that.
+    A part that nothing holds is not bent: 0, and so it is where the error was measured without a force.
     """
     if now_n == then_n:
         return 1.0
@@ -287,5 +288,5 @@ def _share(now_n: float, then_n: float) -> float:
 
 
 def _true_position_mm(axis: ToolAxis | Carriage) -> tuple[float, float]:
-    """Return how far the iron goes: a little further than anybody should."""
+    """Return the mechanical ends: slightly beyond the permitted travel."""
     return (axis.travel_min_mm - BEYOND_TRAVEL_MM, axis.travel_max_mm + BEYOND_TRAVEL_MM)

@@ -1,8 +1,8 @@
-"""The workpiece in the chuck: what the tool leaves on it, and what it looks like when it is released.
+"""The workpiece in the chuck: the surface that the tool leaves, and its shape after release.
 
 While it is clamped the jaws press the ring in and the tool cuts it round (or as the tool moves); released, it
-springs back and is high where the jaws were (Fig. 14 of the paper; ring under equal radial loads). The tool
-has a flat parallel to Z, so that successive turns overlap and leave no feed marks in a section.
+springs back and is high where the jaws were (Fig. 14 of the paper; ring under equal radial loads). The tool has a
+flat parallel to Z, so that successive turns overlap and leave no feed marks in a section.
 """
 
 from __future__ import annotations
@@ -20,30 +20,32 @@ ANGLES = 3600
 """Points of a section, equally spaced from the spindle index."""
 
 ROUGH_PLACES = 24
-"""Places round the part in which it is roughly known along its whole length. No spindle jumps over one of them in
-a servo cycle."""
+"""Number of angles round the part at which it is roughly known along its whole length. No spindle skips one of
+them in a servo cycle.
+"""
 
 ROUGH_LENGTH_MM = 0.5
 """Least length of such a place along Z. It is never shorter than the land, so a tool that feeds no more than its
-land a turn meets every place."""
+land per turn reaches every place.
+"""
 
 CHUNK = 4096
 REACH = 2
-"""Samples on either side of an interval that its curve needs."""
+"""Samples that the interpolation needs on either side of an interval."""
 OVERLAP = 2 * REACH + 1
-"""Servo samples kept from one chunk to the next, so that every interval is met once with all that it needs."""
+"""Servo samples kept from one chunk to the next, so that every interval is processed once, completely."""
 
 EDGE_MM = 1e-6
-"""Rounding of Z: a feed of just the land per turn must leave no place between two turns."""
+"""Rounding of Z: a feed of exactly the land per turn must leave no gap between two turns."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blank:
-    """A clamped blank that was turned round before, as it really is (see `TrueParameters.blank`).
+    """The true shape of a clamped blank that was turned round before (see `TrueParameters.blank`).
 
     `lobe_um_pp` is the spring-back of the free part, high at the jaws or `lobe_past_jaw_deg` past them, and
     `jaw_1_deg` the spindle angle of jaw 1. Unequal jaws add `oval_um` twice a turn and `shift_um` once, both
-    amplitudes that are highest at jaw 1. All of it is that at the Z `middle_mm`; the lobe grows by the share
+    amplitudes that are highest at jaw 1. All of it is that at the Z `middle_mm`; the lobe grows by the fraction
     `growth_per_mm` with each mm from there towards the jaws.
     """
 
@@ -69,7 +71,7 @@ class Blank:
 
 
 class Workpiece:
-    """Sections of a part, each the least radius that the tool has been at, all round."""
+    """Sections of a part, each the least radius that the tool has reached, all round."""
 
     def __init__(self, blank: Blank, sections_mm: Sequence[float], land_mm: float) -> None:
         """`sections_mm` are Z positions of the machine, `land_mm` the length of the tool's flat along Z."""
@@ -103,7 +105,7 @@ class Workpiece:
         return clamped_um
 
     def clamped_radius_mm(self, turns: float, z_mm: float) -> float:
-        """Return about how far out the clamped surface is in front of the tool, anywhere along the part.
+        """Return approximately how far out the clamped surface is before the tool, anywhere along the part.
 
         A blank is known exactly; where it was cut, the least radius within 15 deg and a land of the tool.
         """
@@ -114,7 +116,7 @@ class Workpiece:
         return float(rough_mm[math.floor(turns * ROUGH_PLACES) % ROUGH_PLACES])
 
     def _settle(self) -> None:
-        """Work the samples that have come into the surface."""
+        """Cut the pending samples into the surface."""
         if not self._pending:
             return
         fresh = [np.concatenate([part[i] for part in self._pending]) for i in range(3)]
@@ -141,7 +143,7 @@ class Workpiece:
             np.minimum.at(self._rough_mm[length], places[here], radius_mm[here])
 
     def _pass(self, surface_mm: Floats, samples: Floats, section_mm: float) -> None:
-        """Lower a section to the tool wherever its land went over it, between the samples too."""
+        """Lower a section to the tool wherever its land passed, including between the samples."""
         radius_mm, turns, z_mm = samples
         away_mm, reach_mm = z_mm - section_mm, 0.5 * self._land_mm + EDGE_MM
         near = (np.minimum(away_mm[:-1], away_mm[1:]) <= reach_mm) & (
@@ -159,7 +161,7 @@ class Workpiece:
 def _whole_places(
     places: Floats, target: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """Return every whole place in the wanted intervals: its interval, itself and how far in (0 to 1)."""
+    """Return every integer place in the selected intervals: its interval, itself and its fraction (0 to 1)."""
     steps = np.diff(places)
     inner = np.arange(REACH, len(steps) - REACH)
     start = inner[(steps[inner] > 0.0) & target[inner]]

@@ -1,4 +1,4 @@
-"""What happens at the chuck of the simulated lathe: a part is clamped, cut, run into, looked at and measured."""
+"""Events at the chuck of the simulated lathe: a part is clamped, cut, collided with, viewed and measured."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SAME_PLACE_MM = 1e-6
 
 
 class SimulatedWorkshop:
-    """The chuck with what is in it. Places of the iron are counts from its flags and index."""
+    """The chuck with its part. Machine positions are counts from flags and index."""
 
     def __init__(self, machine: MachineProfile, true: TrueParameters, drives: Drives) -> None:
         self._machine = machine
@@ -48,7 +48,7 @@ class SimulatedWorkshop:
 
     @property
     def collisions(self) -> tuple[Collision, ...]:
-        """What has met since the last blank was clamped, each kind once."""
+        """The collisions since the last blank was clamped, each kind once."""
         return self._watch.found
 
     def mount(self, job: Job) -> None:
@@ -78,10 +78,10 @@ class SimulatedWorkshop:
             )
 
     def measure(self, past_middle_mm: float = 0.0) -> Trace:
-        """Release the part and take its trace; until another is clamped, once more.
+        """Release the part and measure its trace; repeatable until another is clamped.
 
-        It is taken so far past the middle of the cut, towards the jaws: there, or 0.4 lengths of the cut to either
-        side.
+        The trace is taken this far past the middle of the cut, towards the jaws: there, or 0.4 lengths of the cut
+        to either side.
 
         Raises:
             ValueError: there is no section at `past_middle_mm`.
@@ -107,7 +107,7 @@ class SimulatedWorkshop:
         raise ValueError(f"past_middle_mm = {past_middle_mm:g}: sections are at {there} mm")
 
     def measure_clamped(self) -> Trace:
-        """Take the trace of the part in the chuck with an indicator where the tool is: the spindle is in it."""
+        """Measure the part in the chuck with an indicator at the tool: the error of the spindle is included."""
         if self._part is None:
             raise RuntimeError("no part is mounted")
         clamped_um = self._part.clamped_um(MID_LENGTH, self._nominal_radius_mm)
@@ -116,9 +116,9 @@ class SimulatedWorkshop:
         return self._gauge.trace(clamped_um, self._nominal_radius_mm, "clamped")
 
     def look(self, tool: float, spindle: float, carriage: float) -> WorkshopView:
-        """Look at the chuck with the axes where they are.
+        """Return the view of the chuck with the axes where they are.
 
-        A chuck that was mounted as each job says has its jaw 1 at the index until a part was clamped.
+        A chuck mounted as each job says has its jaw 1 at the index until a part was clamped.
         """
         last = self._part or self._released
         return look_at(
@@ -132,7 +132,7 @@ class SimulatedWorkshop:
         )
 
     def pass_along(self, tracks: Mapping[int, Sequence[float]], end_ms: float) -> None:
-        """Let the tool go along the tracks of the motors: see what it meets, then cut."""
+        """Move the tool along the tracks of the motors: detect collisions, then cut."""
         machine = self._machine
         per_z = 1.0 / machine.carriage.counts_per_mm
         turns = [y * self._turns_per_count for y in tracks[machine.spindle.motor]]
@@ -156,7 +156,7 @@ class SimulatedWorkshop:
         self._part.cut(track.radius_mm, track.turns, track.z_mm)
 
     def _tips_mm(self, counts: Sequence[float]) -> list[float]:
-        """Return the radius of the tool tip at what the scale of the tool says."""
+        """Return the radius of the tool tip at a reading of the tool's scale."""
         true, per_mm, home_mm = self._true, 1.0 / self._machine.tool.counts_per_mm, self._true.home_radius_mm
         if not true.scale_error_um:
             return [home_mm - x * per_mm for x in counts]
