@@ -39,7 +39,7 @@ def photograph(terminal: Terminal, folder: Path) -> None:
     trainee = Trainee(terminal, "en")
     trainee.opens_the_first_job()
     trainee.press("3")
-    trainee.sees("preview_page.how.pvt")
+    trainee.sees("strategy.pvt.how")
     _take(terminal, folder / "preview.svg")
     trainee.aligns()
     trainee.starts_the_cut()
