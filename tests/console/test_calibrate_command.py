@@ -67,7 +67,9 @@ def test_what_is_kept_is_added_and_shown_beside_the_next(
     record = json.loads((data_folder / kept[0]).read_text())
     assert (record["kind"], record["subject"], len(record["file_sha256"])) == ("wrench", "lee-2001-lathe", 64)
     last = json.loads((data_folder / kept[-1]).read_text())
-    assert f"previous calibration, {last['date']}: force_per_torque" in console("calibrate", "chuck", str(wrench)).out
+    assert (
+        f"previous calibration, {last['date']}: force_per_torque" in console("calibrate", "chuck", str(wrench)).out
+    )
 
 
 @pytest.mark.parametrize(

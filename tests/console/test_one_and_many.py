@@ -9,7 +9,13 @@ from console.text.catalogue import load
 
 @pytest.mark.parametrize(
     ("language", "count", "said"),
-    [("en", 0, "0 alarms"), ("en", 1, "1 alarm"), ("en", 2, "2 alarms"), ("ko", 1, "경보 (1)"), ("ko", 2, "경보 (2)")],
+    [
+        ("en", 0, "0 alarms"),
+        ("en", 1, "1 alarm"),
+        ("en", 2, "2 alarms"),
+        ("ko", 1, "경보 (1)"),
+        ("ko", 2, "경보 (2)"),
+    ],
 )
 def test_one_alarm_is_no_plural(language: str, count: int, said: str) -> None:
     assert load(language)("messages.alarms", count=count) == said

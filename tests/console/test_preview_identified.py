@@ -189,7 +189,11 @@ def test_people_are_told_what_is_inverted_what_is_left_and_how_fast_it_may_turn(
     console: Console, tmp_path: Path, job_file: JobFile
 ) -> None:
     shown = console("preview", str(job_file(cut_length_mm="1.0")), "--identified", str(file_of(tmp_path))).out
-    for words in ("identified there.json, ± 0.2", "predicted error with pvt, with its band", "1400 rpm (invertible response)"):
+    for words in (
+        "identified there.json, ± 0.2",
+        "predicted error with pvt, with its band",
+        "1400 rpm (invertible response)",
+    ):
         assert words in shown
 
 
