@@ -128,7 +128,7 @@ def test_steps_have_marks_and_the_present_one_says_how() -> None:
     assert "✓ 4 homed" in text
     assert "● 5 jaw 1" in text
     assert "○ 6 tool" in text
-    assert "until jaw 1 is at the mark" in text
+    assert "until jaw 1 reaches the mark" in text
 
 
 def test_a_valid_alignment_names_what_it_rests_on() -> None:
