@@ -14,6 +14,8 @@ from profiles.own_values import read_own
 from profiles.problem import Problem
 
 SCHEMA = 1
+FILED_TARGET = "wanted"
+"""What files call the target path."""
 
 MODEL = 0
 """The version without learning: the lobe of the job through the response of the machine profile."""
@@ -148,7 +150,8 @@ def _side(holds: HoldsFor) -> str:
 
 def as_table(learned: LearnedCompensation) -> dict[str, Any]:
     """Return the compensation as plain values for a file."""
-    return {"schema": SCHEMA, **asdict(learned)}
+    table: dict[str, Any] = _renamed(asdict(learned), "target", FILED_TARGET)
+    return {"schema": SCHEMA, **table}
 
 
 def from_table(table: Any, where: str = "") -> LearnedCompensation:
@@ -157,7 +160,17 @@ def from_table(table: Any, where: str = "") -> LearnedCompensation:
     Raises:
         ProfileError: `schema.unsupported`; `learned.file`, anything else.
     """
+    table = _renamed(table, FILED_TARGET, "target")
     return read_own(LearnedCompensation, table, schema=SCHEMA, code="learned.file", where=where, judge=_judge)
+
+
+def _renamed(value: Any, old: str, new: str) -> Any:
+    """Return plain values with one key of every table renamed."""
+    if isinstance(value, dict):
+        return {new if key == old else key: _renamed(each, old, new) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_renamed(each, old, new) for each in value]
+    return value
 
 
 def _judge(learned: LearnedCompensation) -> None:
