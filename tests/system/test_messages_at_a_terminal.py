@@ -61,5 +61,5 @@ def test_a_cut_that_was_killed_with_its_console_is_told_at_the_next_start(tmp_pa
     with console(tmp_path, "en", 160, 48) as terminal:
         trainee = Trainee(terminal, "en")
         trainee.sees("activity.ready", 30.0)
-        terminal.wait_for("the run of ring that began on", 5.0)
+        terminal.wait_for("the run of ring that started on", 5.0)
         assert list((tmp_path / FOLDER).iterdir()) == []

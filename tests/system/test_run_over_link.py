@@ -115,7 +115,7 @@ def test_the_name_of_the_machine_is_what_agrees(served: Served, made: Order, typ
 def test_nobody_says_where_the_machine_is() -> None:
     with Terminal([sys.executable, "-m", "console", "--machine", "lee-2001-lathe"], columns=160) as terminal:
         assert terminal.wait_exit(TIMEOUT_S) == 1
-        assert "nothing says where the controller of lee-2001-lathe is: add --link ADDRESS" in terminal.text
+        assert "no address is known for the controller of lee-2001-lathe: add --link ADDRESS" in terminal.text
 
 
 @pytest.mark.parametrize("command", [(), ("run", "lee-2001-experiment-1")])
