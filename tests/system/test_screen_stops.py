@@ -190,7 +190,7 @@ def test_a_stop_while_it_connects_is_in_force_when_the_machine_is_there(tmp_path
         trainee.press("space")
         assert "connecting" in terminal.row(0)
         trainee.sees("activity.stopped", 10.0)
-        terminal.wait_for(r"Stopped \(Space\), at rest", 1.0)
+        terminal.wait_for(r"Stopped \(Space\)\.", 1.0)
         trainee.press("enter")
         goes_to(trainee, "4", "Steps")
         trainee.press("f4")
