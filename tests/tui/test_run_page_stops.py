@@ -41,7 +41,7 @@ def test_a_stop_tells_how_it_ended_and_what_to_do() -> None:
     assert "press F8 to retract the tool" in page.words
     assert "NOT YET" in shown(STATES["stopping"]).text
     killed = shown(STATES["killed in the part"])
-    assert "drives disabled" in killed.text
+    assert "! disabled" in killed.text
     assert "F8 cannot retract the tool" in killed.words
 
 
