@@ -6,7 +6,9 @@ the screen. Nothing here sleeps; every wait is for a condition and has an end.
 
 from __future__ import annotations
 
+import array
 import contextlib
+import fcntl
 import os
 import re
 import select
@@ -89,7 +91,8 @@ class Terminal:
         self._wake_out, self._wake_in = os.pipe()
         termios.tcsetwinsize(self._master, (rows, columns))
         self.started_s = self._read_s = time.perf_counter()
-        self.pid = _spawn(command, os.ttyname(slave), {**_clean_environment(), **(environment or {})})
+        self._line = os.ttyname(slave)
+        self.pid = _spawn(command, self._line, {**_clean_environment(), **(environment or {})})
         os.close(slave)
         self._reader = threading.Thread(target=self._read, name="terminal", daemon=True)
         self._reader.start()
@@ -136,6 +139,30 @@ class Terminal:
         with self._changed:
             assert self._master >= 0, self._report("the terminal is closed")
             os.write(self._master, text.encode())
+
+    def wait_until_read(self, timeout_s: float) -> bool:
+        """Wait until the program has read all that was typed; return whether there was anything to wait for."""
+        deadline_s = time.monotonic() + timeout_s
+        waited = False
+        while self._unread() and time.monotonic() < deadline_s:
+            time.sleep(0.005)
+            waited = True
+        return waited
+
+    def _unread(self) -> int:
+        """Bytes that wait in the terminal for the program, 0 if there is no terminal any more."""
+        count = array.array("i", [0])
+        try:
+            line = os.open(self._line, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError:
+            return 0
+        try:
+            fcntl.ioctl(line, termios.FIONREAD, count)
+        except OSError:
+            return 0
+        finally:
+            os.close(line)
+        return count[0]
 
     def wait_for(self, target: str | Callable[[str], bool], timeout_s: float = 10.0) -> float:
         """Wait until a regular expression is found on the screen, or a predicate of its text holds.

@@ -79,8 +79,13 @@ class Trainee:
         return found
 
     def press(self, *keys: str, pace_s: float = PACE_S) -> None:
-        """Press keys at the pace of a person: what comes faster is not taken."""
+        """Press keys at the pace of a person: what comes faster is not taken.
+
+        Counted from when the console read the one before: on a busy computer two would reach it as one.
+        """
         for key in keys:
+            if self.terminal.wait_until_read(2.0):
+                self._pressed_s = time.monotonic()
             time.sleep(max(self._pressed_s + pace_s - time.monotonic(), 0.0))
             self.terminal.press(key)
             self._pressed_s = time.monotonic()
