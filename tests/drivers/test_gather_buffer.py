@@ -192,7 +192,7 @@ def test_while_it_runs_it_is_neither_defined_nor_deleted() -> None:
     assert len(gather.long_words()) == 3
     gather.stop()
     gather.delete()
-    assert not gather.defined
+    assert not gather.size
 
 
 def test_nothing_is_listed_before_something_was_gathered() -> None:

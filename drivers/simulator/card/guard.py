@@ -10,8 +10,7 @@ from drivers.pmac.dialect import Setting
 from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.variables import VariableStore
 
-_NO_TRAVEL_SWITCHES, _NO_FAULT_INPUT = 1 << 17, 1 << 20
-"""Bits of the flag mode (Ix25, on a Turbo Ixx24)."""
+_NO_TRAVEL_SWITCHES, _NO_FAULT_INPUT = 1 << 17, 1 << 20  # bits of the flag mode (Ix25, on a Turbo Ixx24)
 
 
 class Alarm(Enum):
@@ -82,7 +81,7 @@ class TravelLimits:
         """Whether a limit is set, so that it must be checked even inside Ix13 and Ix14."""
         return self.positive or self.negative or self.plus_pin or self.minus_pin
 
-    def look(self, position: float, highest: float, lowest: float, *, pins_used: bool) -> None:
+    def sample(self, position: float, highest: float, lowest: float, *, pins_used: bool) -> None:
         """Record the motor's position and its travel range, in counts."""
         self.positive = (pins_used and self.minus_pin) or position > highest
         self.negative = (pins_used and self.plus_pin) or position < lowest

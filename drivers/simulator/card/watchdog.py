@@ -24,7 +24,6 @@ class Background:
     """Called after each block of servo cycles. `cycle_ms` is the shortest time between two background cycles."""
 
     def __init__(self, controller: Controller, lines: Lines) -> None:
-        """Take `lines`, informed when the controller is dead, or slow."""
         self._controller = controller
         self._lines = lines
         self._last = controller.cycles

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 
 from drivers.simulator.faults.parameter import Parameter, Value, refusal
@@ -19,12 +19,13 @@ class Concerns(StrEnum):
     CARD = "the controller"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Fault:
     """One fault. `moment` is whether it is over as soon as it has happened, so that it has no duration."""
 
     name: str
     does: str
+    _: KW_ONLY
     concerns: Concerns
     parameters: tuple[Parameter, ...] = ()
     moment: bool = False
@@ -34,8 +35,7 @@ class Fault:
 
         `times` are the other permitted names: a refusal lists them, too.
 
-        Raises:
-            RefusedError: `simulator.fault`, one is not known or out of range.
+        Raises RefusedError: `simulator.fault`, one is not known or out of range.
         """
         known = {parameter.name: parameter for parameter in self.parameters}
         for name in given:
@@ -50,30 +50,23 @@ class Fault:
         return (AFTER, SEED) if self.moment else (AFTER, FOR, SEED)
 
 
-AFTER = Parameter(
-    name="after", meaning="simulated time until it begins", unit="s", default=0.0, least=0.0, most=86_400.0
-)
+AFTER = Parameter("after", "simulated time until it begins", unit="s", default=0.0, least=0.0, most=86_400.0)
 FOR = Parameter(
-    name="for",
-    meaning="simulated time until it is over; without it, it lasts until `clear`",
+    "for",
+    "simulated time until it is over; without it, it lasts until `clear`",
     unit="s",
     least=0.0,
     above_least=True,
     most=86_400.0,
 )
-SEED = Parameter(name="seed", meaning="seed of its random numbers", default=0.0, least=0.0, most=1e9, whole=True)
+SEED = Parameter("seed", "seed of its random numbers", default=0.0, least=0.0, most=1e9, whole=True)
 
 _SHARE = Parameter(
-    name="share",
-    meaning="fraction of the replies that is affected",
-    default=1.0,
-    least=0.0,
-    above_least=True,
-    most=1.0,
+    "share", "fraction of the replies that is affected", default=1.0, least=0.0, above_least=True, most=1.0
 )
 _REPLIES = Parameter(
-    name="replies",
-    meaning="the fault is over after this many affected replies; without it, there is no such end",
+    "replies",
+    "the fault is over after this many affected replies; without it, there is no such end",
     least=1.0,
     most=1e6,
     whole=True,
@@ -82,30 +75,30 @@ _HIT = (_SHARE, _REPLIES)
 
 
 def _motor(default: str) -> Parameter:
-    return Parameter(name="motor", meaning="the axis whose motor it is", default=default, choices=AXES)
+    return Parameter("motor", "the axis whose motor it is", default=default, choices=AXES)
 
 
 def _on_line(name: str, does: str, *parameters: Parameter) -> Fault:
-    return Fault(name=name, does=does, concerns=Concerns.HOSTS, parameters=parameters)
+    return Fault(name, does, concerns=Concerns.HOSTS, parameters=parameters)
 
 
 def _on_motor(name: str, does: str, *parameters: Parameter) -> Fault:
-    return Fault(name=name, does=does, concerns=Concerns.MOTOR, parameters=parameters)
+    return Fault(name, does, concerns=Concerns.MOTOR, parameters=parameters)
 
 
 _LINES = (
     _on_line(
         "split-segments",
         "A reply arrives in pieces, with gaps between them.",
-        Parameter(name="pieces", meaning="pieces of a reply", default=2.0, least=2.0, most=100.0, whole=True),
-        Parameter(name="gap_ms", meaning="time between two", unit="ms", default=20.0, least=1.0, most=10_000.0),
+        Parameter("pieces", "pieces of a reply", default=2.0, least=2.0, most=100.0, whole=True),
+        Parameter("gap_ms", "time between two", unit="ms", default=20.0, least=1.0, most=10_000.0),
         *_HIT,
     ),
     _on_line("dropped-ack", "The acknowledgement at the end of a reply is lost.", *_HIT),
     _on_line(
         "late-reply",
         "A reply comes late, and so does everything after it.",
-        Parameter(name="delay_ms", meaning="how late", unit="ms", default=500.0, least=1.0, most=60_000.0),
+        Parameter("delay_ms", "how late", unit="ms", default=500.0, least=1.0, most=60_000.0),
         *_HIT,
     ),
     _on_line("extra-line", "An empty line (CR) comes before a reply.", *_HIT),
@@ -119,8 +112,8 @@ _LINES = (
     _on_line(
         "garbled-line",
         "The next line of a host that contains a certain text arrives with another text in its place, once.",
-        Parameter(name="find", meaning="the text; its first occurrence in the line", default="1", text=True),
-        Parameter(name="replace", meaning="what arrives in its place", default="5", text=True),
+        Parameter("find", "the text; its first occurrence in the line", default="1", text=True),
+        Parameter("replace", "what arrives in its place", default="5", text=True),
     ),
     _on_line("cut-cable", "Every connection is cut, and no new one can be made until the fault is over."),
     _on_line(
@@ -130,12 +123,11 @@ _LINES = (
     _on_line(
         "9600-baud",
         "The line carries 960 characters a second each way.",
-        Parameter(
-            name="baud", meaning="bits a second, 10 a character", default=9600.0, least=110.0, most=115_200.0
-        ),
+        Parameter("baud", "bits a second, 10 a character", default=9600.0, least=110.0, most=115_200.0),
     ),
 )
 
+_DIRECTIONS = ("positive", "negative")
 _MOTORS = (
     _on_motor("encoder-loss", "The encoder stops counting: the loop sees its last reading.", _motor("tool")),
     _on_motor("index-lost", "The home flag or index never comes.", _motor("spindle")),
@@ -144,12 +136,7 @@ _MOTORS = (
         "limit",
         "The limit switch at one end of travel is open.",
         _motor("tool"),
-        Parameter(
-            name="direction",
-            meaning="the direction of travel that it blocks",
-            default="positive",
-            choices=("positive", "negative"),
-        ),
+        Parameter("direction", "the direction of travel that it blocks", default="positive", choices=_DIRECTIONS),
     ),
     _on_motor(
         "following-error-trip",
@@ -160,47 +147,40 @@ _MOTORS = (
         "spindle-ripple",
         "The true speed of the spindle varies about its mean; no servo removes that.",
         Parameter(
-            name="ripple_percent",
-            meaning="amplitude, of the mean speed",
+            "ripple_percent",
+            "amplitude, of the mean speed",
             unit="%",
             default=5.0,
             least=0.0,
             above_least=True,
             most=50.0,
         ),
-        Parameter(name="per_turn", meaning="periods in a turn", default=2.0, least=1.0, most=100.0, whole=True),
+        Parameter("per_turn", "periods in a turn", default=2.0, least=1.0, most=100.0, whole=True),
     ),
 )
 
+_STRANGERS_LINE = "what it sends, `^A` is control-A; without it, nine tenths of Ix30, the gain of the tool"
 _CARD = (
     Fault(
-        name="watchdog",
-        does="The watchdog trips: outputs off, no answer until `power-cycle`.",
+        "watchdog",
+        "The watchdog trips: outputs off, no answer until `power-cycle`.",
         concerns=Concerns.CARD,
         moment=True,
     ),
     Fault(
-        name="slow-background",
-        does="The background cycle (limits, stops, PLCs, replies) comes late; too late, and the watchdog trips.",
+        "slow-background",
+        "The background cycle (limits, stops, PLCs, replies) comes late; too late, and the watchdog trips.",
         concerns=Concerns.CARD,
         parameters=(
-            Parameter(
-                name="cycle_ms", meaning="background cycle", unit="ms", default=50.0, least=10.0, most=10_000.0
-            ),
+            Parameter("cycle_ms", "background cycle", unit="ms", default=50.0, least=10.0, most=10_000.0),
         ),
     ),
     Fault(
-        name="stranger-writes",
-        does="Another host sends a line or a control character, reads the answer, and disconnects."
+        "stranger-writes",
+        "Another host sends a line or a control character, reads the answer, and disconnects."
         " No other host sees it.",
         concerns=Concerns.CARD,
-        parameters=(
-            Parameter(
-                name="line",
-                meaning="what it sends, `^A` is control-A; without it, nine tenths of Ix30, the gain of the tool",
-                text=True,
-            ),
-        ),
+        parameters=(Parameter("line", _STRANGERS_LINE, text=True),),
         moment=True,
     ),
 )
@@ -209,11 +189,7 @@ CATALOGUE: Mapping[str, Fault] = {fault.name: fault for fault in (*_LINES, *_MOT
 
 
 def find(name: str) -> Fault:
-    """Return the fault with a name.
-
-    Raises:
-        RefusedError: `simulator.fault`, there is none.
-    """
+    """Return the fault with a name. Raises RefusedError: `simulator.fault`, there is none."""
     if not isinstance(name, str) or name not in CATALOGUE:
         shown = ascii(str(name))[1:-1][:40]
         raise refusal(shown, "fault", shown, ", ".join(CATALOGUE))

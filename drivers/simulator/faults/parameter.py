@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import TypeAlias
 
 from drivers.errors import RefusedError
 from profiles.problem import Problem
 
 Value: TypeAlias = float | str
-
-MOST_SHOWN = 80
-"""Maximum characters of a refused value that are reported."""
-
+MOST_SHOWN = 80  # maximum characters of a refused value that are reported
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Parameter:
     """A number from `least` to `most`, one of `choices`, or with neither a text.
 
@@ -28,6 +25,7 @@ class Parameter:
 
     name: str
     meaning: str
+    _: KW_ONLY
     unit: str = ""
     default: Value | None = None
     least: float = -math.inf
@@ -51,8 +49,7 @@ class Parameter:
     def check(self, value: Value, fault: str) -> Value:
         """Return a value that is allowed, a number as `float`.
 
-        Raises:
-            RefusedError: `simulator.fault`, it is not.
+        Raises RefusedError: `simulator.fault`, it is not.
         """
         fits = self._word(value) if self.text or self.choices else self._number(value)
         if fits is None:
@@ -86,7 +83,6 @@ def refusal(fault: str, key: str, value: str, limit: str) -> RefusedError:
 
 
 def _shown(value: object) -> str:
-    """Return the refused value, shortened to one line."""
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, int) and abs(value) >= 10**MOST_SHOWN:

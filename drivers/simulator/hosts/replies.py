@@ -11,10 +11,8 @@ from dataclasses import dataclass
 from drivers.pmac.variables import VariableStore
 
 STX, ACK, BELL, LF, CR = b"\x02", b"\x06", b"\x07", b"\n", b"\r"
-
 _BITS = 3
-_LINE_FEEDS = 1
-"""The bit of I3 that puts line feeds before data, and instead of a missing acknowledgement."""
+_LINE_FEEDS = 1  # the bit of I3 that puts line feeds before data, and instead of a missing acknowledgement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

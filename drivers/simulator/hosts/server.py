@@ -13,11 +13,10 @@ from functools import partial
 
 from drivers.errors import LinkError
 from drivers.link.address import SerialAddress, TcpAddress
-from drivers.simulator.ethernet.board import Board
-from drivers.simulator.ethernet.session import EthernetSession
 from drivers.simulator.hosts.connection import Connection, PlainStream
 from drivers.simulator.hosts.control_address import PREFIX, ControlAddress
 from drivers.simulator.hosts.control_socket import listen_for_control
+from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.hosts.pty import PtyHost
 from drivers.simulator.hosts.real_time import Host, ending_signals, keep_time
 from drivers.simulator.machine import SimulatedLathe
@@ -42,8 +41,7 @@ def serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], No
 
     Once all of them accept connections, `ready` is called with each address, such as `tcp:127.0.0.1:1025`.
 
-    Raises:
-        LinkError: `link.cannot_listen`.
+    Raises LinkError: `link.cannot_listen`.
     """
     asyncio.run(_serve(lathe, listeners, ready, speed))
 
@@ -61,17 +59,13 @@ async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[s
 
 
 async def listen(
-    lathe: SimulatedLathe,
-    listeners: Listeners,
-    hosts: set[Host],
-    opened: ExitStack,
+    lathe: SimulatedLathe, listeners: Listeners, hosts: set[Host], opened: ExitStack
 ) -> AsyncIterator[str]:
     """Listen at all addresses; yield the bound addresses. `opened` closes them.
 
     Whatever advances the time of the lathe has to `flush` the `hosts` then.
 
-    Raises:
-        LinkError: `link.cannot_listen`.
+    Raises LinkError: `link.cannot_listen`.
     """
     board = Board()
     if listeners.tcp:
@@ -95,7 +89,6 @@ async def listen(
 
 
 async def _bind(kind: str, address: TcpAddress, connect: Callable[[], Connection], opened: ExitStack) -> str:
-    """Listen on a socket; return the address that was bound."""
     try:
         server = await asyncio.get_running_loop().create_server(connect, address.host, address.port)
     except OSError as error:

@@ -10,16 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.simulator.plant.radial_error import RadialError
+from drivers.simulator.plant.spindle import RadialError
 from profiles.cutting import cutting_force
 from profiles.job import Job
 from profiles.materials import MATERIALS, Material, material_or_none
 
-ALUMINIUM = MATERIALS[0]
-"""Wrought, not hardenable: the material assumed where a job names an unknown one."""
-
-CELLS = 360
-"""Number of angles round the part at which the surface is known."""
+ALUMINIUM = MATERIALS[0]  # wrought, not hardenable: the material assumed where a job names an unknown one
+CELLS = 360  # number of angles round the part at which the surface is known
 
 STRIP_MM = 0.1
 """Length of a ring of such places along Z. A ring counts as cut when the leading edge of the tool has left it."""

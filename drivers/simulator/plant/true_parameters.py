@@ -15,22 +15,16 @@ from profiles.chucking.grip import centrifugal_loss_n
 from profiles.job import Job
 from profiles.machine import Carriage, MachineProfile, ToolAxis
 
-JAW_STIFFNESS_N_PER_UM = 50.0
-"""Radial stiffness of a jaw with its guide and its contact, a usual value."""
-
+JAW_STIFFNESS_N_PER_UM = 50.0  # radial stiffness of a jaw with its guide and its contact, a usual value
 OVAL = 2
-
-TIP_OFF_BY_UM = 300
-"""Deviation of the tip from its nominal radius for a tool that was clamped by hand."""
+TIP_OFF_BY_UM = 300  # deviation of the tip from its nominal radius for a tool that was clamped by hand
 
 FRICTION_FOUND_AT_MM_PER_S = 100.0
 """Peak speed of the sine at which dry friction and its viscous equivalent take the same energy: the maximum tool
 speed that the controller permits. The paper does not state with which motion its damping was found.
 """
 
-BEYOND_TRAVEL_MM = 3.0
-"""Distance of the mechanical stop of an axis beyond the travel of its profile."""
-
+BEYOND_TRAVEL_MM = 3.0  # distance of the mechanical stop of an axis beyond the travel of its profile
 COAST_S = 1.5
 
 SPINDLE_FRICTION_N_M = 0.005
@@ -133,8 +127,7 @@ class TrueParameters:
     def __post_init__(self) -> None:
         """Refuse a friction that exceeds the whole damping.
 
-        Raises:
-            ValueError: `coulomb_friction_n` is too large.
+        Raises ValueError: `coulomb_friction_n` is too large.
         """
         if self.viscous_n_s_per_m < 0.0:
             most_n = f"{self.most_friction_n:.4g} N"
