@@ -188,13 +188,6 @@ def drain(host: socket.socket) -> None:
         return
 
 
-class Nothing:
-    """What takes no time to simulate."""
-
-    def wait(self, seconds: float) -> None:
-        """Do nothing."""
-
-
 def quantile_s(lags_s: list[float], fraction: float) -> float:
     """Return the least delay that a fraction of the delays do not exceed."""
     return float(np.quantile(lags_s, fraction, method="inverted_cdf"))
@@ -203,7 +196,7 @@ def quantile_s(lags_s: list[float], fraction: float) -> float:
 async def lag_of_the_timer() -> list[float]:
     """Keep the time of nothing at all; return how late the clock came."""
     lags_s: list[float] = []
-    await keep_time(Nothing(), (), asyncio.sleep(CLOCK_S), lags_s=lags_s)
+    await keep_time(lambda _: None, (), asyncio.sleep(CLOCK_S), lags_s=lags_s)
     return lags_s
 
 
@@ -218,8 +211,8 @@ async def lag_of(clients: int, client: Callable[[int], None] = poll) -> list[flo
     polling = [context.Process(target=client, args=(port,), daemon=True) for _ in range(clients)]
     for process in polling:
         process.start()
-    await keep_time(lathe, hosts, connected(hosts, clients))
-    await keep_time(lathe, hosts, asyncio.sleep(CLOCK_S), lags_s=lags_s)
+    await keep_time(lathe.wait, hosts, connected(hosts, clients))
+    await keep_time(lathe.wait, hosts, asyncio.sleep(CLOCK_S), lags_s=lags_s)
     for process in polling:
         process.terminate()
         process.join()

@@ -73,10 +73,7 @@ class Context:
         return opened is not None and opened.owner is self
 
     def expression(self, scanner: Scanner) -> float:
-        """Parse an expression and return its value.
-
-        Raises PmacError: 003, not an expression, or one without a value.
-        """
+        """Parse an expression; return its value. Raises PmacError: 003, no expression, or one without a value."""
         degrees = self.controller.variables.i(15) == 0
         return evaluate(parse_expression(scanner), self.variables, degrees, strict=False)
 
@@ -86,8 +83,7 @@ class Context:
         self.lines += lines
 
 
-Handler = Callable[[Scanner, Context], None]
-"""A command: it parses its own arguments and acts for the host that sent it."""
+Handler = Callable[[Scanner, Context], None]  # a command: parses its own arguments, acts for its host
 
 
 def say(report: Callable[[Context], str]) -> Handler:

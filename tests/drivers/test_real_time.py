@@ -57,7 +57,7 @@ class Heard:
 def run(late_s: list[float], speed: float = 1.0) -> tuple[Heard, list[float]]:
     heard, lags_s = Heard(), list[float]()
     with suppress(AllOverError):
-        asyncio.run(run_clock(heard, (heard,), HandClock(late_s), speed, lags_s))
+        asyncio.run(run_clock(heard.wait, (heard,), HandClock(late_s), speed, lags_s))
     return heard, lags_s
 
 

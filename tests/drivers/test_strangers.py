@@ -60,7 +60,7 @@ def test_a_hanging_card_obeys_when_it_reads_again(card: Wire) -> None:
     injected = card.sim.faults.inject("stranger-writes", line="P5=7 P5")
     card.sim.wait(0.19)
     assert (p5(card.sim), injected.effect.outcome()) == (0, "")
-    assert [fault.name for fault in card.sim.faults.active()] == ["hang", "stranger-writes"]
+    assert [fault.fault.name for fault in card.sim.faults.active()] == ["hang", "stranger-writes"]
     card.sim.wait(5 * CYCLE_S)
     assert (p5(card.sim), injected.effect.outcome()) == (7, "the stranger was told: 7<CR><ACK>")
     assert card.sim.faults.active() == ()

@@ -16,7 +16,6 @@ from drivers.simulator.context import Context
 MAX_LINES = 20_000  # room for one program; a real controller has some tens of thousands of words for all
 ROOM_LINES = 100_000  # room for all of them
 _CHARACTERS_A_VALUE = 2  # lines stored in the time that a variable is read
-
 PROTECTED_PROGRAMS = range(1000, HIGHEST_PROGRAM + 1)
 PROTECTED_PLCS = range(16)
 """Programs that a password protects from opening and listing (Software Reference, PASSWORD)."""
@@ -36,10 +35,7 @@ def open_program(context: Context, number: int) -> None:
 
 
 def open_plc(context: Context, number: int) -> None:
-    """OPEN PLC n: it is disabled, until it is enabled again after CLOSE.
-
-    Raises PmacError: 002 protected, 007 a buffer is open already.
-    """
+    """OPEN PLC n: disable it, until it is enabled again. Raises PmacError: 002 protected, 007 a buffer is open."""
     controller = context.controller
     _refuse_open(controller)
     refuse_protected(controller, number, PROTECTED_PLCS)
@@ -99,10 +95,7 @@ def delete_all(controller: Controller) -> None:
 
 
 def store(scanner: Scanner, context: Context) -> None:
-    """Put the rest of the line into the open buffer; a CLOSE at its end is executed.
-
-    Raises PmacError: 003 not a program line, 006 no room.
-    """
+    """Store the rest of the line; execute a CLOSE at its end. Raises PmacError: 003 no program, 006 no room."""
     controller = context.controller
     opened = _opened(controller)
     begin = scanner.position
@@ -124,10 +117,7 @@ def store(scanner: Scanner, context: Context) -> None:
 
 
 def room_lines(controller: Controller) -> int:
-    """Return how many more lines can be stored.
-
-    An entry of a compensation table takes as much room as a line, and so does a gathered long word.
-    """
+    """Return how many more lines can be stored; table entries and gathered long words take room like them."""
     return ROOM_LINES - stored_lines_in(controller) - controller.tables.entry_count - controller.gather.size
 
 

@@ -106,12 +106,12 @@ class Controller:
                 [motor for motor in self.motors.values() if motor.amplifier_enabled and not motor.activated]
             )
             self._awake = tuple(m for m in self.motors.values() if m.activated or m.number in self._with_plant)
-        if not (self._leads.look() or self.gather.running or self.plcs.foreground):
+        if not (self._leads.refresh() or self.gather.running or self.plcs.foreground):
             return self._run(cycles, self.cycle_ms)
         tracks: dict[int, list[float]] = {motor.number: [] for motor in self._awake}
         done = 0
         while done < cycles:
-            part = 1 if self._leads.look() or self.gather.running else cycles - done
+            part = 1 if self._leads.refresh() or self.gather.running else cycles - done
             interrupt = self.plcs.cycles_to_interrupt(self.cycles)
             if self.plcs.foreground:
                 part = min(part, interrupt)
@@ -125,7 +125,7 @@ class Controller:
     def background(self) -> None:
         """Check every motor and scan the PLCs, between two servo interrupts and in no fixed time."""
         for motor in self._awake:
-            alarm = motor.look()
+            alarm = motor.check()
             if alarm is Alarm.TRAVEL:
                 system = self.system_of(motor.number)
                 if system is not None and (system.running or system.moving):
@@ -153,10 +153,7 @@ class Controller:
         return next((s for s in self._all_systems if motor in s.frame.definitions), None)
 
     def refuse_in_control(self, motor: int) -> None:
-        """Check that no program moves a motor, so that it may be jogged, homed or killed.
-
-        Raises PmacError: 001, one does.
-        """
+        """Check that a motor may be jogged, homed or killed. Raises PmacError: 001, a program moves it."""
         system = self.system_of(motor)
         if system is not None and system.in_control:
             raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"#{motor} is moved by &{system.number}")
@@ -256,10 +253,7 @@ class Controller:
         return tracks
 
     def _program_code(self, number: int) -> Code | None:
-        """Return a stored program ready to run, None when there is no such program.
-
-        Raises PmacError: 009 or 016, it is not well formed.
-        """
+        """Return a stored program, None if there is none. Raises PmacError: 009 or 016, it is not well formed."""
         lines = self.programs.get(number)
         return None if lines is None else link(tuple(lines))
 

@@ -18,8 +18,7 @@ from drivers.simulator.card.motor import Motor
 from drivers.simulator.card.program_motion import Place, ProgramMotion
 from drivers.simulator.card.time_base import TimeBase
 
-OFF_BY_COUNTS = 1.0 / 32.0
-"""Permitted distance of a motor from the place where a program was stopped; the controller resolves no finer."""
+OFF_BY_COUNTS = 1.0 / 32.0  # permitted distance from where a program was stopped; no finer is resolved
 
 
 class CoordinateSystem:
@@ -95,10 +94,7 @@ class CoordinateSystem:
         self._go(stepping=False)
 
     def step(self) -> None:
-        """S: the same for one move, or for the lines between BLOCKSTART and BLOCKSTOP.
-
-        Raises PmacError: as for `run`.
-        """
+        """S: the same for one move, or for the lines from BLOCKSTART to BLOCKSTOP. Raises PmacError: as `run`."""
         self._go(stepping=True)
 
     def quit(self) -> None:
@@ -143,18 +139,12 @@ class CoordinateSystem:
         self.resume_error = self.end_of_block_stop = self.program_hold = False
 
     def match_positions(self) -> None:
-        """PMATCH: set the axis positions from the motors; a stopped program resumes from there.
-
-        Raises PmacError: 001, a program moves them.
-        """
+        """PMATCH: take the axis positions from the motors, also to resume. Raises PmacError: 001, it moves."""
         self._refuse_moving()
         self.frame.stopped_at = None
 
     def set_axis(self, axis: str, position: float) -> None:
-        """`X=5`: preset the present position of an axis (user units); nothing moves.
-
-        Raises PmacError: 001 a program moves, 003 no such axis here.
-        """
+        """`X=5`: preset an axis (user units) at rest. Raises PmacError: 001 a program moves, 003 no such axis."""
         self._refuse_moving()
         self.motion.preset({axis: position})
 

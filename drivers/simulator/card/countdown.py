@@ -15,10 +15,7 @@ _Name = TypeVar("_Name")
 
 
 class Countdown(Generic[_Name]):
-    """Timers by name, each stored as the value written and the servo cycle of writing.
-
-    They begin at 0. Those that are not `running` keep their value.
-    """
+    """Timers by name, from 0: the value written, and the servo cycle of writing; some do not run."""
 
     def __init__(self, names: Iterable[_Name], now: Callable[[], int]) -> None:
         """Let all timers run; `now` returns the number of servo cycles so far."""

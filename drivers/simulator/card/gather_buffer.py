@@ -15,9 +15,7 @@ from drivers.pmac.memory import WORD_BITS, Memory, Pointer
 from drivers.pmac.variables import VariableStore
 
 _LONG_BYTES = LONG_BITS // 8
-
-_Source = tuple[Pointer, Callable[[float], int], int]
-"""A register, the encoder of its value, and the bit position of it in a sample."""
+_Source = tuple[Pointer, Callable[[float], int], int]  # a register, its encoder, and its bit in a sample
 
 
 class GatherBuffer:
@@ -72,10 +70,6 @@ class GatherBuffer:
             raise PmacError(ErrorCode.NO_ROOM, f"{self.size} long words are full; DEFINE GATHER begins anew")
         self._period, self._cycle = period, 0
         self._listable = self.running = True
-
-    def stop(self) -> None:
-        """ENDGATHER: stop; the data stay."""
-        self.running = False
 
     def delete(self) -> None:
         """DELETE GATHER. Raises PmacError: 007, it is being filled."""

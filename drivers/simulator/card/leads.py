@@ -95,7 +95,7 @@ class Leads:
         self._followers: dict[int, _Follower] = {}
         self._corrected: dict[int, list[CompensationTable]] = {}
 
-    def look(self) -> bool:
+    def refresh(self) -> bool:
         """Read the settings if they may have changed; return whether any coupling is active."""
         now = (self._variables.i_revision, self._conversion.revision, self._tables.revision)
         if now != self._seen:

@@ -53,7 +53,7 @@ class Motor(MotorLoop):
         self.fatal_error = self.amplifier_fault = False
         self.home_capture = self.variable_jog = self.correction = self.superimposed = 0.0
         self.stopped_at = None
-        self.travel.reset()
+        self.travel.positive = self.travel.negative = self.travel.stopped = False
         self._power_up_origin = self.axis.origin
 
     def read_absolute_position(self) -> None:
@@ -64,10 +64,7 @@ class Motor(MotorLoop):
         self.bias = self.superimposed = 0.0
 
     def phase(self) -> None:
-        """`$`: no phasing is needed; the loop is closed where the motor stands.
-
-        Raises PmacError: 018, the motor moves.
-        """
+        """`$`: no phasing is needed; close the loop where the motor stands. Raises PmacError: 018, it moves."""
         if self.velocity or self.jogging:
             raise PmacError(ErrorCode.PHASE_REFERENCE, f"#{self.number} moves")
         self.enable()

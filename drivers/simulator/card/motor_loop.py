@@ -105,7 +105,7 @@ class MotorLoop:
     def in_position(self) -> bool:
         """Closed loop, at rest, no program timer, and within Ix28, for the required number of scans."""
         guard = self.guard
-        return self._poller > guard.looks and self._settled(abs(self.following_error), guard)
+        return self._poller > guard.polls and self._settled(abs(self.following_error), guard)
 
     @property
     def guard(self) -> Guard:
@@ -120,11 +120,7 @@ class MotorLoop:
         return self._variables.motor(self.number, number)
 
     def run(self, cycles: int, cycle_ms: float, commands: Sequence[float] | None) -> list[float]:
-        """Run a block; `commands` come from a coordinate system, None means the motor's own jog.
-
-        Returns:
-            The true machine position (counts) at each servo cycle.
-        """
+        """Run a block, of the motor's own jog without `commands`; return the true machine positions (counts)."""
         if self._losing or self.axis.encoder_lost:
             self._count_losses()
         if self.superimposed and not (self.offset_following or self.program_timer or self.jog.player):
@@ -168,7 +164,7 @@ class MotorLoop:
         self.superimposed += counts
         self._followed_since_scan += counts
 
-    def look(self) -> Alarm | None:
+    def check(self) -> Alarm | None:
         """Check limits, following error and position, as the background does; return an alarm to act on."""
         if not self.enabled and self._output is None:
             self._poller = 0
@@ -177,7 +173,9 @@ class MotorLoop:
         here = self.encoder
         error = abs(self.net_desired - here) if self.enabled else 0.0
         travel = self.travel
-        if not guard.lowest <= here <= guard.highest or travel.concerned:
+        # A limit that is set is checked even inside Ix13 and Ix14.
+        limited = travel.positive or travel.negative or travel.plus_pin or travel.minus_pin
+        if limited or not guard.lowest <= here <= guard.highest:
             self._sample_travel(here, guard)
         self._poller = self._poller + 1 if self._settled(error, guard) else 0
         if self.fault_input and guard.fault_used:
@@ -187,9 +185,7 @@ class MotorLoop:
         followed = self._followed_since_scan + self.correction - self._correction_at_scan
         self._followed_since_scan, self._correction_at_scan = 0.0, self.correction
         heading = (self.velocity or followed) if self._output is None else self._output
-        if heading and not self.jog.aborting and travel.bars(heading):
-            return Alarm.TRAVEL
-        return None
+        return Alarm.TRAVEL if heading and not self.jog.aborting and travel.bars(heading) else None
 
     def _absorb(self) -> None:
         """Make the followed distance motion of the motor itself; a program continues from the result."""

@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.plcs.plc import Addressed
 
-PENDING_LIMIT = 1024
-"""Maximum queued texts of one kind; the oldest are dropped: the controller needs no listener to continue."""
-
+PENDING_LIMIT = 1024  # queued texts of one kind, the oldest are dropped: the controller needs no listener
 ADDRESS_OF_PROGRAMS = Addressed()  # the addressing of a motion program's commands, whichever system runs it
 
 

@@ -146,10 +146,7 @@ class ProgramMotion:
         self._planner = self._frame.stopped_at = None
 
     def preset(self, presets: Mapping[str, float]) -> None:
-        """Preset the present positions of axes (user units); nothing moves, and the program continues from there.
-
-        Raises PmacError: 003, no such axis here.
-        """
+        """Preset axes (user units); a program continues from there. Raises PmacError: 003, no such axis here."""
         self._frame.preset(presets)
         self.relocate()
 
@@ -251,8 +248,7 @@ class ProgramMotion:
         taken = [motor for motor in motors if motor.program_timer and motor not in self._frame.motors]
         if len(motors) < len(request.motors) or taken or not all(motor.activated for motor in motors):
             self._fail()
-            self._rest(None)
-            return
+            return self._rest(None)
         for motor in motors:
             (motor.home_zero if request.zero else motor.home)()
         self.homing = motors
@@ -263,8 +259,7 @@ class ProgramMotion:
         homed, self.homing = all(motor.home_complete for motor in self.homing), ()
         if not homed or self._planner is None:
             self._fail()
-            self._rest(None)
-            return
+            return self._rest(None)
         self.relocate()
         if self.running:
             self._play()

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from drivers.pmac.dialect import Setting
 from drivers.pmac.language.text import format_number
-from drivers.pmac.status import digits_of, pack
+from drivers.pmac.status import pack
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.jog_motion import Stage
 from drivers.simulator.card.motor import Motor
 
 VELOCITY_STEP = 0.1  # resolution of V and control-V, in counts per servo cycle
-_AXES = "ABCUVWXYZ"
+_INCREMENTAL = tuple((f"{axis.lower()}_incremental", axis) for axis in "ABCUVWXYZ")
+_FEEDRATE = tuple((f"{axis.lower()}_feedrate", axis) for axis in "ABCUVWXYZ")
 _BLENDING_OFF = 92
 _SEGMENTED = ("LINEAR", "CIRCLE1", "CIRCLE2")
 _SYSTEM_BIT = 20
@@ -39,21 +40,6 @@ def velocity(motor: Motor) -> str:
 def following_error(motor: Motor) -> str:
     """Following error in counts, to a thousandth."""
     return format_number(round(motor.following_error, 3))
-
-
-def motor_status(controller: Controller, motor: Motor) -> str:
-    """The digits of `?`."""
-    return digits_of(motor_words(controller, motor))
-
-
-def system_status(controller: Controller, number: int) -> str:
-    """The digits of `??`."""
-    return digits_of(system_words(controller, number))
-
-
-def global_status(controller: Controller, *, all_cards: bool = False) -> str:
-    """The digits of `???`, for a host that has addressed this controller alone or `all_cards` of its line."""
-    return digits_of(global_words(controller, all_cards=all_cards))
 
 
 def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
@@ -99,8 +85,8 @@ def system_words(controller: Controller, number: int) -> tuple[int, ...]:
     interpolating = not (motion.dwelling or motion.homing)
     segmented = modes.mode in _SEGMENTED and variables.setting(Setting.SEGMENT_MS, number) > 0.0
     conditions = {
-        **{f"{axis.lower()}_incremental": axis in modes.incremental for axis in _AXES},
-        **{f"{axis.lower()}_feedrate": axis in modes.feedrate_axes for axis in _AXES},
+        **{name: axis in modes.incremental for name, axis in _INCREMENTAL},
+        **{name: axis in modes.feedrate_axes for name, axis in _FEEDRATE},
         "radius_incremental": modes.radius_incremental,
         "by_move_time": modes.by_move_time,
         "continuous_request": continuous,

@@ -81,10 +81,7 @@ class Flash:
         self._state: SavedState | None = None
 
     def save(self, controller: Memories) -> None:
-        """Save the present state.
-
-        Raises ProfileError: `file.not_writable`; the earlier saved state is still there.
-        """
+        """Save the present state. Raises ProfileError: `file.not_writable`; the earlier state is still there."""
         state = _taken(controller)
         if self._path is not None:
             content = json.dumps({"schema": SCHEMA, **asdict(state)}, indent=1).encode("ascii")

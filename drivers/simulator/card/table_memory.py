@@ -24,10 +24,7 @@ class _Unfilled:
 
 
 class TableMemory:
-    """Holds the complete `tables`, by the motor that they belong to; a change creates a new mapping.
-
-    `revision` counts up with every change.
-    """
+    """The complete `tables` by their motor, replaced as a whole; `revision` counts up with every change."""
 
     def __init__(self) -> None:
         self.tables: Mapping[int, CompensationTable] = {}
@@ -69,10 +66,7 @@ class TableMemory:
         return self._filling is not None and self._filling.host is host
 
     def fill(self, entries: Sequence[int]) -> None:
-        """Take the next entries of the table that is being filled.
-
-        Raises PmacError: 003, more than it has room for; then none of them is accepted.
-        """
+        """Take the next entries of the table being filled. Raises PmacError: 003, too many: none is taken."""
         filling = self._filling
         if filling is None:
             raise PmacError(ErrorCode.DATA_ERROR, "no table is being filled")

@@ -54,10 +54,7 @@ class TimeBase:
         return self._override if self._led is None else self._led
 
     def set_override(self, percent: float) -> None:
-        """Command another rate; above the controller's maximum it is limited, as on the controller.
-
-        Raises PmacError: 003, not a number from 0.
-        """
+        """Command another rate, up to the controller's maximum. Raises PmacError: 003, not a number from 0."""
         if not (math.isfinite(percent) and percent >= 0.0):
             raise PmacError(ErrorCode.DATA_ERROR, f"%{percent}; from 0")
         self._override = min(percent, REAL_TIME_PERCENT * _WIDEST / self._units())

@@ -63,7 +63,7 @@ class Background:
         self._lines.dead = self._controller.watchdog_tripped = True
         self._controller.kill_all()
         self._controller.plcs.disable_all()
-        self._controller.gather.stop()
+        self._controller.gather.running = False
 
     def power_cycle(self) -> None:
         """Reset the controller, and restart. It reports a tripped watchdog until its next reset."""

@@ -26,9 +26,7 @@ from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.simulator.card import buffers
 from drivers.simulator.context import Context, Handler, act, say
 
-_NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", "UBUFFER", "LOOKAHEAD")
-"""Buffers that nothing here can define: there is never anything to delete."""
-
+_NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", "UBUFFER", "LOOKAHEAD")  # never defined
 _GATHER = ("GATHER", "GAT")
 _CONSTANT = re.compile(r"[+-]?[\d.]")  # first characters of a line of entries; `$` is a command
 
@@ -151,6 +149,10 @@ def _gather(scanner: Scanner, context: Context) -> None:
     context.controller.gather.start()
 
 
+def _end_gather(context: Context) -> None:
+    context.controller.gather.running = False
+
+
 def _list_gather(scanner: Scanner, context: Context) -> None:
     """`LIST GATHER`, `LIST GATHER 100` from long word 100, `LIST GATHER 100,50` fifty of them."""
     first = scanner.take_integer() or 0
@@ -210,7 +212,7 @@ WORDS: dict[str, Handler] = {
     "SIZE": say(_size),
     **{f"{define}{word}": _define_gather for define in ("DEFINE", "DEF") for word in _GATHER},
     **dict.fromkeys(_GATHER, _gather),
-    **dict.fromkeys(("ENDGATHER", "ENDG"), act(lambda context: context.controller.gather.stop())),
+    **dict.fromkeys(("ENDGATHER", "ENDG"), act(_end_gather)),
     **{f"LIST{word}": _list_gather for word in _GATHER},
     **{
         f"{delete}{word}": act(lambda context: context.controller.gather.delete())

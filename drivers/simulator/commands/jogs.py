@@ -49,16 +49,11 @@ def _distance(scanner: Scanner, motor: Motor) -> float:
 
 def _amount(scanner: Scanner, motor: Motor) -> float | None:
     """Return a constant, or with `*` the motor's variable jog register; None when there is neither."""
-    if scanner.accept("*"):
-        return motor.variable_jog
-    return signed_constant(scanner)
+    return motor.variable_jog if scanner.accept("*") else signed_constant(scanner)
 
 
 def _reached(counts: float) -> float:
-    """Return a jog target, checked against the range of the registers, as for programs.
-
-    Raises PmacError: 003, beyond them.
-    """
+    """Return a jog target, checked as for programs. Raises PmacError: 003, beyond the range of the registers."""
     if not abs(counts) <= FARTHEST_COUNTS:
         raise PmacError(ErrorCode.DATA_ERROR, f"a jog to {counts:g} counts, {FARTHEST_COUNTS:g} at most")
     return counts

@@ -14,27 +14,16 @@ from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card import buffers
 from drivers.simulator.commands import addressing, buffer_words, card, jogs, status, systems, values
-from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context, Handler, signed_constant
+from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context, signed_constant
 
 _DAISY_CHAIN = 2  # bit 1 of I1: several controllers on one line, addressed with `@n`
 _COMMAND_WORK = 5  # cost of any command, in values read or set
 
-_ALWAYS_ON_LINE: dict[str, Handler] = {
-    **addressing.WORDS,
-    **buffer_words.WORDS,
-    **card.WORDS,
-    **status.WORDS,
-    **systems.WORDS,
-    **values.WORDS,
-}
+_ALWAYS_ON_LINE = addressing.WORDS | buffer_words.WORDS | card.WORDS | status.WORDS | systems.WORDS | values.WORDS
 """Words that are never stored, even while a buffer is open."""
 
-_WORDS: dict[str, Handler] = {**_ALWAYS_ON_LINE, **jogs.WORDS, **buffer_words.SHARED_WORDS}
-"""With those that may also be program words; the longest match wins."""
-
-_LETTERS: dict[str, Handler] = {**status.LETTERS, **jogs.LETTERS, **systems.LETTERS}
-"""Single letters, matched after the variables that begin with the same letter."""
-
+_WORDS = _ALWAYS_ON_LINE | jogs.WORDS | buffer_words.SHARED_WORDS  # with those of programs; the longest wins
+_LETTERS = status.LETTERS | jogs.LETTERS | systems.LETTERS  # matched after the variables that begin so
 _ALWAYS = tuple(_ALWAYS_ON_LINE)
 _ANY = tuple(_WORDS)
 _SINGLE = tuple(_LETTERS)
@@ -49,22 +38,6 @@ def answers(context: Context) -> bool:
     if not int(variables.i(1)) & _DAISY_CHAIN:
         return True
     return context.card_number in (ALL_CARDS, int(variables.i(0)) & HIGHEST_CARD)
-
-
-def execute(text: str, context: Context) -> bool:
-    """Execute one line in one go.
-
-    Returns:
-        Whether the line, or a part of it, was for this controller.
-
-    Raises PmacError: the command at which execution stopped.
-    """
-    running = commands(text, context)
-    while True:
-        try:
-            next(running)
-        except StopIteration as done:
-            return bool(done.value)
 
 
 def commands(text: str, context: Context) -> Generator[None, None, bool]:

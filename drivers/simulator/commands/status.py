@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.status import digits_of
 from drivers.simulator.card import reports
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.motor import Motor
@@ -34,13 +35,17 @@ def _motors(report: Callable[[Context, Motor], str]) -> Action:
     return action
 
 
+def _motor_status(context: Context, motor: Motor) -> str:
+    return digits_of(reports.motor_words(context.controller, motor))
+
+
 def _systems(context: Context) -> str:
     controller = context.controller
-    return " ".join(reports.system_status(controller, number) for number in controller.systems)
+    return " ".join(digits_of(reports.system_words(controller, number)) for number in controller.systems)
 
 
 def _global_status(context: Context) -> str:
-    return reports.global_status(context.controller, all_cards=context.card_number == ALL_CARDS)
+    return digits_of(reports.global_words(context.controller, all_cards=context.card_number == ALL_CARDS))
 
 
 ACTING: Mapping[int, Action] = {
@@ -54,11 +59,10 @@ ACTING: Mapping[int, Action] = {
 }
 """They act as soon as they arrive, before every pending line."""
 
-STOPS = (control("A"), control("K"))
-"""From a host, they also discard pending commands (CMD): none of them may move what was just stopped."""
+STOPS = (control("A"), control("K"))  # from a host, they also discard pending commands (CMD)
 
 REPORTING: Mapping[int, Action] = {
-    control("B"): _motors(lambda context, motor: reports.motor_status(context.controller, motor)),
+    control("B"): _motors(_motor_status),
     control("C"): _systems,
     control("F"): _motors(lambda _, motor: reports.following_error(motor)),
     control("G"): _global_status,
@@ -80,8 +84,8 @@ def _status(scanner: Scanner, context: Context) -> None:
 
 
 _STATUS: tuple[Callable[[Context], str], ...] = (
-    lambda context: reports.motor_status(context.controller, context.motor),
-    lambda context: reports.system_status(context.controller, context.system_number),
+    lambda context: _motor_status(context, context.motor),
+    lambda context: digits_of(reports.system_words(context.controller, context.system_number)),
     _global_status,
 )
 

@@ -42,19 +42,13 @@ def _point(scanner: Scanner, context: Context) -> None:
     context.system.point(program, label or None)
 
 
-def _refuse_open_buffer(context: Context) -> None:
-    if context.controller.open_buffer is not None:
-        raise PmacError(ErrorCode.NO_PROGRAM, "a program buffer is open")
+def _start(start: Callable[[CoordinateSystem], None]) -> Handler:
+    def command(_: Scanner, context: Context) -> None:
+        if context.controller.open_buffer is not None:
+            raise PmacError(ErrorCode.NO_PROGRAM, "a program buffer is open")
+        start(context.system)
 
-
-def _run(context: Context) -> None:
-    _refuse_open_buffer(context)
-    context.system.run()
-
-
-def _step(context: Context) -> None:
-    _refuse_open_buffer(context)
-    context.system.step()
+    return command
 
 
 def _override(scanner: Scanner, context: Context) -> None:
@@ -100,8 +94,8 @@ WORDS: dict[str, Handler] = {
 
 LETTERS: dict[str, Handler] = {
     "B": _point,
-    "R": act(_run),
-    "S": act(_step),
+    "R": _start(CoordinateSystem.run),
+    "S": _start(CoordinateSystem.step),
     "H": act(lambda context: context.system.hold()),
     "Q": act(lambda context: context.system.quit()),
     "A": act(lambda context: context.system.abort()),

@@ -15,13 +15,10 @@ from drivers.simulator.context import Context, Handler, signed_constant
 _KINDS = tuple(str(kind) for kind in VariableKind)
 _DEFINITION = re.compile(r"\*|(?:[XYLF]|DP?|TW[BDRS])[:$\d]")
 _LONG, _HEXADECIMAL = 1, 2  # bits of I9
-
 MOST_WORDS = 256  # maximum words read by one command
 _WORD_WORK = 3  # cost of a word, in variables read
 ADDRESS_STARTS = ":$0123456789"
-
-_SPACES = {"X": WORD_BITS, "Y": WORD_BITS, "D": 2 * WORD_BITS, "L": 0}
-"""The kinds of words and their width in bits; L is a number."""
+_SPACES = {"X": WORD_BITS, "Y": WORD_BITS, "D": 2 * WORD_BITS, "L": 0}  # widths, bits; L is a number
 
 
 def variable(scanner: Scanner, context: Context) -> bool:
@@ -43,7 +40,9 @@ def variable(scanner: Scanner, context: Context) -> bool:
     indices = _indices(scanner, first, context)
     context.work += len(indices)
     if kind is VariableKind.M and scanner.peek("-"):
-        _refuse_gap(scanner, context)
+        if context.text[scanner.position - 1].isspace():
+            # The arrow comes directly after the number (Software Reference, M->).
+            raise scanner.refusal("no space in front of -> as in M1->*")
         scanner.expect("->")
         _point(scanner, context, indices)
     elif scanner.accept("="):
@@ -92,12 +91,6 @@ def _reported(context: Context, kind: VariableKind, indices: range) -> Iterator[
         else:
             text = format_number(value)
         yield f"I{index}={text}" if form & _LONG else text
-
-
-def _refuse_gap(scanner: Scanner, context: Context) -> None:
-    """Require the arrow of a definition directly after the number (Software Reference, M->)."""
-    if context.text[scanner.position - 1].isspace():
-        raise scanner.refusal("no space in front of -> as in M1->*")
 
 
 def _point(scanner: Scanner, context: Context, indices: range) -> None:

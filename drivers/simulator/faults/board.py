@@ -10,14 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from random import Random
 
-from drivers.simulator.faults.catalogue import AFTER, FOR, SEED, Fault, find
+from drivers.simulator.faults.catalogue import AFTER, FOR, SEED, Fault, Parameter, Value, find, refusal
 from drivers.simulator.faults.effects import Effect, FaultTarget, effect_of
-from drivers.simulator.faults.parameter import Parameter, Value, refusal
 
 MOST_FAULTS = 1000  # maximum number of pending and active faults
-
-_AFTER_S, _FOR_S = replace(AFTER, name="after_s"), replace(FOR, name="for_s")
-"""Names of the times in a function call, where the unit is part of the name."""
+_AFTER_S, _FOR_S = replace(AFTER, name="after_s"), replace(FOR, name="for_s")  # names in a function call
 
 
 @dataclass(slots=True, kw_only=True)
@@ -31,11 +28,6 @@ class Injected:
     ends_s: float
     effect: Effect = field(repr=False, compare=False)
     running: bool = field(default=False, repr=False, compare=False)
-
-    @property
-    def name(self) -> str:
-        """That of the fault."""
-        return self.fault.name
 
 
 class FaultBoard:
@@ -58,10 +50,7 @@ class FaultBoard:
     def ask(
         self, name: str, given: Mapping[str, Value], after: Parameter = AFTER, lasting: Parameter = FOR
     ) -> Injected:
-        """Do the same as `inject`, with values that may be text, including the times.
-
-        Raises RefusedError: as `inject`.
-        """
+        """Do the same as `inject`, with values that may be text, also the times. Raises what `inject` does."""
         fault = find(name)
         times = {time.name: time for time in ((after, SEED) if fault.moment else (after, lasting, SEED))}
         values = fault.settle({key: value for key, value in given.items() if key not in times}, times)
@@ -127,5 +116,5 @@ class FaultBoard:
         if ended.fault.moment:
             return
         for other in self._injected:
-            if other.running and other.name == ended.name:
+            if other.running and other.fault is ended.fault:
                 other.effect.begin()  # the end of one must not undo what both have done

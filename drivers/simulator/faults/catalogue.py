@@ -1,22 +1,94 @@
-"""The catalogue of faults, each with its effect and its parameters."""
+"""The catalogue of faults, each with its effect and its parameters: units, defaults, ranges, parsed from text."""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass
-from enum import StrEnum
+from functools import partial
+from typing import TypeAlias
 
-from drivers.simulator.faults.parameter import Parameter, Value, refusal
+from drivers.errors import RefusedError
+from profiles.problem import Problem
 
+Value: TypeAlias = float | str
 AXES = ("tool", "spindle", "carriage")
+MOST_SHOWN = 80  # maximum characters of a refused value that are reported
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
-class Concerns(StrEnum):
-    """The target of a fault."""
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number from `least` to `most`, one of `choices`, or with neither a text.
 
-    HOSTS = "every host"
-    MOTOR = "a motor"
-    CARD = "the controller"
+    Without a `default` it is optional; `meaning` describes the effect of omitting it. With `above_least`, `least`
+    itself is not allowed.
+    """
+
+    name: str
+    meaning: str
+    _: KW_ONLY
+    unit: str = ""
+    default: Value | None = None
+    least: float = -math.inf
+    most: float = math.inf
+    above_least: bool = False
+    whole: bool = False
+    choices: tuple[str, ...] = ()
+    text: bool = False
+
+    @property
+    def allowed(self) -> str:
+        """The range in words."""
+        if self.choices:
+            return " | ".join(self.choices)
+        if self.text:
+            return "a line of printable characters"
+        bounds = f"{self.least:g} {'<' if self.above_least else '<='} {self.name}"
+        bounds += f" <= {self.most:g}" if math.isfinite(self.most) else ""
+        return f"{bounds}, whole" if self.whole else bounds
+
+    def check(self, value: Value, fault: str) -> Value:
+        """Return an allowed value, a number as `float`. Raises RefusedError: `simulator.fault`, it is not."""
+        fits = self._word(value) if self.text or self.choices else self._number(value)
+        if fits is None:
+            raise refusal(fault, self.name, _shown(value), self.allowed)
+        return fits
+
+    def _word(self, value: Value) -> str | None:
+        if not isinstance(value, str) or (self.choices and value not in self.choices):
+            return None
+        return value if value and value.isascii() and value.isprintable() else None
+
+    def _number(self, value: object) -> float | None:
+        """Parse a number, or ASCII digits; a caller may pass anything."""
+        if isinstance(value, str):
+            if _NUMBER.fullmatch(value) is None:
+                return None
+        elif isinstance(value, bool) or not isinstance(value, int | float):
+            return None
+        try:
+            number = float(value)
+        except OverflowError:
+            return None
+        low_enough = number > self.least if self.above_least else number >= self.least
+        fits = math.isfinite(number) and low_enough and number <= self.most
+        return number if fits and not (self.whole and number != int(number)) else None
+
+
+def refusal(fault: str, key: str, value: str, limit: str) -> RefusedError:
+    """Return the refusal of a fault: the requested and the allowed values."""
+    return RefusedError(Problem(code="simulator.fault", where=fault, key=key, value=value, limit=limit))
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, int) and abs(value) >= 10**MOST_SHOWN:
+        return "an integer that is too large"  # Python formats none of more than 4300 digits
+    shown = ascii(str(value))[1:-1]
+    return shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}..."
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +98,7 @@ class Fault:
     name: str
     does: str
     _: KW_ONLY
-    concerns: Concerns
+    concerns: str
     parameters: tuple[Parameter, ...] = ()
     moment: bool = False
 
@@ -78,13 +150,13 @@ def _motor(default: str) -> Parameter:
     return Parameter("motor", "the axis whose motor it is", default=default, choices=AXES)
 
 
-def _on_line(name: str, does: str, *parameters: Parameter) -> Fault:
-    return Fault(name, does, concerns=Concerns.HOSTS, parameters=parameters)
+def _fault(concerns: str, name: str, does: str, *parameters: Parameter, moment: bool = False) -> Fault:
+    return Fault(name, does, concerns=concerns, parameters=parameters, moment=moment)
 
 
-def _on_motor(name: str, does: str, *parameters: Parameter) -> Fault:
-    return Fault(name, does, concerns=Concerns.MOTOR, parameters=parameters)
-
+_on_line = partial(_fault, "every host")
+_on_motor = partial(_fault, "a motor")
+_on_controller = partial(_fault, "the controller")
 
 _LINES = (
     _on_line(
@@ -160,32 +232,23 @@ _MOTORS = (
 )
 
 _STRANGERS_LINE = "what it sends, `^A` is control-A; without it, nine tenths of Ix30, the gain of the tool"
-_CARD = (
-    Fault(
-        "watchdog",
-        "The watchdog trips: outputs off, no answer until `power-cycle`.",
-        concerns=Concerns.CARD,
-        moment=True,
-    ),
-    Fault(
+_CONTROLLER = (
+    _on_controller("watchdog", "The watchdog trips: outputs off, no answer until `power-cycle`.", moment=True),
+    _on_controller(
         "slow-background",
         "The background cycle (limits, stops, PLCs, replies) comes late; too late, and the watchdog trips.",
-        concerns=Concerns.CARD,
-        parameters=(
-            Parameter("cycle_ms", "background cycle", unit="ms", default=50.0, least=10.0, most=10_000.0),
-        ),
+        Parameter("cycle_ms", "background cycle", unit="ms", default=50.0, least=10.0, most=10_000.0),
     ),
-    Fault(
+    _on_controller(
         "stranger-writes",
         "Another host sends a line or a control character, reads the answer, and disconnects."
         " No other host sees it.",
-        concerns=Concerns.CARD,
-        parameters=(Parameter("line", _STRANGERS_LINE, text=True),),
+        Parameter("line", _STRANGERS_LINE, text=True),
         moment=True,
     ),
 )
 
-CATALOGUE: Mapping[str, Fault] = {fault.name: fault for fault in (*_LINES, *_MOTORS, *_CARD)}
+CATALOGUE: Mapping[str, Fault] = {fault.name: fault for fault in (*_LINES, *_MOTORS, *_CONTROLLER)}
 
 
 def find(name: str) -> Fault:

@@ -11,9 +11,9 @@ from random import Random
 from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
 from drivers.errors import LinkError
+from drivers.simulator.faults.catalogue import Value
 from drivers.simulator.faults.line_effects import CARRIERS, SPOILERS
 from drivers.simulator.faults.lines import Carrier, Garbling, Lines, Spoiler
-from drivers.simulator.faults.parameter import Value
 
 if TYPE_CHECKING:
     from drivers.simulator.card.controller import Controller
@@ -23,10 +23,8 @@ if TYPE_CHECKING:
     from drivers.simulator.plant.spindle import Spindle
 
 GAIN = 30  # Ix30, the proportional gain
-
 _CONTROL = re.compile(r"\^[A-Z]")  # a control character in caret notation: no line begins like that
 _NAMES = {0x00: "NUL", 0x02: "STX", 0x06: "ACK", 0x07: "BEL", 0x0A: "LF", 0x0D: "CR"}
-
 _Item = TypeVar("_Item")
 _Values = Mapping[str, Value]
 
@@ -46,11 +44,7 @@ class Card(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultTarget:
-    """The target of faults.
-
-    `motors` are those of the axes, by name, `cut` cuts every open connection, `card` is the controller as another
-    host sees it.
-    """
+    """The target of faults: `motors` by axis name, `cut` for all connections, `card` as another host sees it."""
 
     controller: Controller
     motors: Mapping[str, Motor]
@@ -68,7 +62,7 @@ def _nothing() -> None:
     pass
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Effect:
     """The effect of a fault. `begin` may be called again while it lasts, unless it is a moment.
 
@@ -101,11 +95,11 @@ def _listed(item: _Item, listed: list[_Item], over: Callable[[], bool]) -> Effec
         if item not in listed:
             listed.append(item)
 
-    return Effect(begin=begin, end=lambda: listed.remove(item), over=over)
+    return Effect(begin, lambda: listed.remove(item), over)
 
 
 def _flag(owner: object, name: str, over: Callable[[], bool] = bool) -> Effect:
-    return Effect(begin=partial(setattr, owner, name, True), end=partial(setattr, owner, name, False), over=over)
+    return Effect(partial(setattr, owner, name, True), partial(setattr, owner, name, False), over)
 
 
 def _cut_cable(_: _Values, site: FaultTarget) -> Effect:
@@ -157,21 +151,13 @@ def _slow_background(values: _Values, site: FaultTarget) -> Effect:
 
 
 def _stranger(values: _Values, site: FaultTarget) -> Effect:
-    stranger = _Stranger(site.card)
-    return Effect(
-        begin=lambda: stranger.write(_line_of_stranger(values, site)),
-        end=stranger.leave,
-        over=stranger.answered,
-        outcome=lambda: stranger.outcome,
-    )
+    stranger, variables = _Stranger(site.card), site.controller.variables
 
+    def begin() -> None:
+        index = variables.dialect.motor_index(site.motors["tool"].number, GAIN)
+        stranger.write(str(values.get("line", f"I{index}={0.9 * variables.i(index):g}")))
 
-def _line_of_stranger(values: _Values, site: FaultTarget) -> str:
-    if "line" in values:
-        return str(values["line"])
-    variables = site.controller.variables
-    index = variables.dialect.motor_index(site.motors["tool"].number, GAIN)
-    return f"I{index}={0.9 * variables.i(index):g}"
+    return Effect(begin, stranger.leave, stranger.answered, lambda: stranger.outcome)
 
 
 class _Stranger:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
-from drivers.simulator.faults.parameter import Value
+from drivers.simulator.faults.catalogue import Value
 
 BELL, CR, NUL = b"\x07", b"\r", b"\0"
 CHARACTER_BITS = 10  # a start bit, 8 data bits, a stop bit

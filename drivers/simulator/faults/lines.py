@@ -16,10 +16,7 @@ from drivers.simulator.faults.line_effects import Carry, Piece, Reply, Spoil, co
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class Chance:
-    """Random selection of the replies that a fault hits: the fraction `share`, in order, and `left` in all.
-
-    Only replies that were changed are counted.
-    """
+    """Random selection of the replies that a fault changes: the fraction `share`, in order, and `left` in all."""
 
     random: Random
     share: float = 1.0

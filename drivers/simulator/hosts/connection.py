@@ -18,9 +18,7 @@ from drivers.simulator.hosts.real_time import Host
 from drivers.simulator.machine import SimulatedLathe
 
 UNREAD_LIMIT = 1_000_000  # maximum buffered reply bytes for a host that does not read
-
-SLOW_READER = 65_536
-"""Unread bytes beyond which a host is served only in the background: it is not waiting for replies."""
+SLOW_READER = 65_536  # unread bytes beyond which a host is served only in the background
 
 
 class PlainStream:
@@ -50,10 +48,7 @@ class PlainStream:
         self._port.receive(data)
 
     def turn(self) -> list[bytes]:
-        """Execute the next few lines; return what to send, each item in one go.
-
-        Raises MalformedRequestError: the input of the host cannot be answered.
-        """
+        """Execute the next few lines; return what to send, each item in one go. Raises MalformedRequestError."""
         self._lathe.attend(self._port)
         said = self._port.take_output()
         return [said] if said else []

@@ -12,8 +12,7 @@ from collections.abc import Iterator
 
 from drivers.errors import RefusedError
 from drivers.simulator.faults.board import FaultBoard, Injected
-from drivers.simulator.faults.catalogue import CATALOGUE, find
-from drivers.simulator.faults.parameter import Parameter, Value, refusal
+from drivers.simulator.faults.catalogue import CATALOGUE, Parameter, Value, find, refusal
 from drivers.simulator.hosts.control_address import LONGEST_LINE, OK, REFUSED
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.collision import Collision
@@ -110,7 +109,7 @@ def _described(injected: Injected, now_s: float) -> str:
     values = "".join(f" {key}={shlex.quote(_plain(value))}" for key, value in injected.values.items())
     end = "until it is cleared" if math.isinf(injected.ends_s) else f"to {injected.ends_s:.3f} s"
     when = f"at {injected.begins_s:.3f} s" if injected.fault.moment else f"from {injected.begins_s:.3f} s {end}"
-    return f"{injected.name}{values} seed={injected.seed}, {when}{state}"
+    return f"{injected.fault.name}{values} seed={injected.seed}, {when}{state}"
 
 
 def _unit(parameter: Parameter) -> str:

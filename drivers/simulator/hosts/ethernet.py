@@ -33,9 +33,7 @@ FACTORY_ADDRESS = bytes((192, 6, 94, 5))
 BELL, CR = b"\x07", b"\r"
 REQUESTS_PER_TURN = 4  # maximum requests of one client per turn: none can block the board for the others
 _ERROR = re.compile(rb"ERR(\d{3})")
-
-Steps = Generator[None, None, bytes]
-"""Processes one request in steps between which it waits for the controller, and returns the reply."""
+Steps = Generator[None, None, bytes]  # one request in steps, between which it waits; returns the reply
 
 
 class Board:

@@ -21,29 +21,16 @@ from profiles.problem import Problem
 CR = 0x0D
 BACKSPACE, REPEAT, SUM, RECALL = b"\x08", b"\t", b"\x0e", b"\x19"
 LINES_PER_TURN = 4  # maximum lines of one host per turn: none can block the controller for the others
-
-WORK_PER_TURN = 2560
-"""Values after which no further command of that host is begun in the same turn, nor while it owes as many."""
-
+WORK_PER_TURN = 2560  # values after which no command of a host is begun in a turn, nor while it owes as many
 LINES_PER_CYCLE = 64  # maximum lines of one host before the next background cycle, however often it has a turn
-
-WORK_PER_CYCLE = 1024
-"""Values credited to one host per background cycle, about a quarter of its real time; the rest is owed."""
-
+WORK_PER_CYCLE = 1024  # credit of a host per background cycle, about a quarter of its time; the rest is owed
 LINE_LIMIT = 255  # maximum characters of one command line
 ANSWER_PER_TURN = 4096  # reply bytes after which no further line of that host is begun in the same go
 
+# Bytes that may wait; the transport holds back the rest. It is ample, so that a stop is heard after a flood.
 INBOX_LIMIT = 1_048_576
-"""Maximum bytes that may wait to be executed; beyond it the transport must hold back the rest.
-
-It is far more than any normal use needs, so that a stop is heard after a flood of the same host.
-"""
-
 ANNOUNCED_LIMIT = 65_536  # maximum unread bytes before program messages are lost on that host
-
-_PART_WORK, _CHARACTERS_A_VALUE = 4, 2
-"""Cost of scanning a part of the queue, in values: a fixed part, and one for so many characters."""
-
+_PART_WORK, _CHARACTERS_A_VALUE = 4, 2  # cost of a part of the queue: fixed, and per characters
 _REPORT_WORK, _REPORTED_A_VALUE = 10, 3  # cost of a report: a minimum, and one for so many characters
 _ANSWERED = (CR, *REPEAT, *SUM, *RECALL)
 _PART = re.compile(b"[" + bytes((*_ANSWERED, *BACKSPACE)) + b"]")
@@ -147,10 +134,7 @@ class Port:
         return bool(self._fresh or self._waiting) and self._may_continue()
 
     def receive(self, data: bytes) -> None:
-        """Accept bytes from the line of the host. A controller that is shut down discards them.
-
-        Raises LinkError: `link.lost`, the cable is cut.
-        """
+        """Accept bytes, discard them when shut down. Raises LinkError: `link.lost`, the cable is cut."""
         self._refuse_lost()
         if self._way_in.clear:
             self._fresh += data
@@ -359,7 +343,7 @@ class Port:
         if refusal is not None:
             self._outbox.reply(data, replies.refused(refusal.code, how), summed=summed)
         elif heard:
-            checksum = replies.line_checksum(self._running_line, how)
+            checksum = bytes([replies.checksum(self._running_line)]) if summed else b""
             self._outbox.reply(data, how.acknowledgement, checksum, summed=summed)
         else:
             self._outbox.reply(data, summed=summed)

@@ -83,10 +83,7 @@ class SimulatorProcess:
         self._ask("mount", job={key: value for key, value in asdict(job).items() if value is not None})
 
     def measure(self) -> Trace:
-        """Release the part and take its trace in the middle of the cut.
-
-        Raises LinkError: `simulator.gone`; `simulator.refused`, no part is mounted.
-        """
+        """Release the part; take its trace. Raises LinkError: `simulator.gone`; `simulator.refused`, no part."""
         import numpy as np
 
         from profiles.traces import Trace
@@ -112,10 +109,7 @@ class SimulatorProcess:
         self._ask("spindle", rpm=rpm)
 
     def fault(self, line: str) -> str:
-        """Send a fault command as on the control socket; return the lines of the reply.
-
-        Raises LinkError: `simulator.gone`; `simulator.refused`, with the allowed range.
-        """
+        """Send a fault command; return the reply. Raises LinkError: `simulator.gone`, `simulator.refused`."""
         if len(line.encode("utf-8", "replace")) > LONGEST_LINE:
             raise self._error("simulator.refused", "fault", f"a line has at most {LONGEST_LINE} bytes")
         return str(self._ask("fault", line=line)["said"])

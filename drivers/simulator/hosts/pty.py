@@ -27,10 +27,7 @@ class PtyHost:
     """
 
     def __init__(self, lathe: SimulatedLathe) -> None:
-        """Create the pseudo-terminal, and listen on it in the running event loop.
-
-        Raises OSError: it cannot be done.
-        """
+        """Create the pseudo-terminal, and listen on it in the running event loop. Raises OSError."""
         self._lathe = lathe
         self._loop = asyncio.get_running_loop()
         self._open = False

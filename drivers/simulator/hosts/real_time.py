@@ -14,22 +14,13 @@ from collections.abc import Callable, Collection, Coroutine
 from typing import Any, Protocol
 
 TICK_S = 0.005
-MOST_CATCH_UP_S = 0.1
-"""Maximum real time made up for in one tick; a process that was suspended for longer loses the rest."""
-
+MOST_CATCH_UP_S = 0.1  # most real time made up for in one tick; a suspended process loses the rest
 SLICE_S = 0.01  # simulated time advanced in one go: in between, hosts and signals are served
-
-HEARD_S = 0.18
-"""How far time runs without input from the host: shorter than a watchdog timeout that has just been renewed."""
-
+HEARD_S = 0.18  # how far time runs without input: shorter than a watchdog timeout just renewed
 PATIENCE_S = 2.0  # how long a silence is attributed to the computer
 
 
-class Advanced(Protocol):
-    """An object whose time is advanced."""
-
-    def wait(self, seconds: float) -> None:
-        """Advance it."""
+Advance = Callable[[float], None]  # advances the time of a lathe by so many seconds
 
 
 class Host(Protocol):
@@ -60,7 +51,7 @@ class WallClock:
 
 
 async def keep_time(
-    lathe: Advanced,
+    advance: Advance,
     hosts: Collection[Host],
     *endings: Coroutine[Any, Any, object],
     speed: float = 1.0,
@@ -70,7 +61,7 @@ async def keep_time(
 
     Simulated time runs `speed` times as fast. The delay of each tick is appended to `lags_s`.
     """
-    clock = run_clock(lathe, hosts, WallClock(), speed, lags_s)
+    clock = run_clock(advance, hosts, WallClock(), speed, lags_s)
     tasks = {asyncio.create_task(work) for work in (clock, *endings)}
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -82,7 +73,7 @@ async def keep_time(
 
 
 async def run_clock(
-    lathe: Advanced, hosts: Collection[Host], clock: WallClock, speed: float, lags_s: list[float] | None = None
+    advance: Advance, hosts: Collection[Host], clock: WallClock, speed: float, lags_s: list[float] | None = None
 ) -> None:
     """Advance a tick at a time, without an end."""
     last_s = clock.now_s()
@@ -94,21 +85,19 @@ async def run_clock(
         behind_s = min(now_s - last_s, MOST_CATCH_UP_S) * speed
         last_s = now_s
         while behind_s > 0.0:
-            lathe.wait(min(behind_s, SLICE_S))
+            advance(min(behind_s, SLICE_S))
             behind_s -= SLICE_S
             for host in tuple(hosts):
                 host.flush()
             await clock.sleep(0.0)
 
 
-class PatientTime:
-    """Advances a lathe unless it waits for its host. `heard_s` is the time of its last input, None: never."""
+def patient(advance: Advance, heard_s: Callable[[], float | None], now_s: Callable[[], float]) -> Advance:
+    """Skip time while a lathe waits for its host. `heard_s` is the time of its last input, None: never."""
 
-    def __init__(self, lathe: Advanced, heard_s: Callable[[], float | None], now_s: Callable[[], float]) -> None:
-        self._lathe, self._heard_s, self._now_s = lathe, heard_s, now_s
+    def wait(seconds: float) -> None:
+        last_s = heard_s()
+        if last_s is None or not HEARD_S < now_s() - last_s < PATIENCE_S:
+            advance(seconds)
 
-    def wait(self, seconds: float) -> None:
-        """Advance it, or skip the time while it waits."""
-        heard_s = self._heard_s()
-        if heard_s is None or not HEARD_S < self._now_s() - heard_s < PATIENCE_S:
-            self._lathe.wait(seconds)
+    return wait

@@ -25,10 +25,7 @@ from profiles.problem import Problem
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listeners:
-    """Listening addresses: `tcp` is the ASCII stream, `ethernet` the requests of the Ethernet board.
-
-    `control` is the control socket for faults.
-    """
+    """Listening addresses: `tcp` for ASCII, `ethernet` for requests of the board, `control` for faults."""
 
     tcp: TcpAddress | None = None
     ethernet: TcpAddress | None = None
@@ -53,7 +50,7 @@ async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[s
         addresses = [address async for address in listen(lathe, listeners, hosts, opened)]
         for address in addresses:
             ready(address)
-        await keep_time(lathe, hosts, ended.wait(), speed=speed)
+        await keep_time(lathe.wait, hosts, ended.wait(), speed=speed)
         for connected in tuple(hosts):
             connected.flush()
 

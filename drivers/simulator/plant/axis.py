@@ -9,16 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
+# The reading for a true position, both in counts: the built-in itself, because it is in the innermost loop of all.
 read_encoder: Callable[[float], int] = round
-"""The reading for a true position, both in counts, rounded to the nearest integer. An alias for the Python
-built-in, because it is in the innermost loop of all.
-"""
-
 DRAWN_AT_ONCE = 4096
-
-OPEN_LOOP_COUNTS_PER_S = 100_000.0
-"""Speed of an ideal axis at full open-loop output; it settles with the time constant of its coasting."""
-
+OPEN_LOOP_COUNTS_PER_S = 100_000.0  # speed of an ideal axis at full output, reached as it coasts
 BARE_COAST_S = 0.1  # coasting time constant of an axis without a machine
 BARE_ORIGIN = 500.0  # position of such an axis at power-up, in counts from a home trigger
 

@@ -12,18 +12,12 @@ from enum import StrEnum
 from profiles.job import Job
 
 TOUCH_MM = 0.05  # depth of the tip in a standing part up to which it is a mere touch that marks, not a crash
-
-TOOL_TAKES_MM = 1.0
-"""Permitted depth beyond the cut of its job, on the radius. A choice, for an insert of a finishing cut."""
-
-MOST_FEED_MM_PER_TURN = 1.0
-"""The largest feed that a job may have. A tool that enters material faster is not cutting."""
-
+TOOL_TAKES_MM = 1.0  # permitted depth beyond the job's cut, on the radius: a choice, for finishing
+MOST_FEED_MM_PER_TURN = 1.0  # largest feed of a job; a tool that enters material faster does not cut
 STANDS_TURNS = 1e-5  # a spindle that turns less than this in a servo cycle stands: 1.4 rpm at 442 us
 
 
-BACK_TURNS = 0.05
-"""Permitted backward rotation of the spindle in the cut: a servo after a hard stop comes back by 6 deg."""
+BACK_TURNS = 0.05  # permitted backward rotation in the cut: after a hard stop a servo comes back by 6 deg
 
 
 class CollisionKind(StrEnum):

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-NO_DAMPING = 1e-6
-"""Fraction of its speed that a mass loses in a servo cycle, below which the formulas with damping cancel out."""
+NO_DAMPING = 1e-6  # loss of speed in a servo cycle below which the formulas with damping cancel out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,10 +145,7 @@ class DrySlide:
         self._driven = 0.0  # counts/s2, by the current at the beginning of a cycle
 
     def step(self, x: float, v: float, force: float, load: float = 0.0) -> tuple[float, float]:
-        """Return position (counts) and speed (counts/s) a cycle later.
-
-        `force` is the command in DAC bits, `load` an additional force, in counts/s2.
-        """
+        """Return position and speed (counts, counts/s) a cycle later, by `force` (bits) and `load` (counts/s2)."""
         drive, more_x, more_v = force * self._per_bit, 0.0, 0.0
         if self._lag is not None:
             lag, late = self._lag, self._driven - drive

@@ -14,10 +14,7 @@ from drivers.simulator.plant.axis import EncoderAxis, read_encoder
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InductionDrive:
-    """The motor and its inverter, at the spindle.
-
-    `slip_rpm` is the slip of the motor at `peak_torque_n_m`, and less in proportion.
-    """
+    """The motor and its inverter, at the spindle; the slip is `slip_rpm` at `peak_torque_n_m`, or less below."""
 
     inertia_kg_m2: float
     drag_n_m_s_per_rad: float

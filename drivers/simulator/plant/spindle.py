@@ -13,23 +13,12 @@ from random import Random
 from drivers.simulator.plant.axis import Axis
 
 PLACES = 3600  # angular resolution of the error motion: 0.1 deg, whose error is below a hundredth of it
-
-PIECES = (2, 3, 4, 5, 7)
-"""Undulations per revolution of the synchronous part. One is no error: the part is off the axis, and round."""
-
-STRAY_PER_TURN = (0.43, 2.57)
-"""Undulations per revolution of the asynchronous part: the cage of a rolling bearing, and its rolling elements."""
-
-STRAY_SHARE = 0.1  # asynchronous over synchronous part, peak to peak
-
-FADES_IN_TURNS = 0.25
-"""Fraction of a turn over which the ripple fades in or out: the spindle must not jump, nor turn by itself."""
-
+PIECES = (2, 3, 4, 5, 7)  # undulations per revolution, synchronous; one is no error: off the axis, and round
+STRAY_PER_TURN = (0.43, 2.57)  # the same, asynchronous: cage and rolling elements of a bearing
+STRAY_FRACTION = 0.1  # asynchronous over synchronous part, peak to peak
+FADES_IN_TURNS = 0.25  # turns over which the ripple fades: the spindle must not jump, nor turn by itself
 FADES_IN_S = 0.1  # time constant with which it fades while the spindle stands
-
-NONE_BELOW_RPM, FULL_FROM_RPM = 3.0, 20.0
-"""Mean speeds between which the ripple fades in: a standing spindle has no speed to oscillate."""
-
+NONE_BELOW_RPM, FULL_FROM_RPM = 3.0, 20.0  # the ripple fades in between: a standing spindle has none
 SMOOTHED_S = 0.02  # time constant of the mean speed: servo motion at rest is not speed
 GONE_COUNTS = 1e-3
 
@@ -43,7 +32,7 @@ class RadialError:
         raw = [sum(math.cos(n * angle + phase) / n for n, phase in phases) for angle in turn]
         scale = um_pp / 1000.0 / (max(raw) - min(raw))
         self._repeats_mm = [scale * value for value in raw]
-        self._stray_mm = 0.25 * STRAY_SHARE * um_pp / 1000.0
+        self._stray_mm = 0.25 * STRAY_FRACTION * um_pp / 1000.0
         self._strays = [(2.0 * math.pi * each, random.uniform(0.0, 2.0 * math.pi)) for each in STRAY_PER_TURN]
 
     def at_mm(self, turns: float) -> float:

@@ -17,21 +17,13 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 ANGLES = 3600  # points of a section, equally spaced from the spindle index
 
+# Angles round the part at which it is roughly known all along; no spindle skips one of them in a servo cycle.
 ROUGH_PLACES = 24
-"""Number of angles round the part at which it is roughly known along its whole length. No spindle skips one of
-them in a servo cycle.
-"""
-
+# Least length of such a place along Z, never below the land: a tool that feeds a land per turn reaches each place.
 ROUGH_LENGTH_MM = 0.5
-"""Least length of such a place along Z. It is never shorter than the land, so a tool that feeds no more than its
-land per turn reaches every place.
-"""
-
 CHUNK = 4096
 REACH = 2  # samples that the interpolation needs on either side of an interval
-OVERLAP = 2 * REACH + 1
-"""Servo samples kept from one chunk to the next, so that every interval is processed once, completely."""
-
+OVERLAP = 2 * REACH + 1  # samples kept from one chunk to the next: every interval is processed once
 EDGE_MM = 1e-6  # rounding of Z: a feed of exactly the land per turn must leave no gap between two turns
 
 

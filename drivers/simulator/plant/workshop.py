@@ -19,12 +19,9 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.traces import Trace
 
-SECTIONS = (0.0, -0.4, 0.4)
-"""Where the part is measured, in lengths of the cut past its middle, towards the jaws; the middle first."""
-
+SECTIONS = (0.0, -0.4, 0.4)  # where the part is measured, cut lengths past its middle, towards the jaws
 MID_LENGTH = 0
 SAME_PLACE_MM = 1e-6
-
 Floats = NDArray[np.float64]
 
 
