@@ -81,8 +81,9 @@ class Snapshot:
         return self.tool, self.spindle, self.carriage
 
     def axis(self, name: AxisName) -> AxisState:
-        """Return one axis by its name."""
-        return dict(zip(AxisName, self.axes, strict=True))[name]
+        """Return one axis by its name, which is that of its field."""
+        state: AxisState = getattr(self, name)
+        return state
 
     @property
     def driven_axes(self) -> tuple[AxisState, ...]:
@@ -149,6 +150,8 @@ class Snapshot:
     @property
     def axis_faults(self) -> tuple[str, ...]:
         """The same without the program, whose error stays set until the next one runs."""
+        if all(state.flags.isdisjoint(FAULT_FLAGS) for state in self.axes):
+            return ()
         pairs = zip(AxisName, self.axes, strict=True)
         return tuple(f"{axis}: {name}" for axis, state in pairs for name in FAULT_FLAGS if name in state.flags)
 

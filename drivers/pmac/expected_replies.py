@@ -74,6 +74,7 @@ _RULES = (
 _BETWEEN = re.compile(r"[\s;]*+")
 
 _QUOTED = re.compile(r'"[^"]*"?')
+_NAME = re.compile(r"^[IPQM]\d+=")
 _BUFFERS = re.compile(r"OPEN(?=\s*[A-Z])|CLOSE|CLS")
 
 
@@ -96,6 +97,7 @@ def foresee(line: str) -> ExpectedReplies:
     return ExpectedReplies(lines, reads_only)
 
 
+@lru_cache(maxsize=512)
 def opens_buffer(line: str) -> bool | None:
     """Return whether a buffer is open after a line, None when the line does not affect that."""
     words = _BUFFERS.findall(_QUOTED.sub("", line.upper()))
@@ -108,7 +110,7 @@ def number_of(text: str) -> float:
     Raises:
         ValueError: it is not a number.
     """
-    digits = re.sub(r"^[IPQM]\d+=", "", text.strip())
+    digits = _NAME.sub("", text.strip())
     return float(int(digits[1:], 16)) if digits.startswith("$") else float(digits)
 
 

@@ -46,6 +46,9 @@ class _Part(Enum):
     REFUSED = auto()
 
 
+_LINE, _MESSAGE, _ACCEPTED, _REFUSED = _Part  # by name: a member of an enumeration is slow to look up
+
+
 class ReplyReader:
     """Bytes in, replies out. `rest` is the received input that is not yet a whole line."""
 
@@ -87,7 +90,7 @@ class ReplyReader:
         if end is None:
             return None
         part, number = end
-        error_number = int(number) if part is _Part.REFUSED else None
+        error_number = int(number) if part is _REFUSED else None
         reply = Reply(lines=tuple(self._lines), error_number=error_number, messages=tuple(self._messages))
         self._lines.clear()
         self._messages.clear()
@@ -117,9 +120,9 @@ class ReplyReader:
         try:
             while (taken := _part(self.rest, place)) is not None:
                 part, text, place = taken
-                if part is _Part.LINE:
+                if part is _LINE:
                     self._lines.append(text)
-                elif part is _Part.MESSAGE:
+                elif part is _MESSAGE:
                     self._messages.append(text)
                 else:
                     return part, text
@@ -133,7 +136,7 @@ def _part(buffer: bytes, start: int) -> tuple[_Part, str, int] | None:
     if start == len(buffer):
         return None
     if buffer[start] == ACK:
-        return _Part.ACCEPTED, "", start + 1
+        return _ACCEPTED, "", start + 1
     begin = start + 1 if buffer[start] in (STX, BELL) else start
     found = _NO_TEXT.search(buffer, begin)
     if found is None:
@@ -142,11 +145,11 @@ def _part(buffer: bytes, start: int) -> tuple[_Part, str, int] | None:
     if buffer[end] == NUL:
         raise FramingError(f"byte {NUL:#04x} in a reply", FaultKind.NUL)
     if buffer[start] == BELL:
-        return _Part.REFUSED, _error_number(buffer[begin:end], buffer[end]), end + 1
+        return _REFUSED, _error_number(buffer[begin:end], buffer[end]), end + 1
     if buffer[end] != CR:
         problem = "data without an end of line" if buffer[end] in (ACK, BELL) else "in a reply"
         raise FramingError(f"byte {buffer[end]:#04x}: {problem}")
-    return _Part.MESSAGE if begin > start else _Part.LINE, _text(buffer[begin:end]), end + 1
+    return _MESSAGE if begin > start else _LINE, _text(buffer[begin:end]), end + 1
 
 
 def _text(data: bytes) -> str:

@@ -17,6 +17,10 @@ MODAL_NUMBERS = (87, 88, 89)
 """Ix87, Ix88, Ix89: TA, TS, and F or TM, as the last program left them."""
 
 
+# Naming a member through its class costs more than the look-up of a value, some hundred thousand times a cut.
+_I, _P, _Q, _M = VariableKind.I, VariableKind.P, VariableKind.Q, VariableKind.M
+
+
 class VariableStore:
     """Values by family and number; a variable never set reads 0.
 
@@ -42,7 +46,12 @@ class VariableStore:
             PmacError: 003, no such variable.
         """
         # P first and without a call: a program reads some thousands of them a second.
-        value = self._p.get(index) if kind is VariableKind.P else self._read(kind, index, system)
+        if kind is _P:
+            value = self._p.get(index)
+        elif kind is _M and index in self.pointers and self.memory is not None:
+            return self.memory.read(self.pointers[index])
+        else:
+            value = self._read(kind, index, system)
         if value is None:
             self._check(kind, index)
             return 0.0
@@ -55,9 +64,11 @@ class VariableStore:
             PmacError: 003, no such variable.
         """
         self._check(kind, index)
-        if kind is VariableKind.I:
+        if kind is _P:
+            self._p[index] = value
+        elif kind is _I:
             self._set_i(index, value)
-        elif kind is VariableKind.M and index in self.pointers and self.memory is not None:
+        elif kind is _M and index in self.pointers and self.memory is not None:
             self.memory.write(self.pointers[index], value)
         else:
             self._table(kind, system)[index] = value
@@ -108,20 +119,12 @@ class VariableStore:
         self._i[index] = value
 
     def _read(self, kind: VariableKind, index: int, system: int) -> float | None:
-        if kind is VariableKind.M and index in self.pointers and self.memory is not None:
-            return self.memory.read(self.pointers[index])
         return self._table(kind, system).get(index)
 
     def _table(self, kind: VariableKind, system: int) -> dict[int, float]:
-        match kind:
-            case VariableKind.I:
-                return self._i
-            case VariableKind.P:
-                return self._p
-            case VariableKind.Q:
-                return self._q.setdefault(system, {})
-            case VariableKind.M:
-                return self._m
+        if kind is _Q:
+            return self._q.setdefault(system, {})
+        return self._i if kind is _I else self._p if kind is _P else self._m
 
     def _check(self, kind: VariableKind, index: int) -> None:
         if not 0 <= index <= self.dialect.highest_index:
@@ -140,7 +143,7 @@ class SystemVariables:
 
     def get(self, kind: VariableKind, index: int) -> float:
         """Return a value, see `VariableStore.get`."""
-        value = self._p.get(index) if kind is VariableKind.P else None
+        value = self._p.get(index) if kind is _P else None
         return self.store.get(kind, index, self.number) if value is None else value
 
     def set(self, kind: VariableKind, index: int, value: float) -> None:

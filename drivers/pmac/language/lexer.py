@@ -75,9 +75,10 @@ class Scanner:
         if not self.accept(word):
             raise self.refusal(f"expected {word}")
 
-    def take_word(self, words: tuple[str, ...]) -> str | None:
-        """Consume the longest of `words` (upper case, no spaces) at the cursor."""
-        found = _longest_first(words).match(self._text, self._cursor)
+    def take_word(self, words: tuple[str, ...] | re.Pattern[str]) -> str | None:
+        """Consume the longest of `words` (upper case, no spaces, or `longest_of` them) at the cursor."""
+        pattern = longest_of(words) if isinstance(words, tuple) else words
+        found = pattern.match(self._text, self._cursor)
         if found is None:
             return None
         self._cursor = found.end()
@@ -137,8 +138,8 @@ class Scanner:
 
 
 @lru_cache(maxsize=64)
-def _longest_first(words: tuple[str, ...]) -> re.Pattern[str]:
-    """Return a pattern of the words; the tables are few, and used for every command."""
+def longest_of(words: tuple[str, ...]) -> re.Pattern[str]:
+    """Return a pattern of the words; to find it again takes as long as to use it, so large tables keep it."""
     return re.compile("|".join(re.escape(word) for word in sorted(words, key=len, reverse=True)))
 
 

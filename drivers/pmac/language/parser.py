@@ -7,15 +7,15 @@ from collections.abc import Mapping
 from drivers.pmac.language.expressions import parse_expression, parse_variable
 from drivers.pmac.language.flow_statements import FLOW_READERS, parse_argument
 from drivers.pmac.language.gathering import gather_moves, may_be_argument
-from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.message_statements import MESSAGE_READERS
 from drivers.pmac.language.motion_statements import MOTION_READERS
 from drivers.pmac.language.reading import Reader
 from drivers.pmac.language.syntax import Assign, CallProgram, Line, Statement, VariableKind
 
 _READERS: Mapping[str, Reader] = {**MOTION_READERS, **FLOW_READERS, **MESSAGE_READERS}
-_WORDS = tuple(_READERS)
-WORDS = tuple(word for word in _WORDS if len(word) > 1)
+_WORDS = longest_of(tuple(_READERS))
+WORDS = tuple(word for word in _READERS if len(word) > 1)
 """The words of motion programs, without the single letters that have another meaning on-line."""
 _COMBINING = {"==": "", "&=": "&", "|=": "|", "^=": "^"}
 """The signs of assignments that wait for the next move."""

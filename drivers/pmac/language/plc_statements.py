@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 from drivers.pmac.language.expressions import parse_expression, parse_variable
 from drivers.pmac.language.flow_statements import parse_enclosed_condition
-from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.message_statements import MESSAGE_READERS
 from drivers.pmac.language.motion_statements import HIGHEST_MOTOR
 from drivers.pmac.language.syntax import (
@@ -128,4 +128,4 @@ _READERS: Mapping[str, _Reader] = {
     **dict.fromkeys(("ADDRESS", "ADR"), _address),
     **dict.fromkeys(MESSAGE_READERS, _message),
 }
-_WORDS = tuple(_READERS)
+_WORDS = longest_of(tuple(_READERS))

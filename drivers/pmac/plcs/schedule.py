@@ -55,7 +55,7 @@ def background_order(i5: float, enabled: Collection[int], stored: Collection[int
     """
     if not _permits(i5, I5_BACKGROUND):
         return ()
-    return tuple(sorted(number for number in stored if number != FOREGROUND_PLC and number in enabled))
+    return tuple([number for number in sorted(stored) if number != FOREGROUND_PLC and number in enabled])
 
 
 def _permits(i5: float, bit: int) -> bool:

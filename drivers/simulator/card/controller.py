@@ -126,12 +126,14 @@ class Controller:
         """Check every motor and scan the PLCs, between two servo interrupts and in no fixed time."""
         for motor in self._awake:
             alarm = motor.check()
+            if alarm is None:
+                continue
             if alarm is Alarm.TRAVEL:
                 system = self.system_of(motor.number)
                 if system is not None and (system.running or system.moving):
                     system.abort(closing=False)
                 motor.stop_on_limit()
-            elif alarm is not None:
+            else:
                 self._trip(motor, alarm)
         self.plcs.scan_background()
 

@@ -10,6 +10,8 @@ from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.plcs.plc import LOWEST_COUNT, timer_variables
 from drivers.pmac.variables import VariableStore
 
+_I = VariableKind.I
+_LOWEST = float(LOWEST_COUNT)
 ServoCycles = Callable[[], int]  # returns the number of servo cycles so far
 _Name = TypeVar("_Name")
 
@@ -31,7 +33,7 @@ class Countdown(Generic[_Name]):
         """Return the present value of a timer."""
         value, since = self._written[name]
         # As `count_down`, for a single timer: each PLC scan reads it.
-        return max(float(LOWEST_COUNT), value - (self._now() - since)) if name in self._running else value
+        return max(_LOWEST, value - (self._now() - since)) if name in self._running else value
 
     def write(self, name: _Name, value: float) -> None:
         """Let a timer continue from a value."""
@@ -55,7 +57,10 @@ class TimedVariables(VariableStore):
 
     def i(self, index: int) -> float:
         """Return an I-variable."""
-        return self._timers.read(index) if index in self._timer_numbers else self._i.get(index, 0.0)
+        value = self._i.get(index)
+        if value is not None:
+            return value
+        return self._timers.read(index) if index in self._timer_numbers else 0.0
 
     def replace_i(self, values: Mapping[int, float]) -> None:
         """Replace the whole set of I-variables; timers not among them start at 0."""
@@ -65,7 +70,7 @@ class TimedVariables(VariableStore):
         self._follow_activation()
 
     def _read(self, kind: VariableKind, index: int, system: int) -> float | None:
-        if kind is VariableKind.I and index in self._timer_numbers:
+        if kind is _I and index in self._timer_numbers:
             return self._timers.read(index)
         return super()._read(kind, index, system)
 

@@ -12,6 +12,9 @@ from drivers.simulator.card.jog_motion import HomeSensor, JogMotion, Stage
 from drivers.simulator.plant.axis import Axis, Scale, read_encoder
 
 
+_SEARCHING = Stage.SEARCHING  # a look-up less in every block
+
+
 class MotorLoop:
     """Commanded and actual position of a motor, in counts from its zero; `axis` is the hardware it drives.
 
@@ -146,7 +149,7 @@ class MotorLoop:
             self.actual = track[-1]
         if not self.enabled:
             self.desired = self.encoder - added
-        if self.jog.stage is Stage.SEARCHING:
+        if self.jog.stage is _SEARCHING:
             self._search(start, self.true_position)
         return machine
 

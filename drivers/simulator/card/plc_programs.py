@@ -35,7 +35,7 @@ class PlcPrograms:
     def foreground(self) -> bool:
         """Whether real-time interrupts have anything to do: PLC 0 has text, is enabled, and I5 permits it."""
         enabled = self.switches.enabled
-        return bool(enabled) and foreground_runs(self._variables.i(PERMISSION), enabled, self._runs)
+        return FOREGROUND_PLC in enabled and foreground_runs(self._variables.i(PERMISSION), enabled, self._runs)
 
     def cycles_to_interrupt(self, cycles: int) -> int:
         """Return how many servo cycles after the first `cycles` the next real-time interrupt is, from 1."""

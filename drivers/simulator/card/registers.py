@@ -117,6 +117,9 @@ class CardMemory:
 
     def word(self, space: str, address: int) -> int:
         """Return an unsigned 24-bit word; `space` is X or Y."""
+        # Timers first, which are nothing else: the heartbeat PLC reads them in each of its scans.
+        if (space, address) in self._timers:
+            return _whole(self._timers.read((space, address))) & WORD
         held = self._registers.get((space, address))
         if held is not None:
             return _whole(self._held(held)) & WORD
@@ -126,8 +129,6 @@ class CardMemory:
             return conversion.word(line) if space == "Y" else conversion.result(line)
         if ("D", address) in self._registers:
             return self.double(address) >> (WORD_BITS if space == "X" else 0) & WORD
-        if (space, address) in self._timers:
-            return _whole(self._timers.read((space, address))) & WORD
         return self._words.get((space, address), 0)
 
     def set_word(self, space: str, address: int, value: int) -> None:

@@ -9,7 +9,7 @@ import re
 from collections.abc import Generator
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card import buffers
@@ -24,9 +24,9 @@ _ALWAYS_ON_LINE = addressing.WORDS | buffer_words.WORDS | card.WORDS | status.WO
 
 _WORDS = _ALWAYS_ON_LINE | jogs.WORDS | buffer_words.SHARED_WORDS  # with those of programs; the longest wins
 _LETTERS = status.LETTERS | jogs.LETTERS | systems.LETTERS  # matched after the variables that begin so
-_ALWAYS = tuple(_ALWAYS_ON_LINE)
-_ANY = tuple(_WORDS)
-_SINGLE = tuple(_LETTERS)
+_ALWAYS = longest_of(tuple(_ALWAYS_ON_LINE))
+_ANY = longest_of(tuple(_WORDS))
+_PROGRAM_OR_LETTER = longest_of((*PROGRAM_WORDS, *_LETTERS))
 
 _IMMEDIATE = re.compile(r"J(?:[+/=:^]|-(?![\d.($]))|[PVFKRSHQAZ]+(?=[#&?%@]|$)|M\d+(?:\.\.\d+)?->")
 """Commands although their letters are program words: `J+` is a jog, `J-5` is part of the centre of a circle."""
@@ -87,11 +87,11 @@ def _command(scanner: Scanner, context: Context, *, first: bool) -> None:
         return
     if values.variable(scanner, context) or systems.set_axis(scanner, context):
         return
-    if scanner.take_word(PROGRAM_WORDS) is not None:
-        # Never letter by letter: the R of RAPID or RETURN would run the program, the A of ABS abort it.
-        raise PmacError(ErrorCode.NO_BUFFER_OPEN, context.text[:20])
-    letter = scanner.take_word(_SINGLE)
+    letter = scanner.take_word(_PROGRAM_OR_LETTER)
     if letter is not None:
+        if letter not in _LETTERS:
+            # Never letter by letter: the R of RAPID or RETURN would run the program, the A of ABS abort it.
+            raise PmacError(ErrorCode.NO_BUFFER_OPEN, context.text[:20])
         _LETTERS[letter](scanner, context)
         return
     if first and _constant(scanner, context):

@@ -6,13 +6,14 @@ import re
 from collections.abc import Iterator
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.language.text import format_number
 from drivers.pmac.memory import WORD_BITS, Memory, Pointer, scan_pointer
 from drivers.simulator.context import Context, Handler, signed_constant
 
-_KINDS = tuple(str(kind) for kind in VariableKind)
+_KINDS = {str(kind): kind for kind in VariableKind}
+_KIND = longest_of(tuple(_KINDS))
 _DEFINITION = re.compile(r"\*|(?:[XYLF]|DP?|TW[BDRS])[:$\d]")
 _LONG, _HEXADECIMAL = 1, 2  # bits of I9
 MOST_WORDS = 256  # maximum words read by one command
@@ -27,12 +28,12 @@ def variable(scanner: Scanner, context: Context) -> bool:
     Raises PmacError: 003, no such variable, range or value.
     """
     start = scanner.mark()
-    word = scanner.take_word(_KINDS)
+    word = scanner.take_word(_KIND)
     first = scanner.take_integer() if word is not None else None
     if word is None or (first is None and not (word != "P" and scanner.peek("("))):
         scanner.reset(start)
         return False
-    kind = VariableKind(word)
+    kind = _KINDS[word]
     if first is None:
         scanner.expect("(")
         first = int(context.expression(scanner))

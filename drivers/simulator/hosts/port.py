@@ -148,7 +148,8 @@ class Port:
     def take_output(self) -> bytes:
         """Return and clear what has arrived at the host. Raises LinkError: `link.lost`, the cable is cut."""
         self._refuse_lost()
-        return b"".join(self._way_out.carry(self._outbox.take()))
+        said = self._outbox.take()
+        return b"".join(said if self._way_out.clear else self._way_out.carry(said))
 
     def take_said(self) -> bytes:
         """Return and clear the controller's output, before it is on the line of a host."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,8 +107,9 @@ class Workpiece:
     def _settle(self) -> None:
         if not self._pending:
             return
-        fresh = [np.concatenate([part[i] for part in self._pending]) for i in range(3)]
-        samples = np.concatenate([self._tail, np.stack(fresh)], axis=1)
+        # One array from all the numbers: one for each of the short tracks would cost more than the cut itself.
+        fresh = [list(chain.from_iterable([part[i] for part in self._pending])) for i in range(3)]
+        samples = np.concatenate([self._tail, np.array(fresh, dtype=np.float64)], axis=1)
         self._pending, self._count = [], 0
         self._tail = samples[:, -OVERLAP:]
         self._turn_down(samples)

@@ -71,6 +71,8 @@ class SimulatedWorkshop:
         self._load, self._wander = drives.load, drives.wander
         self._gauge = Gauge(true)
         self._turns_per_count = 1.0 / (machine.spindle.counts_per_rev * true.belt_ratio)
+        self._mm_per_carriage_count = 1.0 / machine.carriage.counts_per_mm
+        self._mm_per_tool_count = 1.0 / machine.tool.counts_per_mm
         self._clampings = true.chance("clampings")
         self.watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
         self._part: Workpiece | None = None
@@ -165,9 +167,8 @@ class SimulatedWorkshop:
 
     def pass_along(self, tracks: Mapping[int, Sequence[float]], end_ms: float) -> None:
         """Move the tool along the tracks of the motors: detect collisions, then cut."""
-        machine = self._machine
-        per_z = 1.0 / machine.carriage.counts_per_mm
-        turns = [y * self._turns_per_count for y in tracks[machine.spindle.motor]]
+        machine, per_z, per_turn = self._machine, self._mm_per_carriage_count, self._turns_per_count
+        turns = [y * per_turn for y in tracks[machine.spindle.motor]]
         radius_mm = self._tips_mm(tracks[machine.tool.motor])
         if self._wander is not None:
             radius_mm = [tip - self._wander.at_mm(turn) for tip, turn in zip(radius_mm, turns, strict=True)]
@@ -189,7 +190,7 @@ class SimulatedWorkshop:
 
     def _tips_mm(self, counts: Sequence[float]) -> list[float]:
         """Return the radius of the tool tip at a reading of the tool's scale."""
-        true, per_mm, home_mm = self._true, 1.0 / self._machine.tool.counts_per_mm, self._true.home_radius_mm
+        true, per_mm, home_mm = self._true, self._mm_per_tool_count, self._true.home_radius_mm
         if not true.scale_error_um:
             return [home_mm - x * per_mm for x in counts]
         return [home_mm - x * per_mm - true.scale_wrong_mm(x * per_mm) for x in counts]
