@@ -112,7 +112,8 @@ class SimulatedLathe:
 
     def now_s(self) -> float:
         """Return the simulated time."""
-        return self.controller.now_ms / 1000.0
+        controller = self.controller
+        return controller.cycles * controller.servo_period_ms / 1000.0  # `now_ms`, without its call
 
     def wait(self, seconds: float) -> None:
         """Advance by `seconds`; a remainder below a background cycle is kept for the next call."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import eq, ge, gt, le, lt, ne
 from typing import Protocol
 
 from drivers.pmac.language import arithmetic
@@ -40,6 +41,8 @@ Truth = Callable[[Variables], bool]
 
 def evaluate(expression: Expression, variables: Variables, degrees: bool = True, *, strict: bool = True) -> float:
     """Return the value of an expression, see `compile_expression`."""
+    if isinstance(expression, Number):
+        return expression.value  # as in most lines of a host: nothing to compile
     return compile_expression(expression, degrees, strict=strict)(variables)
 
 
@@ -93,21 +96,28 @@ def compile_condition(condition: Condition, degrees: bool = True, *, strict: boo
         case Comparison(comparator, left_side, right_side):
             left_value = compile_expression(left_side, degrees, strict=strict)
             right_value = compile_expression(right_side, degrees, strict=strict)
-            return _comparison(comparator, left_value, right_value)
+            return _comparison(comparator, left_value, right_side, right_value)
 
 
-def _comparison(comparator: str, left: Value, right: Value) -> Truth:
-    tests: dict[str, Truth] = {
-        "=": lambda v: left(v) == right(v),
-        "!=": lambda v: left(v) != right(v),
-        ">": lambda v: left(v) > right(v),
-        "!>": lambda v: left(v) <= right(v),
-        "<": lambda v: left(v) < right(v),
-        "!<": lambda v: left(v) >= right(v),
-        "~": lambda v: abs(left(v) - right(v)) < NEAR,
-        "!~": lambda v: abs(left(v) - right(v)) >= NEAR,
-    }
-    return tests[comparator]
+def _comparison(comparator: str, left: Value, right_side: Expression, right: Value) -> Truth:
+    compare = _COMPARATORS[comparator]
+    if isinstance(right_side, Number):
+        # As almost all of those that a PLC tests in each of its scans.
+        constant = right_side.value
+        return lambda v: compare(left(v), constant)
+    return lambda v: compare(left(v), right(v))
+
+
+_COMPARATORS: dict[str, Callable[[float, float], bool]] = {
+    "=": eq,
+    "!=": ne,
+    ">": gt,
+    "!>": le,
+    "<": lt,
+    "!<": ge,
+    "~": lambda left, right: abs(left - right) < NEAR,
+    "!~": lambda left, right: abs(left - right) >= NEAR,
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,10 +75,13 @@ class Scanner:
         if not self.accept(word):
             raise self.refusal(f"expected {word}")
 
-    def take_word(self, words: tuple[str, ...] | re.Pattern[str]) -> str | None:
-        """Consume the longest of `words` (upper case, no spaces, or `longest_of` them) at the cursor."""
-        pattern = longest_of(words) if isinstance(words, tuple) else words
-        found = pattern.match(self._text, self._cursor)
+    def take_word(self, words: tuple[str, ...]) -> str | None:
+        """Consume the longest of `words` (upper case, no spaces) at the cursor."""
+        return self.take(longest_of(words))
+
+    def take(self, words: re.Pattern[str]) -> str | None:
+        """Consume the longest of the words of a pattern of `longest_of` at the cursor."""
+        found = words.match(self._text, self._cursor)
         if found is None:
             return None
         self._cursor = found.end()

@@ -53,7 +53,7 @@ def parse_statement(scanner: Scanner) -> Statement | None:
     if statement is not None:
         return statement
     scanner.reset(mark)
-    word = scanner.take_word(_WORDS)
+    word = scanner.take(_WORDS)
     read = None if word is None else _READERS[word](scanner, word)
     if read is None:
         scanner.reset(mark)

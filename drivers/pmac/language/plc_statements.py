@@ -64,7 +64,7 @@ def parse_plc_statement(scanner: Scanner) -> PlcStatement | None:
     if target is not None and scanner.accept("="):
         return Assign(target, parse_expression(scanner))
     scanner.reset(mark)
-    word = scanner.take_word(_WORDS)
+    word = scanner.take(_WORDS)
     read = None if word is None else _READERS[word](scanner, word)
     if read is None:
         scanner.reset(mark)

@@ -96,8 +96,8 @@ class PlcRun:
         """
         self._follow_angle_unit()
         steps, place = self._steps, self._counter
-        self._counter = 0
-        while place < len(steps):
+        self._counter, end = 0, len(steps)
+        while place < end:
             try:
                 following = steps[place]()
             except PmacError as error:
@@ -139,11 +139,13 @@ class PlcRun:
         return lambda: behind if holds(self._values) else otherwise
 
     def _assign(self, statement: syntax.Assign, behind: int) -> _Step:
-        kind = statement.target.kind
-        index, value = self._value(statement.target.index), self._value(statement.value)
+        kind, number = statement.target.kind, statement.target.index
+        index, value = self._value(number), self._value(statement.value)
+        fixed = int(number.value) if isinstance(number, syntax.Number) else None
 
         def step() -> int:
-            self._values.set(kind, int(index(self._values)), value(self._values))
+            place = int(index(self._values)) if fixed is None else fixed
+            self._values.set(kind, place, value(self._values))
             return behind
 
         return step

@@ -11,7 +11,6 @@ from drivers.simulator.card.guard import Alarm, Guard, TravelLimits, read_guard
 from drivers.simulator.card.jog_motion import HomeSensor, JogMotion, Stage
 from drivers.simulator.plant.axis import Axis, Scale, read_encoder
 
-
 _SEARCHING = Stage.SEARCHING  # a look-up less in every block
 
 
@@ -174,13 +173,13 @@ class MotorLoop:
             return None
         guard = self.guard
         here = self.encoder
-        error = abs(self.net_desired - here) if self.enabled else 0.0
+        error = abs(self.desired + self.correction + self.superimposed - here) if self.enabled else 0.0
         travel = self.travel
         # A limit that is set is checked even inside Ix13 and Ix14.
         limited = travel.positive or travel.negative or travel.plus_pin or travel.minus_pin
         if limited or not guard.lowest <= here <= guard.highest:
             self._sample_travel(here, guard)
-        self._poller = self._poller + 1 if self._settled(error, guard) else 0
+        self._poller = self._poller + 1 if self.velocity == 0.0 and self._settled(error, guard) else 0
         if self.fault_input and guard.fault_used:
             return Alarm.AMPLIFIER
         if error > guard.fatal_error:

@@ -73,6 +73,7 @@ class CardMemory:
             for name, register in dialect.registers.items()
             for number in dialect.numbers(register.scope)
         }
+        self._timer_places = frozenset(dialect.timer_words)
         self._timers = Countdown(dialect.timer_words, lambda: controller.cycles)
         self._words: dict[tuple[str, int], int] = {}
         self._numbers: dict[tuple[str, int, int], float] = {}
@@ -81,8 +82,9 @@ class CardMemory:
         """Return the value that a definition points at."""
         match pointer.space:
             case "X" | "Y":
-                part = self.word(pointer.space, pointer.address) >> pointer.offset & _mask(pointer.width)
-                return float(_signed(part, pointer.width) if pointer.signed else part)
+                width = pointer.width
+                part = self.word(pointer.space, pointer.address) >> pointer.offset & (1 << width) - 1
+                return float(_signed(part, width) if pointer.signed else part)
             case "D":
                 return float(_signed(self.double(pointer.address), DOUBLE_BITS))
             case "DP":
@@ -118,9 +120,10 @@ class CardMemory:
     def word(self, space: str, address: int) -> int:
         """Return an unsigned 24-bit word; `space` is X or Y."""
         # Timers first, which are nothing else: the heartbeat PLC reads them in each of its scans.
-        if (space, address) in self._timers:
-            return _whole(self._timers.read((space, address))) & WORD
-        held = self._registers.get((space, address))
+        place = space, address
+        if place in self._timer_places:
+            return _whole(self._timers.read(place)) & WORD
+        held = self._registers.get(place)
         if held is not None:
             return _whole(self._held(held)) & WORD
         line = self._controller.conversion.line_at(address)
@@ -129,7 +132,7 @@ class CardMemory:
             return conversion.word(line) if space == "Y" else conversion.result(line)
         if ("D", address) in self._registers:
             return self.double(address) >> (WORD_BITS if space == "X" else 0) & WORD
-        return self._words.get((space, address), 0)
+        return self._words.get(place, 0)
 
     def set_word(self, space: str, address: int, value: int) -> None:
         """Store the lowest 24 bits."""

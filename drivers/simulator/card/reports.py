@@ -10,8 +10,6 @@ from drivers.simulator.card.jog_motion import Stage
 from drivers.simulator.card.motor import Motor
 
 VELOCITY_STEP = 0.1  # resolution of V and control-V, in counts per servo cycle
-_INCREMENTAL = tuple((f"{axis.lower()}_incremental", axis) for axis in "ABCUVWXYZ")
-_FEEDRATE = tuple((f"{axis.lower()}_feedrate", axis) for axis in "ABCUVWXYZ")
 _BLENDING_OFF = 92
 _SEGMENTED = ("LINEAR", "CIRCLE1", "CIRCLE2")
 _SYSTEM_BIT = 20
@@ -85,8 +83,8 @@ def system_words(controller: Controller, number: int) -> tuple[int, ...]:
     interpolating = not (motion.dwelling or motion.homing)
     segmented = modes.mode in _SEGMENTED and variables.setting(Setting.SEGMENT_MS, number) > 0.0
     conditions = {
-        **{name: axis in modes.incremental for name, axis in _INCREMENTAL},
-        **{name: axis in modes.feedrate_axes for name, axis in _FEEDRATE},
+        **{f"{axis.lower()}_incremental": True for axis in modes.incremental},
+        **{f"{axis.lower()}_feedrate": True for axis in modes.feedrate_axes},
         "radius_incremental": modes.radius_incremental,
         "by_move_time": modes.by_move_time,
         "continuous_request": continuous,

@@ -56,7 +56,9 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
     scanner = Scanner(text)
     context.text = text
     whole = scanner.mark()
-    while not scanner.at_end:
+    if scanner.at_end:
+        return heard
+    while True:
         if scanner.accept("@"):
             addressing.address_card(scanner, context)
         elif answers(context):
@@ -67,8 +69,9 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
             scanner.reset(scanner.mark() + (len(scanner.rest) if found < 0 else found))
         heard = heard or answers(context)
         context.work += _COMMAND_WORK
-        if not scanner.at_end:
-            yield
+        if scanner.at_end:
+            break
+        yield
     return heard
 
 
@@ -76,7 +79,7 @@ def _command(scanner: Scanner, context: Context, *, first: bool) -> None:
     if first and buffer_words.fill_table(scanner, context):
         return
     if context.fills_buffer and not _IMMEDIATE.match(scanner.rest):
-        word = scanner.take_word(_ALWAYS)
+        word = scanner.take(_ALWAYS)
         if word is None:
             buffers.store(scanner, context)
             return
@@ -87,7 +90,7 @@ def _command(scanner: Scanner, context: Context, *, first: bool) -> None:
         return
     if values.variable(scanner, context) or systems.set_axis(scanner, context):
         return
-    letter = scanner.take_word(_PROGRAM_OR_LETTER)
+    letter = scanner.take(_PROGRAM_OR_LETTER)
     if letter is not None:
         if letter not in _LETTERS:
             # Never letter by letter: the R of RAPID or RETURN would run the program, the A of ABS abort it.
@@ -104,7 +107,7 @@ def _command(scanner: Scanner, context: Context, *, first: bool) -> None:
 def _word(scanner: Scanner) -> str | None:
     """Match `RX` only with an address after it: `B1R LIST PC` runs and lists."""
     start = scanner.mark()
-    word = scanner.take_word(_ANY)
+    word = scanner.take(_ANY)
     if word in values.WORDS and not scanner.peek(values.ADDRESS_STARTS):
         scanner.reset(start)
         return None

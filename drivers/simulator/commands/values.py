@@ -28,7 +28,7 @@ def variable(scanner: Scanner, context: Context) -> bool:
     Raises PmacError: 003, no such variable, range or value.
     """
     start = scanner.mark()
-    word = scanner.take_word(_KIND)
+    word = scanner.take(_KIND)
     first = scanner.take_integer() if word is not None else None
     if word is None or (first is None and not (word != "P" and scanner.peek("("))):
         scanner.reset(start)

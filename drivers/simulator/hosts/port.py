@@ -314,28 +314,27 @@ class Port:
 
     def _continue(self) -> None:
         """Execute the remaining commands of the line, as far as the turn allows."""
-        assert self._running is not None
+        running, context, share = self._running, self._context, self.share
+        assert running is not None
         refusal, heard = None, True
         try:
             while True:
-                next(self._running)
-                self._spend_work()
-                if self.share.work_over:
+                next(running)
+                share.spend(context.work)
+                context.work = 0
+                if share.work_over:
                     # The replies so far are sent; the rest of the line gets its next turn.
-                    self._outbox.begin(replies.data(self._context.lines, self._wording))
-                    self._context.lines.clear()
+                    self._outbox.begin(replies.data(context.lines, self._wording))
+                    context.lines.clear()
                     return
         except StopIteration as done:
             heard = bool(done.value)
         except PmacError as refused:
             refusal = refused
         self._running = None
-        self._spend_work()
+        share.spend(context.work)
+        context.work = 0
         self._end_line(refusal, heard)
-
-    def _spend_work(self) -> None:
-        self.share.spend(self._context.work)
-        self._context.work = 0
 
     def _end_line(self, refusal: PmacError | None, heard: bool) -> None:
         """Answer a line. This very line may have changed I3, I4 and I6; the reply follows the new values."""

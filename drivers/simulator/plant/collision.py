@@ -92,13 +92,14 @@ def _kind_of(turned: float, back: float, fed_mm: float, infed_mm: float) -> Coll
 
     The spindle has `turned` in this cycle, and is `back` from its furthest position in this material.
     """
-    if abs(turned) < STANDS_TURNS:
+    pace = abs(turned)
+    if pace < STANDS_TURNS:
         return CollisionKind.STANDING_PART
     if turned < 0.0 and back > BACK_TURNS:
         return CollisionKind.REVERSE
-    if fed_mm > MOST_FEED_MM_PER_TURN * abs(turned):
+    if fed_mm > MOST_FEED_MM_PER_TURN * pace:
         return CollisionKind.END_FACE
-    return CollisionKind.INFEED if infed_mm > max(TOOL_TAKES_MM * abs(turned), 0.0) else None
+    return CollisionKind.INFEED if infed_mm > TOOL_TAKES_MM * pace else None
 
 
 class CollisionWatch:
@@ -140,20 +141,22 @@ class CollisionWatch:
     def _check_part(self, track: Track, part: Clamped) -> None:
         """Check the cheap conditions first: in a cut, radius and feed decide all of them."""
         turns_before, z_before, radius_before = self._before or (track.turns[0], track.z_mm[0], track.radius_mm[0])
-        for at, radius_mm in enumerate(track.radius_mm):
-            turns, z_mm = track.turns[at], track.z_mm[at]
+        surface_mm, end_mm, face_mm = part.radius_mm - TOUCH_MM, part.free_end_mm, self._jaw_face_mm
+        shallow_mm = part.deepest_mm + TOOL_TAKES_MM - TOUCH_MM
+        for at, (radius_mm, turns, z_mm) in enumerate(zip(track.radius_mm, track.turns, track.z_mm, strict=True)):
             turned, fed_mm, infed_mm = turns - turns_before, abs(z_mm - z_before), radius_before - radius_mm
             turns_before, z_before, radius_before = turns, z_mm, radius_mm
-            if radius_mm >= part.radius_mm - TOUCH_MM or not part.free_end_mm <= z_mm <= self._jaw_face_mm:
+            if radius_mm >= surface_mm or not end_mm <= z_mm <= face_mm:
                 self._furthest = None
                 continue
-            self._furthest = max(turns, turns if self._furthest is None else self._furthest)
+            if self._furthest is None or turns > self._furthest:
+                self._furthest = turns
             if radius_mm < part.bore_mm:
                 self._report(CollisionKind.THROUGH_WALL, track, at)
             if radius_mm < part.deepest_mm:
                 self._report(CollisionKind.TOO_DEEP, track, at)
             # Within the job's cut, or a touch deeper, any infeed is permitted.
-            infed_mm = infed_mm if radius_mm < part.deepest_mm + TOOL_TAKES_MM - TOUCH_MM else 0.0
+            infed_mm = infed_mm if radius_mm < shallow_mm else 0.0
             kind = _kind_of(turned, self._furthest - turns, fed_mm, infed_mm)
             if kind is not None and not self._knows(kind):
                 if radius_mm < self._surface_at(turns, z_mm) - TOUCH_MM:
