@@ -139,12 +139,9 @@ class Named:
 
 def named(index: int, dialect: Dialect) -> Named:
     """Return the name of an I-variable of a family."""
-    for setting, name in _MOVED.items():
-        place = dialect.places[setting]
-        owners = dialect.numbers(place.scope)
-        owner = next((each for each in owners if dialect.index(setting, each) == index), None)
-        if owner is not None:
-            return _owned(name, place.scope, owner)
+    setting, owner = dialect.settings.get(index, (None, 0))
+    if setting in _MOVED:
+        return _owned(_MOVED[setting], dialect.places[setting].scope, owner)
     block, number = divmod(index, 100)
     if index < 100:
         return Named(name=_card_name(number, dialect))

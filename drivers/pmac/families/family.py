@@ -208,6 +208,15 @@ class Dialect:
         return self._spread(self.global_defaults, self.motor_defaults, self.system_defaults)
 
     @cached_property
+    def settings(self) -> Mapping[int, tuple[Setting, int]]:
+        """The setting of a family-dependent number, and its motor or coordinate system, by index."""
+        return {
+            self.index(setting, owner): (setting, owner)
+            for setting, place in self.places.items()
+            for owner in self.numbers(place.scope)
+        }
+
+    @cached_property
     def ranges(self) -> Mapping[int, tuple[int, int]]:
         """The lowest value and the number of values, by index."""
         return self._spread(self.global_ranges, self.motor_ranges, self.system_ranges)

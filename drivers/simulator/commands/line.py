@@ -56,9 +56,8 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
     scanner = Scanner(text)
     context.text = text
     whole = scanner.mark()
-    if scanner.at_end:
-        return heard
-    while True:
+    ended = scanner.at_end
+    while not ended:
         if scanner.accept("@"):
             addressing.address_card(scanner, context)
         elif answers(context):
@@ -69,9 +68,9 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
             scanner.reset(scanner.mark() + (len(scanner.rest) if found < 0 else found))
         heard = heard or answers(context)
         context.work += _COMMAND_WORK
-        if scanner.at_end:
-            break
-        yield
+        ended = scanner.at_end
+        if not ended:
+            yield
     return heard
 
 

@@ -99,7 +99,7 @@ def _kind_of(turned: float, back: float, fed_mm: float, infed_mm: float) -> Coll
         return CollisionKind.REVERSE
     if fed_mm > MOST_FEED_MM_PER_TURN * pace:
         return CollisionKind.END_FACE
-    return CollisionKind.INFEED if infed_mm > TOOL_TAKES_MM * pace else None
+    return CollisionKind.INFEED if infed_mm > max(TOOL_TAKES_MM * pace, 0.0) else None
 
 
 class CollisionWatch:
