@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from profiles.left_files import made_locked, remove_if_left
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
 TOML_CAP_BYTES = 1_000_000
 # Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
@@ -56,12 +56,10 @@ def read_regular_file(path: Path, *, cap_bytes: int, area: str = "file") -> byte
             content = file.read(cap_bytes + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise ProfileError(Problem(code=f"{area}.unreadable", where=where, value=reason)) from error
+        raise refused(f"{area}.unreadable", where=where, value=reason) from error
     if len(content) > cap_bytes:
         value = f"> {cap_bytes} bytes"
-        raise ProfileError(
-            Problem(code=f"{area}.too_large", where=where, value=value, limit=f"<= {cap_bytes} bytes")
-        )
+        raise refused(f"{area}.too_large", where=where, value=value, limit=f"<= {cap_bytes} bytes")
     return content
 
 
@@ -85,7 +83,7 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
         detail = "nested too deeply"
     except ValueError as error:  # tomllib.TOMLDecodeError is one; an integer of 5000 digits is another
         detail = str(error)
-    raise ProfileError(Problem(code="file.not_toml", where=where, limit=printable(detail)))
+    raise refused("file.not_toml", where=where, limit=printable(detail))
 
 
 def read_toml(path: Path) -> tuple[bytes, dict[str, Any]]:
@@ -146,10 +144,10 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
             _move(temporary, target, overwrite=overwrite)
         _synchronise_folder(target.parent)
     except FileExistsError as error:
-        raise ProfileError(Problem(code="file.exists", where=where)) from error
+        raise refused("file.exists", where=where) from error
     except (OSError, ValueError, RuntimeError) as error:  # RuntimeError: a loop of symbolic links
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise ProfileError(Problem(code="file.not_writable", where=where, value=reason)) from error
+        raise refused("file.not_writable", where=where, value=reason) from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)

@@ -16,9 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from profiles.arrays import Floats, floats
 
 HUBER = 1.345
 """Residuals in standard deviations from which Huber's weights fall: 95 % efficient for white noise."""
@@ -133,4 +132,4 @@ def _solved(columns: Floats) -> tuple[Floats, float]:
     least = np.finfo(np.float64).eps * squares.size * squares[-1]
     inverse = np.divide(1.0, squares, out=np.zeros_like(squares), where=squares > least)
     condition = math.sqrt(squares[-1] * inverse[0]) if inverse[0] else math.inf
-    return np.asarray((directions * inverse) @ directions.T, dtype=np.float64), condition
+    return floats((directions * inverse) @ directions.T), condition

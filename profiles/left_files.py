@@ -16,8 +16,7 @@ from pathlib import Path
 def made_locked(path: Path, mode: int) -> int:
     """Create a new file, and return its descriptor, for writing, with the lock held.
 
-    Raises:
-        OSError: it cannot be created, or exists.
+    Raises `OSError`: it cannot be created, or exists.
     """
     while True:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)

@@ -22,23 +22,7 @@ SIGNED_FOR = ("machine", "simulator")
 # Suffixes (Ixx..) whose value 0 means "no limit" on this controller: following error, abort deceleration,
 # program velocity, program acceleration, jog acceleration.
 LIMIT_SUFFIXES = ("11", "15", "16", "17", "19")
-_REQUIRED_SUFFIXES = (
-    "00",
-    "08",
-    "09",
-    "11",
-    "12",
-    "13",
-    "14",
-    "15",
-    "16",
-    "17",
-    "19",
-    "20",
-    "21",
-    "22",
-    "23",
-)
+_REQUIRED_SUFFIXES = ("00", "08", "09", "11", "12", "13", "14", "15", "16", "17", "19", "20", "21", "22", "23")
 _REQUIRED_GLOBALS = ("I10", "I15")
 _VARIABLE = re.compile(r"I(0|[1-9]\d{0,3})")
 _VARIABLE_FIELD = Field(key="", at_least=-(2.0**47), at_most=2.0**47)

@@ -75,8 +75,7 @@ def material_or_none(word: str) -> Material | None:
 def material_named(word: str) -> Material:
     """Return the material that a job names.
 
-    Raises:
-        ProfileError: `rule.material_unknown`, with the known words.
+    Raises `ProfileError`: `rule.material_unknown`, with the known words.
     """
     found = material_or_none(word)
     if found is None:

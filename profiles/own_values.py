@@ -16,7 +16,7 @@ from types import NoneType, UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from profiles.files import printable
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
 Record = TypeVar("Record")
 
@@ -25,11 +25,7 @@ DEPTH_CAP = 40
 
 
 def from_json(content: str | bytes) -> Any:
-    """Parse a JSON text.
-
-    Raises:
-        ValueError: it is none, or nested too deeply.
-    """
+    """Parse a JSON text. Raises `ValueError`: it is none, or nested too deeply."""
     try:
         found = json.loads(content)
     except RecursionError:
@@ -73,33 +69,21 @@ def positive(value: object) -> float:
 
 
 def whole(value: object) -> int:
-    """Return a whole number unchanged: nothing is rounded.
-
-    Raises:
-        TypeError: anything else.
-    """
+    """Return a whole number unchanged: nothing is rounded. Raises `TypeError`: anything else."""
     if type(value) is not int:
         raise TypeError(f"{value!r} is no whole number")
     return value
 
 
 def flag(value: object) -> bool:
-    """Return a truth value.
-
-    Raises:
-        TypeError: anything else.
-    """
+    """Return a truth value. Raises `TypeError`: anything else."""
     if not isinstance(value, bool):
         raise TypeError(f"{value!r} is neither true nor false")
     return value
 
 
 def text(value: object) -> str:
-    """Return a text.
-
-    Raises:
-        TypeError: anything else.
-    """
+    """Return a text. Raises `TypeError`: anything else."""
     if not isinstance(value, str):
         raise TypeError(f"{value!r} is no text")
     return value
@@ -118,9 +102,7 @@ def read_own(
 
     `code` is the problem code for a file that is not such a record. `judge` raises a ValueError for impossible
     values.
-
-    Raises:
-        ProfileError: `schema.unsupported`, it was written by another version of the console; `code`.
+    Raises `ProfileError`: `schema.unsupported`, it was written by another version of the console; `code`.
     """
     try:
         if not isinstance(table, Mapping):
@@ -128,23 +110,20 @@ def read_own(
         version = table["schema"]
         if type(version) is not int or version != schema:
             value = printable(str(version), 60)
-            raise ProfileError(
-                Problem(code="schema.unsupported", where=where, key="schema", value=value, limit=str(schema))
-            )
+            raise refused("schema.unsupported", where=where, key="schema", value=value, limit=str(schema))
         own = {field.name for field in fields(kind)}  # type: ignore[arg-type]
         found = record(kind, {key: value for key, value in table.items() if key != "schema" or key in own})
         judge(found)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         value = printable(" ".join(f"{type(error).__name__}: {error}".split()))
-        raise ProfileError(Problem(code=code, where=where, value=value)) from error
+        raise refused(code, where=where, value=value) from error
     return found
 
 
 def record(kind: type[Record], table: Mapping[str, Any]) -> Record:
     """Return a dataclass of plain values, each of the type of its field; a field with a default may be missing.
 
-    Raises:
-        TypeError, ValueError: a value of another type, a key that is missing, or one that is unknown.
+    Raises `TypeError`, `ValueError`: a value of another type, a key that is missing, or one that is unknown.
     """
     hints = get_type_hints(kind)
     known = {field.name for field in fields(kind)}  # type: ignore[arg-type]

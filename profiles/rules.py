@@ -38,13 +38,7 @@ import math
 from profiles.chucking.advice import force_span
 from profiles.chucking.grip import MOST_GRIP_LOSS
 from profiles.chucking.holding import holding_of
-from profiles.chucking.job_grip import (
-    centrifugal_loss_n,
-    force_sd_n,
-    grip_margin_n,
-    lobe_um_per_n,
-    needed_grip_n,
-)
+from profiles.chucking.job_grip import centrifugal_loss_n, force_sd_n, grip_margin_n, lobe_um_per_n, needed_grip_n
 from profiles.chucking.ring import Ring, bending_stress_mpa, is_thin
 from profiles.findings import Finding, Severity, refusals
 from profiles.job import Job
@@ -152,14 +146,7 @@ def _grip(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     return (
         _finding("rule.grip_margin", "chucking_force_n", margin_n >= 0, margin_n, ">=", 0, "N"),
         _finding(
-            "rule.grip_need",
-            "chucking_force_n",
-            margin_n >= need_n,
-            margin_n,
-            ">=",
-            need_n,
-            "N",
-            Severity.WARNING,
+            "rule.grip_need", "chucking_force_n", margin_n >= need_n, margin_n, ">=", need_n, "N", Severity.WARNING
         ),
         _at_most("rule.grip_loss", "spindle_speed_rpm", loss_n, most_n, "N"),
     )
@@ -269,9 +256,6 @@ def _finding(
 
 def _span(code: str, key: str, holds: bool, met_mm: tuple[float, float], low_mm: float, high_mm: float) -> Finding:
     problem = Problem(
-        code=code,
-        key=key,
-        value=f"{met_mm[0]:.6g} … {met_mm[1]:.6g} mm",
-        limit=f"{low_mm:.6g} … {high_mm:.6g} mm",
+        code=code, key=key, value=f"{met_mm[0]:.6g} … {met_mm[1]:.6g} mm", limit=f"{low_mm:.6g} … {high_mm:.6g} mm"
     )
     return Finding(severity=Severity.OK if holds else Severity.REFUSAL, problem=problem)

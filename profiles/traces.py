@@ -23,12 +23,13 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.metrology.circles import LEAST_SQUARES
 from profiles.metrology.geometric import geometric_circle, polar
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 from profiles.trace_files.closed import ClosedProfile
 from profiles.trace_files.decoded import decoded
 from profiles.trace_files.formats import OF_BYTES, OF_TEXT, recognised
@@ -49,8 +50,8 @@ class Trace:
     meta keys `centre_x_mm` and `centre_y_mm`, with its radius as `radius_mm`. Both arrays are read only.
     """
 
-    angle_deg: NDArray[np.float64]
-    deviation_um: NDArray[np.float64]
+    angle_deg: Floats
+    deviation_um: Floats
     meta: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
@@ -86,7 +87,7 @@ def write_trace(path: Path, trace: Trace, *, overwrite: bool = False) -> None:
     where = printable(str(path))
     if trace.angle_deg.ndim != 1 or trace.angle_deg.shape != trace.deviation_um.shape:
         value = f"{trace.angle_deg.shape} {trace.deviation_um.shape}"
-        raise ProfileError(Problem(code="trace.columns", where=where, value=value, limit="(M,) (M,)"))
+        raise refused("trace.columns", where=where, value=value, limit="(M,) (M,)")
     lines = [f"# {key}: {value}" for key, value in trace.meta.items()]
     lines.append(PLAIN_HEADER)
     pairs = zip(trace.angle_deg.tolist(), trace.deviation_um.tolist(), strict=True)
@@ -97,7 +98,7 @@ def write_trace(path: Path, trace: Trace, *, overwrite: bool = False) -> None:
     for key, value in trace.meta.items():
         if met.get(key) != value:
             shown = printable(f"# {key}: {value}", 60)
-            raise ProfileError(Problem(code="trace.meta", where=where, value=shown, limit="# key: value"))
+            raise refused("trace.meta", where=where, value=shown, limit="# key: value")
     write_atomically(path, content, overwrite=overwrite)
 
 
@@ -113,7 +114,7 @@ def _from_table(reader: TableReader) -> Trace:
         for key, value_um in found.items():
             if key in meta:
                 value = printable(f"# {key}: {meta[key]}", 60)
-                raise ProfileError(Problem(code="trace.meta", where=reader.where, value=value, limit="x_mm,y_mm"))
+                raise refused("trace.meta", where=reader.where, value=value, limit="x_mm,y_mm")
             meta[key] = repr(value_um / 1000.0)
     elif len(reader.columns.names) == 1:
         first = np.arange(second.size) * (360.0 * int(meta.get("turns", "1")) / second.size)
@@ -132,7 +133,7 @@ def _from_profile(profile: ClosedProfile) -> Trace:
     )
 
 
-def _read_only(values: ArrayLike) -> NDArray[np.float64]:
+def _read_only(values: ArrayLike) -> Floats:
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array

@@ -11,15 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from profiles.arrays import Floats
 from profiles.axis.response import AMPLIFICATION_LIMIT
 from profiles.axis.servo import drive_need, sampled_response
 from profiles.axis.servo_gains import error_limit_um, program_speed_mm_per_s
 from profiles.job import Job
 from profiles.machine import MachineProfile, ToolAxis
-
-FloatArray = NDArray[np.float64]
 
 AMPLITUDES_UM = (5.0, 16.5, 27.5, 50.0, 100.0, 200.0, 500.0, 1000.0)
 RESERVED_N = 100.0
@@ -103,7 +101,7 @@ def envelope_row(
     return EnvelopeRow(amplitude_um=amplitude_um, rpm={name: _rpm(each, jaws) for name, each in hz.items()})
 
 
-def first_beyond(measure: Callable[[FloatArray], FloatArray], limit: float, top_hz: float) -> float | None:
+def first_beyond(measure: Callable[[Floats], Floats], limit: float, top_hz: float) -> float | None:
     """Return the lowest frequency below `top_hz` at which `measure` exceeds a limit, None where it never does.
 
     The crossing lies between two points of a grid and is refined by bisection.

@@ -12,8 +12,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Complexes, floats
 from profiles.axis.servo import sampled_response
 from profiles.axis.servo_gains import gains_from_variables
 from profiles.job import Job
@@ -26,7 +27,7 @@ HARMONICS = (1, 3, 5)
 """Multiples of the lobe that count: the fifth has a hundredth of the first, as only the mass resists it."""
 
 
-def sampled_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+def sampled_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> Complexes:
     """Return the sampled loop's compliance, um/N, in the shape of `frequency_hz`; a lag is a negative phase.
 
     Like `tool_compliance_um_per_n` for the sampled loop, which acts one period late: G_d = S / (M s^2 + B s) with
@@ -35,7 +36,7 @@ def sampled_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike
     gains = gains_from_variables(machine)
     bare = replace(gains, velocity_feedforward_v_s_per_m=0.0, acceleration_feedforward_v_s2_per_m=0.0)
     tool, period_s = machine.tool, machine.controller.servo_period_ms / 1000
-    s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+    s = 2j * np.pi * floats(frequency_hz)
     slope = (1 - np.exp(-s * period_s)) / period_s
     ahead = gains.kp_v_per_m + gains.ki_v_per_m_s / slope
     # Without feedforward the response is L ahead / back / (1 + L), so that S follows from it.

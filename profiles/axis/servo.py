@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Complexes, complexes, floats
 from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables
 from profiles.machine import MachineProfile
-
-ComplexArray = NDArray[np.complex128]
 
 _HALF_POWER_DB = 20 * math.log10(1 / math.sqrt(2))
 
@@ -47,15 +46,15 @@ class DriveNeed:
     copper_loss_w: float
 
 
-def eq9_response(machine: MachineProfile, frequency_hz: ArrayLike) -> ComplexArray:
+def eq9_response(machine: MachineProfile, frequency_hz: ArrayLike) -> Complexes:
     """Return Eq 9, C Ka Kt / (M s^2 + B s + C Ka Kt), in the shape of `frequency_hz`.
 
     C = Kp + Ki/s + Kd s. At 0 Hz the value is 1.
     """
     numerator, denominator = _eq9_polynomials(machine)
-    s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+    s = 2j * np.pi * floats(frequency_hz)
     response = np.polyval(numerator, s) / np.polyval(denominator, s)
-    return np.asarray(response, dtype=np.complex128)
+    return complexes(response)
 
 
 def eq9_summary(machine: MachineProfile) -> Eq9Summary:
@@ -88,9 +87,7 @@ def _summary(numerator: tuple[float, ...], denominator: tuple[float, ...]) -> Eq
     )
 
 
-def sampled_response(
-    machine: MachineProfile, frequency_hz: ArrayLike, gains: PidGains | None = None
-) -> ComplexArray:
+def sampled_response(machine: MachineProfile, frequency_hz: ArrayLike, gains: PidGains | None = None) -> Complexes:
     """Return the response of the sampled loop, in the shape of `frequency_hz` (above 0, below Nyquist).
 
     The plant M s^2 + B s follows a zero-order hold of one servo period, derivatives are backward
@@ -99,7 +96,7 @@ def sampled_response(
     """
     gains = gains_from_variables(machine) if gains is None else gains
     period_s = machine.controller.servo_period_ms / 1000
-    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    frequency = floats(frequency_hz)
     # The integrator has a pole at 0 Hz; a microhertz replaces it.
     z = np.exp(2j * np.pi * np.where(frequency == 0, 1e-6, frequency) * period_s)
     slope = (1 - 1 / z) / period_s
@@ -112,7 +109,7 @@ def sampled_response(
     )
     back = shared + gains.kd_v_s_per_m * slope
     response = plant * ahead / (1 + plant * back)
-    return np.asarray(response, dtype=np.complex128)
+    return complexes(response)
 
 
 def following_error_um(machine: MachineProfile, amplitude_um: float, frequency_hz: float) -> float:
@@ -152,7 +149,7 @@ def _eq9_polynomials(machine: MachineProfile) -> tuple[list[float], list[float]]
     return numerator, denominator
 
 
-def _held_plant(machine: MachineProfile, z: ComplexArray, period_s: float) -> ComplexArray:
+def _held_plant(machine: MachineProfile, z: Complexes, period_s: float) -> Complexes:
     """Return Ka Kt / (M s^2 + B s) after a zero-order hold, in m/V."""
     tool = machine.tool
     gain, mass, damping = tool.loop_gain_n_per_v, tool.moving_mass_kg, tool.damping_n_s_per_m

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Complexes, complexes, floats
 from profiles.axis.servo_gains import eq9_gains
 from profiles.machine import MachineProfile
 
 
-def tool_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+def tool_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> Complexes:
     """Return G_d = s / (M s^3 + (B + K Kd) s^2 + K Kp s + K Ki), K = Ka Kt, in um/N, for each frequency.
 
     From a force that pushes the tool out to its displacement; a lag is a negative phase. Without an integrator
@@ -17,9 +18,9 @@ def tool_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -
     """
     tool, gains = machine.tool, eq9_gains(machine)
     gain = tool.loop_gain_n_per_v
-    s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+    s = 2j * np.pi * floats(frequency_hz)
     spring = gain * gains.kp_v_per_m + (tool.damping_n_s_per_m + gain * gains.kd_v_s_per_m) * s
     spring = spring + tool.moving_mass_kg * s**2
     if gains.ki_v_per_m_s == 0:
-        return np.asarray(1e6 / spring, dtype=np.complex128)
-    return np.asarray(1e6 * s / (s * spring + gain * gains.ki_v_per_m_s), dtype=np.complex128)
+        return complexes(1e6 / spring)
+    return complexes(1e6 * s / (s * spring + gain * gains.ki_v_per_m_s))

@@ -16,11 +16,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats, floats
 from profiles.chucking.contact import Contact, deflection
-
-Floats = NDArray[np.float64]
 
 
 def contact_um(
@@ -39,24 +38,21 @@ def contact_um(
     `stiffness_n_per_um` is k of one jaw at `force_per_jaw_n`; at least three jaws.
     """
     k, force, load, angle, lever = np.broadcast_arrays(
-        *(
-            np.asarray(each, dtype=np.float64)
-            for each in (stiffness_n_per_um, force_per_jaw_n, load_n, past_jaw_deg, overhang_mm)
-        )
+        *(floats(each) for each in (stiffness_n_per_um, force_per_jaw_n, load_n, past_jaw_deg, overhang_mm))
     )
     lever = lever / jaw_length_mm
     give_um = force / k / (1.0 - alpha)
     share = 2.0 * load / force  # each ring carries half of the force
     front = _ring(share * (1.0 + lever), angle, alpha, jaws)
     rear = _ring(-share * lever, angle, alpha, jaws)
-    return np.asarray(give_um * (front * (1.0 + lever) - rear * lever), dtype=np.float64)
+    return floats(give_um * (front * (1.0 + lever) - rear * lever))
 
 
 def bending_um(load_n: ArrayLike, overhang_mm: ArrayLike, diameter_mm: ArrayLike, youngs_gpa: float) -> Floats:
     """Return the deflection of a solid bar as a cantilever, um; broadcast shapes."""
-    load, a, d = (np.asarray(each, dtype=np.float64) for each in (load_n, overhang_mm, diameter_mm))
+    load, a, d = (floats(each) for each in (load_n, overhang_mm, diameter_mm))
     inertia_mm4 = math.pi * d**4 / 64
-    return np.asarray(load * a**3 / (3 * youngs_gpa * inertia_mm4), dtype=np.float64)  # N mm^3 / (GPa mm^4) is um
+    return floats(load * a**3 / (3 * youngs_gpa * inertia_mm4))  # N mm^3 / (GPa mm^4) is um
 
 
 def _ring(share: Floats, angle_deg: Floats, alpha: float, jaws: int) -> Floats:

@@ -16,15 +16,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from profiles.arrays import Floats, floats
 from profiles.calibration.contact import bending_um, contact_um
 from profiles.calibration.outliers import ROUNDING, outliers
 from profiles.chucking.holding import REFERENCE_FORCE_N
 from profiles.confidence import student
 from profiles.files import printable
 from profiles.least_squares import cofactors
-from profiles.problem import Problem, ProfileError
+from profiles.problem import ProfileError, refused
 
 LEAST_JAWS = 3
 LEAST_SPARE = 3
@@ -43,8 +43,6 @@ _STARTS_MM = (10.0, 20.0, 40.0, 80.0, 160.0)
 _START_ALPHA = 0.4
 _STEP = 1e-5
 _VARIED_BY = ("load_n", "chucking_force_n, angle_deg", "overhang_mm")
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,12 +108,9 @@ def fit_deflection(
         jaws: N, at least three: two do not hold sideways.
         youngs_gpa: of the bar.
         jaw_length_mm: where it is known, it is not fitted.
-
-    Raises:
-        ProfileError: `calibration.jaws`, `calibration.not_positive`, `calibration.few_points`;
-            `calibration.bending`, the bar alone would bend more than was measured; `calibration.dependent`,
-            measurements too similar for all parameters; `calibration.no_alpha`, no visible stiffening;
-            `calibration.no_fit`.
+    Raises `ProfileError`: `calibration.jaws`, `calibration.not_positive`, `calibration.few_points`;
+    `calibration.bending`, the bar alone would bend more than was measured; `calibration.dependent`, measurements
+    too similar for all parameters; `calibration.no_alpha`, no visible stiffening; `calibration.no_fit`.
     """
     free = 2 if jaw_length_mm is not None else 3
     _refuse_unfit(columns, jaws, youngs_gpa, free)
@@ -210,18 +205,16 @@ class _Model:
 
 def _refuse_unfit(columns: Mapping[str, Floats], jaws: int, youngs_gpa: float, free: int) -> None:
     if jaws < LEAST_JAWS:
-        raise ProfileError(Problem(code="calibration.jaws", value=str(jaws), limit=f">= {LEAST_JAWS}"))
+        raise refused("calibration.jaws", value=str(jaws), limit=f">= {LEAST_JAWS}")
     positive = {key: column for key, column in columns.items() if key not in ("angle_deg", "overhang_mm")}
     for key, column in {**positive, "youngs_modulus_gpa": np.array([youngs_gpa])}.items():
         worst = column[~((column > 0) & np.isfinite(column))]
         if worst.size:
-            raise ProfileError(
-                Problem(code="calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
-            )
+            raise refused("calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
     points = columns["deflection_um"].size
     if points < free + LEAST_SPARE:
         limit = f">= {free + LEAST_SPARE}"
-        raise ProfileError(Problem(code="calibration.few_points", value=str(points), limit=limit))
+        raise refused("calibration.few_points", value=str(points), limit=limit)
 
 
 def _start(model: _Model, measured: Floats, lengths_mm: tuple[float, ...]) -> Floats:
@@ -229,7 +222,7 @@ def _start(model: _Model, measured: Floats, lengths_mm: tuple[float, ...]) -> Fl
     target = measured - model.bending_um
     if target.mean() <= 0:
         value, limit = f"{model.bending_um.mean():.4g} um", f"< {measured.mean():.4g} um"
-        raise ProfileError(Problem(code="calibration.bending", value=value, limit=limit))
+        raise refused("calibration.bending", value=value, limit=limit)
     found: list[tuple[float, Floats]] = []
     for length_mm in lengths_mm:
         at = np.array([0.0, _START_ALPHA, math.log(length_mm)])
@@ -252,12 +245,12 @@ def _solved(model: _Model, measured: Floats, start: Floats, free: int, root_weig
         left, start[:free], jac="3-point", bounds=(low, high), x_scale="jac", xtol=1e-12, ftol=1e-12
     )
     if not done.success:
-        raise ProfileError(Problem(code="calibration.no_fit", value=printable(str(done.message))))
-    jacobian = np.asarray(done.jac, dtype=np.float64)
+        raise refused("calibration.no_fit", value=printable(str(done.message)))
+    jacobian = floats(done.jac)
     _refuse_dependent(jacobian)
     if not LEAST_ALPHA + _STEP < done.x[1] < MOST_ALPHA - _STEP:
         value, limit = f"{done.x[1]:.3g}", f"> {LEAST_ALPHA:g}, < {MOST_ALPHA:g}"
-        raise ProfileError(Problem(code="calibration.no_alpha", key="alpha", value=value, limit=limit))
+        raise refused("calibration.no_alpha", key="alpha", value=value, limit=limit)
     variance = float(done.fun @ done.fun) / (measured.size - free)
     covariance = np.zeros((3, 3))
     covariance[:free, :free] = variance * cofactors(jacobian)
@@ -267,7 +260,7 @@ def _solved(model: _Model, measured: Floats, start: Floats, free: int, root_weig
         covariance=covariance,
         sd_um=math.sqrt(variance),
         jacobian=jacobian,
-        left=-np.asarray(done.fun, dtype=np.float64),
+        left=-floats(done.fun),
         log_likelihood=float(np.log(root_weight).sum()) - 0.5 * scatter,
     )
 
@@ -279,11 +272,6 @@ def _refuse_dependent(jacobian: Floats) -> None:
         weakest = np.abs(directions[-1])
         varied = _VARIED_BY[1 + int(np.argmax(weakest[1:]))]  # k itself never needs to be varied
         condition = values[0] / values[-1] if values[-1] else math.inf
-        raise ProfileError(
-            Problem(
-                code="calibration.dependent",
-                key=varied,
-                value=f"{condition:.3g}",
-                limit=f"<= {_WORST_CONDITION:g}",
-            )
+        raise refused(
+            "calibration.dependent", key=varied, value=f"{condition:.3g}", limit=f"<= {_WORST_CONDITION:g}"
         )

@@ -65,8 +65,7 @@ def find_lobe(
 ) -> FoundLobe:
     """Find the lobe in the trace of a part of this job; for `practice` the part may be simulated.
 
-    Raises:
-        ProfileError: as `fit_lobe`.
+    Raises as `fit_lobe`.
     """
     header, unusable = header_of(trace.meta)
     fit = fit_lobe(trace.angle_deg, trace.deviation_um, job.jaws, extra=extra, robust=robust)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from profiles.arrays import Floats
 from profiles.confidence import CONFIDENCE, student
 from profiles.least_squares import cofactors
-
-Floats = NDArray[np.float64]
 
 ROUNDING = 1e-9
 """Fraction of the largest measurement below which residuals are rounding and are not judged."""

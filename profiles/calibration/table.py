@@ -21,11 +21,11 @@ from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from profiles.arrays import Floats
 from profiles.fields import Field, fault
 from profiles.files import printable, read_regular_file
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem, ProfileError, refused
 
 CAP_BYTES = 10_000_000
 MOST_ROWS = 10_000
@@ -34,8 +34,6 @@ _PROBLEM_CAP = 20
 _SEPARATORS = (";", "\t", ",")
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
-
-Floats = NDArray[np.float64]
 
 
 class CalibrationKind(StrEnum):
@@ -80,8 +78,7 @@ class MeasuredTable:
 def read_table(path: Path, kind: CalibrationKind | None = None) -> MeasuredTable:
     """Read the measurements in a file; without a `kind`, of the one whose columns it has.
 
-    Raises:
-        ProfileError: every problem of it; see the module.
+    Raises `ProfileError`: every problem of it; see the module.
     """
     content = read_regular_file(path, cap_bytes=CAP_BYTES, area="calibration")
     return parse_table(content, kind, where=printable(str(path)))
@@ -106,7 +103,7 @@ def _text(content: bytes, where: str) -> str:
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         value = f"0x{content[error.start]:02x}"
-        raise ProfileError(Problem(code="calibration.not_text", where=f"{where}:{line}", value=value)) from error
+        raise refused("calibration.not_text", where=f"{where}:{line}", value=value) from error
 
 
 def column_name(header: str) -> str:

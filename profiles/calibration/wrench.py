@@ -25,12 +25,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats, floats
 from profiles.calibration.outliers import ROUNDING, outliers
 from profiles.confidence import CONFIDENCE, chance_of, student
 from profiles.least_squares import fit
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem, ProfileError, refused
 
 LEAST_SPARE = 3
 """Minimum clampings beyond the parameters: with fewer the confidence is a guess."""
@@ -44,8 +45,6 @@ _AS_LIKELY = 0.7
 
 A choice: with it 95 % of simulated tables include the true value, for either kind of scatter.
 """
-
-Floats = NDArray[np.float64]
 
 
 class Cofactors(NamedTuple):
@@ -115,8 +114,7 @@ class WrenchFit:
     def force_n(self, torque_n_m: float) -> Band:
         """Return the total chucking force of one clamping at a torque.
 
-        Raises:
-            ProfileError: `calibration.outside`, a torque at which nothing was measured.
+        Raises `ProfileError`: `calibration.outside`, a torque at which nothing was measured.
         """
         self._refuse_outside(torque_n_m, "torque_n_m")
         reaches = [(line.at(torque_n_m), line.reach_n(torque_n_m, self.freedom, one=True)) for line in self._lines]
@@ -125,8 +123,7 @@ class WrenchFit:
     def torque_n_m(self, force_n: float) -> Band:
         """Return the torque for a total chucking force, and the limits of the torques that may give it.
 
-        Raises:
-            ProfileError: `calibration.outside`; `calibration.no_slope`, the scatter leaves no limits.
+        Raises `ProfileError`: `calibration.outside`; `calibration.no_slope`, the scatter leaves no limits.
         """
         value = (force_n - self.intercept_n) / self.slope_n_per_n_m
         self._refuse_outside(value, "force_n")
@@ -159,7 +156,7 @@ class WrenchFit:
         slack = ROUNDING * self.highest_n_m
         if not self.lowest_n_m - slack <= torque_n_m <= self.highest_n_m + slack:
             value, limit = f"{torque_n_m:g} N m", f"{self.lowest_n_m:g} … {self.highest_n_m:g} N m"
-            raise ProfileError(Problem(code="calibration.outside", key=key, value=value, limit=limit))
+            raise refused("calibration.outside", key=key, value=value, limit=limit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,11 +208,10 @@ class _Line:
 def fit_wrench(torque_n_m: ArrayLike, force_n: ArrayLike, *, affine: bool = False) -> WrenchFit:
     """Return the line through M clampings; shapes (M,), forces as totals over all jaws.
 
-    Raises:
-        ProfileError: `calibration.not_positive`; `calibration.few_points`; `calibration.alike`, torques too
-            close together; `calibration.no_slope`, the scatter hides that force grows with torque.
+    Raises `ProfileError`: `calibration.not_positive`; `calibration.few_points`; `calibration.alike`, torques too
+    close together; `calibration.no_slope`, the scatter hides that force grows with torque.
     """
-    torque, force = np.asarray(torque_n_m, dtype=np.float64), np.asarray(force_n, dtype=np.float64)
+    torque, force = floats(torque_n_m), floats(force_n)
     _refuse_unfit(torque, force, 2 if affine else 1)
     design = np.stack([np.ones_like(torque), torque], axis=1) if affine else torque[:, None]
     best, *others = _likely_lines(design, torque, force)
@@ -278,7 +274,7 @@ def _line(design: Floats, torque: Floats, force: Floats, growing: float) -> _Lin
 
 def _variances(torque: Floats, growing: float) -> Floats:
     """Return the variances of single clampings relative to that in the middle; shape (M,)."""
-    return np.asarray(1.0 - growing + growing * (torque / _middle(torque)) ** 2, dtype=np.float64)
+    return floats(1.0 - growing + growing * (torque / _middle(torque)) ** 2)
 
 
 def _middle(torque: Floats) -> float:
@@ -294,16 +290,14 @@ def _widest(value: float, found: list[tuple[float, float]]) -> Band:
 def _refuse_unfit(torque: Floats, force: Floats, parameters: int) -> None:
     if torque.ndim != 1 or torque.shape != force.shape or torque.size < parameters + LEAST_SPARE:
         limit = f">= {parameters + LEAST_SPARE}"
-        raise ProfileError(Problem(code="calibration.few_points", value=str(torque.size), limit=limit))
+        raise refused("calibration.few_points", value=str(torque.size), limit=limit)
     for key, column in (("torque_n_m", torque), ("force_n", force)):
         worst = column[~((column > 0) & np.isfinite(column))]
         if worst.size:
-            raise ProfileError(
-                Problem(code="calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
-            )
+            raise refused("calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
     if torque.max() < LEAST_SPREAD * torque.min():
         value, limit = f"{torque.min():g} … {torque.max():g} N m", f"1 : {LEAST_SPREAD:g}"
-        raise ProfileError(Problem(code="calibration.alike", key="torque_n_m", value=value, limit=limit))
+        raise refused("calibration.alike", key="torque_n_m", value=value, limit=limit)
 
 
 def _no_slope(slope: float, ci: float) -> Problem:

@@ -114,8 +114,7 @@ class ClampingAdvice:
 def clamping_advice(job: Job, machine: MachineProfile) -> ClampingAdvice:
     """Return the forces for a job.
 
-    Raises:
-        ProfileError: `value.out_of_range`, no torque of the wrench gives the force of the job.
+    Raises `ProfileError`: `value.out_of_range`, no torque of the wrench gives the force of the job.
     """
     span, wrench = force_span(job, machine), holding_of(machine).wrench
     loss_n, um_per_n = centrifugal_loss_n(job, machine), lobe_um_per_n(job, machine)

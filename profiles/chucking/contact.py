@@ -18,9 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from profiles.arrays import Floats, floats
 from profiles.materials import Material
-
-FloatArray = NDArray[np.float64]
 
 MINDLIN_RATIO = 0.8
 """Tangential over normal stiffness of a contact that does not slide, 2 (1 - nu)/(2 - nu), for metals."""
@@ -56,8 +55,8 @@ class Contact:
 class Deflection:
     """The deflection of the bar along the load and across it; `lifted` where a jaw loses contact."""
 
-    along_um: FloatArray
-    across_um: FloatArray
+    along_um: Floats
+    across_um: Floats
     lifted: NDArray[np.bool_]
 
 
@@ -72,9 +71,7 @@ def deflection(contact: Contact, load_n: ArrayLike, angle_from_jaw_deg: ArrayLik
     The sum over the jaws of F_c (1 + u n_i / x0)_+^m n_i, and of the tangential springs, balances the load. A
     negative load pulls. Newton's method on the elastic energy, which is convex, with halved steps.
     """
-    loads, angles = np.broadcast_arrays(
-        np.asarray(load_n, dtype=np.float64), np.radians(np.asarray(angle_from_jaw_deg, dtype=np.float64))
-    )
+    loads, angles = np.broadcast_arrays(floats(load_n), np.radians(floats(angle_from_jaw_deg)))
     way = np.stack([np.cos(angles.ravel()), np.sin(angles.ravel())], axis=1)
     moved, contacts = _balance(contact, way * loads.ravel()[:, None] / contact.force_per_jaw_n)
     along = contact.approach_um * np.sum(moved * way, axis=1)
@@ -87,7 +84,7 @@ def deflection(contact: Contact, load_n: ArrayLike, angle_from_jaw_deg: ArrayLik
     )
 
 
-def _balance(contact: Contact, push: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _balance(contact: Contact, push: Floats) -> tuple[Floats, Floats]:
     """Return the motion in units of the approach, shape (cases, 2), and 1 + u n_i of each jaw, (cases, N)."""
     jaw = 2 * math.pi * np.arange(contact.jaws) / contact.jaws
     normal = np.stack([np.cos(jaw), np.sin(jaw)], axis=1)
@@ -96,7 +93,7 @@ def _balance(contact: Contact, push: FloatArray) -> tuple[FloatArray, FloatArray
     # Where only one jaw still has contact, nothing else would hold the bar sideways.
     sideways = contact.tangential_ratio * m * side.T @ side + 1e-12 * np.eye(2)
 
-    def energy(moved: FloatArray) -> FloatArray:
+    def energy(moved: Floats) -> Floats:
         closed = np.maximum(1 + moved @ normal.T, 0.0)
         spent = np.sum(closed ** (m + 1), axis=1) / (m + 1) + 0.5 * np.sum((moved @ sideways) * moved, axis=1)
         return np.asarray(spent - np.sum(push * moved, axis=1))
@@ -113,7 +110,7 @@ def _balance(contact: Contact, push: FloatArray) -> tuple[FloatArray, FloatArray
     return moved, 1 + moved @ normal.T
 
 
-def _downhill_share(energy: Callable[[FloatArray], FloatArray], moved: FloatArray, step: FloatArray) -> FloatArray:
+def _downhill_share(energy: Callable[[Floats], Floats], moved: Floats, step: Floats) -> Floats:
     """Return the fraction of each step that still goes downhill."""
     share = np.ones(len(moved))
     before = energy(moved)
@@ -155,7 +152,7 @@ def overhung_deflection(
         alpha=contact.alpha,
         tangential_ratio=contact.tangential_ratio,
     )
-    load, a = np.asarray(load_n, dtype=np.float64), place.lever
+    load, a = floats(load_n), place.lever
     front = deflection(edge, load * (1 + a), angle_from_jaw_deg)
     rear = deflection(edge, -load * a, angle_from_jaw_deg)
     return Deflection(
@@ -167,8 +164,8 @@ def overhung_deflection(
 
 def cantilever_um(
     material: Material, diameter_mm: float, overhang_mm: ArrayLike, load_n: float, *, bore_mm: float = 0.0
-) -> FloatArray:
+) -> Floats:
     """Return P a^3 / (3 E I), I = pi (d^4 - bore^4)/64: the bending of a bar in front of the jaws, for each a."""
     second_moment_mm4 = math.pi * (diameter_mm**4 - bore_mm**4) / 64
-    a = np.asarray(overhang_mm, dtype=np.float64)
+    a = floats(overhang_mm)
     return np.asarray(1000 * load_n * a**3 / (3 * material.youngs_modulus_n_per_mm2 * second_moment_mm4))

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from profiles.arrays import Floats, floats
 from profiles.chucking.contact import (
     MINDLIN_RATIO,
     Contact,
@@ -36,8 +37,6 @@ from profiles.chucking.tube import (
 from profiles.cutting import CuttingForce
 from profiles.job import Job
 from profiles.materials import Material
-
-FloatArray = NDArray[np.float64]
 
 BAR_DAMPING, WALL_DAMPING = 0.03, 0.02
 """Usual damping ratios of a bar in a chuck and of a thin wall."""
@@ -95,7 +94,7 @@ class HeldPart:
         )
         return replace(self, job=smaller)
 
-    def error_parts_um(self, angle_deg: FloatArray, z_mm: FloatArray) -> dict[Mechanism, FloatArray]:
+    def error_parts_um(self, angle_deg: Floats, z_mm: Floats) -> dict[Mechanism, Floats]:
         """Return the deviation that each mechanism leaves, shape (Z, angle), mean 0 over a turn."""
         if not self.thin:
             return {Mechanism.CONTACT: _levelled(self._bar_um(angle_deg, z_mm)[0])}
@@ -115,7 +114,7 @@ class HeldPart:
         wall = self.force.passive_n * tube.bent(jaws).scale_um_per_n * half_lobe_compliance(jaws)
         return float(np.ptp(sprung + float(axial_share(tube, jaws, z_mm)) * wall))
 
-    def size_um(self, z_mm: FloatArray) -> FloatArray:
+    def size_um(self, z_mm: Floats) -> Floats:
         """Return how much too large the radius is, shape (Z,): what deflects is not cut."""
         if self.thin:
             return np.full(z_mm.shape, self.compliance_um_per_n * self.force.passive_n)
@@ -148,7 +147,7 @@ class HeldPart:
         """Damping ratio of the part in its chuck."""
         return WALL_DAMPING if self.thin else BAR_DAMPING
 
-    def _bar_um(self, angle_deg: FloatArray, z_mm: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    def _bar_um(self, angle_deg: Floats, z_mm: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return how far a bar deflects from a tool at (Z, angle), and where a jaw edge loses contact.
 
         A tool at an angle pushes towards the opposite side.
@@ -162,5 +161,5 @@ class HeldPart:
         return np.stack(moved), np.stack(lifted)
 
 
-def _levelled(values: FloatArray) -> FloatArray:
-    return np.asarray(values - values.mean(axis=1, keepdims=True), dtype=np.float64)
+def _levelled(values: Floats) -> Floats:
+    return floats(values - values.mean(axis=1, keepdims=True))

@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats, floats
 from profiles.chucking.ring import Ring, decay_per_mm, fourier_coefficient
 from profiles.materials import Material
-
-FloatArray = NDArray[np.float64]
 
 MULTIPLES = 8
 """Harmonics of the lobe that are summed: the ninth has less than a thousandth of the first."""
@@ -53,13 +52,13 @@ class Tube:
         return Ring(outside_mm=self.outside_mm, wall_mm=self.wall_mm, length_mm=length_mm, material=self.material)
 
 
-def axial_share(tube: Tube, harmonic: int, z_mm: ArrayLike) -> FloatArray:
+def axial_share(tube: Tube, harmonic: int, z_mm: ArrayLike) -> Floats:
     """Return f(z), the lobe relative to that at the jaws, in the shape of `z_mm`; 1 between the jaws.
 
     f = exp(-beta z) (cos beta z + sin beta z): straight at the jaws, and nothing far away.
     """
-    x = np.maximum(np.asarray(z_mm, dtype=np.float64), 0.0) * decay_per_mm(tube.gripped, harmonic)
-    return np.asarray(np.exp(-x) * (np.cos(x) + np.sin(x)), dtype=np.float64)
+    x = np.maximum(floats(z_mm), 0.0) * decay_per_mm(tube.gripped, harmonic)
+    return floats(np.exp(-x) * (np.cos(x) + np.sin(x)))
 
 
 def _taken_along_mm(tube: Tube, harmonic: int) -> float:
@@ -71,13 +70,13 @@ def _taken_along_mm(tube: Tube, harmonic: int) -> float:
 
 def spring_back_um(
     tube: Tube, jaws: int, force_per_jaw_n: float, *, angle_from_jaw_deg: ArrayLike, z_mm: ArrayLike
-) -> FloatArray:
+) -> Floats:
     """Return the deviation of the released tube, shape (Z, angle), mean 0 over a turn, high at the jaws.
 
     w = (N W R^3 / (pi E I)) sum f_n(z) cos(n angle) / (n^2 - 1)^2, n = N, 2N, ..., I = L t^3 / 12 with the length
     that each harmonic bends. `angle_from_jaw_deg` has one axis; so has `z_mm`.
     """
-    angle = np.radians(np.asarray(angle_from_jaw_deg, dtype=np.float64))
+    angle = np.radians(floats(angle_from_jaw_deg))
     total = np.zeros((np.size(z_mm), angle.size))
     for n in (jaws * multiple for multiple in range(1, MULTIPLES + 1)):
         amplitude_um = fourier_coefficient(jaws, n) * tube.bent(n).scale_um_per_n * force_per_jaw_n
@@ -85,7 +84,7 @@ def spring_back_um(
     return total
 
 
-def wall_compliance_um_per_n(ring: Ring, jaws: int, angle_from_jaw_deg: ArrayLike) -> FloatArray:
+def wall_compliance_um_per_n(ring: Ring, jaws: int, angle_from_jaw_deg: ArrayLike) -> Floats:
     """Return the radial compliance of a ring on its jaws, in the shape of the angles.
 
     The ring is bent by the tool and by the reactions of N rigid jaws, and moves between them as a whole: the
@@ -93,11 +92,11 @@ def wall_compliance_um_per_n(ring: Ring, jaws: int, angle_from_jaw_deg: ArrayLik
     contribution to the part is LOW at the jaws. Two jaws hold it sideways by friction, whose bending is left
     out.
     """
-    angles = np.asarray(angle_from_jaw_deg, dtype=np.float64)
-    return np.asarray(ring.scale_um_per_n * _on_jaws(jaws, angles.ravel()), dtype=np.float64).reshape(angles.shape)
+    angles = floats(angle_from_jaw_deg)
+    return floats(ring.scale_um_per_n * _on_jaws(jaws, angles.ravel())).reshape(angles.shape)
 
 
-def _on_jaws(jaws: int, angle_deg: FloatArray) -> FloatArray:
+def _on_jaws(jaws: int, angle_deg: Floats) -> Floats:
     """Return the motion under the tool in units of R^3 / (E I), for one axis of angles."""
     jaw = 2 * math.pi * np.arange(jaws) / jaws
     seats = np.stack([np.cos(jaw), np.sin(jaw)], axis=1)
@@ -108,23 +107,23 @@ def _on_jaws(jaws: int, angle_deg: FloatArray) -> FloatArray:
     # Sideways of two jaws the system is singular: the minimum-norm motion is none.
     found = np.linalg.lstsq(matrix, np.concatenate([-bent, tool]), rcond=None)[0]
     moved = _bent(np.zeros(1)) - np.sum(bent * found[:jaws], axis=0) + np.sum(tool * found[jaws:], axis=0)
-    return np.asarray(moved, dtype=np.float64)
+    return floats(moved)
 
 
-def half_lobe_deg(jaws: int) -> FloatArray:
+def half_lobe_deg(jaws: int) -> Floats:
     """Return angles from a jaw to the middle between two: by symmetry this covers everything."""
     return np.linspace(0.0, 180.0 / jaws, HALF_LOBE_ANGLES)
 
 
 @cache
-def half_lobe_compliance(jaws: int) -> FloatArray:
+def half_lobe_compliance(jaws: int) -> Floats:
     """Return `wall_compliance_um_per_n` over half a lobe for a ring whose `scale_um_per_n` is 1; read only."""
     found = _on_jaws(jaws, half_lobe_deg(jaws))
     found.setflags(write=False)
     return found
 
 
-def _bent(angle_rad: FloatArray) -> FloatArray:
+def _bent(angle_rad: Floats) -> Floats:
     """Return the deflection at an angle from a unit load, in R^3 / (E I): sum cos(n a) / (pi (n^2 - 1)^2), n >= 2.
 
     The terms fall with the fourth power of n; forty are exact to a hundred-thousandth.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,13 +32,12 @@ class Wrench:
 def torque_n_m(wrench: Wrench, force: float) -> float:
     """Return the torque for a force in N, above the offset of the calibration.
 
-    Raises:
-        ProfileError: `value.out_of_range`, a force that no torque gives.
+    Raises `ProfileError`: `value.out_of_range`, a force that no torque gives.
     """
     torque = torque_or_none_n_m(wrench, force)
     if torque is None:
         value, limit = f"{force:.6g} N", f"> {max(wrench.offset_n, 0.0):.6g} N"
-        raise ProfileError(Problem(code="value.out_of_range", key="chucking_force_n", value=value, limit=limit))
+        raise refused("value.out_of_range", key="chucking_force_n", value=value, limit=limit)
     return torque
 
 

@@ -115,14 +115,7 @@ def again(older: LearnedCompensation, number: int, date: str) -> LearnedCompensa
 def model_again(holds_for: HoldsFor, path: CutPath, number: int, date: str) -> LearnedCompensation:
     """Return the model as a new version."""
     return LearnedCompensation(
-        holds_for=holds_for,
-        version=number,
-        parent=MODEL,
-        gain=1.0,
-        path=path,
-        part=None,
-        date=date,
-        reverts=MODEL,
+        holds_for=holds_for, version=number, parent=MODEL, gain=1.0, path=path, part=None, date=date, reverts=MODEL
     )
 
 
@@ -133,9 +126,7 @@ def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem,
     for what in ("job", "machine"):
         then, now = getattr(holds, f"{what}_sha256"), getattr(asked, f"{what}_sha256")
         if then != now:
-            problems.append(
-                Problem(code=f"learned.{what}_changed", key=version, value=now[:6], limit=then[:6]),
-            )
+            problems.append(Problem(code=f"learned.{what}_changed", key=version, value=now[:6], limit=then[:6]))
     if (holds.job, holds.machine, holds.simulated) != (asked.job, asked.machine, asked.simulated):
         value, limit = _side(asked), _side(holds)
         problems.append(Problem(code="learned.elsewhere", key=version, value=value, limit=limit))
@@ -157,8 +148,7 @@ def as_table(learned: LearnedCompensation) -> dict[str, Any]:
 def from_table(table: Any, where: str = "") -> LearnedCompensation:
     """Read the output of `as_table`.
 
-    Raises:
-        ProfileError: `schema.unsupported`; `learned.file`, anything else.
+    Raises `ProfileError`: `schema.unsupported`; `learned.file`, anything else.
     """
     table = _renamed(table, FILED_TARGET, "target")
     return read_own(LearnedCompensation, table, schema=SCHEMA, code="learned.file", where=where, judge=_judge)

@@ -17,9 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from profiles.arrays import floats
 from profiles.compensations.path import CutPath
 from profiles.least_squares import fit, harmonic_columns, phasors
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
 SIGNIFICANT = 2.45
 """Standard deviations above which a harmonic is significant: 95 %, chi-square with two degrees of freedom."""
@@ -58,18 +59,17 @@ class Deviation:
 def fit_harmonics(angle_deg: ArrayLike, values_um: ArrayLike, orders: Sequence[int]) -> HarmonicFit:
     """Fit mean and harmonics of `orders` by least squares; both inputs have shape (M,), angles in any order.
 
-    Raises:
-        ProfileError: `learning.few_samples`, or angles that cannot separate the harmonics.
+    Raises `ProfileError`: `learning.few_samples`, or angles that cannot separate the harmonics.
     """
-    angle = np.radians(np.asarray(angle_deg, dtype=np.float64))
-    values = np.asarray(values_um, dtype=np.float64)
+    angle = np.radians(floats(angle_deg))
+    values = floats(values_um)
     unknowns = 1 + 2 * len(orders)
     if values.size <= 2 * unknowns:
-        raise ProfileError(Problem(code="learning.few_samples", value=str(values.size), limit=f"> {2 * unknowns}"))
+        raise refused("learning.few_samples", value=str(values.size), limit=f"> {2 * unknowns}")
     found = fit(harmonic_columns(angle, orders), values)
     if found.condition * STEADY_SHARE > 1.0:
         gap = f"{math.degrees(float(np.ptp(angle))):.3g} deg"
-        raise ProfileError(Problem(code="learning.few_samples", key="angle_deg", value=gap, limit=">= 360 deg"))
+        raise refused("learning.few_samples", key="angle_deg", value=gap, limit=">= 360 deg")
     return HarmonicFit(
         mean_um=float(found.coefficients[0]),
         coefficients_um=phasors(found.coefficients, orders),
@@ -116,12 +116,9 @@ def convergence(true: complex, nominal: complex, gain: float = 1.0) -> float:
 def trimmed(trim_um: complex, error_um: complex, response: complex, gain: float, most_um: float) -> complex:
     """Return the next trim of a running cut: adaptive feedforward cancellation, once per batch of samples.
 
-    Raises:
-        ProfileError: `learning.trim_limit`; the trim that is in effect stays.
+    Raises `ProfileError`: `learning.trim_limit`; the trim that is in effect stays.
     """
     target = trim_um + gain * error_um / response
     if not abs(target) <= most_um:
-        raise ProfileError(
-            Problem(code="learning.trim_limit", value=f"{abs(target):.2f} um", limit=f"<= {most_um:g} um")
-        )
+        raise refused("learning.trim_limit", value=f"{abs(target):.2f} um", limit=f"<= {most_um:g} um")
     return target

@@ -27,7 +27,7 @@ from profiles.compensations.path import CutPath, Wave, free_state_lobe, share_of
 from profiles.compensations.uncompensated import Uncompensated, uncompensated
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import found_on_a_part
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem, refused
 
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
 """Gain of the first part, where errors are large, and of later ones, where a part of them is noise."""
@@ -138,9 +138,7 @@ def next_version(
     `number` is that of the new version, `gain` None the usual one, `orders` the harmonics that can be commanded.
     `response` is the nominal one from command to tool, by order. `scatter_um` is the standard deviation
     of the lobe's amplitude from clamping to clamping.
-
-    Raises:
-        ProfileError: `learned.gain`.
+    Raises `ProfileError` (`learned.gain`).
     """
     used_gain = _gain(gain, cut.version)
     off = {n: part.coefficients_um[n] - cut.spared_um.get(n, 0j) for n in orders}
@@ -181,7 +179,7 @@ def _gain(gain: float | None, version: LearnedCompensation | None) -> float:
     if gain is None:
         return FIRST_GAIN if version is None else LATER_GAIN
     if not 0.0 < gain <= 1.0:
-        raise ProfileError(Problem(code="learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1"))
+        raise refused("learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1")
     return gain
 
 
@@ -198,13 +196,7 @@ def _read(cut: CutWith, part: PartWaves, lobes: int) -> PartRead:
 
 
 def _contractions(
-    cut: CutWith,
-    part: PartWaves,
-    now: PartRead,
-    job: Job,
-    gain: float,
-    scatter_um: float,
-    orders: Sequence[int],
+    cut: CutWith, part: PartWaves, now: PartRead, job: Job, gain: float, scatter_um: float, orders: Sequence[int]
 ) -> dict[int, Contraction]:
     """Return the contractions from this part and the previous one, by order: of the lobe, and of the others."""
     lobe = _lobe(cut, now, job, gain, scatter_um)

@@ -15,8 +15,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from profiles.arrays import Floats
 from profiles.calibration.lobe import INDEX, find_lobe
 from profiles.compensations.learning import SIGNIFICANT
 from profiles.job import Job
@@ -42,8 +42,8 @@ class PartWaves:
     mean_um: float
     coefficients_um: Mapping[int, complex]
     sd_um: Mapping[int, float]
-    angle_deg: NDArray[np.float64]
-    deviation_um: NDArray[np.float64]
+    angle_deg: Floats
+    deviation_um: Floats
     against_spindle: bool
     begins_deg: float
     filter_upr: float
@@ -75,8 +75,7 @@ def part_waves(
 ) -> PartWaves:
     """Return the harmonics of a part of this job; `filter_upr` filters its RONt, `extra` are further orders.
 
-    Raises:
-        ProfileError: what the fit, or the roundness of such a trace, refuses.
+    Raises `ProfileError`: what the fit, or the roundness of such a trace, refuses.
     """
     found = find_lobe(trace, job, extra=extra, robust=robust)
     header, _ = header_of(trace.meta)

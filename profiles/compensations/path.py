@@ -18,11 +18,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats, floats
 from profiles.axis.response import AMPLIFICATION_LIMIT
 from profiles.job import Job
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
 PARTIAL_SHARE = 0.5
 
@@ -46,11 +47,11 @@ class Wave:
         """The c of Re(c exp(j lobes angle)), in um."""
         return self.amplitude_um * cmath.exp(-1j * self.lobes * math.radians(self.crest_deg))
 
-    def at_um(self, angle_deg: ArrayLike) -> NDArray[np.float64]:
+    def at_um(self, angle_deg: ArrayLike) -> Floats:
         """Return the values at spindle angles, in the shape of `angle_deg`."""
-        angle = np.asarray(angle_deg, dtype=np.float64)
+        angle = floats(angle_deg)
         wave = np.cos(self.lobes * np.radians(angle - self.crest_deg))
-        return np.asarray(self.amplitude_um * wave, dtype=np.float64)
+        return floats(self.amplitude_um * wave)
 
     def turned(self, by_deg: float) -> Wave:
         """Return the wave so many degrees of spindle further on: at angle + by_deg it has its value at angle."""
@@ -78,13 +79,13 @@ class LobedPath:
         lobe = Wave(lobes=self.lobes, amplitude_um=self.amplitude_um, crest_deg=self.crest_deg)
         return (lobe, *self.overtones)
 
-    def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> NDArray[np.float64]:
+    def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> Floats:
         """Return the values at spindle angles, past the middle of the cut; in the shape of `angle_deg`."""
         waves = np.zeros(np.shape(angle_deg), dtype=np.float64)
         for wave in self.waves:
             waves += wave.at_um(angle_deg)
-        grown = 1.0 + self.growth_per_mm * np.asarray(past_middle_mm, dtype=np.float64)
-        return np.asarray(self.mean_um + grown * waves, dtype=np.float64)
+        grown = 1.0 + self.growth_per_mm * floats(past_middle_mm)
+        return floats(self.mean_um + grown * waves)
 
     def turned(self, by_deg: float) -> LobedPath:
         """Return the path so many degrees of spindle further on, for a chuck mounted so much further.
@@ -134,18 +135,18 @@ def lobe_frequency_hz(spindle_speed_rpm: float, jaws: int) -> float:
 
 def removed_depth_um(
     angle_deg: ArrayLike, *, a0_um: float, a1_um: float, b1_um: float = 0.0, jaws: int = 3
-) -> NDArray[np.float64]:
+) -> Floats:
     """Eq 6: A0 + A1 sin(N angle) - B1 cos(N angle), the depth that a plain cut takes; Eq 7 with B1 = 0.
 
     Eqs 10a and 10b are (100, 27.5) and (60, 16.5): amplitudes, half of the measured 55 and 33 um.
     """
-    wave = jaws * np.radians(np.asarray(angle_deg, dtype=np.float64))
-    return np.asarray(a0_um + a1_um * np.sin(wave) - b1_um * np.cos(wave), dtype=np.float64)
+    wave = jaws * np.radians(floats(angle_deg))
+    return floats(a0_um + a1_um * np.sin(wave) - b1_um * np.cos(wave))
 
 
 def compensated_depth_um(
     angle_deg: ArrayLike, *, a0_um: float, a1_um: float, b1_um: float = 0.0, jaws: int = 3
-) -> NDArray[np.float64]:
+) -> Floats:
     """Eq 8: A0 - A1 sin(N angle) + B1 cos(N angle), the tool path against `removed_depth_um` (Eqs 11)."""
     return removed_depth_um(angle_deg, a0_um=a0_um, a1_um=-a1_um, b1_um=-b1_um, jaws=jaws)
 
@@ -183,7 +184,7 @@ def _inverted(wave: Wave, response: complex | Callable[[int], complex]) -> Wave:
     gain = abs(here)
     if not math.isfinite(gain) or gain * AMPLIFICATION_LIMIT < 1.0:
         limit = f">= {1.0 / AMPLIFICATION_LIMIT:g}"
-        raise ProfileError(Problem(code="response.too_small", value=f"{gain:.3g}", limit=limit))
+        raise refused("response.too_small", value=f"{gain:.3g}", limit=limit)
     crest_deg = wave.crest_deg + math.degrees(cmath.phase(here)) / wave.lobes
     return replace(wave, amplitude_um=wave.amplitude_um / gain, crest_deg=crest_deg)
 
@@ -236,10 +237,7 @@ def share_of(path: CutPath, share: float) -> CutPath:
 
 def expected(lobe_um_pp: float, share: float) -> Expected:
     """Return what a fraction of the compensation leaves of a lobe of `lobe_um_pp`."""
-    return Expected(
-        right_um_pp=residual_um_pp(lobe_um_pp, share),
-        wrong_um_pp=residual_um_pp(lobe_um_pp, -share),
-    )
+    return Expected(right_um_pp=residual_um_pp(lobe_um_pp, share), wrong_um_pp=residual_um_pp(lobe_um_pp, -share))
 
 
 def _shared(path: LobedPath, share: float) -> LobedPath:

@@ -12,11 +12,7 @@ from profiles.materials import material_named
 
 
 def held_part(job: Job, machine: MachineProfile) -> HeldPart:
-    """Return the part in the jaws at speed, under its cut.
-
-    Raises:
-        ProfileError: `rule.material_unknown`.
-    """
+    """Return the part in the jaws at speed, under its cut. Raises `ProfileError` (`rule.material_unknown`)."""
     material = material_named(job.material)
     return HeldPart(
         job=job,

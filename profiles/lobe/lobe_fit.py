@@ -33,10 +33,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from profiles.arrays import Floats, floats
 from profiles.confidence import CONFIDENCE, student
 from profiles.least_squares import Fit, fit, harmonic_columns, harmonic_slice, huber_distances
 from profiles.metrology.noise_spectrum import NoiseSpectrum, noise_spectrum
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
 HIGHEST_ORDER = 500
 """Undulations per revolution above which no harmonic is declared."""
@@ -53,8 +54,6 @@ _STRAY = 4.0
 _ROUNDING = 1e-12
 _LEAST_UM = 1e-6
 """An amplitude up to this is none, however regular a trace without noise is."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,11 +134,9 @@ def fit_lobe(
     standard deviation of each point, shape (M,) or one for all. Only their ratios count: the size of the noise
     follows from the residuals. extra: orders in the trace besides {1, 2, N, 2N, 3N}. robust: find chips and
     scratches by a fit with Huber's weights, and leave them out of the last one.
-
-    Raises:
-        ProfileError: `trace.columns`, `trace.not_finite`, `trace.few_points`, `trace.narrow_angles`;
-            `lobe_fit.sigma`, one that is not above 0; `lobe_fit.order`, an order that cannot be declared;
-            `lobe_fit.dependent`, angles that cannot separate the harmonics.
+    Raises `ProfileError`: `trace.columns`, `trace.not_finite`, `trace.few_points`, `trace.narrow_angles`;
+    `lobe_fit.sigma`, one that is not above 0; `lobe_fit.order`, an order that cannot be declared;
+    `lobe_fit.dependent`, angles that cannot separate the harmonics.
     """
     orders = _orders(jaws, extra)
     angle, deviation, root_weight = _checked(angle_deg, deviation_um, sigma_um)
@@ -153,7 +150,7 @@ def fit_lobe(
     found = fit(design, deviation, root_weight)
     if found.condition > _WORST_CONDITION:
         value = ", ".join(str(n) for n in orders)
-        raise ProfileError(Problem(code="lobe_fit.dependent", value=value, limit=f"{_WORST_CONDITION:g}"))
+        raise refused("lobe_fit.dependent", value=value, limit=f"{_WORST_CONDITION:g}")
     beta = found.coefficients
     noise = noise_spectrum(angle, root_weight * found.residuals, orders, beta.size)
     of_turns = _turns(angle, deviation, design, root_weight)
@@ -175,12 +172,12 @@ def fit_lobe(
 
 def _orders(jaws: int, extra: Iterable[int]) -> tuple[int, ...]:
     if jaws < 2:
-        raise ProfileError(Problem(code="lobe_fit.order", key="jaws", value=str(jaws), limit=">= 2"))
+        raise refused("lobe_fit.order", key="jaws", value=str(jaws), limit=">= 2")
     declared = tuple(extra)
     for n in declared:
         if not 1 <= n <= HIGHEST_ORDER:
             limit = f"1 … {HIGHEST_ORDER}"
-            raise ProfileError(Problem(code="lobe_fit.order", key="extra", value=str(n), limit=limit))
+            raise refused("lobe_fit.order", key="extra", value=str(n), limit=limit)
     return tuple(sorted({1, 2, jaws, 2 * jaws, 3 * jaws, *declared}))
 
 
@@ -188,18 +185,18 @@ def _checked(
     angle_deg: ArrayLike, deviation_um: ArrayLike, sigma_um: ArrayLike | None
 ) -> tuple[Floats, Floats, Floats]:
     """Return angles, deviations and the square roots of the weights, whose squares have the mean 1."""
-    angle = np.asarray(angle_deg, dtype=np.float64)
-    deviation = np.asarray(deviation_um, dtype=np.float64)
-    sigma = np.asarray(1.0 if sigma_um is None else sigma_um, dtype=np.float64)
+    angle = floats(angle_deg)
+    deviation = floats(deviation_um)
+    sigma = floats(1.0 if sigma_um is None else sigma_um)
     if angle.ndim != 1 or angle.shape != deviation.shape or sigma.shape not in ((), angle.shape):
         value = f"{angle.shape} {deviation.shape} {sigma.shape}"
-        raise ProfileError(Problem(code="trace.columns", value=value, limit="(M,) (M,)"))
+        raise refused("trace.columns", value=value, limit="(M,) (M,)")
     for key, column in (("angle_deg", angle), ("deviation_um", deviation), ("sigma_um", sigma)):
         if not np.isfinite(column).all():
             value = str(column[~np.isfinite(column)].flat[0])
-            raise ProfileError(Problem(code="trace.not_finite", key=key, value=value))
+            raise refused("trace.not_finite", key=key, value=value)
     if (sigma <= 0).any():
-        raise ProfileError(Problem(code="lobe_fit.sigma", value=f"{sigma.min():g} um", limit="> 0 um"))
+        raise refused("lobe_fit.sigma", value=f"{sigma.min():g} um", limit="> 0 um")
     weight = np.broadcast_to(1 / sigma**2, angle.shape)
     return angle, deviation, np.sqrt(weight / weight.mean()) if angle.size else weight
 
@@ -209,15 +206,11 @@ def _refuse_thin(angle: Floats, jaws: int, orders: tuple[int, ...]) -> None:
     places = np.unique(np.round(angle % 360.0, 6) % 360.0)
     needed = 2 * max(orders) + 1
     if places.size < needed:
-        raise ProfileError(Problem(code="trace.few_points", value=str(places.size), limit=f">= {needed}"))
+        raise refused("trace.few_points", value=str(places.size), limit=f">= {needed}")
     gap_deg = float(np.diff(places, append=places[0] + 360.0).max())
     most_deg = 180.0 / jaws
     if gap_deg > most_deg + _GAP_TOLERANCE_DEG:
-        raise ProfileError(
-            Problem(
-                code="trace.narrow_angles", key="angle_deg", value=f"{gap_deg:g} deg", limit=f"{most_deg:g} deg"
-            )
-        )
+        raise refused("trace.narrow_angles", key="angle_deg", value=f"{gap_deg:g} deg", limit=f"{most_deg:g} deg")
 
 
 def _without_strays(design: Floats, deviation: Floats, root_weight: Floats) -> NDArray[np.bool_]:

@@ -44,8 +44,7 @@ class LobeScale:
 def lobe_scale(job: Job, machine: MachineProfile) -> LobeScale | None:
     """Return the scale; None where no part was measured, or where the model has no lobe to compare.
 
-    Raises:
-        ProfileError: `rule.material_unknown`.
+    Raises `ProfileError` (`rule.material_unknown`).
     """
     if not found_on_a_part(job):
         return None

@@ -15,8 +15,7 @@ from profiles.machine import MachineProfile
 def chatter_limit_mm(job: Job, machine: MachineProfile) -> float:
     """Return the width of cut below which the part of a job does not chatter. Fast enough for every key.
 
-    Raises:
-        ProfileError: `rule.material_unknown`.
+    Raises `ProfileError` (`rule.material_unknown`).
     """
     return width_without_chatter_mm(held_part(job, machine))
 
@@ -25,9 +24,7 @@ def lobe_change_um(job: Job, machine: MachineProfile) -> float | None:
     """Return the change of the lobe in the middle of the cut by one pass, um p-p, at the same force.
 
     Scaled to the lobe that was found, if any; None where the model has no such lobe for comparison.
-
-    Raises:
-        ProfileError: `rule.material_unknown`.
+    Raises `ProfileError` (`rule.material_unknown`).
     """
     return _change_um(held_part(job, machine), machine)
 

@@ -12,8 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats, floats
 from profiles.axis.envelope import Envelope, envelope
 from profiles.chucking.advice import ClampingAdvice, clamping_advice
 from profiles.chucking.diagnosis import Mechanism
@@ -27,10 +28,8 @@ from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.lobe.lobe_scale import LobeScale, lobe_scale
 from profiles.lobe.one_pass import lobe_change_um
 from profiles.machine import MachineProfile
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem, ProfileError, refused
 from profiles.rules import IMPOSSIBLE, check
-
-FloatArray = NDArray[np.float64]
 
 Z_PLACES, ANGLES, STOCK_STEPS = 7, 360, 6
 
@@ -59,17 +58,17 @@ class Prediction:
     peak of `error_um`. `assumed` names the keys of the machine that were not given.
     """
 
-    angle_deg: FloatArray
-    z_mm: FloatArray
-    error_um: FloatArray
-    parts_um: dict[Mechanism, FloatArray]
-    model_um_pp: FloatArray
-    size_um: FloatArray
+    angle_deg: Floats
+    z_mm: Floats
+    error_um: Floats
+    parts_um: dict[Mechanism, Floats]
+    model_um_pp: Floats
+    size_um: Floats
     cut: CutError
     model: CutError
     scaled_to: LobeScale | None
-    stock_mm: FloatArray
-    stock_um_pp: FloatArray
+    stock_mm: Floats
+    stock_um_pp: Floats
     process: CuttingProcess
     advice: ClampingAdvice
     envelope: Envelope
@@ -77,9 +76,9 @@ class Prediction:
     findings: tuple[Finding, ...]
 
     @property
-    def error_um_pp(self) -> FloatArray:
+    def error_um_pp(self) -> Floats:
         """Peak-to-peak error at each Z, shape (Z,)."""
-        return np.asarray(np.ptp(self.error_um, axis=1), dtype=np.float64)
+        return floats(np.ptp(self.error_um, axis=1))
 
 
 def predict(
@@ -87,9 +86,8 @@ def predict(
 ) -> Prediction:
     """Return the prediction, by default for a turn in whole degrees and from the jaws to the free end.
 
-    Raises:
-        ProfileError: a material without data (`rule.material_unknown`), a Z that is not in front of the jaws
-            (`value.out_of_range`), or a part that cannot be held or cut at all, with the rules that were broken.
+    Raises `ProfileError`: a material without data (`rule.material_unknown`), a Z that is not in front of the jaws
+    (`value.out_of_range`), or a part that cannot be held or cut at all, with the rules that were broken.
     """
     of_rules = check(job, machine)
     broken = [f.problem for f in refusals(of_rules) if f.problem.code in IMPOSSIBLE]
@@ -143,17 +141,17 @@ def _turned_deg(job: Job, model: CutError) -> float:
     return 0.0 if model.crest_deg is None else round(job.lobe_phase_deg - model.crest_deg, 6)
 
 
-def _places(job: Job, z_mm: ArrayLike | None) -> FloatArray:
+def _places(job: Job, z_mm: ArrayLike | None) -> Floats:
     if z_mm is None:
         return _kept(np.linspace(0.0, job.overhang_mm, Z_PLACES))
-    z = _kept(np.atleast_1d(np.asarray(z_mm, dtype=np.float64)))
+    z = _kept(np.atleast_1d(floats(z_mm)))
     for each in z[~((z >= 0) & (z <= job.overhang_mm))][:1]:
         limit = f">= 0, <= {job.overhang_mm:.6g} mm"
-        raise ProfileError(Problem(code="value.out_of_range", key="z_mm", value=f"{each:.6g} mm", limit=limit))
+        raise refused("value.out_of_range", key="z_mm", value=f"{each:.6g} mm", limit=limit)
     return z
 
 
-def _kept(values: ArrayLike) -> FloatArray:
+def _kept(values: ArrayLike) -> Floats:
     copied = np.array(values, dtype=np.float64)
     copied.setflags(write=False)
     return copied

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from profiles.arrays import Floats
 from profiles.metrology.exchange import exchanged
-from profiles.metrology.points import LARGEST_GAP_DEG, FloatArray, checked, largest_gap_deg, narrow
+from profiles.metrology.points import LARGEST_GAP_DEG, checked, largest_gap_deg, narrow
 from profiles.metrology.sliding import settled
 from profiles.problem import ProfileError
 
@@ -70,20 +71,16 @@ def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> 
     LSC minimises the sum of squares, MZC hi - lo with all points between, MCC is the smallest R with none
     outside, MIC the largest R with none inside. Of several equally good centres it is the one with the least
     RONt, then the one nearest to that of least squares.
-
-    Raises:
-        ProfileError: as `profiles.metrology.points.checked`.
+    Raises as `profiles.metrology.points.checked`.
     """
     return seen_circle(kind, *checked(angle_deg, deviation_um))
 
 
-def seen_circle(kind: str, angle: FloatArray, deviation: FloatArray) -> ReferenceCircle:
+def seen_circle(kind: str, angle: Floats, deviation: Floats) -> ReferenceCircle:
     """Return `limacon_circle` of points measured all round, as seen from another centre.
 
     From there a gap may be wider than from the axis of measurement: that is due to the centre, not the data.
-
-    Raises:
-        ProfileError: `trace.narrow_angles`, it is so wide that no circle of them has its centre there.
+    Raises `ProfileError`: `trace.narrow_angles`, it is so wide that no circle of them has its centre there.
     """
     gap_deg = largest_gap_deg(angle)
     if gap_deg >= WIDEST_SEEN_DEG:
@@ -118,12 +115,12 @@ def seen_circle(kind: str, angle: FloatArray, deviation: FloatArray) -> Referenc
     )
 
 
-def least_squares(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
+def least_squares(angle_deg: Floats, deviation_um: Floats) -> tuple[float, float, float]:
     """Return mean, x and y of the least squares circle, um; exact for unequal angles, too."""
     return _least_squares(_direction(angle_deg), deviation_um)
 
 
-def _least_squares(direction: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
+def _least_squares(direction: Floats, deviation_um: Floats) -> tuple[float, float, float]:
     """Solve the normal equations twice: the exchange works on the residuals, down to the last digit."""
     design = np.vstack((np.ones(deviation_um.size), direction))
     normal = design @ design.T
@@ -132,14 +129,14 @@ def _least_squares(direction: FloatArray, deviation_um: FloatArray) -> tuple[flo
     return float(solution[0]), float(solution[1]), float(solution[2])
 
 
-def _direction(angle_deg: FloatArray) -> FloatArray:
+def _direction(angle_deg: Floats) -> Floats:
     """Return cosines and sines, shape (2, M)."""
     theta = np.radians(angle_deg)
     return np.stack((np.cos(theta), np.sin(theta)))
 
 
 def _extreme(
-    kind: str, angle_deg: FloatArray, direction: FloatArray, left_um: FloatArray
+    kind: str, angle_deg: Floats, direction: Floats, left_um: Floats
 ) -> tuple[float, float, tuple[Contact, ...]]:
     """Return the shift of the centre in x and y, and the contacts of the circle; `direction` is (2, M)."""
     span_um = float(np.ptp(left_um))
@@ -162,7 +159,7 @@ def _extreme(
     rhs = np.zeros(columns.shape[0])
     rhs[:sides] = 1.0
 
-    def excess_of(prices: FloatArray) -> FloatArray:
+    def excess_of(prices: Floats) -> Floats:
         over = gains[:size] - prices[-2:] @ columns[-2:, :size] - prices[0]
         # Inner contacts are the same points from the other side: prices[0] + prices[1] is the width of the zone.
         return over if sides == 1 else np.concatenate((over, -over - (prices[0] + prices[1])))
@@ -179,7 +176,7 @@ def _extreme(
     return float(x), float(y), tuple(sorted(found, key=lambda contact: contact.angle_deg % 360.0))
 
 
-def _crossing(direction: FloatArray, left_um: FloatArray) -> NDArray[np.intp]:
+def _crossing(direction: Floats, left_um: Floats) -> NDArray[np.intp]:
     """Return the highest, lowest, highest and lowest point of four quarters: two crossing chords support a zone.
 
     No quarter is empty: no gap between points is that large.
@@ -192,7 +189,7 @@ def _crossing(direction: FloatArray, left_um: FloatArray) -> NDArray[np.intp]:
     return np.array(found, dtype=np.intp)
 
 
-def _enclosing(angle_deg: FloatArray, direction: FloatArray) -> NDArray[np.intp]:
+def _enclosing(angle_deg: Floats, direction: Floats) -> NDArray[np.intp]:
     """Return three points around the centre that the angles are seen from.
 
     Those that best divide the turn enclose it where no gap is above `LARGEST_GAP_DEG`; else the first point
@@ -205,7 +202,7 @@ def _enclosing(angle_deg: FloatArray, direction: FloatArray) -> NDArray[np.intp]
     return np.array([0, *across], dtype=np.intp)
 
 
-def _nearest(direction: FloatArray, parts: int) -> NDArray[np.intp]:
+def _nearest(direction: Floats, parts: int) -> NDArray[np.intp]:
     """Return the points that best divide the turn into this many parts: they support a circle, or a zone."""
     target = 2 * math.pi * np.arange(parts) / parts
     return np.asarray(

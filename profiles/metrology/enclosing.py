@@ -12,13 +12,13 @@ from itertools import combinations
 
 import numpy as np
 
-from profiles.metrology.points import FloatArray
+from profiles.arrays import Floats
 
 # Fraction of the radius that a point may be outside: 3e-8 um of 26 mm.
 _OUTSIDE = 1e-12
 
 
-def smallest_enclosing(x_um: FloatArray, y_um: FloatArray) -> tuple[tuple[float, float], tuple[int, ...]]:
+def smallest_enclosing(x_um: Floats, y_um: Floats) -> tuple[tuple[float, float], tuple[int, ...]]:
     """Return the centre, um, and the contacts as indices of the points, shape (M,) each."""
     points = x_um + 1j * y_um
     contacts: tuple[int, ...] = (int(np.argmax(np.abs(points - points.mean()))),)

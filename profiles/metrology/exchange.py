@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from profiles.metrology.points import FloatArray
-from profiles.problem import Problem, ProfileError
+from profiles.arrays import Floats
+from profiles.problem import refused
 
 _MOST_EXCHANGES = 5000
 _NO_STEP = 1e-12
@@ -27,27 +27,26 @@ class Optimum:
     """Contacts (columns of the basis), their weights (>= 0), and the prices y of the rows: the circle itself."""
 
     basis: NDArray[np.intp]
-    weights: FloatArray
-    prices: FloatArray
+    weights: Floats
+    prices: Floats
 
 
 def exchanged(
-    columns: FloatArray,
-    gains: FloatArray,
-    rhs: FloatArray,
+    columns: Floats,
+    gains: Floats,
+    rhs: Floats,
     basis: NDArray[np.intp],
     *,
     tolerance: float,
-    excess_of: Callable[[FloatArray], FloatArray],
+    excess_of: Callable[[Floats], Floats],
 ) -> Optimum:
     """Return the optimum of max gains w, columns w = rhs, w >= 0, from a feasible basis.
 
     `columns` is (m, n), `gains` (n,), `rhs` (m,), `basis` m column indices. `excess_of` prices (m,) is by how much
     gains exceed prices columns (n,), and takes nearly all of the time; at the optimum nothing exceeds `tolerance`
     (in the unit of the gains).
-
-    Raises:
-        ProfileError: `trace.no_circle`, the exchange does not end, which was never observed on a sound profile.
+    Raises `ProfileError`: `trace.no_circle`, the exchange does not end, which was never observed on a sound
+    profile.
     """
     basis = basis.copy()
     careful = False
@@ -69,4 +68,4 @@ def exchanged(
         leaving = tied[np.argmin(basis[tied])] if careful else tied[np.argmax(direction[tied])]
         basis[leaving] = entering
         careful = step <= _NO_STEP
-    raise ProfileError(Problem(code="trace.no_circle", value=f"{_MOST_EXCHANGES}", limit="0"))
+    raise refused("trace.no_circle", value=f"{_MOST_EXCHANGES}", limit="0")

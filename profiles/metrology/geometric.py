@@ -22,6 +22,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats, floats
 from profiles.metrology.circles import (
     CIRCLES,
     LEAST_SQUARES,
@@ -33,7 +34,7 @@ from profiles.metrology.circles import (
     seen_circle,
 )
 from profiles.metrology.enclosing import smallest_enclosing
-from profiles.metrology.points import FloatArray, checked
+from profiles.metrology.points import checked
 from profiles.problem import ProfileError
 
 _MOST_STEPS = 50
@@ -52,11 +53,9 @@ def geometric_circle(
 
     `deviation_um` of the circle is its radius. `start` is a point inside the part, the mean of all points if none
     is given.
-
-    Raises:
-        ProfileError: as `profiles.metrology.points.checked`, of the angles about the start.
+    Raises as `profiles.metrology.points.checked`, of the angles about the start.
     """
-    x, y = np.asarray(x_um, dtype=np.float64), np.asarray(y_um, dtype=np.float64)
+    x, y = floats(x_um), floats(y_um)
     first = (float(x.mean()), float(y.mean())) if start is None else start
     checked(*polar(x, y, first))
     if kind == MINIMUM_CIRCUMSCRIBED:
@@ -66,14 +65,14 @@ def geometric_circle(
     return _inscribed(x, y, _descended(LEAST_SQUARES, x, y, first))
 
 
-def polar(x_um: FloatArray, y_um: FloatArray, centre: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+def polar(x_um: Floats, y_um: Floats, centre: tuple[float, float]) -> tuple[Floats, Floats]:
     """Return angles (deg, in [0, 360)) and distances (um) of points about a centre; shape (M,) each."""
     dx, dy = x_um - centre[0], y_um - centre[1]
     return np.mod(np.degrees(np.arctan2(dy, dx)), 360.0), np.hypot(dx, dy)
 
 
 def circles_about_axis(
-    angle_deg: FloatArray, deviation_um: FloatArray, radius_um: float | None
+    angle_deg: Floats, deviation_um: Floats, radius_um: float | None
 ) -> tuple[ReferenceCircle, ...]:
     """Return the four circles of a centred profile: by true distances with its radius, as limacons without."""
     if radius_um is None:
@@ -84,7 +83,7 @@ def circles_about_axis(
     return tuple(replace(circle, deviation_um=circle.deviation_um - radius_um) for circle in found)
 
 
-def _circumscribed(x: FloatArray, y: FloatArray) -> ReferenceCircle:
+def _circumscribed(x: Floats, y: Floats) -> ReferenceCircle:
     centre, touching = smallest_enclosing(x, y)
     angle, distance = polar(x, y, centre)
     radius_um, lowest_um = float(distance.max()), float(distance.min())
@@ -102,7 +101,7 @@ def _circumscribed(x: FloatArray, y: FloatArray) -> ReferenceCircle:
     )
 
 
-def _inscribed(x: FloatArray, y: FloatArray, middle: ReferenceCircle) -> ReferenceCircle:
+def _inscribed(x: Floats, y: Floats, middle: ReferenceCircle) -> ReferenceCircle:
     """Return the largest inscribed circle; `middle` is that of least squares."""
     centre = (middle.centre_x_um, middle.centre_y_um)
     angle, distance = polar(x, y, centre)
@@ -120,7 +119,7 @@ def _inscribed(x: FloatArray, y: FloatArray, middle: ReferenceCircle) -> Referen
     return min((c for c in found if c.deviation_um >= largest_um - SAME_UM), key=lambda circle: circle.ront_um)
 
 
-def _descended(kind: str, x: FloatArray, y: FloatArray, start: tuple[float, float]) -> ReferenceCircle:
+def _descended(kind: str, x: Floats, y: Floats, start: tuple[float, float]) -> ReferenceCircle:
     circle = _moved(seen_circle(kind, *polar(x, y, start)), start)
     centre, reached = start, math.inf
     for _ in range(_MOST_STEPS):
@@ -142,7 +141,7 @@ def _moved(circle: ReferenceCircle, origin: tuple[float, float]) -> ReferenceCir
     return replace(circle, centre_x_um=circle.centre_x_um + origin[0], centre_y_um=circle.centre_y_um + origin[1])
 
 
-def _objective(kind: str, x: FloatArray, y: FloatArray, centre: tuple[float, float]) -> float:
+def _objective(kind: str, x: Floats, y: Floats, centre: tuple[float, float]) -> float:
     """Return what the circle of this kind minimises, um (least squares: the rms)."""
     distance = np.hypot(x - centre[0], y - centre[1])
     if kind == LEAST_SQUARES:

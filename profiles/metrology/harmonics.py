@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from profiles.arrays import Floats
 from profiles.least_squares import fit, harmonic_columns, phasors
-from profiles.metrology.points import FloatArray
 
 HIGHEST_HARMONIC = 15
 # Above this ratio of singular values the angles leave a gap in which harmonics cannot be separated.
@@ -33,7 +33,7 @@ class Harmonic:
         return _first_deg(-past_deg if against_spindle else past_deg, self.n)
 
 
-def harmonics(angle_deg: FloatArray, profile_um: FloatArray) -> tuple[Harmonic, ...]:
+def harmonics(angle_deg: Floats, profile_um: Floats) -> tuple[Harmonic, ...]:
     """Fit n = 1 to 15 together, or fewer where the points cannot separate them; return those from 2."""
     for highest in range(min(HIGHEST_HARMONIC, (angle_deg.size - 1) // 2), 1, -1):
         orders = range(1, highest + 1)

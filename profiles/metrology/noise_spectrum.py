@@ -23,9 +23,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from profiles.arrays import Floats, floats
 from profiles.confidence import student
-
-Floats = NDArray[np.float64]
 
 HIGHEST_ORDER = 120
 """Orders up to here are evaluated one by one; those above count as a whole."""
@@ -164,7 +163,7 @@ def _humps(level: float, heard: Floats, counts: Floats, places: Floats) -> tuple
             slopes = _shape(places, size, order, steepness)[1]
             information = (slopes * counts) @ slopes.T + np.diag([0.0, _PRIOR, _PRIOR])
             own = level * float(levels[place, corner, hump])
-            covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+            covariance = floats(np.linalg.inv(information))
             found.append(Hump(level=own, size=size, corner=order, steepness=steepness, covariance=covariance))
     return tuple(found)
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from profiles.arrays import Floats
 from profiles.least_squares import harmonic_columns, huber_distances
 from profiles.metrology.harmonics import HIGHEST_HARMONIC
-from profiles.metrology.points import FloatArray
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
 FAR_SIGMA = 4.5
 """A harmonic between the fitted ones has its maxima at 1 sigma / 0.95; of 3600 Gaussian points 0.02 lie beyond."""
@@ -23,12 +23,11 @@ _SETTLED = 1e-3
 _ROUNDING = 1e-9
 
 
-def suspects(angle_deg: FloatArray, deviation_um: FloatArray) -> NDArray[np.bool_]:
+def suspects(angle_deg: Floats, deviation_um: Floats) -> NDArray[np.bool_]:
     """Return which points are suspect; shape (M,).
 
-    Raises:
-        ProfileError: `trace.outliers`, they are more than `LARGEST_SHARE` of all: then the part is rough, not
-        dirty.
+    Raises `ProfileError`: `trace.outliers`, they are more than `LARGEST_SHARE` of all: then the part is rough, not
+    dirty.
     """
     orders = range(1, min(HIGHEST_HARMONIC, (angle_deg.size - 1) // 4) + 1)
     columns = harmonic_columns(np.radians(angle_deg), orders)
@@ -36,11 +35,11 @@ def suspects(angle_deg: FloatArray, deviation_um: FloatArray) -> NDArray[np.bool
     found = huber_distances(columns, deviation_um, np.ones_like(deviation_um), least_um, _SETTLED) > FAR_SIGMA
     if found.mean() > LARGEST_SHARE:
         value, limit = f"{100 * found.mean():.0f} %", f"<= {100 * LARGEST_SHARE:g} %"
-        raise ProfileError(Problem(code="trace.outliers", value=value, limit=limit))
+        raise refused("trace.outliers", value=value, limit=limit)
     return found
 
 
-def filled(angle_deg: FloatArray, profile_um: FloatArray, missing: NDArray[np.bool_]) -> FloatArray:
+def filled(angle_deg: Floats, profile_um: Floats, missing: NDArray[np.bool_]) -> Floats:
     """Return the profile with missing points interpolated linearly, for a filter that needs every angle."""
     kept = ~missing
     result = profile_um.copy()

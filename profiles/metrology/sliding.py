@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from profiles.metrology.points import FloatArray
+from profiles.arrays import Floats, floats
 
 # Rate, per step of the centre, below which a point keeps its distance: the contacts of the circle.
 _KEEPS_DISTANCE = 1e-9
@@ -25,9 +25,7 @@ _LEVEL = 1e-13
 """Difference of two deviations, as a fraction of the peak to peak, that is rounding."""
 
 
-def settled(
-    columns: FloatArray, gains: FloatArray, prices: FloatArray, held: NDArray[np.intp], *, one_sided: bool
-) -> FloatArray:
+def settled(columns: Floats, gains: Floats, prices: Floats, held: NDArray[np.intp], *, one_sided: bool) -> Floats:
     """Return the prices of the position chosen among all optima; the given ones where there is no other.
 
     `columns` (m, n), `gains` (n,) and `prices` (m,) are those of `profiles.metrology.exchange`: columns^T
@@ -46,7 +44,7 @@ def settled(
         across, start = columns[1:].T @ along[1:], columns[1:].T @ prices[1:]
         least = _lowest(start - gains, across, low, high)
         low, high = least if gains.size >= HANDFUL else _held_by_three(low, high, nearest, least)
-    return np.asarray(prices + min(max(nearest, low), high) * along, dtype=np.float64)
+    return floats(prices + min(max(nearest, low), high) * along)
 
 
 def _held_by_three(low: float, high: float, nearest: float, least: tuple[float, float]) -> tuple[float, float]:
@@ -56,7 +54,7 @@ def _held_by_three(low: float, high: float, nearest: float, least: tuple[float, 
     return (low, low) if further >= 0.0 else (high, high)
 
 
-def _allowed(slack: FloatArray, rates: FloatArray, low: float, high: float) -> tuple[float, float]:
+def _allowed(slack: Floats, rates: Floats, low: float, high: float) -> tuple[float, float]:
     """Return the part of [low, high] where slack + rates t >= 0 everywhere."""
     rising, falling = rates > _KEEPS_DISTANCE, rates < -_KEEPS_DISTANCE
     low = max(low, float(np.max(-slack[rising] / rates[rising], initial=-np.inf)))
@@ -64,7 +62,7 @@ def _allowed(slack: FloatArray, rates: FloatArray, low: float, high: float) -> t
     return (low, high) if low <= high else (0.5 * (low + high),) * 2
 
 
-def _lowest(heights: FloatArray, slopes: FloatArray, low: float, high: float) -> tuple[float, float]:
+def _lowest(heights: Floats, slopes: Floats, low: float, high: float) -> tuple[float, float]:
     """Return the part of [low, high] where the highest of the lines heights + slopes t is lowest."""
 
     def highest(place: float) -> tuple[int, float]:

@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats, floats
 from profiles.chucking.contact import Contact, Overhung, cantilever_um, overhung_deflection, stiffness_at
 from profiles.chucking.holding import REFERENCE_FORCE_N, holding_of
 from profiles.chucking.reaction import Reaction, amplification, eq3_um, forced_harmonics
@@ -18,8 +19,6 @@ from profiles.chucking.ring import Ring, spring_back_um_pp
 from profiles.machine import MachineProfile
 from profiles.materials import material_named
 from profiles.paper.record import Curve, Figure, Record, Relation, Section, constructed
-
-FloatArray = NDArray[np.float64]
 
 TURN_DEG = np.arange(0.0, 361.0)
 CHUCKING_N = (3077.0, 6593.0)
@@ -64,7 +63,7 @@ def bar_um(
     load_n: float,
     chucking_n: float,
     angle: ArrayLike,
-) -> FloatArray:
+) -> Floats:
     """Return the deflection of a steel bar at the load, pushed at angles (deg) from a jaw; in their shape."""
     held = holding_of(machine)
     per_jaw_n = chucking_n / 3
@@ -166,7 +165,7 @@ def _fig_6() -> tuple[Record, ...]:
     return (*eq_3, against)
 
 
-def _eq3_lobe_um(jaws: int, angle_deg: FloatArray) -> FloatArray:
+def _eq3_lobe_um(jaws: int, angle_deg: Floats) -> Floats:
     """Return the depth of Eq 3 about its mean, a cut of a tenth of the radius; with (r/R)^N, as it is printed."""
     swinging = replace(SWINGING, jaws=jaws, exponent=None, a_n=(0.0, *SWINGING.a_n[1:]))
     return eq3_um(swinging, _RPM, angle_deg, _RATIO)
@@ -217,9 +216,9 @@ def _figure_4(machine: MachineProfile) -> Figure:
 
 
 def _figures_5(machine: MachineProfile) -> tuple[Figure, Figure]:
-    def varied(overhang_mm: float, load_n: float) -> FloatArray:
+    def varied(overhang_mm: float, load_n: float) -> Floats:
         moved = bar_um(machine, 68.0, overhang_mm, load_n, CHUCKING_N[1], TURN_DEG)
-        return np.asarray(moved - moved.mean(), dtype=np.float64)
+        return floats(moved - moved.mean())
 
     loads = (Curve.of(f"{load:.0f} N", TURN_DEG, varied(_FAR_MM, load)) for load in _LOADS_N)
     places = (Curve.of(f"{place:.0f} mm", TURN_DEG, varied(place, _FIG_5_N)) for place in _PLACES_MM)

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from profiles.arrays import floats
 from profiles.axis.servo import eq9_response
 from profiles.compensations.path import compensated_depth_um, removed_depth_um, spindle_speed_rpm
 from profiles.paper.experiments import COMPENSATED_UM, CONCLUDED_UM, Experiments
@@ -175,7 +176,7 @@ def _figure_prog_1(paper: Experiments) -> Figure:
 
 def _swing(error_um: float, waves: dict[int, float], phase: np.ndarray) -> np.ndarray:
     waves_um = [error_um * share * np.cos(k * phase) for k, share in waves.items()]
-    return np.asarray(np.sum(waves_um, axis=0), dtype=np.float64)
+    return floats(np.sum(waves_um, axis=0))
 
 
 def _figures_14_and_16(paper: Experiments) -> tuple[Figure, ...]:

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from profiles.arrays import Floats, floats
 
 
 class Relation(StrEnum):
@@ -85,13 +86,13 @@ class Curve:
     """One line of a figure; `x` and `y` have shape (M,)."""
 
     name: str
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
+    x: Floats
+    y: Floats
 
     @classmethod
     def of(cls, name: str, x: ArrayLike, y: ArrayLike) -> Curve:
         """Return the curve through these points."""
-        return cls(name=name, x=np.asarray(x, dtype=np.float64), y=np.asarray(y, dtype=np.float64))
+        return cls(name=name, x=floats(x), y=floats(y))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -8,31 +8,31 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from profiles.arrays import Complexes, Floats, floats
 
-Servo = Callable[[ArrayLike], NDArray[np.complex128]]
+Servo = Callable[[ArrayLike], Complexes]
 """From frequencies in Hz to responses."""
 
 PLACES = 3600
 
 
-def ideal_servo(frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+def ideal_servo(frequency_hz: ArrayLike) -> Complexes:
     """Return 1 at every frequency."""
     return np.ones(np.shape(frequency_hz), dtype=np.complex128)
 
 
 def left_um(
     error_um_pp: float, waves: Mapping[int, float], servo: Servo, lobe_hz: float, phase_rad: ArrayLike
-) -> FloatArray:
+) -> Floats:
     """Return the deviation of the part at phases of the lobe, in their shape; positive where it stands high."""
-    phase = np.asarray(phase_rad, dtype=np.float64)
+    phase = floats(phase_rad)
     moved = np.zeros(phase.shape)
     responses = servo(np.array(list(waves), dtype=np.float64) * lobe_hz)
     for (k, share), response in zip(waves.items(), responses, strict=True):
         moved += share * np.real(response * np.exp(1j * k * phase))
-    return np.asarray(error_um_pp * (0.5 * np.cos(phase) - moved), dtype=np.float64)
+    return floats(error_um_pp * (0.5 * np.cos(phase) - moved))
 
 
 def left_um_pp(error_um_pp: float, waves: Mapping[int, float], servo: Servo, lobe_hz: float) -> float:

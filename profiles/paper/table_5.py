@@ -10,14 +10,12 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.servo import eq9_response, sampled_response
 from profiles.axis.servo_gains import eq9_gains, gains_from_variables, variables_from_gains
 from profiles.machine import MachineProfile
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 FREQUENCIES_HZ = (10.0, 30.0, 50.0, 70.0)
 AMPLITUDE_ERROR_UM = (2.7, 8.6, 5.8, 6.3)
@@ -52,22 +50,22 @@ class Feedforward:
     chi2: float
 
 
-def measured_gains(reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> FloatArray:
+def measured_gains(reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> Floats:
     """Return |T| at `FREQUENCIES_HZ`; loss of peak to peak is the reading that a simple loop can produce."""
-    return np.asarray(1.0 + reading.value * np.array(AMPLITUDE_ERROR_UM), dtype=np.float64)
+    return floats(1.0 + reading.value * np.array(AMPLITUDE_ERROR_UM))
 
 
-def measured_response(frequency_hz: ArrayLike, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> ComplexArray:
+def measured_response(frequency_hz: ArrayLike, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> Complexes:
     """Return T of Table 5 in the shape of `frequency_hz`: straight lines from 1 at 0 Hz through the points.
 
     Above 70 Hz, where nothing was measured, gain and lag are taken to fall with 1/f.
     """
-    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    frequency = floats(frequency_hz)
     known_hz = (0.0, *FREQUENCIES_HZ)
     gain = np.interp(frequency, known_hz, [1.0, *measured_gains(reading)])
     lag = np.interp(frequency, known_hz, [0.0, *PHASE_ERROR_RAD])
     fall = known_hz[-1] / np.maximum(frequency, known_hz[-1])
-    return np.asarray(gain * fall * np.exp(-1j * lag * fall), dtype=np.complex128)
+    return complexes(gain * fall * np.exp(-1j * lag * fall))
 
 
 def pure_delay_s() -> tuple[float, float]:
@@ -79,22 +77,20 @@ def pure_delay_s() -> tuple[float, float]:
 
 def feedforward_response(
     machine: MachineProfile, frequency_hz: ArrayLike, acceleration_share: float, delay_s: float
-) -> ComplexArray:
+) -> Complexes:
     """Return (K C + a M s^2) exp(-s d) / (M s^2 + B s + K C): Eq 9 with acceleration feedforward, delayed."""
-    s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+    s = 2j * np.pi * floats(frequency_hz)
     tool, gains = machine.tool, eq9_gains(machine)
     control = gains.kp_v_per_m + gains.ki_v_per_m_s / s + gains.kd_v_s_per_m * s
     added = acceleration_share * tool.moving_mass_kg * s**2 / (tool.loop_gain_n_per_v * control)
-    return np.asarray(
-        eq9_response(machine, frequency_hz) * (1 + added) * np.exp(-s * delay_s), dtype=np.complex128
-    )
+    return complexes(eq9_response(machine, frequency_hz) * (1 + added) * np.exp(-s * delay_s))
 
 
 def fitted_feedforward(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> Feedforward:
     """Return the least squares fit of acceleration feedforward and delay to Table 5."""
     from scipy.optimize import least_squares
 
-    def misfit(unknowns: FloatArray) -> FloatArray:
+    def misfit(unknowns: Floats) -> Floats:
         met = feedforward_response(machine, FREQUENCIES_HZ, unknowns[0], unknowns[1] / 1000.0)
         return _misfit(met, reading)
 
@@ -115,10 +111,10 @@ def fitted_gain(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO
     return float(minimize_scalar(chi2, bounds=(0.1, 20.0), method="bounded").x)
 
 
-def _misfit(met: ComplexArray, reading: Reading) -> FloatArray:
+def _misfit(met: Complexes, reading: Reading) -> Floats:
     """Return the misfit of a response in gain and phase, in weights; shape (8,)."""
     off = np.concatenate([np.abs(met) - measured_gains(reading), np.angle(met) + PHASE_ERROR_RAD])
-    return np.asarray(off / WEIGHT, dtype=np.float64)
+    return floats(off / WEIGHT)
 
 
 def misfit_of_eq9(machine: MachineProfile) -> float:
@@ -137,9 +133,7 @@ def with_measured_servo(machine: MachineProfile, frequency_hz: float) -> Machine
 
     def at(velocity: float, acceleration: float) -> complex:
         changed = replace(
-            gains,
-            velocity_feedforward_v_s_per_m=velocity,
-            acceleration_feedforward_v_s2_per_m=acceleration,
+            gains, velocity_feedforward_v_s_per_m=velocity, acceleration_feedforward_v_s2_per_m=acceleration
         )
         return complex(sampled_response(machine, frequency_hz, changed))
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from profiles.files import printable
-from profiles.problem import Problem, ProfileError
+from profiles.problem import ProfileError, refused
 from profiles.trace_files.dialect import Dialect
 from profiles.trace_files.limits import MOST_POINTS, too_large
 from profiles.trace_files.table import FEWEST_POINTS, LARGEST_DEVIATION_UM
@@ -56,8 +56,7 @@ class TraceFormat(Generic[Content]):
 def closed(kind: str, deviation_um: list[float], points: float, step_m: float, where: str) -> ClosedProfile:
     """Return a profile with as many points as its file states; a `step_m` of 0 means none.
 
-    Raises:
-        ProfileError: `trace.format`, there are more or fewer.
+    Raises `ProfileError`: `trace.format`, there are more or fewer.
     """
     if len(deviation_um) != points:
         met = f"> {points:g}" if len(deviation_um) > points else f"{len(deviation_um)}"
@@ -69,8 +68,7 @@ def closed(kind: str, deviation_um: list[float], points: float, step_m: float, w
 def point_count(stated: str, key: str, where: str) -> float:
     """Return a number of points that a trace may have.
 
-    Raises:
-        ProfileError: `trace.too_large`, more than are read; `trace.format`.
+    Raises `ProfileError`: `trace.too_large`, more than are read; `trace.format`.
     """
     value, code = Dialect(",").number(stated)
     if not code and value > MOST_POINTS:
@@ -81,8 +79,7 @@ def point_count(stated: str, key: str, where: str) -> float:
 def number(stated: str, key: str, where: str, least: float, most: float) -> float:
     """Return a number from a file's header that is within bounds.
 
-    Raises:
-        ProfileError: `trace.format`, not a number, or out of bounds.
+    Raises `ProfileError`: `trace.format`, not a number, or out of bounds.
     """
     value, code = Dialect(",").number(stated)
     if code or not least <= value <= most:
@@ -93,8 +90,7 @@ def number(stated: str, key: str, where: str, least: float, most: float) -> floa
 def heights_um(cells: Iterable[tuple[str, str]], um_per_unit: float, points: float) -> list[float]:
     """Return heights in um of cells, each with its position; at most one beyond the header's `points`.
 
-    Raises:
-        ProfileError: `trace.not_number`, `trace.not_finite` (a value marked BAD, too), `trace.out_of_range`.
+    Raises `ProfileError`: `trace.not_number`, `trace.not_finite` (a value marked BAD, too), `trace.out_of_range`.
     """
     dialect, found = Dialect(","), []
     for place, cell in cells:
@@ -103,7 +99,7 @@ def heights_um(cells: Iterable[tuple[str, str]], um_per_unit: float, points: flo
         if code or abs(value_um) > LARGEST_DEVIATION_UM:
             limit = f"<= {LARGEST_DEVIATION_UM:g} um"
             code, shown = code or "trace.out_of_range", printable(cell, 60) or '""'
-            raise ProfileError(Problem(code=code, where=place, key="Z", value=shown, limit=limit))
+            raise refused(code, where=place, key="Z", value=shown, limit=limit)
         found.append(value_um)
         if len(found) > points:
             break
@@ -112,6 +108,4 @@ def heights_um(cells: Iterable[tuple[str, str]], um_per_unit: float, points: flo
 
 def unusable(where: str, key: str, value: str, limit: str) -> ProfileError:
     """Return the refusal of a field that cannot be used."""
-    return ProfileError(
-        Problem(code="trace.format", where=where, key=key, value=printable(value, 60) or "-", limit=limit)
-    )
+    return refused("trace.format", where=where, key=key, value=printable(value, 60) or "-", limit=limit)

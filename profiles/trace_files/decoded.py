@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import codecs
 
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -18,8 +18,7 @@ _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 def decoded(content: bytes, where: str) -> str:
     """Return the text with LF at the end of each line.
 
-    Raises:
-        ProfileError: `trace.not_utf8` with its line, or `trace.empty`.
+    Raises `ProfileError`: `trace.not_utf8` with its line, or `trace.empty`.
     """
     encoding = "utf-16" if content.startswith(_UTF_16) else "utf-8-sig"
     try:
@@ -27,7 +26,7 @@ def decoded(content: bytes, where: str) -> str:
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         value = f"0x{content[error.start]:02x}"
-        raise ProfileError(Problem(code="trace.not_utf8", where=f"{where}:{line}", value=value)) from error
+        raise refused("trace.not_utf8", where=f"{where}:{line}", value=value) from error
     if not text.strip():
-        raise ProfileError(Problem(code="trace.empty", where=where))
+        raise refused("trace.empty", where=where)
     return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from profiles.problem import Problem, ProfileError
+from profiles.problem import ProfileError, refused
 
 MOST_POINTS = 500_000
 MOST_LINES = 2 * MOST_POINTS
@@ -26,8 +26,7 @@ _WORD = re.compile(r"\S+")
 def lines_of(text: str, where: str) -> Iterator[str]:
     """Return an iterator over the lines of a text, as `split` does, without creating all of them at once.
 
-    Raises:
-        ProfileError: `trace.too_large`, there are more than `MOST_LINES`.
+    Raises `ProfileError`: `trace.too_large`, there are more than `MOST_LINES`.
     """
     count = text.count("\n") + 1
     if count > MOST_LINES:
@@ -42,7 +41,7 @@ def words_of(line: str) -> Iterator[str]:
 
 def too_large(where: str, met: str, most: str) -> ProfileError:
     """Return the refusal of a file above a limit."""
-    return ProfileError(Problem(code="trace.too_large", where=where, value=met, limit=f"<= {most}"))
+    return refused("trace.too_large", where=where, value=met, limit=f"<= {most}")
 
 
 def _split(text: str) -> Iterator[str]:

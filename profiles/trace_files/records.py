@@ -47,11 +47,7 @@ class _Axis:
 
 
 def read_smd(text: str, where: str) -> ClosedProfile:
-    """Return the profile in the text of an SMD file.
-
-    Raises:
-        ProfileError: as `profiles.trace_files.sdf.read_sdf`.
-    """
+    """Return the profile in the text of an SMD file. Raises as `profiles.trace_files.sdf.read_sdf`."""
     head, _, heights = _records(text, "\x03", where)
     _feature(head, where)
     x, z = _axis("CX", head, where), _axis("CZ", head, where)
@@ -64,11 +60,7 @@ def read_smd(text: str, where: str) -> ClosedProfile:
 
 
 def read_prf(text: str, where: str) -> ClosedProfile:
-    """Return the profile in the text of a PRF file.
-
-    Raises:
-        ProfileError: as `profiles.trace_files.sdf.read_sdf`.
-    """
+    """Return the profile in the text of a PRF file. Raises as `profiles.trace_files.sdf.read_sdf`."""
     head, told, heights = _records(text, "EOR", where)
     _feature(head, where)
     x, z = _axis("CX", head, where), _axis("CZ", head, where)

@@ -28,9 +28,8 @@ _VERSION = re.compile(r"\s*[aAbB](BCR|ISO|NPL) ?- ?V?\d")
 def read_sdf(text: str, where: str) -> ClosedProfile:
     """Return the profile in the text of a surface data file.
 
-    Raises:
-        ProfileError: `trace.format`, a field is missing or cannot be used, or the number of values differs; and
-            what `profiles.trace_files.closed.heights_um` refuses.
+    Raises `ProfileError`: `trace.format`, a field is missing or cannot be used, or the number of values differs;
+    and what `profiles.trace_files.closed.heights_um` refuses.
     """
     lines = [line.strip() for line in lines_of(text, where)]
     first = next(n for n, line in enumerate(lines) if line)

@@ -57,10 +57,8 @@ _Element = ElementTree.Element
 def read_x3p(content: bytes, where: str) -> ClosedProfile:
     """Return the profile in the bytes of an X3P file.
 
-    Raises:
-        ProfileError: `trace.format`, not such an archive, or not one profile at equal steps;
-            `trace.too_large`, a part of it exceeds its cap; and what
-            `profiles.trace_files.closed.heights_um` refuses.
+    Raises `ProfileError`: `trace.format`, not such an archive, or not one profile at equal steps;
+    `trace.too_large`, a part of it exceeds its cap; and what `profiles.trace_files.closed.heights_um` refuses.
     """
     if (members := content.count(_MEMBER)) > MOST_MEMBERS:  # each uses memory before any is opened
         raise unusable(where, "X3P", f"{members} files", f"<= {MOST_MEMBERS} files")
