@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from profiles.axis.tool_stiffness import tool_compliance_um_per_n
+from profiles.axis.servo import tool_compliance_um_per_n
 from profiles.chucking.held_part import HeldPart
 from profiles.chucking.ring import THIN_WALL
 from profiles.cutting import Copying, CuttingForce, copying, nearest_mode

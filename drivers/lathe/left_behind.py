@@ -15,7 +15,7 @@ from drivers.pmac.analysis.findings import Value
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.motor_settings import MotorSettings
 from profiles.axis.friction import ASSUMED_FRICTION_N
-from profiles.axis.tool_stiffness import tool_compliance_um_per_n
+from profiles.axis.servo import tool_compliance_um_per_n
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 

@@ -31,8 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from profiles.arrays import Complexes, Floats, floats
-from profiles.confidence import student
-from profiles.least_squares import fit, harmonic_columns, harmonic_slice, phasors
+from profiles.least_squares import fit, harmonic_columns, harmonic_slice, phasors, student
 from profiles.problem import refused
 
 MOST_SEGMENTS = 10

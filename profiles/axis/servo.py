@@ -1,4 +1,4 @@
-"""The tool axis as a servo: Eq 9, the same loop as sampled by the controller, and the load of a sine.
+"""The tool axis as a servo: Eq 9, the loop as sampled by the controller, its stiffness, and the load of a sine.
 
 Lengths are in m, voltages are those of the controller's output. Every response is complex, from commanded to
 actual position, at frequencies in Hz; a lag is a negative phase. The gains of the controller and those of
@@ -53,8 +53,7 @@ def eq9_response(machine: MachineProfile, frequency_hz: ArrayLike) -> Complexes:
     """
     numerator, denominator = _eq9_polynomials(machine)
     s = 2j * np.pi * floats(frequency_hz)
-    response = np.polyval(numerator, s) / np.polyval(denominator, s)
-    return complexes(response)
+    return complexes(np.polyval(numerator, s) / np.polyval(denominator, s))
 
 
 def eq9_summary(machine: MachineProfile) -> Eq9Summary:
@@ -108,8 +107,41 @@ def sampled_response(machine: MachineProfile, frequency_hz: ArrayLike, gains: Pi
         + gains.acceleration_feedforward_v_s2_per_m * slope**2
     )
     back = shared + gains.kd_v_s_per_m * slope
-    response = plant * ahead / (1 + plant * back)
-    return complexes(response)
+    return complexes(plant * ahead / (1 + plant * back))
+
+
+def tool_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> Complexes:
+    """Return G_d = s / (M s^3 + (B + K Kd) s^2 + K Kp s + K Ki), K = Ka Kt, in um/N, for each frequency.
+
+    The other input of Eq 9: from a force that pushes the tool out to its displacement. Without an integrator the
+    value at 0 Hz is 1 / (K Kp), with one it is 0, reached after some time constants Kp / Ki.
+    """
+    tool, gains = machine.tool, eq9_gains(machine)
+    gain = tool.loop_gain_n_per_v
+    s = 2j * np.pi * floats(frequency_hz)
+    spring = gain * gains.kp_v_per_m + (tool.damping_n_s_per_m + gain * gains.kd_v_s_per_m) * s
+    spring = spring + tool.moving_mass_kg * s**2
+    if gains.ki_v_per_m_s == 0:
+        return complexes(1e6 / spring)
+    return complexes(1e6 * s / (s * spring + gain * gains.ki_v_per_m_s))
+
+
+def step_error(machine: MachineProfile, time_s: float) -> float:
+    """Return the remaining error of a step command of Eq 9 at a time after it: N = M s^2 + B s."""
+    return _after_step(machine, [machine.tool.moving_mass_kg, machine.tool.damping_n_s_per_m, 0.0], time_s)
+
+
+def pushed_um_per_n(machine: MachineProfile, time_s: float) -> float:
+    """Return the displacement by a step of force at a time after it, um/N: N = 1."""
+    return 1e6 * _after_step(machine, [1.0], time_s)
+
+
+def _after_step(machine: MachineProfile, numerator: ArrayLike, time_s: float) -> float:
+    """Return sum N(p) exp(p t) / D'(p) over the poles p of Eq 9, the roots of its denominator D."""
+    _, denominator = _eq9_polynomials(machine)
+    poles = np.roots(denominator)
+    residues = np.polyval(np.asarray(numerator), poles) / np.polyval(np.polyder(denominator), poles)
+    return float(np.real(np.sum(residues * np.exp(poles * time_s))))
 
 
 def following_error_um(machine: MachineProfile, amplitude_um: float, frequency_hz: float) -> float:

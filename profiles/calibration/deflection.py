@@ -1,9 +1,18 @@
 """The stiffness of jaw contacts from forces and deflections at the chucked part (Lee & Lee 2001, Figs 2 to 5).
 
-Fitted to M deflections are k of one jaw at 1000 N, alpha of k ~ force^alpha, and the length l of the jaws, with
-the model of `profiles.calibration.contact` (contacts and the bending of a solid bar). Least squares in (ln k,
-alpha, ln l); with the Jacobian J and s^2 the variance of what is left, cov = s^2 (J' W J)^-1. Half-widths are for
-95 %, by Student's t; of k and l they are taken over from their logarithms to the first order.
+The jaws of one ring are those of `profiles.chucking.contact`: the clamping force F_c has pressed each together
+by x0 = m F_c / k, with k ~ F_c^alpha and m = 1 / (1 - alpha). What a load P moves the part by in units of x0
+depends on P / F_c, alpha and the angle alone, so that rows of any force are solved at once. A load at the distance
+a in front of jaws of the length l is carried by two rings of half the stiffness and half the force each,
+P (1 + a/l) in front and -P a/l behind, and the tip of the part moves by
+
+u_tip = u_front (1 + a/l) - u_rear a/l,
+
+plus the bending of the part as a cantilever, P a^3 / (3 E I) with I = pi d^4 / 64 (Timoshenko).
+
+Fitted to M deflections are k of one jaw at 1000 N, alpha, and l, by least squares in (ln k, alpha, ln l); with the
+Jacobian J and s^2 the variance of what is left, cov = s^2 (J' W J)^-1. Half-widths are for 95 %, by Student's t;
+of k and l they are taken over from their logarithms to the first order.
 
 A gauge is off by the same everywhere, a load or a contact by a fraction of the deflection. W is 1 or by the square
 of the deflection, whichever is likelier; where they are about as likely, the half-widths hold what either says.
@@ -16,14 +25,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats, floats
-from profiles.calibration.contact import bending_um, contact_um
-from profiles.calibration.outliers import ROUNDING, outliers
+from profiles.chucking.contact import Contact, deflection
 from profiles.chucking.holding import REFERENCE_FORCE_N
-from profiles.confidence import student
 from profiles.files import printable
-from profiles.least_squares import cofactors
+from profiles.least_squares import ROUNDING, cofactors, outliers, student
 from profiles.problem import ProfileError, refused
 
 LEAST_JAWS = 3
@@ -81,9 +89,9 @@ class DeflectionFit:
     ) -> Anisotropy:
         """Return the deflection of a solid bar under a rotating load; the force is the total over all jaws."""
         angle = np.linspace(0.0, 360.0 / self.jaws, 25)
-        sizes = (("chucking_force_n", chucking_force_n), ("load_n", load_n))
-        lengths = (("overhang_mm", overhang_mm), ("diameter_mm", diameter_mm))
-        rows = {key: np.full_like(angle, value) for key, value in (*sizes, *lengths)}
+        sizes = {"chucking_force_n": chucking_force_n, "load_n": load_n}
+        sizes |= {"overhang_mm": overhang_mm, "diameter_mm": diameter_mm}
+        rows = {key: np.full_like(angle, value) for key, value in sizes.items()}
         model = _Model(rows | {"angle_deg": angle}, self.jaws, self.youngs_gpa, REFERENCE_FORCE_N)
         at = np.array([math.log(self.stiffness_n_per_um), self.alpha, math.log(self.jaw_length_mm)])
         round_um = model.at(at)
@@ -102,12 +110,9 @@ def fit_deflection(
 ) -> DeflectionFit:
     """Return the contacts of a chuck from M measurements.
 
-    Args:
-        columns: shape (M,) each: `chucking_force_n` (total), `load_n`, `angle_deg` (of the load past a jaw),
-            `diameter_mm` of a solid bar, `overhang_mm` and `deflection_um` along the load.
-        jaws: N, at least three: two do not hold sideways.
-        youngs_gpa: of the bar.
-        jaw_length_mm: where it is known, it is not fitted.
+    `columns` have shape (M,) each: `chucking_force_n` (total), `load_n`, `angle_deg` (of the load past a jaw),
+    `diameter_mm` of a solid bar, `overhang_mm` and `deflection_um` along the load. At least three `jaws`: two
+    do not hold sideways. `youngs_gpa` is that of the bar. Where `jaw_length_mm` is known, it is not fitted.
     Raises `ProfileError`: `calibration.jaws`, `calibration.not_positive`, `calibration.few_points`;
     `calibration.bending`, the bar alone would bend more than was measured; `calibration.dependent`, measurements
     too similar for all parameters; `calibration.no_alpha`, no visible stiffening; `calibration.no_fit`.
@@ -175,6 +180,44 @@ class _Solution:
         fitted = own > 0.0
         apart = np.abs(self.at - other.at) + its
         return float(np.max(apart[fitted] / own[fitted], initial=1.0))
+
+
+def contact_um(
+    stiffness_n_per_um: ArrayLike,
+    alpha: float,
+    jaw_length_mm: float,
+    *,
+    jaws: int,
+    force_per_jaw_n: ArrayLike,
+    load_n: ArrayLike,
+    past_jaw_deg: ArrayLike,
+    overhang_mm: ArrayLike,
+) -> Floats:
+    """Return the radial deflection at the load from the contacts alone, um along the load; broadcast shapes.
+
+    `stiffness_n_per_um` is k of one jaw at `force_per_jaw_n`; at least three jaws.
+    """
+    each = (stiffness_n_per_um, force_per_jaw_n, load_n, past_jaw_deg, overhang_mm)
+    k, force, load, angle, overhang = np.broadcast_arrays(*map(floats, each))
+    lever = overhang / jaw_length_mm
+    give_um = force / k / (1.0 - alpha)
+    share = 2.0 * load / force  # each ring carries half of the force
+    front = _ring(share * (1.0 + lever), angle, alpha, jaws)
+    rear = _ring(-share * lever, angle, alpha, jaws)
+    return floats(give_um * (front * (1.0 + lever) - rear * lever))
+
+
+def bending_um(load_n: ArrayLike, overhang_mm: ArrayLike, diameter_mm: ArrayLike, youngs_gpa: float) -> Floats:
+    """Return the deflection of a solid bar as a cantilever, um; broadcast shapes."""
+    load, a, d = (floats(each) for each in (load_n, overhang_mm, diameter_mm))
+    inertia_mm4 = math.pi * d**4 / 64
+    return floats(load * a**3 / (3 * youngs_gpa * inertia_mm4))  # N mm^3 / (GPa mm^4) is um
+
+
+def _ring(share: Floats, angle_deg: Floats, alpha: float, jaws: int) -> Floats:
+    """Return the deflection of one ring along its load in units of x0; `share` is the load over a jaw's force."""
+    unit = Contact(jaws=jaws, stiffness_n_per_um=1.0 / (1.0 - alpha), force_per_jaw_n=1.0, alpha=alpha)
+    return deflection(unit, share, angle_deg).along_um
 
 
 class _Model:

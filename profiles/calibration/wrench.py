@@ -28,9 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats, floats
-from profiles.calibration.outliers import ROUNDING, outliers
-from profiles.confidence import CONFIDENCE, chance_of, student
-from profiles.least_squares import fit
+from profiles.least_squares import CONFIDENCE, ROUNDING, chance_of, fit, outliers, student
 from profiles.problem import Problem, ProfileError, refused
 
 LEAST_SPARE = 3

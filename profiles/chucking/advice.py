@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from profiles.chucking.grip import CUT_SAFETY, least_force_n, most_loss_speed_rpm, permitted_speed_rpm
-from profiles.chucking.holding import Holding, holding_of
+from profiles.chucking.holding import Holding, Wrench, holding_of, torque_n_m
 from profiles.chucking.job_grip import (
     centrifugal_loss_n,
     force_sd_n,
@@ -24,7 +24,6 @@ from profiles.chucking.job_grip import (
     wrench_force_sd_n,
 )
 from profiles.chucking.ring import Ring, bending_stress_mpa, is_thin
-from profiles.chucking.wrench import Wrench, torque_n_m
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.materials import material_or_none

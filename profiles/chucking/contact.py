@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -122,42 +122,26 @@ def _downhill_share(energy: Callable[[Floats], Floats], moved: Floats, step: Flo
     return share
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Overhung:
-    """A load in front of jaws of finite length: the front edge carries P (1 + a/l), the rear edge -P a/l.
-
-    Each edge has half of every jaw's stiffness and force. All in mm.
-    """
-
-    jaw_length_mm: float
-    overhang_mm: float
-
-    @property
-    def lever(self) -> float:
-        """Overhang over jaw length, a / l."""
-        return self.overhang_mm / self.jaw_length_mm
-
-
 def overhung_deflection(
-    contact: Contact, place: Overhung, load_n: ArrayLike, angle_from_jaw_deg: ArrayLike
+    contact: Contact, lever: float, load_n: ArrayLike, angle_from_jaw_deg: ArrayLike
 ) -> Deflection:
-    """Return the deflection of a stiff bar at the load: u = u_f + (u_f - u_r) a/l.
+    """Return the deflection of a stiff bar at a load in front of the jaws.
 
-    For small loads its mean is 4 P/(3 k) ((1 + a/l)^2 + (a/l)^2) with three jaws.
+    `lever` is a/l, overhang over jaw length. The front edge of the jaws carries P (1 + a/l), the rear edge -P a/l, each with half of every jaw's stiffness
+    and force: u = u_f + (u_f - u_r) a/l. For small loads its mean is 4 P/(3 k) ((1 + a/l)^2 + (a/l)^2) with three
+    jaws.
     """
-    edge = Contact(
-        jaws=contact.jaws,
+    edge = replace(
+        contact,
         stiffness_n_per_um=contact.stiffness_n_per_um / 2,
         force_per_jaw_n=contact.force_per_jaw_n / 2,
-        alpha=contact.alpha,
-        tangential_ratio=contact.tangential_ratio,
     )
-    load, a = floats(load_n), place.lever
-    front = deflection(edge, load * (1 + a), angle_from_jaw_deg)
-    rear = deflection(edge, -load * a, angle_from_jaw_deg)
+    load = floats(load_n)
+    front = deflection(edge, load * (1 + lever), angle_from_jaw_deg)
+    rear = deflection(edge, -load * lever, angle_from_jaw_deg)
     return Deflection(
-        along_um=front.along_um + (front.along_um - rear.along_um) * a,
-        across_um=front.across_um + (front.across_um - rear.across_um) * a,
+        along_um=front.along_um + (front.along_um - rear.along_um) * lever,
+        across_um=front.across_um + (front.across_um - rear.across_um) * lever,
         lifted=front.lifted | rear.lifted,
     )
 

@@ -18,13 +18,13 @@ from profiles.arrays import Floats, floats
 from profiles.chucking.contact import (
     MINDLIN_RATIO,
     Contact,
-    Overhung,
     cantilever_um,
     overhung_deflection,
     stiffness_at,
 )
 from profiles.chucking.diagnosis import Mechanism
-from profiles.chucking.holding import REFERENCE_FORCE_N, Holding
+from profiles.chucking.holding import REFERENCE_FORCE_N, Holding, holding_of
+from profiles.chucking.job_grip import centrifugal_loss_n
 from profiles.chucking.ring import is_thin
 from profiles.chucking.tube import (
     Tube,
@@ -34,9 +34,10 @@ from profiles.chucking.tube import (
     spring_back_um,
     wall_compliance_um_per_n,
 )
-from profiles.cutting import CuttingForce
+from profiles.cutting import CuttingForce, cutting_force
 from profiles.job import Job
-from profiles.materials import Material
+from profiles.machine import MachineProfile
+from profiles.materials import Material, material_named
 
 BAR_DAMPING, WALL_DAMPING = 0.03, 0.02
 """Usual damping ratios of a bar in a chuck and of a thin wall."""
@@ -154,11 +155,23 @@ class HeldPart:
         """
         moved, lifted = [], []
         for z in z_mm:
-            place = Overhung(jaw_length_mm=self.holding.jaw_length_mm, overhang_mm=float(z))
-            found = overhung_deflection(self.contact, place, self.force.passive_n, angle_deg + 180.0)
+            lever = float(z) / self.holding.jaw_length_mm
+            found = overhung_deflection(self.contact, lever, self.force.passive_n, angle_deg + 180.0)
             moved.append(found.along_um)
             lifted.append(found.lifted)
         return np.stack(moved), np.stack(lifted)
+
+
+def held_part(job: Job, machine: MachineProfile) -> HeldPart:
+    """Return the part in the jaws at speed, under its cut. Raises `ProfileError` (`rule.material_unknown`)."""
+    material = material_named(job.material)
+    return HeldPart(
+        job=job,
+        material=material,
+        holding=holding_of(machine),
+        force=cutting_force(material, job.depth_of_cut_mm, job.feed_mm_per_rev),
+        per_jaw_n=(job.chucking_force_n - centrifugal_loss_n(job, machine)) / job.jaws,
+    )
 
 
 def _levelled(values: Floats) -> Floats:

@@ -10,8 +10,7 @@ import math
 
 from profiles.chucking.grip import CUT_SAFETY, cut_grip_n
 from profiles.chucking.grip import centrifugal_loss_n as loss_n
-from profiles.chucking.holding import holding_of
-from profiles.chucking.wrench import torque_or_none_n_m
+from profiles.chucking.holding import holding_of, torque_or_none_n_m
 from profiles.cutting import cutting_force
 from profiles.job import Job
 from profiles.machine import MachineProfile

@@ -8,7 +8,7 @@ mm from the jaw faces, positive towards the free end; deviations of the part in 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -20,7 +20,6 @@ from profiles.materials import Material
 
 MULTIPLES = 8
 """Harmonics of the lobe that are summed: the ninth has less than a thousandth of the first."""
-
 
 HALF_LOBE_ANGLES = 61
 
@@ -43,10 +42,6 @@ class Tube:
     def bent(self, harmonic: int) -> Ring:
         """Return the ring that bends as the tube does at the jaws: the grip and the length bent with it."""
         return self._ring(self.grip_mm + _taken_along_mm(self, harmonic))
-
-    def turned_down(self, depth_mm: float) -> Tube:
-        """Return the tube after a cut of this depth on the radius."""
-        return replace(self, outside_mm=self.outside_mm - 2 * depth_mm, wall_mm=self.wall_mm - depth_mm)
 
     def _ring(self, length_mm: float) -> Ring:
         return Ring(outside_mm=self.outside_mm, wall_mm=self.wall_mm, length_mm=length_mm, material=self.material)

@@ -34,8 +34,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from profiles.arrays import Floats, floats
-from profiles.confidence import CONFIDENCE, student
-from profiles.least_squares import Fit, fit, harmonic_columns, harmonic_slice, huber_distances
+from profiles.least_squares import CONFIDENCE, Fit, fit, harmonic_columns, harmonic_slice, huber_distances, student
 from profiles.metrology.noise_spectrum import NoiseSpectrum, noise_spectrum
 from profiles.problem import refused
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from profiles.chucking.held_part import HeldPart
+from profiles.chucking.held_part import HeldPart, held_part
 from profiles.chucking.tube import axial_share
 from profiles.job import Job
-from profiles.lobe.held_job import held_part
 from profiles.lobe.lobe_conditions import as_found, found_on_a_part
 from profiles.machine import MachineProfile
 

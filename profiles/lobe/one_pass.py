@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from profiles.chucking.held_part import HeldPart
+from profiles.chucking.held_part import HeldPart, held_part
 from profiles.cutting import chatter_limit_mm as limit_mm
 from profiles.cutting import radial_cutting_stiffness_n_per_mm2
 from profiles.job import Job
-from profiles.lobe.held_job import held_part
 from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.lobe.lobe_scale import lobe_scale, middle_mm
 from profiles.machine import MachineProfile

@@ -18,12 +18,12 @@ from profiles.arrays import Floats, floats
 from profiles.axis.envelope import Envelope, envelope
 from profiles.chucking.advice import ClampingAdvice, clamping_advice
 from profiles.chucking.diagnosis import Mechanism
+from profiles.chucking.held_part import held_part
 from profiles.chucking.job_grip import centrifugal_loss_n
 from profiles.cutting_process import CuttingProcess, cutting_process, process_findings
 from profiles.findings import Finding, Severity, refusals
 from profiles.job import Job
 from profiles.lobe.cut_error import CutError, cut_error, scaled_cut
-from profiles.lobe.held_job import held_part
 from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.lobe.lobe_scale import LobeScale, lobe_scale
 from profiles.lobe.one_pass import lobe_change_um

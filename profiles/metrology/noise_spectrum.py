@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from profiles.arrays import Floats, floats
-from profiles.confidence import student
+from profiles.least_squares import student
 
 HIGHEST_ORDER = 120
 """Orders up to here are evaluated one by one; those above count as a whole."""

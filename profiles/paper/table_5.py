@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.servo import eq9_response, sampled_response
-from profiles.axis.servo_gains import eq9_gains, gains_from_variables, variables_from_gains
+from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables, variables_from_gains
 from profiles.machine import MachineProfile
 
 FREQUENCIES_HZ = (10.0, 30.0, 50.0, 70.0)
@@ -131,11 +131,13 @@ def with_measured_servo(machine: MachineProfile, frequency_hz: float) -> Machine
     """
     gains = gains_from_variables(machine)
 
-    def at(velocity: float, acceleration: float) -> complex:
-        changed = replace(
+    def with_feedforward(velocity: float, acceleration: float) -> PidGains:
+        return replace(
             gains, velocity_feedforward_v_s_per_m=velocity, acceleration_feedforward_v_s2_per_m=acceleration
         )
-        return complex(sampled_response(machine, frequency_hz, changed))
+
+    def at(velocity: float, acceleration: float) -> complex:
+        return complex(sampled_response(machine, frequency_hz, with_feedforward(velocity, acceleration)))
 
     without = at(0.0, 0.0)
     by_velocity, by_acceleration = at(1.0, 0.0) - without, at(0.0, 1.0) - without
@@ -143,14 +145,7 @@ def with_measured_servo(machine: MachineProfile, frequency_hz: float) -> Machine
     velocity, acceleration = np.linalg.solve(
         [[by_velocity.real, by_acceleration.real], [by_velocity.imag, by_acceleration.imag]],
         [missing.real, missing.imag],
-    )
-    told = variables_from_gains(
-        machine,
-        replace(
-            gains,
-            velocity_feedforward_v_s_per_m=float(velocity),
-            acceleration_feedforward_v_s2_per_m=float(acceleration),
-        ),
-    )
-    variables = {**machine.controller.variables, **told}
+    ).tolist()
+    whole = variables_from_gains(machine, with_feedforward(velocity, acceleration))
+    variables = {**machine.controller.variables, **whole}
     return replace(machine, controller=replace(machine.controller, variables=variables))

@@ -16,8 +16,8 @@ from profiles.chucking.grip import (
     most_loss_speed_rpm,
     permitted_speed_rpm,
 )
+from profiles.chucking.holding import Wrench, torque_n_m
 from profiles.chucking.job_grip import lobe_um_per_n
-from profiles.chucking.wrench import Wrench, torque_n_m
 from profiles.cutting import cutting_force
 from profiles.findings import Severity, refusals
 from profiles.job import Job

@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from profiles.axis.servo import sampled_response
+from profiles.axis.servo import sampled_response, step_error
 from profiles.compensations.path import chord_scale
 from profiles.paper import chuck, servo_figures
-from profiles.paper.eq9_in_time import step_error
 from profiles.paper.experiments import lee_2001
 from profiles.paper.parts import models
-from profiles.paper.prog_1 import Ramps, fundamental_share, stroke_share, zigzag
 from profiles.paper.record import Basis
-from profiles.paper.residual import left_um_pp
+from profiles.paper.residual import Ramps, fundamental_share, left_um_pp, stroke_share, zigzag
 from profiles.paper.table_5 import (
     Reading,
     feedforward_response,

@@ -14,8 +14,7 @@ from drivers.cutting.planning import CutPlan
 from drivers.preview.band import predicted_band
 from drivers.preview.outlook import grip_share
 from drivers.preview.preview import Preview
-from profiles.axis.envelope import EnvelopeRow, envelope
-from profiles.axis.safe_speed import speed_limits_rpm
+from profiles.axis.envelope import EnvelopeRow, envelope, speed_limits_rpm
 from profiles.lobe.lobe_conditions import lobe_source
 from profiles.problem import ProblemError
 
