@@ -125,9 +125,9 @@ def _downhill_share(energy: Callable[[Floats], Floats], moved: Floats, step: Flo
 def overhung_deflection(
     contact: Contact, lever: float, load_n: ArrayLike, angle_from_jaw_deg: ArrayLike
 ) -> Deflection:
-    """Return the deflection of a stiff bar at a load in front of the jaws.
+    """Return the deflection of a stiff bar at a load in front of jaws; `lever` is a/l, overhang over jaw length.
 
-    `lever` is a/l, overhang over jaw length. The front edge of the jaws carries P (1 + a/l), the rear edge -P a/l, each with half of every jaw's stiffness
+    The front edge of the jaws carries P (1 + a/l), the rear edge -P a/l, each with half of every jaw's stiffness
     and force: u = u_f + (u_f - u_r) a/l. For small loads its mean is 4 P/(3 k) ((1 + a/l)^2 + (a/l)^2) with three
     jaws.
     """
