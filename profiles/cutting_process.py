@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from profiles.axis.servo import tool_compliance_um_per_n
-from profiles.chucking.held_part import HeldPart
+from profiles.chucking.held_part import HeldPart, held_part
 from profiles.chucking.ring import THIN_WALL
-from profiles.cutting import Copying, CuttingForce, copying, nearest_mode
-from profiles.findings import Finding, Severity
-from profiles.lobe.one_pass import width_without_chatter_mm
+from profiles.cutting import Copying, CuttingForce, copying, nearest_mode, radial_cutting_stiffness_n_per_mm2
+from profiles.cutting import chatter_limit_mm as limit_mm
+from profiles.findings import Finding, Severity, judged
+from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -46,8 +47,21 @@ def cutting_process(part: HeldPart, machine: MachineProfile, error_um_pp: float)
         lobed_force_n=lobed_n,
         lobed_motion_um=lobed_n * tool_um_per_n,
         work_n_per_um=part.softest_n_per_um,
-        chatter_limit_mm=width_without_chatter_mm(part),
+        chatter_limit_mm=_width_without_chatter_mm(part),
     )
+
+
+def chatter_limit_mm(job: Job, machine: MachineProfile) -> float:
+    """Return the width of cut below which the part of a job does not chatter, at its point of least stiffness.
+
+    Fast enough for every key. Raises `ProfileError` (`rule.material_unknown`).
+    """
+    return _width_without_chatter_mm(held_part(job, machine))
+
+
+def _width_without_chatter_mm(part: HeldPart) -> float:
+    radial = radial_cutting_stiffness_n_per_mm2(part.material, part.job.feed_mm_per_rev)
+    return limit_mm(part.softest_n_per_um, part.damping_ratio, radial)
 
 
 def process_findings(part: HeldPart, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -64,7 +78,8 @@ def _lifted(part: HeldPart) -> tuple[Finding, ...]:
     if part.thin:
         return ()
     value, limit = f"{part.force.passive_n:.6g} N", f"{part.per_jaw_n:.6g} N"
-    return (_unless(part.lifted(), Problem(code="rule.jaw_lifts", key="overhang_mm", value=value, limit=limit)),)
+    lifts = Problem(code="rule.jaw_lifts", key="overhang_mm", value=value, limit=limit)
+    return (judged(not part.lifted(), lifts, Severity.WARNING),)
 
 
 def _border(part: HeldPart) -> Finding:
@@ -72,18 +87,14 @@ def _border(part: HeldPart) -> Finding:
     wall_mm, border_mm = part.job.wall_thickness_mm, THIN_WALL * part.job.radius_mm
     value, limit = f"{wall_mm:.6g} mm", f"{border_mm:.6g} mm"
     near = Problem(code="rule.wall_border", key="wall_thickness_mm", value=value, limit=limit)
-    return _unless(abs(wall_mm / border_mm - 1.0) <= NEAR_BORDER, near)
+    return judged(abs(wall_mm / border_mm - 1.0) > NEAR_BORDER, near, Severity.WARNING)
 
 
 def _mode(part: HeldPart, machine: MachineProfile) -> tuple[Finding, ...]:
     mode_hz = machine.chuck.work_mode_hz
     if mode_hz is None:
         return ()
-    met = nearest_mode(part.job.lobe_frequency_hz, (mode_hz,))
-    value = f"{part.job.lobe_frequency_hz * (met[0] if met else 1):.6g} Hz"
+    found = nearest_mode(part.job.lobe_frequency_hz, (mode_hz,))
+    value = f"{part.job.lobe_frequency_hz * (found[0] if found else 1):.6g} Hz"
     near = Problem(code="rule.mode_near", key="spindle_speed_rpm", value=value, limit=f"{mode_hz:.6g} Hz")
-    return (_unless(met is not None, near),)
-
-
-def _unless(warned: bool, problem: Problem) -> Finding:
-    return Finding(severity=Severity.WARNING if warned else Severity.OK, problem=problem)
+    return (judged(found is None, near, Severity.WARNING),)

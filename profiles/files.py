@@ -8,6 +8,7 @@ old bytes or the new ones, never half of them.
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import re
 import secrets
@@ -17,7 +18,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from profiles.left_files import made_locked, remove_if_left
 from profiles.problem import refused
 
 TOML_CAP_BYTES = 1_000_000
@@ -172,6 +172,59 @@ def remove_all_left(folder: Path) -> None:
     """Remove the temporary files that killed writers have left in one of our folders and all below it."""
     for inner, _, _ in os.walk(folder):
         remove_left(Path(inner))
+
+
+def made_locked(path: Path, mode: int) -> int:
+    """Create a new file, and return its descriptor, for writing, with the lock held.
+
+    Raises `OSError`: it cannot be created, or exists.
+    """
+    while True:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        if _is_at(descriptor, path):
+            return descriptor
+        os.close(descriptor)  # in between, another process has taken it for left and removed it
+
+
+def taken_if_left(path: Path) -> int | None:
+    """Return a locked descriptor of a file left by a dead process; None of any other file.
+
+    Only a regular file of this user is ever taken.
+    """
+    try:
+        # Neither follows a link nor waits for a pipe.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return None
+    try:
+        status = os.fstat(descriptor)
+        if stat.S_ISREG(status.st_mode) and status.st_uid == os.geteuid():
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_at(descriptor, path):
+                return descriptor
+    except OSError:  # a running process holds the lock
+        pass
+    os.close(descriptor)
+    return None
+
+
+def remove_if_left(path: Path) -> None:
+    """Remove a file left by a dead process, if there is one."""
+    descriptor = taken_if_left(path)
+    if descriptor is not None:
+        with suppress(OSError):
+            path.unlink()
+        os.close(descriptor)
+
+
+def _is_at(descriptor: int, path: Path) -> bool:
+    """Whether a path still leads to an open file."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.stat(path, follow_symlinks=False))
+    except OSError:
+        return False
 
 
 def _line_and_column(content: bytes, offset: int) -> tuple[int, int]:

@@ -5,7 +5,7 @@ limacon model (deviation = R + x cos + y sin), which holds while eccentricity^2 
 part of known radius is taken about its own centre. Names after ISO 12181-1 (RONt, RONp, RONv, RONq; LSC: least
 squares circle, MZC: minimum zone, MCC: minimum circumscribed, MIC: maximum inscribed) and ISO 16610-21 (the
 Gaussian filter, here for a closed profile: no end effects). Where a circle may slide (MCC and MIC of an oval)
-the position with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.sliding`.
+the position with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.exchange`.
 
 Problem codes: those of `profiles.metrology`, and `trace.unequal_angles`, `trace.eccentric`; as a warning also
 `trace.few_points` and `trace.off_axis`.
@@ -23,9 +23,8 @@ from profiles.arrays import Floats
 from profiles.metrology.circles import LEAST_SQUARES, ReferenceCircle, least_squares
 from profiles.metrology.filters import POINTS_PER_UNDULATION, gaussian_filter
 from profiles.metrology.geometric import circles_about_axis, geometric_circle, polar
-from profiles.metrology.harmonics import Harmonic, harmonics
+from profiles.metrology.harmonics import Harmonic, filled, harmonics, suspects
 from profiles.metrology.points import at_equal_angles, checked, equally_spaced, largest_gap_deg
-from profiles.metrology.robust import filled, suspects
 from profiles.problem import Problem, refused
 
 # The ovality, p-p, that the limacon model may add before the part is taken about its own centre.

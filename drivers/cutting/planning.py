@@ -23,8 +23,7 @@ from drivers.pmac.settings import settings_with
 from profiles.axis.friction import held_back_um
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.axis.servo import sampled_response
-from profiles.compensations.path import CutPath, LobedPath, invert, target_path
-from profiles.compensations.path_bounds import path_problems
+from profiles.compensations.path import CutPath, LobedPath, invert, path_problems, target_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

@@ -51,9 +51,8 @@ class EnvelopeRow:
 class Envelope:
     """The rows over the amplitudes, and the row of the job with its speed as a percentage of each limit.
 
-    A limit of 0 rpm, of a tool without force beyond the reserve, has no percentage (None).
-    `plain_sine_rpm` is how fast the job could be cut within its tolerance without inverting the servo; None where
-    it always can.
+    A limit of 0 rpm, of a tool without force beyond the reserve, has no percentage (None). `plain_sine_rpm` is how
+    fast the job could be cut within its tolerance without inverting the servo; None where it always can.
     """
 
     rows: tuple[EnvelopeRow, ...]

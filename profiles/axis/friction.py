@@ -1,9 +1,8 @@
 """The motion that dry friction takes from a tool: by its describing function, through the sampled loop.
 
-Friction of the force F opposes the speed, a square wave: 4 F / (pi k) at each odd multiple k of the lobe
-frequency (describing function of a relay, Gelb and Vander Velde 1968). Each acts through the loop like any
-other force on the tool, independent of the command, so inverting the tool's response neither adds to it nor
-reduces it.
+Friction of the force F opposes the speed, a square wave: 4 F / (pi k) at each odd multiple k of the lobe frequency
+(describing function of a relay, Gelb and Vander Velde 1968). Each acts through the loop like any other force on
+the tool, independent of the command, so inverting the tool's response neither adds to it nor reduces it.
 """
 
 from __future__ import annotations

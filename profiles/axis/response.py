@@ -143,11 +143,10 @@ def identified_response(
 ) -> ServoResponse:
     """Return the response through identified points: columns of shape (n,) in any order, ci half-widths at 95 %.
 
-    Between two points gain and unwrapped phase follow shape-preserving cubics (Fritsch-Carlson), which keep to
-    the values of the two. The radius is that of the less certain of the two, plus twice the deviation of the
-    cubics from straight lines between them, for what the axis may do there.
-    Raises `ProfileError`: `response.bad_points`: none, twice the same frequency, or what is no gain, phase or
-    interval.
+    Between two points gain and unwrapped phase follow shape-preserving cubics (Fritsch-Carlson), which keep to the
+    values of the two. The radius is that of the less certain of the two, plus twice the deviation of the cubics
+    from straight lines between them, for what the axis may do there. Raises `ProfileError`: `response.bad_points`:
+    none, twice the same frequency, or what is no gain, phase or interval.
     """
     columns = (frequency_hz, gain, phase_deg, gain_ci, phase_ci_deg)
     table = np.array([floats(column) for column in columns])

@@ -43,11 +43,10 @@ class FoundLobe:
     """The lobe of a part: the fit, and what it means for the job.
 
     `crest_deg` is where the released part is high, in spindle degrees in [0, 360), None where unknown.
-    `past_jaw_deg` is the angle from jaw 1 to the nearest maximum, positive in the direction of the cut, None
-    where the angle of jaw 1 is unknown; so is then `diagnosis`, the cause that its position at the jaws
-    suggests. `phase_assumed`: the phase is relative to jaw 1, whose angle the job assumes. `simulated`: the
-    trace was not measured by a gauge. `reasons` are why a job cannot use this lobe; `warnings` do not prevent
-    it.
+    `past_jaw_deg` is the angle from jaw 1 to the nearest maximum, positive in the direction of the cut, None where
+    the angle of jaw 1 is unknown; so is then `diagnosis`, the cause that its position at the jaws suggests.
+    `phase_assumed`: the phase is relative to jaw 1, whose angle the job assumes. `simulated`: the trace was not
+    measured by a gauge. `reasons` are why a job cannot use this lobe; `warnings` do not prevent it.
     """
 
     fit: LobeFit

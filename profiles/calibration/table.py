@@ -25,7 +25,8 @@ import numpy as np
 from profiles.arrays import Floats
 from profiles.fields import Field, fault
 from profiles.files import printable, read_regular_file
-from profiles.problem import Problem, ProfileError, refused
+from profiles.problem import Problem, ProfileError
+from profiles.trace_files.limits import text_of
 
 CAP_BYTES = 10_000_000
 MOST_ROWS = 10_000
@@ -87,23 +88,13 @@ def read_table(path: Path, kind: CalibrationKind | None = None) -> MeasuredTable
 def parse_table(content: bytes, kind: CalibrationKind | None = None, *, where: str = "") -> MeasuredTable:
     """Parse the measurements in the bytes of a file; `where` names it in the problems."""
     reader = _Reader(where, tuple(CalibrationKind) if kind is None else (kind,))
-    for number, line in enumerate(_text(content, where).split("\n"), start=1):
+    for number, line in enumerate(text_of(content, where, "calibration.not_text").split("\n"), start=1):
         stripped = line.strip(" \r")
         if stripped.strip(";,\t"):
             reader.take(number, stripped)
         if reader.full or len(reader.problems) >= _PROBLEM_CAP:
             break
     return reader.finished(hashlib.sha256(content).hexdigest())
-
-
-def _text(content: bytes, where: str) -> str:
-    encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    try:
-        return content.decode(encoding)
-    except UnicodeDecodeError as error:
-        line = content[: error.start].count(b"\n") + 1
-        value = f"0x{content[error.start]:02x}"
-        raise refused("calibration.not_text", where=f"{where}:{line}", value=value) from error
 
 
 def column_name(header: str) -> str:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from profiles.chucking.grip import CUT_SAFETY, least_force_n, most_loss_speed_rpm, permitted_speed_rpm
-from profiles.chucking.holding import Holding, Wrench, holding_of, torque_n_m
+from profiles.chucking.holding import Wrench, holding_of, torque_n_m
 from profiles.chucking.job_grip import (
     centrifugal_loss_n,
     force_sd_n,
@@ -71,7 +71,7 @@ class ForceSpan:
 
 def force_span(job: Job, machine: MachineProfile) -> ForceSpan:
     """Return how hard a job must and may be clamped: the one source for form, preview and arming."""
-    limits_n = _limits(job, machine, holding_of(machine))
+    limits_n = _limits(job, machine)
     binding = min(limits_n, key=limits_n.__getitem__)
     return ForceSpan(
         least_n=least_force_n(_cut_n(job, machine), centrifugal_loss_n(job, machine), machine.chuck.safety_factor),
@@ -154,18 +154,26 @@ def _speed_rpm(job: Job, machine: MachineProfile) -> float:
     )
 
 
-def _limits(job: Job, machine: MachineProfile, holding: Holding) -> dict[str, float]:
+def _limits(job: Job, machine: MachineProfile) -> dict[str, float]:
     limits_n = {"chuck": machine.chuck.max_force_n}
     um_per_n = lobe_um_per_n(job, machine)
     if um_per_n > 0:
-        limits_n["scatter"] = job.roundness_tolerance_um / (um_per_n * holding.force_sd_share)
-    material = material_or_none(job.material)
-    if material is not None and is_thin(job.wall_thickness_mm, job.radius_mm):
-        ring = Ring(
-            outside_mm=job.diameter_mm,
-            wall_mm=job.wall_thickness_mm,
-            length_mm=holding.jaw_length_mm,
-            material=material,
-        )
-        limits_n["wall"] = material.yield_mpa / bending_stress_mpa(ring, job.jaws, 1 / job.jaws)
+        limits_n["scatter"] = job.roundness_tolerance_um / (um_per_n * holding_of(machine).force_sd_share)
+    material, stress_mpa = material_or_none(job.material), wall_stress_mpa(job, machine, 1 / job.jaws)
+    if material is not None and stress_mpa is not None:
+        limits_n["wall"] = material.yield_mpa / stress_mpa
     return limits_n
+
+
+def wall_stress_mpa(job: Job, machine: MachineProfile, force_per_jaw_n: float) -> float | None:
+    """Return the bending stress under a jaw; None of a part that does not bend, or of an unknown material."""
+    material = material_or_none(job.material)
+    if material is None or not is_thin(job.wall_thickness_mm, job.radius_mm):
+        return None
+    ring = Ring(
+        outside_mm=job.diameter_mm,
+        wall_mm=job.wall_thickness_mm,
+        length_mm=holding_of(machine).jaw_length_mm,
+        material=material,
+    )
+    return bending_stress_mpa(ring, job.jaws, force_per_jaw_n)

@@ -1,9 +1,8 @@
 """One part in its chuck under its cut: its roundness error and its deflection.
 
-A thin part (wall below a fifth of the radius) springs back and deflects between the jaws; a bar rests in
-contacts that stiffen with load, and bends as a cantilever. Angles are from jaw 1, in degrees; Z is from the jaw
-faces, in mm, positive towards the free end; deviations of the released part are in um, positive where it is
-high.
+A thin part (wall below a fifth of the radius) springs back and deflects between the jaws; a bar rests in contacts
+that stiffen with load, and bends as a cantilever. Angles are from jaw 1, in degrees; Z is from the jaw faces, in
+mm, positive towards the free end; deviations of the released part are in um, positive where it is high.
 """
 
 from __future__ import annotations

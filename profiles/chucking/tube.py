@@ -82,10 +82,9 @@ def spring_back_um(
 def wall_compliance_um_per_n(ring: Ring, jaws: int, angle_from_jaw_deg: ArrayLike) -> Floats:
     """Return the radial compliance of a ring on its jaws, in the shape of the angles.
 
-    The ring is bent by the tool and by the reactions of N rigid jaws, and moves between them as a whole: the
-    jaws do not move, and the forces balance. 0 at a jaw, largest between two: less is cut there, so its
-    contribution to the part is LOW at the jaws. Two jaws hold it sideways by friction, whose bending is left
-    out.
+    The ring is bent by the tool and by the reactions of N rigid jaws, and moves between them as a whole: the jaws
+    do not move, and the forces balance. 0 at a jaw, largest between two: less is cut there, so its contribution to
+    the part is LOW at the jaws. Two jaws hold it sideways by friction, whose bending is left out.
     """
     angles = floats(angle_from_jaw_deg)
     return floats(ring.scale_um_per_n * _on_jaws(jaws, angles.ravel())).reshape(angles.shape)

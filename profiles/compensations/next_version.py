@@ -136,9 +136,8 @@ def next_version(
     """Learn from a measured part.
 
     `number` is that of the new version, `gain` None the usual one, `orders` the harmonics that can be commanded.
-    `response` is the nominal one from command to tool, by order. `scatter_um` is the standard deviation
-    of the lobe's amplitude from clamping to clamping.
-    Raises `ProfileError` (`learned.gain`).
+    `response` is the nominal one from command to tool, by order. `scatter_um` is the standard deviation of the
+    lobe's amplitude from clamping to clamping. Raises `ProfileError` (`learned.gain`).
     """
     used_gain = _gain(gain, cut.version)
     off = {n: part.coefficients_um[n] - cut.spared_um.get(n, 0j) for n in orders}

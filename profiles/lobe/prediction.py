@@ -14,19 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from profiles.arrays import Floats, floats
+from profiles.arrays import Floats, floats, read_only
 from profiles.axis.envelope import Envelope, envelope
 from profiles.chucking.advice import ClampingAdvice, clamping_advice
 from profiles.chucking.diagnosis import Mechanism
 from profiles.chucking.held_part import held_part
 from profiles.chucking.job_grip import centrifugal_loss_n
 from profiles.cutting_process import CuttingProcess, cutting_process, process_findings
-from profiles.findings import Finding, Severity, refusals
+from profiles.findings import Finding, Severity, judged, refusals
 from profiles.job import Job
-from profiles.lobe.cut_error import CutError, cut_error, scaled_cut
+from profiles.lobe.cut_error import CutError, LobeScale, cut_error, lobe_change_um, lobe_scale, scaled_cut
 from profiles.lobe.lobe_conditions import found_on_a_part
-from profiles.lobe.lobe_scale import LobeScale, lobe_scale
-from profiles.lobe.one_pass import lobe_change_um
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError, refused
 from profiles.rules import IMPOSSIBLE, check
@@ -96,27 +94,27 @@ def predict(
     part, loss_n, scale = held_part(job, machine), centrifugal_loss_n(job, machine), lobe_scale(job, machine)
     factor = 1.0 if scale is None else scale.factor
     z = _places(job, z_mm)
-    angle = _kept(np.arange(ANGLES) * (360 / ANGLES) if angle_deg is None else np.atleast_1d(angle_deg))
+    angle = read_only(np.arange(ANGLES) * (360 / ANGLES) if angle_deg is None else np.atleast_1d(angle_deg))
     stock_mm = np.linspace(0.0, job.depth_of_cut_mm, STOCK_STEPS)
     stock = [cut_error(part.turned_down(float(depth)), loss_n) for depth in stock_mm]
     from_jaw_deg = angle - job.jaw_1_deg - (0.0 if scale is None else _turned_deg(job, stock[0]))
     bare = part.error_parts_um(from_jaw_deg, z)
-    parts = {name: _kept(factor * each) for name, each in bare.items()}
+    parts = {name: read_only(factor * each) for name, each in bare.items()}
     cut = stock[0] if scale is None else scaled_cut(stock[0], factor, job.lobe_phase_deg)
     lobed_um_pp = job.lobe_error_um_pp if scale is None and found_on_a_part(job) else cut.um_pp
     of_prediction = (f for f in of_rules if f.problem.code in _OF_PREDICTION)
     return Prediction(
         angle_deg=angle,
         z_mm=z,
-        error_um=_kept(np.sum(list(parts.values()), axis=0)),
+        error_um=read_only(np.sum(list(parts.values()), axis=0)),
         parts_um=parts,
-        model_um_pp=_kept(np.ptp(np.sum(list(bare.values()), axis=0), axis=1)),
-        size_um=_kept(part.size_um(z)),
+        model_um_pp=read_only(np.ptp(np.sum(list(bare.values()), axis=0), axis=1)),
+        size_um=read_only(part.size_um(z)),
         cut=cut,
         model=stock[0],
         scaled_to=scale,
-        stock_mm=_kept(stock_mm),
-        stock_um_pp=_kept([factor * each.um_pp for each in stock]),
+        stock_mm=read_only(stock_mm),
+        stock_um_pp=read_only([factor * each.um_pp for each in stock]),
         process=cutting_process(part, machine, lobed_um_pp),
         advice=clamping_advice(job, machine),
         envelope=envelope(job, machine),
@@ -132,8 +130,7 @@ def _second_pass(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
         return ()
     value, limit = f"{change_um:+.3g} um", f"± {most_um:.6g} um"
     problem = Problem(code="rule.second_pass", key="depth_of_cut_mm", value=value, limit=limit)
-    severity = Severity.OK if abs(change_um) <= most_um else Severity.WARNING
-    return (Finding(severity=severity, problem=problem),)
+    return (judged(abs(change_um) <= most_um, problem, Severity.WARNING),)
 
 
 def _turned_deg(job: Job, model: CutError) -> float:
@@ -143,15 +140,9 @@ def _turned_deg(job: Job, model: CutError) -> float:
 
 def _places(job: Job, z_mm: ArrayLike | None) -> Floats:
     if z_mm is None:
-        return _kept(np.linspace(0.0, job.overhang_mm, Z_PLACES))
-    z = _kept(np.atleast_1d(floats(z_mm)))
+        return read_only(np.linspace(0.0, job.overhang_mm, Z_PLACES))
+    z = read_only(np.atleast_1d(floats(z_mm)))
     for each in z[~((z >= 0) & (z <= job.overhang_mm))][:1]:
         limit = f">= 0, <= {job.overhang_mm:.6g} mm"
         raise refused("value.out_of_range", key="z_mm", value=f"{each:.6g} mm", limit=limit)
     return z
-
-
-def _kept(values: ArrayLike) -> Floats:
-    copied = np.array(values, dtype=np.float64)
-    copied.setflags(write=False)
-    return copied

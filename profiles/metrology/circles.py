@@ -3,7 +3,7 @@
 The model is linear, so least squares is one linear fit and the other three are linear programmes with a unique
 optimal value, solved exactly by the exchange of contacts. Where several centres have that value (an oval), the
 one with the least RONt is taken and, if not unique, the one nearest to the least squares centre: see
-`profiles.metrology.sliding`. The model holds while eccentricity^2 / (2 radius) is small.
+`profiles.metrology.exchange`. The model holds while eccentricity^2 / (2 radius) is small.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from profiles.arrays import Floats
-from profiles.metrology.exchange import exchanged
+from profiles.metrology.exchange import exchanged, settled
 from profiles.metrology.points import LARGEST_GAP_DEG, checked, largest_gap_deg, narrow
-from profiles.metrology.sliding import settled
 from profiles.problem import ProfileError
 
 LEAST_SQUARES = "LSC"
@@ -68,10 +67,9 @@ class ReferenceCircle:
 def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> ReferenceCircle:
     """Return a reference circle of M points; shape (M,) each, in any order, several at one angle are allowed.
 
-    LSC minimises the sum of squares, MZC hi - lo with all points between, MCC is the smallest R with none
-    outside, MIC the largest R with none inside. Of several equally good centres it is the one with the least
-    RONt, then the one nearest to that of least squares.
-    Raises as `profiles.metrology.points.checked`.
+    LSC minimises the sum of squares, MZC hi - lo with all points between, MCC is the smallest R with none outside,
+    MIC the largest R with none inside. Of several equally good centres it is the one with the least RONt, then the
+    one nearest to that of least squares. Raises as `profiles.metrology.points.checked`.
     """
     return seen_circle(kind, *checked(angle_deg, deviation_um))
 

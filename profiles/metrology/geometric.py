@@ -5,12 +5,11 @@ for least squares, sequential linear programming for zone and inscribed circle) 
 objective drops. Least squares and zone have one optimum near a round part. The circumscribed circle is found
 exactly, and is unique.
 
-The inscribed circle may have several positions, so it is searched from the centre of least squares and from a
-ring around it that turns with the part. In the middle of an oval it rests on two points, and can still grow by
-slipping between each and its neighbour: by (ovality x step of the angles, rad)^2 / diameter, 2e-7 um for 55 um
-and 0.1 deg on 52 mm, with a RONt that is 0.1 um more. ISO 12181-1 leaves the choice open. Here circles within
-`SAME_UM` of the largest are equal, and the one with the least RONt is taken; of two that mirror each other,
-either.
+The inscribed circle may have several positions, so it is searched from the centre of least squares and from a ring
+around it that turns with the part. In the middle of an oval it rests on two points, and can still grow by slipping
+between each and its neighbour: by (ovality x step of the angles, rad)^2 / diameter, 2e-7 um for 55 um and 0.1 deg
+on 52 mm, with a RONt that is 0.1 um more. ISO 12181-1 leaves the choice open. Here circles within `SAME_UM` of the
+largest are equal, and the one with the least RONt is taken; of two that mirror each other, either.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +33,6 @@ from profiles.metrology.circles import (
     limacon_circle,
     seen_circle,
 )
-from profiles.metrology.enclosing import smallest_enclosing
 from profiles.metrology.points import checked
 from profiles.problem import ProfileError
 
@@ -52,8 +51,7 @@ def geometric_circle(
     """Return a reference circle of points x, y (um, shape (M,) each) by their true distances.
 
     `deviation_um` of the circle is its radius. `start` is a point inside the part, the mean of all points if none
-    is given.
-    Raises as `profiles.metrology.points.checked`, of the angles about the start.
+    is given. Raises as `profiles.metrology.points.checked`, of the angles about the start.
     """
     x, y = floats(x_um), floats(y_um)
     first = (float(x.mean()), float(y.mean())) if start is None else start
@@ -149,3 +147,41 @@ def _objective(kind: str, x: Floats, y: Floats, centre: tuple[float, float]) -> 
     if kind == MAXIMUM_INSCRIBED:
         return -float(distance.min())
     return float(np.ptp(distance))
+
+
+# Fraction of the radius that a point may be outside: 3e-8 um of 26 mm.
+_OUTSIDE = 1e-12
+
+
+def smallest_enclosing(x_um: Floats, y_um: Floats) -> tuple[tuple[float, float], tuple[int, ...]]:
+    """Return the centre, um, and the contacts as indices of the points, shape (M,) each."""
+    points = x_um + 1j * y_um
+    contacts: tuple[int, ...] = (int(np.argmax(np.abs(points - points.mean()))),)
+    centre, radius_um = complex(points[contacts[0]]), 0.0
+    while True:
+        distance = np.abs(points - centre)
+        furthest = int(np.argmax(distance))
+        if distance[furthest] <= radius_um * (1.0 + _OUTSIDE):
+            break
+        few = points[[*contacts, furthest]]
+        # The new point is on the next circle, with one or two of the others. Whether a circle holds them all would
+        # be a question of rounding: of these centres that of the smallest circle is the one that reaches least.
+        groups = [(*g, furthest) for size in (1, 2) for g in combinations(contacts, size)]
+        tried = [(_middle([complex(points[i]) for i in group]), group) for group in groups]
+        reaches = [float(np.abs(few - middle).max()) for middle, _ in tried]
+        least = int(np.argmin(reaches))
+        if reaches[least] <= radius_um:
+            break
+        (centre, contacts), radius_um = tried[least], reaches[least]
+    return (centre.real, centre.imag), contacts
+
+
+def _middle(points: list[complex]) -> complex:
+    """Return the centre of the circle on two points as a diameter, or through three, infinity if in line."""
+    if len(points) == 2:
+        return (points[0] + points[1]) / 2
+    b, c = points[1] - points[0], points[2] - points[0]
+    area = 2 * (b.real * c.imag - b.imag * c.real)
+    if area == 0.0:
+        return complex(math.inf, 0.0)
+    return points[0] + 1j * (abs(c) ** 2 * b - abs(b) ** 2 * c) / area

@@ -12,8 +12,7 @@ from collections.abc import Sequence
 
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
-from profiles.trace_files.columns import ANGLE, TABLES, UM_PER_UNIT, Columns, columns_named, unit_named
-from profiles.trace_files.dialect import Dialect
+from profiles.trace_files.columns import ANGLE, TABLES, UM_PER_UNIT, Columns, Dialect, columns_named, unit_named
 from profiles.trace_files.header import APPLIED
 from profiles.trace_files.limits import MOST_HEADER_LINES, MOST_POINTS
 

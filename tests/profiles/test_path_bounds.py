@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 
 from profiles.axis.friction import held_back_um
-from profiles.compensations.path import CutPath, LobedPath, Wave, invert, target_path
-from profiles.compensations.path_bounds import path_problems
+from profiles.compensations.path import CutPath, LobedPath, Wave, invert, path_problems, target_path
 from profiles.job import Job
 from profiles.store import load_job, load_machine
 

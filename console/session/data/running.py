@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from profiles.files import PRIVATE_FILE, make_private_folder
-from profiles.left_files import made_locked, taken_if_left
+from profiles.files import PRIVATE_FILE, made_locked, make_private_folder, taken_if_left
 
 FOLDER = "running"
 

@@ -25,8 +25,7 @@ from profiles.compensations.learned import MODEL, LearnedCompensation, again, mo
 from profiles.compensations.learning_watch import coefficient_of
 from profiles.compensations.next_version import CutWith, LearningStep, next_version
 from profiles.compensations.part_waves import PartWaves, part_waves
-from profiles.compensations.path import CutPath, target_path
-from profiles.compensations.path_bounds import MOST_WAVES
+from profiles.compensations.path import MOST_WAVES, CutPath, target_path
 from profiles.files import printable
 from profiles.job import Job
 from profiles.machine import MachineProfile
