@@ -14,8 +14,7 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-NEAR_BORDER = 0.1
-"""Relative distance of a wall from the border between ring and bar within which it may be either."""
+NEAR_BORDER = 0.1  # relative distance of a wall from the border between ring and bar within which it may be either
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

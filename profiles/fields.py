@@ -3,10 +3,6 @@
 Both profiles (job and machine) are lists of `Field`. Reading collects every problem, so that a file needs to be
 corrected only once. Nothing is guessed: a truth value is not a number, a text is not a number, and 3.0 is not a
 whole number.
-
-Problem codes: `key.unknown`, `key.missing`, `key.missing_several`, `key.twice`, `value.not_number`,
-`value.not_whole`, `value.not_text`, `value.blank`, `value.not_choice`, `value.not_finite`, `value.out_of_range`,
-`value.too_small`, `schema.unsupported`.
 """
 
 from __future__ import annotations
@@ -32,8 +28,7 @@ _Place = tuple[str, ...]
 _DEPTH_CAP_TABLES = 8
 # Invisible letters and symbols: Hangul fillers, an empty Braille cell.
 _INVISIBLE = frozenset("\u115f\u1160\u3164\uffa0\u2800")
-# More than these in one file mean that it is another kind of file.
-_UNKNOWN_CAP = 20
+_UNKNOWN_CAP = 20  # more than these in one file mean that it is another kind of file
 # More missing keys than these, and nothing else, are one problem: the file is empty or hardly begun.
 _MISSING_CAP = 3
 

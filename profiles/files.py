@@ -27,8 +27,7 @@ TOML_LINE_CAP_DOTS = 100
 
 _TEMPORARY = re.compile(r"\.(.+)\.[0-9a-f]{8}\.tmp", re.DOTALL)
 
-PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600
-"""Permissions of private files and folders."""
+PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600  # permissions of private files and folders
 
 
 def printable(text: str, most_characters: int = 200) -> str:

@@ -115,8 +115,7 @@ def copy_of(job: Job, name: str, original: str) -> Job:
 LEAST_MM, LEAST_N, LEAST_RPM = 0.001, 0.1, 0.1
 """Minimum length, force and speed of a job: below these there is no part, and quotients become unphysical."""
 
-LEAST_CUT_MM = 0.0001
-"""Minimum depth and feed: a tenth of a micrometre."""
+LEAST_CUT_MM = 0.0001  # minimum depth and feed: a tenth of a micrometre
 
 
 def _number(key: str, table: str, unit: str, at_least: float, at_most: float, *, optional: bool = False) -> Field:

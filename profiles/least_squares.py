@@ -19,18 +19,10 @@ import numpy as np
 
 from profiles.arrays import Floats, floats
 
-CONFIDENCE = 0.95
-"""The one confidence level used everywhere."""
-
-ROUNDING = 1e-9
-"""Fraction of the largest measurement below which residuals are rounding and are not judged."""
-
-HUBER = 1.345
-"""Residuals in standard deviations from which Huber's weights fall: 95 % efficient for white noise."""
-
-SIGMA_OF_MEDIAN = 1.4826
-"""Standard deviation over the median of the absolute residuals, for white noise."""
-
+CONFIDENCE = 0.95  # the one confidence level used everywhere
+ROUNDING = 1e-9  # fraction of the largest measurement below which residuals are rounding and are not judged
+HUBER = 1.345  # residuals in standard deviations from which Huber's weights fall: 95 % efficient for white noise
+SIGMA_OF_MEDIAN = 1.4826  # standard deviation over the median of the absolute residuals, for white noise
 _HUBER_ROUNDS = 50
 
 

@@ -20,8 +20,7 @@ from profiles.problem import refused
 
 Record = TypeVar("Record")
 
-DEPTH_CAP = 40
-"""Far deeper than any of our files: deeper nesting would fail in Python when it is read or shown."""
+DEPTH_CAP = 40  # far deeper than any of our files: deeper nesting would fail in Python when it is read or shown
 
 
 def from_json(content: str | bytes) -> Any:

@@ -6,9 +6,6 @@ part of known radius is taken about its own centre. Names after ISO 12181-1 (RON
 squares circle, MZC: minimum zone, MCC: minimum circumscribed, MIC: maximum inscribed) and ISO 16610-21 (the
 Gaussian filter, here for a closed profile: no end effects). Where a circle may slide (MCC and MIC of an oval)
 the position with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.exchange`.
-
-Problem codes: those of `profiles.metrology`, and `trace.unequal_angles`, `trace.eccentric`; as a warning also
-`trace.few_points` and `trace.off_axis`.
 """
 
 from __future__ import annotations
@@ -29,11 +26,8 @@ from profiles.problem import Problem, refused
 
 # The ovality, p-p, that the limacon model may add before the part is taken about its own centre.
 _MOST_OVALITY_UM = 0.05
-OFF_AXIS = "trace.off_axis"
-"""Code of the warning that a part is off the axis and its radius is not stated."""
-
-SMALLEST_MM = 5.0
-"""Smallest assumed part radius where a trace does not state it."""
+OFF_AXIS = "trace.off_axis"  # code of the warning that a part is off the axis and its radius is not stated
+SMALLEST_MM = 5.0  # smallest assumed part radius where a trace does not state it
 # Fraction of the radius: further off centre the angles about the axis say little about those of the part.
 _MOST_ECCENTRIC = 0.1
 

@@ -36,8 +36,14 @@ from __future__ import annotations
 import math
 
 from profiles.chucking.advice import force_span, wall_stress_mpa
-from profiles.chucking.grip import MOST_GRIP_LOSS
-from profiles.chucking.job_grip import centrifugal_loss_n, force_sd_n, grip_margin_n, lobe_um_per_n, needed_grip_n
+from profiles.chucking.grip import (
+    MOST_GRIP_LOSS,
+    centrifugal_loss_n,
+    force_sd_n,
+    grip_margin_n,
+    lobe_um_per_n,
+    needed_grip_n,
+)
 from profiles.findings import Finding, Severity, judged, refusals
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import any_stated, force_as_found, lobe_differences, lobe_unstated
@@ -51,8 +57,7 @@ IMPOSSIBLE = ("rule.wall_over_radius", "rule.depth_over_wall", "rule.grip_margin
 LEAST_WALL_MM = 0.2
 """Of the wall left where the tool is deepest. A thinner one yields to the chip, not to the jaws."""
 
-SAME_FORCE = 0.005
-"""Relative difference at which two chucking forces are still the same setting of the wrench."""
+SAME_FORCE = 0.005  # relative difference at which two chucking forces are still the same setting of the wrench
 
 
 def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:

@@ -2,9 +2,6 @@
 
 A reference is the name of a saved profile (its file name without `.toml`; the operator's folder comes first)
 or a path, which contains a separator or ends in `.toml`. Bundled profiles are never written.
-
-Problem codes: `file.unreadable`, `file.not_toml`, `file.too_large`, `file.exists`, `file.bundled`,
-`file.not_writable`, `job.unknown`, `machine.unknown`, and those of `profiles.fields`.
 """
 
 from __future__ import annotations

@@ -9,9 +9,6 @@ numbers then have a decimal comma. Deviations may be in mm or nm, angles may be 
 they are equal, run from -180 to 180 or over several turns where it says so, and points may be x and y in the
 plane, each once. Files of one profile at equal steps (`OF_BYTES`, `OF_TEXT`) are taken as a closed turn. Anything
 else is refused with its line, all problems (up to a cap) at once. A fault on every line is reported once.
-
-Problem codes: those of `profiles.trace_files`, `trace.unreadable`, `trace.too_large`; for writing `file.exists`
-and `file.not_writable`.
 """
 
 from __future__ import annotations
@@ -38,8 +35,7 @@ OF_BYTES: tuple[TraceFormat[bytes], ...] = (X3P,)
 OF_TEXT: tuple[TraceFormat[str], ...] = (SDF, SMD, PRF)
 """The single-profile formats beside tables: to add one, write a reader and list it here."""
 
-CAP_BYTES = 20_000_000
-"""Forty bytes for each of the maximum number of points."""
+CAP_BYTES = 20_000_000  # forty bytes for each of the maximum number of points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from console.text.catalogue import Catalogue
 from profiles.chucking.advice import force_span
+from profiles.chucking.grip import wrench_force_sd_n
 from profiles.chucking.holding import holding_of, torque_or_none_n_m
-from profiles.chucking.job_grip import wrench_force_sd_n
 from profiles.job import Job
 from profiles.machine import MachineProfile
 

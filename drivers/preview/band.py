@@ -17,9 +17,9 @@ from drivers.identification.nominal import path_response
 from drivers.preview.preview import Prediction, Underway
 from profiles.axis.friction import ASSUMED_FRICTION_N, friction_um_pp
 from profiles.axis.response import ServoResponse
+from profiles.chucking.grip import lobe_um_per_n
 from profiles.chucking.held_part import held_part
 from profiles.chucking.holding import holding_of
-from profiles.chucking.job_grip import lobe_um_per_n
 from profiles.cutting_process import cutting_process
 from profiles.job import Job
 from profiles.machine import MachineProfile

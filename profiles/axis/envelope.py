@@ -16,17 +16,14 @@ from profiles.arrays import Floats
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.axis.servo import drive_need, sampled_response
 from profiles.axis.servo_gains import error_limit_um, program_speed_mm_per_s
-from profiles.chucking.grip import most_loss_speed_rpm, speed_of_loss_rpm
-from profiles.chucking.job_grip import mass_radius_kg_m, needed_grip_n
+from profiles.chucking.grip import mass_radius_kg_m, most_loss_speed_rpm, needed_grip_n, speed_of_loss_rpm
 from profiles.compensations.path import spindle_speed_rpm
 from profiles.job import Job
 from profiles.machine import MachineProfile, ToolAxis
 from profiles.problem import ProfileError
 
 AMPLITUDES_UM = (5.0, 16.5, 27.5, 50.0, 100.0, 200.0, 500.0, 1000.0)
-RESERVED_N = 100.0
-"""Cutting force that is reserved."""
-
+RESERVED_N = 100.0  # cutting force that is reserved
 _LEAST_HZ, _MOST_HZ, _GRID = 0.05, 1e5, 4000
 
 

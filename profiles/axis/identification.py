@@ -34,18 +34,11 @@ from profiles.arrays import Complexes, Floats, floats
 from profiles.least_squares import fit, harmonic_columns, harmonic_slice, phasors, student
 from profiles.problem import refused
 
-MOST_SEGMENTS = 10
-"""Maximum segments of a record; each has as many whole periods as that requires."""
-
-LEAST_SEGMENTS = 2
-"""One segment always has a coherence of 1."""
-
+MOST_SEGMENTS = 10  # maximum segments of a record; each has as many whole periods as that requires
+LEAST_SEGMENTS = 2  # one segment always has a coherence of 1
 PARAMETERS = 4
-LEAST_SAMPLES = 2 * PARAMETERS
-"""Per segment: twice the fitted parameters, for a meaningful residual."""
-
-LEAST_SAMPLES_A_PERIOD = 2.5
-"""Above two, or the sine is aliased."""
+LEAST_SAMPLES = 2 * PARAMETERS  # per segment: twice the fitted parameters, for a meaningful residual
+LEAST_SAMPLES_A_PERIOD = 2.5  # above two, or the sine is aliased
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,8 +36,7 @@ MOST_TURN_DEG = 45.0
 """How far the phase may turn between two identified points; beyond that, interpolation is a guess."""
 
 _SAME_HZ = 1e-9
-_WITHIN = 17
-"""Points at which the curves between two points are compared."""
+_WITHIN = 17  # points at which the curves between two points are compared
 
 
 class Source(StrEnum):
@@ -82,8 +81,7 @@ class ServoResponse:
         """
         here = self.at(frequency_hz)
         if not abs(here) * AMPLIFICATION_LIMIT >= 1.0:
-            value = f"{1.0 / abs(here):.3g}" if here else "inf"
-            limit = f"<= {AMPLIFICATION_LIMIT:g}"
+            value, limit = f"{1.0 / abs(here):.3g}" if here else "inf", f"<= {AMPLIFICATION_LIMIT:g}"
             raise refused("response.amplified", where=f"{frequency_hz:.4g} Hz", value=value, limit=limit)
         return here
 
@@ -115,20 +113,15 @@ def model_spread(machine: MachineProfile, frequency_hz: float) -> float:
     This is an assumption, not a confidence: this machine was not measured. Friction and cutting force are not
     included.
     """
-    nominal = complex(sampled_response(machine, frequency_hz))
+    tool, nominal = machine.tool, complex(sampled_response(machine, frequency_hz))
     off = (1.0 - MODEL_TOLERANCE, 1.0 + MODEL_TOLERANCE)
-    others = (_with_drive(machine, mass, gain) for mass, gain in product(off, off))
-    return max(abs(complex(sampled_response(other, frequency_hz)) / nominal - 1.0) for other in others)
-
-
-def _with_drive(machine: MachineProfile, mass_share: float, gain_share: float) -> MachineProfile:
-    tool = machine.tool
-    changed = replace(
-        tool,
-        moving_mass_kg=mass_share * tool.moving_mass_kg,
-        amplifier_gain_a_per_v=gain_share * tool.amplifier_gain_a_per_v,
+    mass_kg, gain = tool.moving_mass_kg, tool.amplifier_gain_a_per_v
+    tools = (
+        replace(tool, moving_mass_kg=of_mass * mass_kg, amplifier_gain_a_per_v=of_gain * gain)
+        for of_mass, of_gain in product(off, off)
     )
-    return replace(machine, tool=changed)
+    others = (complex(sampled_response(replace(machine, tool=each), frequency_hz)) for each in tools)
+    return max(abs(other / nominal - 1.0) for other in others)
 
 
 def identified_response(
@@ -204,10 +197,7 @@ class _Points:
         return np.unwrap(np.radians(self.table[2]))
 
     def _beside(self, frequency_hz: float) -> tuple[int, int]:
-        """Return the points below and above, the same one twice on a point.
-
-        Raises `ProfileError` (`response.too_sparse`).
-        """
+        """Return the points below and above, the same one twice on a point."""
         hz = self.table[0]
         nearest = int(np.argmin(np.abs(hz - frequency_hz)))
         if math.isclose(hz[nearest], frequency_hz, rel_tol=_SAME_HZ):
@@ -230,10 +220,7 @@ def _phasor(gain: Floats, phase_rad: Floats) -> Complexes:
 
 
 def _refuse_points(table: Floats, name: str) -> None:
-    """Make sure that there are points, and that a response can pass through them.
-
-    Raises `ProfileError` (`response.bad_points`).
-    """
+    """Make sure that there are points, and that a response can pass through them."""
     hz, gain, _, gain_ci, phase_ci_deg = table
     value = ""
     if not hz.size:

@@ -35,9 +35,7 @@ from profiles.least_squares import ROUNDING, cofactors, outliers, student
 from profiles.problem import ProfileError, refused
 
 LEAST_JAWS = 3
-LEAST_SPARE = 3
-"""Minimum measurements beyond the parameters: with fewer the confidence is a guess."""
-
+LEAST_SPARE = 3  # minimum measurements beyond the parameters: with fewer the confidence is a guess
 LEAST_ALPHA, MOST_ALPHA = 0.02, 0.9
 """Between a contact that does not stiffen and one without bound; a fit at a limit determines neither."""
 

@@ -4,9 +4,6 @@ The trace's header lines give the direction and the start of its angles; without
 is unknown, and only the amplitude is known. Where the trace counts from jaw 1, the job has its angle. If a
 trace states how its part was cut, it must be without compensation. A simulated part is for practice only, and
 the source of the job says so.
-
-Problem codes: `lobe.phase_unknown`, `lobe.not_significant`, `lobe.not_free`, `lobe.method`, `lobe.compensated`,
-`lobe.simulated`; as a warning also `lobe.filtered`, `lobe.undeclared`, `lobe.off_axis`, `lobe.biased`.
 """
 
 from __future__ import annotations
@@ -31,11 +28,8 @@ INDEX = "spindle index"
 
 MOST_FILTERED = 0.005
 MOST_BIAS = 0.01
-OVAL = 2
-"""UPR of an off-axis circle; a chuck with two jaws makes the same."""
-
-UNDECLARED = 3.0
-"""Multiple of the noise floor above which a harmonic outside the fit is reported."""
+OVAL = 2  # UPR of an off-axis circle; a chuck with two jaws makes the same
+UNDECLARED = 3.0  # multiple of the noise floor above which a harmonic outside the fit is reported
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,10 +4,6 @@ Cells are separated by semicolons, tabs or commas; with the first two, numbers m
 header names the columns with their units ("Torque (N m)" is `torque_n_m`); lines `# key: value` before it apply
 to all rows. A byte order mark, quotes, empty lines and trailing empty cells are accepted. Unknown columns are
 skipped and reported. Anything else is refused with its line, all problems (up to a cap) at once.
-
-Problem codes: `calibration.unreadable`, `calibration.too_large`, `calibration.not_text`, `calibration.empty`,
-`calibration.columns`, `calibration.cells`, `calibration.not_number`, `calibration.out_of_range`,
-`calibration.mixed_decimals`, `calibration.meta`.
 """
 
 from __future__ import annotations
@@ -29,8 +25,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.trace_files.limits import text_of
 
 CAP_BYTES = 10_000_000
-MOST_ROWS = 10_000
-"""A year of clampings, one every hour."""
+MOST_ROWS = 10_000  # a year of clampings, one every hour
 _PROBLEM_CAP = 20
 _SEPARATORS = (";", "\t", ",")
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -79,7 +74,7 @@ class MeasuredTable:
 def read_table(path: Path, kind: CalibrationKind | None = None) -> MeasuredTable:
     """Read the measurements in a file; without a `kind`, of the one whose columns it has.
 
-    Raises `ProfileError`: every problem of it; see the module.
+    Raises `ProfileError`: every problem of it.
     """
     content = read_regular_file(path, cap_bytes=CAP_BYTES, area="calibration")
     return parse_table(content, kind, where=printable(str(path)))

@@ -12,17 +12,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from profiles.chucking.grip import CUT_SAFETY, least_force_n, most_loss_speed_rpm, permitted_speed_rpm
-from profiles.chucking.holding import Wrench, holding_of, torque_n_m
-from profiles.chucking.job_grip import (
+from profiles.chucking.grip import (
+    CUT_SAFETY,
     centrifugal_loss_n,
     force_sd_n,
+    least_force_n,
     line_sd_n,
     lobe_um_per_n,
     mass_radius_kg_m,
+    most_loss_speed_rpm,
     needed_grip_n,
+    permitted_speed_rpm,
     wrench_force_sd_n,
 )
+from profiles.chucking.holding import Wrench, holding_of, torque_n_m
 from profiles.chucking.ring import Ring, bending_stress_mpa, is_thin
 from profiles.job import Job
 from profiles.machine import MachineProfile

@@ -22,8 +22,8 @@ from profiles.chucking.contact import (
     stiffness_at,
 )
 from profiles.chucking.diagnosis import Mechanism
+from profiles.chucking.grip import centrifugal_loss_n
 from profiles.chucking.holding import REFERENCE_FORCE_N, Holding, holding_of
-from profiles.chucking.job_grip import centrifugal_loss_n
 from profiles.chucking.ring import is_thin
 from profiles.chucking.tube import (
     Tube,
@@ -38,9 +38,7 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.materials import Material, material_named
 
-BAR_DAMPING, WALL_DAMPING = 0.03, 0.02
-"""Usual damping ratios of a bar in a chuck and of a thin wall."""
-
+BAR_DAMPING, WALL_DAMPING = 0.03, 0.02  # usual damping ratios of a bar in a chuck and of a thin wall
 _TURN_DEG = np.arange(0.0, 360.0, 5.0)
 
 

@@ -14,17 +14,10 @@ from profiles.problem import refused
 
 JAW_LENGTH_MM = 40.0
 JAW_STIFFNESS_N_PER_UM = 50.0
-REFERENCE_FORCE_N = 1000.0
-"""Force on one jaw at which its stiffness is given."""
-
-CONTACT_EXPONENT = 0.5
-"""alpha of k ~ F^alpha: 1/3 for Hertz's smooth bodies, 1/2 for rough surfaces."""
-
-FRICTION = 0.12
-"""Smooth jaws: 0.1 to 0.15."""
-
-FORCE_SD_PERCENT = 5.0
-"""Scatter between clampings with a wrench at its best."""
+REFERENCE_FORCE_N = 1000.0  # force on one jaw at which its stiffness is given
+CONTACT_EXPONENT = 0.5  # alpha of k ~ F^alpha: 1/3 for Hertz's smooth bodies, 1/2 for rough surfaces
+FRICTION = 0.12  # smooth jaws: 0.1 to 0.15
+FORCE_SD_PERCENT = 5.0  # scatter between clampings with a wrench at its best
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

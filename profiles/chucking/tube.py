@@ -18,9 +18,7 @@ from profiles.arrays import Floats, floats
 from profiles.chucking.ring import Ring, decay_per_mm, fourier_coefficient
 from profiles.materials import Material
 
-MULTIPLES = 8
-"""Harmonics of the lobe that are summed: the ninth has less than a thousandth of the first."""
-
+MULTIPLES = 8  # harmonics of the lobe that are summed: the ninth has less than a thousandth of the first
 HALF_LOBE_ANGLES = 61
 
 

@@ -1,8 +1,4 @@
-"""A learned compensation and what it is valid for; plain values, suitable for a file.
-
-Problem codes: `learned.file`; of one for another job, machine or strategy `learned.job_changed`,
-`learned.machine_changed`, `learned.strategy`.
-"""
+"""A learned compensation and what it is valid for; plain values, suitable for a file."""
 
 from __future__ import annotations
 
@@ -14,11 +10,8 @@ from profiles.own_values import read_own
 from profiles.problem import Problem
 
 SCHEMA = 1
-FILED_TARGET = "wanted"
-"""What files call the target path."""
-
-MODEL = 0
-"""The version without learning: the lobe of the job through the response of the machine profile."""
+FILED_TARGET = "wanted"  # what files call the target path
+MODEL = 0  # the version without learning: the lobe of the job through the response of the machine profile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

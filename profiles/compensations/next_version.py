@@ -20,11 +20,17 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from profiles.compensations.learned import MODEL, HoldsFor, LearnedCompensation, PartRead
-from profiles.compensations.learning import SIGNIFICANT, Deviation, convergence, learned_part
-from profiles.compensations.learning_watch import REPEATS_SD_UM, coefficient_of
+from profiles.compensations.learning import (
+    REPEATS_SD_UM,
+    SIGNIFICANT,
+    Deviation,
+    coefficient_of,
+    convergence,
+    learned_part,
+)
 from profiles.compensations.part_waves import PartWaves
 from profiles.compensations.path import CutPath, Wave, free_state_lobe, share_of
-from profiles.compensations.uncompensated import Uncompensated, uncompensated
+from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.problem import Problem, refused
@@ -32,9 +38,7 @@ from profiles.problem import Problem, refused
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
 """Gain of the first part, where errors are large, and of later ones, where a part of them is noise."""
 
-ROUNDING_UM = 1e-6
-"""A path step below this is only the rounding of its file."""
-
+ROUNDING_UM = 1e-6  # a path step below this is only the rounding of its file
 _NONE = Deviation(coefficients_um={})
 
 
@@ -144,8 +148,11 @@ def next_version(
     learned = {n: e for n, e in off.items() if abs(e) > SIGNIFICANT * part.sd_um[n]}
     path = learned_part(cut.path, Deviation(coefficients_um=learned), _NONE, response, used_gain)
     read = _read(cut, part, job.jaws)
-    plain = _plain(cut, read, job)
-    contractions = _contractions(cut, part, read, job, used_gain, scatter_um, orders)
+    # The part as it would have been without its compensation.
+    path_um = cut.path.target.waves[0].coefficient
+    plain = uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.share, job)
+    lobe = _lobe(cut, read, job, used_gain, scatter_um)
+    contractions = ({} if lobe is None else {job.jaws: lobe}) | _others(cut, part, orders, used_gain)
     # The next part is lower by the additional depth of the tool.
     deeper = {n: cut.spared_um.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*cut.spared_um, *learned}}
     return LearningStep(
@@ -168,12 +175,6 @@ def next_version(
     )
 
 
-def _plain(cut: CutWith, read: PartRead, job: Job) -> Uncompensated:
-    """Return the part as it would have been without its compensation."""
-    path_um = cut.path.target.waves[0].coefficient
-    return uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.share, job)
-
-
 def _gain(gain: float | None, version: LearnedCompensation | None) -> float:
     if gain is None:
         return FIRST_GAIN if version is None else LATER_GAIN
@@ -194,17 +195,8 @@ def _read(cut: CutWith, part: PartWaves, lobes: int) -> PartRead:
     )
 
 
-def _contractions(
-    cut: CutWith, part: PartWaves, now: PartRead, job: Job, gain: float, scatter_um: float, orders: Sequence[int]
-) -> dict[int, Contraction]:
-    """Return the contractions from this part and the previous one, by order: of the lobe, and of the others."""
-    lobe = _lobe(cut, now, job, gain, scatter_um)
-    found = {} if lobe is None else {job.jaws: lobe}
-    return found | _others(cut, part, orders, gain)
-
-
 def _lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float) -> Contraction | None:
-    """Return that of the lobe; None without a previous part, or where both had the same path."""
+    """Return the contraction of the lobe; None without a previous part, or where both had the same path."""
     before = None if cut.version is None else cut.version.part
     if before is not None:
         path, lobe, sd_um = before.target.coefficient, before.lobe.coefficient, before.lobe_sd_um
@@ -220,7 +212,7 @@ def _lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float)
 
 
 def _others(cut: CutWith, part: PartWaves, orders: Sequence[int], gain: float) -> dict[int, Contraction]:
-    """Return those of the harmonics beside the lobe, if the version has them."""
+    """Return the contractions of the harmonics beside the lobe, if the version has them."""
     version, found = cut.version, {}
     if version is None or version.part is None or cut.parent is None:
         return {}

@@ -2,9 +2,6 @@
 
 A trace whose angles are t has Re(c exp(j n t)); at spindle angles a = s t + o, with s = -1 where the trace runs
 against the spindle, that is Re(c' exp(j n a)) with c' = c exp(-j n o), or conj(c) exp(-j n o) against it.
-
-Problem codes: those of `profiles.calibration.lobe` but `lobe.not_significant`, `lobe.compensated` and
-`lobe.simulated`; `learned.jaw_assumed`.
 """
 
 from __future__ import annotations

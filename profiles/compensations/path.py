@@ -245,14 +245,11 @@ def _shared(path: LobedPath, share: float) -> LobedPath:
     return replace(path, amplitude_um=share * path.amplitude_um, overtones=overtones)
 
 
-MOST_MEAN_UM = 60.0
-"""Tolerance of the mean: a soft servo under a fine cut is held back by some tens of um."""
-
+MOST_MEAN_UM = 60.0  # tolerance of the mean: a soft servo under a fine cut is held back by some tens of um
 MOST_SHARE, MOST_WAVE_UM = 0.6, 10.0
 """Tolerance of the lobe, relative and in um; for a command plus what friction may hold back."""
 
-MOST_WAVES = 50
-"""Highest order of an overtone."""
+MOST_WAVES = 50  # highest order of an overtone
 
 
 def path_problems(

@@ -8,8 +8,6 @@ only, and becomes wrong as soon as the angle of jaw 1 is corrected.
 
 Where the lobe of the job was found on a part, its size is known from there; else from r + s W. A tool that was
 held back leaves a lobe of full size in its expected place: that is no fault of the set-up, and can be learned.
-
-Problem codes: `learned.worse`; as a warning `learned.lobe_elsewhere`.
 """
 
 from __future__ import annotations
@@ -18,8 +16,7 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from profiles.compensations.learning import SIGNIFICANT
-from profiles.compensations.learning_watch import REPEATS_SD_UM
+from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import found_on_a_part

@@ -13,8 +13,7 @@ from profiles.job import Job
 from profiles.lobe.lobe_conditions import as_found, found_on_a_part
 from profiles.machine import MachineProfile
 
-_ANGLES = 2 * (HALF_LOBE_ANGLES - 1)
-"""Over one lobe: those of `HeldPart.error_um_pp`, and their mirror images."""
+_ANGLES = 2 * (HALF_LOBE_ANGLES - 1)  # over one lobe: those of `HeldPart.error_um_pp`, and their mirror images
 
 
 LEAST_SEEN_UM = 0.01

@@ -31,28 +31,22 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats, floats
-from profiles.least_squares import CONFIDENCE, Fit, fit, harmonic_columns, harmonic_slice, huber_distances, student
+from profiles.least_squares import CONFIDENCE, fit, harmonic_columns, harmonic_slice, huber_distances, student
 from profiles.metrology.noise_spectrum import NoiseSpectrum, noise_spectrum
 from profiles.problem import refused
 
-HIGHEST_ORDER = 500
-"""Undulations per revolution above which no harmonic is declared."""
-
-_WORST_CONDITION = 100.0
-"""Above this ratio of singular values these angles cannot separate the harmonics."""
-
+HIGHEST_ORDER = 500  # undulations per revolution above which no harmonic is declared
+_WORST_CONDITION = 100.0  # above this ratio of singular values these angles cannot separate the harmonics
 _HIGHEST_LEFT = 50
 _GAP_TOLERANCE_DEG = 1e-6
-_SETTLED = 1e-6
-"""Change of Huber's weights from one iteration to the next at which they have converged."""
+_SETTLED = 1e-6  # change of Huber's weights from one iteration to the next at which they have converged
 _STRAY = 4.0
 """Residual in robust standard deviations from which a point is a chip or a scratch: one in 16 000 by chance."""
 _ROUNDING = 1e-12
-_LEAST_UM = 1e-6
-"""An amplitude up to this is none, however regular a trace without noise is."""
+_LEAST_UM = 1e-6  # an amplitude up to this is none, however regular a trace without noise is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,11 +122,12 @@ def fit_lobe(
 ) -> LobeFit:
     """Fit the lobe in a trace of M points with its confidence.
 
-    Args: angle_deg: shape (M,), in any order, unequal if need be; angles beyond 360 are further turns.
-    deviation_um: shape (M,), positive outwards, from any nominal radius. jaws: N, the lobes a turn. sigma_um:
-    standard deviation of each point, shape (M,) or one for all. Only their ratios count: the size of the noise
-    follows from the residuals. extra: orders in the trace besides {1, 2, N, 2N, 3N}. robust: find chips and
-    scratches by a fit with Huber's weights, and leave them out of the last one.
+    `angle_deg` (M,) is in any order, unequal if need be; angles beyond 360 are further turns. `deviation_um` (M,)
+    is positive outwards, from any nominal radius. `jaws` is N, the lobes a turn. `sigma_um` is the standard
+    deviation of each point, shape (M,) or one for all; only their ratios count: the size of the noise follows from
+    the residuals. `extra` are orders in the trace besides {1, 2, N, 2N, 3N}. `robust`: find chips and scratches by
+    a fit with Huber's weights, and leave them out of the last one.
+
     Raises `ProfileError`: `trace.columns`, `trace.not_finite`, `trace.few_points`, `trace.narrow_angles`;
     `lobe_fit.sigma`, one that is not above 0; `lobe_fit.order`, an order that cannot be declared;
     `lobe_fit.dependent`, angles that cannot separate the harmonics.
@@ -143,7 +138,8 @@ def fit_lobe(
     design = harmonic_columns(np.radians(angle), orders)
     kept = np.ones(angle.size, dtype=bool)
     if robust:
-        kept = _without_strays(design, deviation, root_weight)
+        rounding_um = _ROUNDING * float(np.abs(deviation).max())
+        kept = huber_distances(design, deviation, root_weight, rounding_um, _SETTLED) <= _STRAY
         _refuse_thin(angle[kept], jaws, orders)
     angle, deviation, design, root_weight = angle[kept], deviation[kept], design[kept], root_weight[kept]
     found = fit(design, deviation, root_weight)
@@ -153,7 +149,10 @@ def fit_lobe(
     beta = found.coefficients
     noise = noise_spectrum(angle, root_weight * found.residuals, orders, beta.size)
     of_turns = _turns(angle, deviation, design, root_weight)
-    covariances = _covariances(found, noise, of_turns, orders)
+    by_turns = [(np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0)] if len(of_turns) > 1 else []
+    at = {n: noise.at(n) for n in orders}
+    # By order, the covariances of all coefficients with their degrees of freedom.
+    covariances = {n: [(variance * found.cofactors, freedom), *by_turns] for n, (variance, freedom) in at.items()}
     left_n, left_um, floor_um = _most_left(noise, orders, root_weight)
     return LobeFit(
         jaws=jaws,
@@ -212,12 +211,6 @@ def _refuse_thin(angle: Floats, jaws: int, orders: tuple[int, ...]) -> None:
         raise refused("trace.narrow_angles", key="angle_deg", value=f"{gap_deg:g} deg", limit=f"{most_deg:g} deg")
 
 
-def _without_strays(design: Floats, deviation: Floats, root_weight: Floats) -> NDArray[np.bool_]:
-    """Return which points belong to the part: the others are far off a fit with Huber's weights."""
-    least = _ROUNDING * float(np.abs(deviation).max())
-    return np.asarray(huber_distances(design, deviation, root_weight, least, _SETTLED) <= _STRAY)
-
-
 def _turns(angle: Floats, deviation: Floats, design: Floats, root_weight: Floats) -> list[Floats]:
     """Return the coefficients of each turn that can be fitted on its own; an incomplete last turn cannot."""
     turn = np.floor((angle - angle.min()) / 360.0 + _GAP_TOLERANCE_DEG / 360.0)
@@ -230,15 +223,6 @@ def _turns(angle: Floats, deviation: Floats, design: Floats, root_weight: Floats
     return found
 
 
-def _covariances(
-    found: Fit, noise: NoiseSpectrum, of_turns: list[Floats], orders: tuple[int, ...]
-) -> dict[int, list[tuple[Floats, float]]]:
-    """Return, by order, the covariances of all coefficients with their degrees of freedom."""
-    by_turns = [(np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0)] if len(of_turns) > 1 else []
-    at = {n: noise.at(n) for n in orders}
-    return {n: [(variance * found.cofactors, freedom), *by_turns] for n, (variance, freedom) in at.items()}
-
-
 def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, float]]) -> Wave:
     """Return one harmonic; its standard errors are the largest by any of the covariances (with their freedom)."""
     both = harmonic_slice(place)
@@ -246,8 +230,10 @@ def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, floa
     amplitude = math.hypot(p, q)
     along = np.array([p, q]) / amplitude if amplitude else np.array([1.0, 0.0])
     across = np.array([-along[1], along[0]])
-    radial = max((_sd(along, c[both, both]), freedom) for c, freedom in covariances)
-    tangential = max((_sd(across, c[both, both]), freedom) for c, freedom in covariances)
+    radial, tangential = (
+        max((math.sqrt(max(float(way @ c[both, both] @ way), 0.0)), freedom) for c, freedom in covariances)
+        for way in (along, across)
+    )
     unknown_deg = 360.0 / n / math.sqrt(12.0)
     to_deg = math.degrees(1.0 / (n * amplitude)) if amplitude else math.inf
     return Wave(
@@ -262,10 +248,6 @@ def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, floa
         ci_deg=min(student(tangential[1]) * tangential[0] * to_deg, 180.0 / n) if amplitude else 180.0 / n,
         significant=amplitude > max(_significant_at(radial[1]) * radial[0], _LEAST_UM),
     )
-
-
-def _sd(direction: Floats, covariance: Floats) -> float:
-    return math.sqrt(max(float(direction @ covariance @ direction), 0.0))
 
 
 def _significant_at(freedom: float) -> float:

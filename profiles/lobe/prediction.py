@@ -18,8 +18,8 @@ from profiles.arrays import Floats, floats, read_only
 from profiles.axis.envelope import Envelope, envelope
 from profiles.chucking.advice import ClampingAdvice, clamping_advice
 from profiles.chucking.diagnosis import Mechanism
+from profiles.chucking.grip import centrifugal_loss_n
 from profiles.chucking.held_part import held_part
-from profiles.chucking.job_grip import centrifugal_loss_n
 from profiles.cutting_process import CuttingProcess, cutting_process, process_findings
 from profiles.findings import Finding, Severity, judged, refusals
 from profiles.job import Job

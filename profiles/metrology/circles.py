@@ -25,8 +25,7 @@ MINIMUM_CIRCUMSCRIBED = "MCC"
 MAXIMUM_INSCRIBED = "MIC"
 CIRCLES = (LEAST_SQUARES, MINIMUM_ZONE, MINIMUM_CIRCUMSCRIBED, MAXIMUM_INSCRIBED)
 
-WIDEST_SEEN_DEG = 90.0
-"""A quarter turn: below it no quarter is empty of points, and a zone has a start."""
+WIDEST_SEEN_DEG = 90.0  # a quarter turn: below it no quarter is empty of points, and a zone has a start
 
 # Fraction of the peak-to-peak deviation by which a point may be outside: far below 1e-9 um of any real part.
 _OUTSIDE = 1e-13

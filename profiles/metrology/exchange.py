@@ -72,11 +72,8 @@ def exchanged(
 
 # Rate, per step of the centre, below which a point keeps its distance: the contacts of the circle.
 _KEEPS_DISTANCE = 1e-9
-HANDFUL = 32
-"""Fewer points than this are not a profile."""
-
-_LEVEL = 1e-13
-"""Difference of two deviations, as a fraction of the peak to peak, that is rounding."""
+HANDFUL = 32  # fewer points than this are not a profile
+_LEVEL = 1e-13  # difference of two deviations, as a fraction of the peak to peak, that is rounding
 
 
 def settled(columns: Floats, gains: Floats, prices: Floats, held: NDArray[np.intp], *, one_sided: bool) -> Floats:

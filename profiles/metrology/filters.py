@@ -1,8 +1,6 @@
 """Gaussian filters of a closed profile, after ISO 16610-21: by its spectrum, so without end effects.
 
 Cut-offs in undulations per revolution (UPR): there the transmission is one half.
-
-Problem code: `value.out_of_range`.
 """
 
 from __future__ import annotations
@@ -16,8 +14,7 @@ from profiles.arrays import Floats, floats
 from profiles.problem import refused
 
 POINTS_PER_UNDULATION = 7
-# sqrt(ln 2 / pi): the transmission at the cut-off is one half.
-_ALPHA = math.sqrt(math.log(2) / math.pi)
+_ALPHA = math.sqrt(math.log(2) / math.pi)  # sqrt(ln 2 / pi): the transmission at the cut-off is one half
 
 
 def gaussian_transmission(undulations: ArrayLike, cutoff_upr: float) -> Floats:

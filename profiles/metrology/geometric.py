@@ -38,11 +38,9 @@ from profiles.problem import ProfileError
 
 _MOST_STEPS = 50
 _MOST_HALVINGS = 20
-_STILL = 1e-13
-"""Fraction of the radius below which a step counts as zero: 3e-9 um on a radius of 26 mm."""
+_STILL = 1e-13  # fraction of the radius below which a step counts as zero: 3e-9 um on a radius of 26 mm
 _STARTS = 6
-SAME_UM = 1e-3
-"""Difference of the radii of two inscribed circles that no roundness instrument resolves."""
+SAME_UM = 1e-3  # difference of the radii of two inscribed circles that no roundness instrument resolves
 
 
 def geometric_circle(
@@ -149,8 +147,7 @@ def _objective(kind: str, x: Floats, y: Floats, centre: tuple[float, float]) -> 
     return float(np.ptp(distance))
 
 
-# Fraction of the radius that a point may be outside: 3e-8 um of 26 mm.
-_OUTSIDE = 1e-12
+_OUTSIDE = 1e-12  # fraction of the radius that a point may be outside: 3e-8 um of 26 mm
 
 
 def smallest_enclosing(x_um: Floats, y_um: Floats) -> tuple[tuple[float, float], tuple[int, ...]]:

@@ -62,8 +62,7 @@ FAR_SIGMA = 4.5
 """A harmonic between the fitted ones has its maxima at 1 sigma / 0.95; of 3600 Gaussian points 0.02 lie beyond."""
 LARGEST_SHARE = 0.1
 _SETTLED = 1e-3
-# Fraction of the peak-to-peak value below which a residual is arithmetic rounding.
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # fraction of the peak-to-peak value below which a residual is arithmetic rounding
 
 
 def suspects(angle_deg: Floats, deviation_um: Floats) -> NDArray[np.bool_]:

@@ -26,32 +26,19 @@ from numpy.typing import NDArray
 from profiles.arrays import Floats, floats
 from profiles.least_squares import student
 
-HIGHEST_ORDER = 120
-"""Orders up to here are evaluated one by one; those above count as a whole."""
-
-_BEYOND = 20
-"""Minimum orders evaluated above the highest one that was fitted."""
-
-_LEAST_ORDERS = 8
-"""With fewer unfitted orders no spectrum can be distinguished from white."""
-
-_COLOURED = 4.0
-"""Gain of log-likelihood above which noise is not white: half of chi-square with three, 95 %."""
-
+HIGHEST_ORDER = 120  # orders up to here are evaluated one by one; those above count as a whole
+_BEYOND = 20  # minimum orders evaluated above the highest one that was fitted
+_LEAST_ORDERS = 8  # with fewer unfitted orders no spectrum can be distinguished from white
+_COLOURED = 4.0  # gain of log-likelihood above which noise is not white: half of chi-square with three, 95 %
 _AS_LIKELY = 1.0
 """Loss of log-likelihood for another steepness that is about as likely; the best alone would be overconfident."""
 
-_LINE = 50.0
-"""Multiple of the median of its neighbours: by chance one order in a hundred thousand."""
-
-_NEIGHBOURS = 4
-"""Neighbours of an order, on each side."""
-
+_LINE = 50.0  # multiple of the median of its neighbours: by chance one order in a hundred thousand
+_NEIGHBOURS = 4  # neighbours of an order, on each side
 _CORNERS, _HUMPS = 32, 32
 _STEEPNESS = (1.0, 2.0, 3.0)
 _MOST_HUMP = 1e6
-_PRIOR = 0.1
-"""Prior on the logarithms of hump and corner: within a factor of 20."""
+_PRIOR = 0.1  # prior on the logarithms of hump and corner: within a factor of 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

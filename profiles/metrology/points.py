@@ -12,8 +12,7 @@ from profiles.arrays import Floats, floats
 from profiles.problem import Problem, ProfileError, refused
 
 FEWEST_POINTS = 4
-LARGEST_GAP_DEG = 60.0
-"""Half the period of a three-lobe, maximum to minimum: a larger gap can hide all of it."""
+LARGEST_GAP_DEG = 60.0  # half the period of a three-lobe, maximum to minimum: a larger gap can hide all of it
 # Fraction of a step by which the angles of an equally spaced trace may be off, e.g. by rounding in a file.
 _SPACING_TOLERANCE = 0.01
 _GAP_TOLERANCE_DEG = 1e-6

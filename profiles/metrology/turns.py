@@ -1,7 +1,4 @@
-"""Several turns of one part: what repeats with the angle belongs to the part, the rest is random.
-
-Problem code: `trace.turns`.
-"""
+"""Several turns of one part: what repeats with the angle belongs to the part, the rest is random."""
 
 from __future__ import annotations
 
@@ -14,8 +11,7 @@ from numpy.typing import ArrayLike
 from profiles.arrays import Floats, floats
 from profiles.problem import refused
 
-# Fraction of a step by which the angles of a turn may differ from those of the first one.
-_SAME_ANGLE = 0.01
+_SAME_ANGLE = 0.01  # fraction of a step by which the angles of a turn may differ from those of the first one
 _TURN_DEG = 360.0
 
 

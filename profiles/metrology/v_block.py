@@ -1,7 +1,4 @@
-"""The response of an indicator over a V-block to a lobed part, and the lobes that it cannot see.
-
-Problem codes: `trace.two_point`, `trace.v_block_blind`, `value.out_of_range`.
-"""
+"""The response of an indicator over a V-block to a lobed part, and the lobes that it cannot see."""
 
 from __future__ import annotations
 

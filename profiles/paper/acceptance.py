@@ -10,9 +10,8 @@ from functools import partial
 import numpy as np
 
 from profiles.axis.servo import eq9_response, eq9_summary, pushed_um_per_n, tool_compliance_um_per_n
-from profiles.chucking.grip import centrifugal_loss_n
+from profiles.chucking.grip import centrifugal_loss_n, loss_n
 from profiles.chucking.held_part import held_part
-from profiles.chucking.job_grip import centrifugal_loss_n as loss_of_job_n
 from profiles.chucking.ring import Ring, spring_back_um_pp
 from profiles.chucking.tube import Tube, spring_back_um
 from profiles.compensations.path import misalignment, residual_um_pp
@@ -108,7 +107,7 @@ def _clamping(paper: Experiments) -> tuple[Record, ...]:
         of(three, "um", at="three", expected=55.0, tolerance=0.05),
         of(float(around[sprung.argmax()]), "deg", at="crest", expected=0.0, tolerance=0.5),
         of(three / six, at="six", expected=19.1, tolerance=0.05),
-        of(centrifugal_loss_n(3 * 0.8 * 0.06, 1000.0), "N", at="centrifugal", expected=1579.0, tolerance=0.5),
+        of(loss_n(3 * 0.8 * 0.06, 1000.0), "N", at="centrifugal", expected=1579.0, tolerance=0.5),
         of(_left_at_speed(paper), at="spinning", expected=_FORCE_LEFT_AT_SPEED, tolerance=1e-3),
     )
 
@@ -117,7 +116,7 @@ def _left_at_speed(paper: Experiments) -> float:
     """Return the fraction of its spring-back that experiment 1 has left at 1000 rpm."""
     job, machine = paper.jobs[0], paper.machine
     at_speed, slow = (
-        cut_error(held_part(each, machine), loss_of_job_n(each, machine)).spring_back_um_pp
+        cut_error(held_part(each, machine), centrifugal_loss_n(each, machine)).spring_back_um_pp
         for each in (job, replace(job, spindle_speed_rpm=1.0))
     )
     return at_speed / slow

@@ -22,9 +22,7 @@ from profiles.materials import material_named
 from profiles.paper.record import Basis, Curve, Figure, Record, Relation, Section
 
 TURN_DEG = np.arange(0.0, 361.0)
-CHUCKING_N = (3077.0, 6593.0)
-"""The two chucking forces that the captions name; totals over three jaws."""
-
+CHUCKING_N = (3077.0, 6593.0)  # the two chucking forces that the captions name; totals over three jaws
 _FIG_3_N, _FIG_4_N, _FIG_5_N = 150.0, 150.0, 700.0
 _FAR_MM = 125.0
 _BARS_MM = (35.0, 68.0)
@@ -53,8 +51,7 @@ _NEAR_UM = 1e-3
 _ROUNDING = 1e-6
 
 _RING = Ring(outside_mm=52.0, wall_mm=2.5, length_mm=40.0, material=material_named("Al"))
-_CLAMPED_N = 3 * 438.0
-"""The part of experiment 1, and the total force at which three jaws make 55 um of it."""
+_CLAMPED_N = 3 * 438.0  # the part of experiment 1, and the total force at which three jaws make 55 um of it
 
 _by_the_contacts = partial(Record, basis=Basis.CONSTRUCTION, why="stiffening")
 """A record that holds for three contacts of any stiffening exponent."""

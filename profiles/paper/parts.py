@@ -29,9 +29,7 @@ from profiles.roundness import evaluate
 FULL_BLEND = 1.0
 """TA = TM: every move of Prog. 1 is all acceleration time."""
 
-WITHIN_UM = 6.0
-"""Required agreement with a measured part of a model without any tuned factor."""
-
+WITHIN_UM = 6.0  # required agreement with a measured part of a model without any tuned factor
 _TURN_DEG = np.arange(0.0, 360.0, 0.5)
 _PHASE = np.radians(3 * _TURN_DEG)
 

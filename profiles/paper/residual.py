@@ -32,8 +32,7 @@ class Ramps(StrEnum):
     S_CURVE = "s_curve"
 
 
-SINE: Mapping[int, float] = {1: 0.5}
-"""The target path: its swing is P."""
+SINE: Mapping[int, float] = {1: 0.5}  # the target path: its swing is P
 
 
 def zigzag(ramps: Ramps, blend_share: float) -> dict[int, float]:

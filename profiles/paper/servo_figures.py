@@ -17,9 +17,7 @@ from profiles.paper import table_5
 from profiles.paper.record import Basis, Curve, Figure, Record, Relation, Section
 
 PAPER_BANDWIDTH_HZ, PAPER_TOLERANCE_HZ = 80.0, 5.0
-COIL_KG = 2.95
-"""Table 2: the coil alone, without the slide and the tool that Table 4 has with it."""
-
+COIL_KG = 2.95  # Table 2: the coil alone, without the slide and the tool that Table 4 has with it
 _TOP_HZ = 150.0
 _LOBE_HZ = 50.0
 _SETTLED_S = 0.1

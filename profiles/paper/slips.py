@@ -10,12 +10,8 @@ from profiles.machine import MachineProfile
 from profiles.paper.experiments import COMPENSATED_UM, Experiments
 from profiles.paper.record import Basis, Record, Section
 
-_CONCLUDED_PERCENT = 51.0
-"""Improvement of experiment 1 in the conclusion, section 6."""
-
-_SECOND_PERCENT = 57.0
-"""Improvement of experiment 2, section 5.2.3."""
-
+_CONCLUDED_PERCENT = 51.0  # improvement of experiment 1 in the conclusion, section 6
+_SECOND_PERCENT = 57.0  # improvement of experiment 2, section 5.2.3
 _NO_GAIN_DEG = 20.0
 """A path off by this spindle angle leaves the whole lobe of three jaws: |1 - exp(-j 60 deg)| = 1."""
 

@@ -22,11 +22,8 @@ AMPLITUDE_ERROR_UM = (2.7, 8.6, 5.8, 6.3)
 PHASE_ERROR_RAD = (0.0, 0.126, 0.241, 0.275)
 COMMAND_UM_PP = 50.0
 
-WEIGHT = 0.03
-"""Assumed reading error in the fits, of a gain and of a phase in rad, one standard deviation."""
-
-UNKNOWNS = 2
-"""What is fitted: acceleration feedforward and delay."""
+WEIGHT = 0.03  # assumed reading error in the fits, of a gain and of a phase in rad, one standard deviation
+UNKNOWNS = 2  # what is fitted: acceleration feedforward and delay
 
 
 class Reading(Enum):

@@ -3,9 +3,6 @@
 None of them can express closed profiles, start marks or directions: heights are along a line. Such a profile is
 taken as one turn, so that its length, the number of points times the step, is the circumference. The phase stays
 unknown, and so does the size: the heights are from any zero.
-
-Problem codes: `trace.format`, a field that cannot be used; `trace.too_large`; `trace.not_number`,
-`trace.not_finite` and `trace.out_of_range` with their line.
 """
 
 from __future__ import annotations
@@ -25,8 +22,7 @@ Content = TypeVar("Content", bytes, str)
 """The content of a file: its bytes, or their text."""
 
 UM_PER_M = 1e6
-ABOVE_ZERO = math.ulp(0.0)
-"""The smallest step or scale."""
+ABOVE_ZERO = math.ulp(0.0)  # the smallest step or scale
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,8 +3,6 @@
 A thousand turns of 360 points, or a hundred of 3600, are within. A small file may have large content: an archive
 unpacks to a thousand times its size, an element of two letters costs a hundred bytes. Text is UTF-8 with or
 without a byte order mark, or UTF-16 with one, as spreadsheets save "Unicode text"; lines end with LF, CR LF or CR.
-
-Problem codes: `trace.too_large`, `trace.empty`, `trace.not_utf8` with its line.
 """
 
 from __future__ import annotations
@@ -16,12 +14,8 @@ from collections.abc import Iterator
 from profiles.problem import ProfileError, refused
 
 MOST_POINTS = 500_000
-MOST_LINES = 2 * MOST_POINTS
-"""Half of them blank, or remarks."""
-
-MOST_HEADER_LINES = 1000
-"""Lines `# key: value`."""
-
+MOST_LINES = 2 * MOST_POINTS  # half of them blank, or remarks
+MOST_HEADER_LINES = 1000  # lines `# key: value`
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 

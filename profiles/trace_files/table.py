@@ -1,10 +1,4 @@
-"""One text file with a table of points, read line by line.
-
-Problem codes: `trace.no_header`, `trace.columns`, `trace.not_number`, `trace.not_finite`, `trace.out_of_range`,
-`trace.duplicate_angle`, `trace.duplicate_point`, `trace.few_points`, `trace.meta`; of the whole file
-`trace.too_large`, `trace.separator`, `trace.decimal_comma`, `trace.mixed_decimals`, `trace.negative_angle`,
-`trace.units`, `trace.angles`.
-"""
+"""One text file with a table of points, read line by line."""
 
 from __future__ import annotations
 
@@ -63,9 +57,8 @@ class TableReader:
         if cause := self._dialect.cause(cells, target):
             self._spoil(cause, number, value=line, limit=PLAIN_HEADER)
         elif len(self.second) >= MOST_POINTS:
-            self._spoil(
-                "trace.too_large", number, value=f"> {MOST_POINTS} points", limit=f"<= {MOST_POINTS} points"
-            )
+            value, limit = f"> {MOST_POINTS} points", f"<= {MOST_POINTS} points"
+            self._spoil("trace.too_large", number, value=value, limit=limit)
         elif len(cells) != target:
             names = TABLES[0].names if self.columns is None else self.columns.names
             self._refuse("trace.columns", number, value=line, limit=",".join(names))
@@ -77,10 +70,8 @@ class TableReader:
         if not self._header_met:
             self.problems.append(Problem(code="trace.no_header", where=self.where, limit=PLAIN_HEADER))
         if not self.problems and len(self.second) < FEWEST_POINTS:
-            value = str(len(self.second))
-            self.problems.append(
-                Problem(code="trace.few_points", where=self.where, value=value, limit=f">= {FEWEST_POINTS}")
-            )
+            value, limit = str(len(self.second)), f">= {FEWEST_POINTS}"
+            self.problems.append(Problem(code="trace.few_points", where=self.where, value=value, limit=limit))
         if self.problems:
             raise ProfileError(*self.problems)
         self.meta = {key: value for key, value in self.meta.items() if key not in APPLIED}
@@ -177,9 +168,11 @@ class TableReader:
             self.first.append(angle if angle >= 0.0 else angle % _TURN_DEG)
             self.second.append(deviation)
             return
-        if closes and not self._closed and self._repeats_start(deviation):
-            self._closed = True
-            return
+        if closes and not self._closed:
+            at_start = self.second[list(self._line_of_angle).index(self._from_deg)]
+            self._closed = abs(deviation - at_start) <= CLOSING_TOLERANCE_UM
+            if self._closed:
+                return
         limit = f"{self.where}:{self._line_of_angle[place]}"
         self._refuse("trace.duplicate_angle", number, key=ANGLE, value=cell, limit=limit)
 
@@ -200,10 +193,6 @@ class TableReader:
     def _refuse_place(self, number: int, shown: str, before: int) -> None:
         key = ",".join(self.columns.names) if self.columns else ""
         self._refuse("trace.duplicate_point", number, key=key, value=shown, limit=f"{self.where}:{before}")
-
-    def _repeats_start(self, deviation: float) -> bool:
-        at_start = self.second[list(self._line_of_angle).index(self._from_deg)]
-        return abs(deviation - at_start) <= CLOSING_TOLERANCE_UM
 
     def _spoil(self, code: str, number: int, *, key: str = "", value: str, limit: str) -> None:
         """Refuse the whole file for a fault that is on every line of it."""

@@ -41,9 +41,7 @@ DATA_CAP_BYTES = 8 * MOST_POINTS
 MOST_MEMBERS = 1000
 MOST_ELEMENTS = MOST_POINTS + 1000
 MOST_ATTRIBUTES = 1000
-LONGEST_ATTRIBUTE = 300
-"""Characters: that of a namespace is repeated in every name below it."""
-
+LONGEST_ATTRIBUTE = 300  # characters: that of a namespace is repeated in every name below it
 _TYPES = {"I": "<i2", "L": "<i4", "F": "<f4", "D": "<f8"}
 _INTEGERS = ("I", "L")
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError)
@@ -179,8 +177,9 @@ def _linked(archive: zipfile.ZipFile, root: _Element, points: float, where: str)
         yield f"{where}: {printable(link, 60)} {place}", repr(value) if good else "BAD"
 
 
-def _begins(content: bytes) -> bool:
-    return content.startswith(_BEGINNING)
-
-
-X3P = TraceFormat(name="X3P", standard="ISO 25178-72", begins=_begins, read=read_x3p)
+X3P = TraceFormat(
+    name="X3P",
+    standard="ISO 25178-72",
+    begins=lambda content: content.startswith(_BEGINNING),
+    read=read_x3p,
+)

@@ -9,8 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from profiles.compensations.learning import Deviation, learned_command, learned_part
-from profiles.compensations.learning_watch import REPEATS_SD_UM, Watch, coefficient_of
+from profiles.compensations.learning import (
+    REPEATS_SD_UM,
+    Deviation,
+    Watch,
+    coefficient_of,
+    learned_command,
+    learned_part,
+)
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.path import CutPath, LobedPath
 

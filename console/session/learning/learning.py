@@ -27,9 +27,16 @@ from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from profiles.axis.friction import held_back_um
-from profiles.chucking.job_grip import force_sd_n, lobe_um_per_n
-from profiles.compensations.learning import Deviation, HarmonicFit, fit_harmonics, learned_command, learned_part
-from profiles.compensations.learning_watch import Grown, Watch
+from profiles.chucking.grip import force_sd_n, lobe_um_per_n
+from profiles.compensations.learning import (
+    Deviation,
+    Grown,
+    HarmonicFit,
+    Watch,
+    fit_harmonics,
+    learned_command,
+    learned_part,
+)
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.part_waves import PartWaves, part_waves
 from profiles.compensations.path import CutPath, target_path

@@ -19,10 +19,10 @@ from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
 from drivers.identification.nominal import nominal_response
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
+from profiles.chucking.grip import lobe_um_per_n
 from profiles.chucking.holding import holding_of
-from profiles.chucking.job_grip import lobe_um_per_n
 from profiles.compensations.learned import MODEL, LearnedCompensation, again, model_again
-from profiles.compensations.learning_watch import coefficient_of
+from profiles.compensations.learning import coefficient_of
 from profiles.compensations.next_version import CutWith, LearningStep, next_version
 from profiles.compensations.part_waves import PartWaves, part_waves
 from profiles.compensations.path import MOST_WAVES, CutPath, target_path

@@ -13,8 +13,8 @@ from console.tui.lines import BLANK, Line, clipped, dim, fact, fitted, hanging, 
 from console.tui.pages.fields import FORM, FormField, Judged, bounds, named, provenance, with_unit, written
 from console.tui.theme import Token
 from profiles.chucking.advice import ForceSpan, Stands, force_span
+from profiles.chucking.grip import centrifugal_loss_n, grip_margin_n, wrench_force_sd_n
 from profiles.chucking.holding import holding_of, torque_or_none_n_m
-from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, wrench_force_sd_n
 from profiles.findings import Finding, Severity
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import changed_conditions, lobe_source
