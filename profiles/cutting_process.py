@@ -70,30 +70,21 @@ def process_findings(part: HeldPart, machine: MachineProfile) -> tuple[Finding, 
     - `rule.wall_border`    (warning) a wall within 10 % of where a ring that bends becomes a bar
     - `rule.mode_near`      (warning) one, two or three times the lobe frequency within 10 % of a mode of the part
     """
-    return (*_lifted(part), _border(part), *_mode(part, machine))
+    job, mode_hz, findings = part.job, machine.chuck.work_mode_hz, []
 
+    def warn_unless(holds: bool, code: str, key: str, value: str, limit: str) -> None:
+        problem = Problem(code=code, key=key, value=value, limit=limit)
+        findings.append(judged(holds, problem, Severity.WARNING))
 
-def _lifted(part: HeldPart) -> tuple[Finding, ...]:
-    if part.thin:
-        return ()
-    value, limit = f"{part.force.passive_n:.6g} N", f"{part.per_jaw_n:.6g} N"
-    lifts = Problem(code="rule.jaw_lifts", key="overhang_mm", value=value, limit=limit)
-    return (judged(not part.lifted(), lifts, Severity.WARNING),)
-
-
-def _border(part: HeldPart) -> Finding:
-    """Warn near the border of the two models: a wall may be either, and their errors differ many times."""
-    wall_mm, border_mm = part.job.wall_thickness_mm, THIN_WALL * part.job.radius_mm
-    value, limit = f"{wall_mm:.6g} mm", f"{border_mm:.6g} mm"
-    near = Problem(code="rule.wall_border", key="wall_thickness_mm", value=value, limit=limit)
-    return judged(abs(wall_mm / border_mm - 1.0) > NEAR_BORDER, near, Severity.WARNING)
-
-
-def _mode(part: HeldPart, machine: MachineProfile) -> tuple[Finding, ...]:
-    mode_hz = machine.chuck.work_mode_hz
-    if mode_hz is None:
-        return ()
-    found = nearest_mode(part.job.lobe_frequency_hz, (mode_hz,))
-    value = f"{part.job.lobe_frequency_hz * (found[0] if found else 1):.6g} Hz"
-    near = Problem(code="rule.mode_near", key="spindle_speed_rpm", value=value, limit=f"{mode_hz:.6g} Hz")
-    return (judged(found is None, near, Severity.WARNING),)
+    if not part.thin:
+        value, limit = f"{part.force.passive_n:.6g} N", f"{part.per_jaw_n:.6g} N"
+        warn_unless(not part.lifted(), "rule.jaw_lifts", "overhang_mm", value, limit)
+    # Near the border of the two models a wall may be either, and their errors differ many times.
+    wall_mm, border_mm = job.wall_thickness_mm, THIN_WALL * job.radius_mm
+    clear, value = abs(wall_mm / border_mm - 1.0) > NEAR_BORDER, f"{wall_mm:.6g} mm"
+    warn_unless(clear, "rule.wall_border", "wall_thickness_mm", value, f"{border_mm:.6g} mm")
+    if mode_hz is not None:
+        found = nearest_mode(job.lobe_frequency_hz, (mode_hz,))
+        value = f"{job.lobe_frequency_hz * (found[0] if found else 1):.6g} Hz"
+        warn_unless(found is None, "rule.mode_near", "spindle_speed_rpm", value, f"{mode_hz:.6g} Hz")
+    return tuple(findings)

@@ -76,7 +76,8 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
                 raise ValueError(f"line {number} > {TOML_LINE_CAP_DOTS} dots")
         return tomllib.loads(text)
     except UnicodeDecodeError as error:
-        row, column = _line_and_column(content, error.start)
+        before = content[: error.start]
+        row, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
         detail = f"not UTF-8 (at line {row}, column {column})"
     except RecursionError:
         detail = "nested too deeply"
@@ -219,16 +220,10 @@ def remove_if_left(path: Path) -> None:
 
 
 def _is_at(descriptor: int, path: Path) -> bool:
-    """Whether a path still leads to an open file."""
     try:
         return os.path.samestat(os.fstat(descriptor), os.stat(path, follow_symlinks=False))
     except OSError:
         return False
-
-
-def _line_and_column(content: bytes, offset: int) -> tuple[int, int]:
-    before = content[:offset]
-    return before.count(b"\n") + 1, offset - (before.rfind(b"\n") + 1) + 1
 
 
 def _mode_of_existing(target: Path) -> int | None:

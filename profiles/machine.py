@@ -259,7 +259,6 @@ def machine_from_table(table: Mapping[str, Any], *, where: str = "") -> MachineP
 
 
 def _read_sections(table: Mapping[str, Any], where: str, problems: list[Problem]) -> dict[str, dict[str, Any]]:
-    """Return the values of each section that is present; add its problems to `problems`."""
     sections: dict[str, dict[str, Any]] = {}
     given: dict[str, Any] | None = None
     for name, fields in SECTIONS.items():

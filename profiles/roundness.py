@@ -182,7 +182,6 @@ def _centred(
 def _filtered(
     measured_deg: Floats, centred: _Centred, filter_upr: float | None, above_upr: float | None
 ) -> _Centred:
-    """Return the profile through the filter, at equal angles where it was taken about its own centre."""
     if filter_upr is None:
         raise refused("value.out_of_range", key="filter_upr", value="none", limit=f"> {above_upr} UPR")
     if not equally_spaced(measured_deg):
@@ -202,7 +201,6 @@ def _filtered(
 
 
 def _from_axis(circle: ReferenceCircle, centred: _Centred) -> ReferenceCircle:
-    """Return a circle of the centred profile relative to the axis of measurement."""
     return replace(
         circle,
         centre_x_um=circle.centre_x_um + centred.x_um,

@@ -47,7 +47,7 @@ from profiles.chucking.grip import (
 from profiles.findings import Finding, Severity, judged, refusals
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import any_stated, force_as_found, lobe_differences, lobe_unstated
-from profiles.machine import MachineProfile
+from profiles.machine import Carriage, MachineProfile, ToolAxis
 from profiles.materials import material_or_none, unknown_material
 from profiles.problem import Problem
 
@@ -63,16 +63,17 @@ SAME_FORCE = 0.005  # relative difference at which two chucking forces are still
 def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     """Return one finding for every rule that can be judged, in the order of the module's list."""
     of_part, of_grip = _part(job, machine), _grip(job, machine)
+    span, key = force_span(job, machine), "chucking_force_n"
+    jaws = Problem(code="rule.jaws_differ", key="jaws", value=str(job.jaws), limit=str(machine.chuck.jaws))
     return (
         *of_part,
         *of_grip,
         *_clamping(job, machine),
-        _clamp_span(job, machine),
+        _finding("rule.clamp_span", key, not span.empty, span.least_n, "<=", span.most_n, "N", Severity.WARNING),
         _at_most("rule.feed_over_land", "feed_mm_per_rev", job.feed_mm_per_rev, machine.tool.wiper_land_mm, "mm"),
-        _tool_travel(job, machine),
-        _carriage_travel(job, machine),
+        *_travel(job, machine),
         *_tool_load(job, machine),
-        _jaws(job, machine),
+        judged(job.jaws == machine.chuck.jaws, jaws, Severity.WARNING),
         *(() if job.lobe_force_n is None else (force_as_measured(job),)),
         *lobe_as_found(job, machine),
         *_chatter(job, machine, (*of_part, *of_grip)),
@@ -106,7 +107,6 @@ def lobe_as_found(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 
 
 def _chatter(job: Job, machine: MachineProfile, judged: tuple[Finding, ...]) -> tuple[Finding, ...]:
-    """Judge whether a part that can be held and cut tolerates the width of cut."""
     impossible = any(finding.problem.code in IMPOSSIBLE for finding in refusals(judged))
     if impossible or material_or_none(job.material) is None:
         return ()
@@ -161,25 +161,18 @@ def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     return (known, judged(stress_mpa <= material.yield_mpa, stress), scatter)
 
 
-def _clamp_span(job: Job, machine: MachineProfile) -> Finding:
-    span, key, warning = force_span(job, machine), "chucking_force_n", Severity.WARNING
-    return _finding("rule.clamp_span", key, not span.empty, span.least_n, "<=", span.most_n, "N", warning)
-
-
-def _tool_travel(job: Job, machine: MachineProfile) -> Finding:
-    """Check that the tool can clear the blank by the retract distance and reach the deepest point of the cut."""
-    tool = machine.tool
+def _travel(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+    """Check that the tool clears the blank and reaches the deepest point of the cut, and the carriage its ends."""
+    tool, carriage = machine.tool, machine.carriage
     surface_mm = tool.home_radius_mm - job.radius_mm
     out_mm = surface_mm - tool.retract_mm
     in_mm = surface_mm + job.depth_of_cut_mm + job.largest_amplitude_um / 1000
-    return _within("rule.tool_travel", "diameter_mm", (out_mm, in_mm), tool.travel_min_mm, tool.travel_max_mm)
-
-
-def _carriage_travel(job: Job, machine: MachineProfile) -> Finding:
-    carriage = machine.carriage
     start_mm = carriage.jaw_face_mm - job.overhang_mm
-    ends_mm = start_mm, start_mm + job.cut_length_mm
-    return _within("rule.carriage_travel", "overhang_mm", ends_mm, carriage.travel_min_mm, carriage.travel_max_mm)
+    end_mm = start_mm + job.cut_length_mm
+    return (
+        _within("rule.tool_travel", "diameter_mm", (out_mm, in_mm), tool),
+        _within("rule.carriage_travel", "overhang_mm", (start_mm, end_mm), carriage),
+    )
 
 
 def _tool_load(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -194,12 +187,6 @@ def _tool_load(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
         _at_most("rule.tool_force", "lobe_error_um_pp", force_n, tool.continuous_force_n, "N"),
         _at_most("rule.encoder_acceleration", "lobe_error_um_pp", acceleration, most, "m/s2"),
     )
-
-
-def _jaws(job: Job, machine: MachineProfile) -> Finding:
-    value, limit = str(job.jaws), str(machine.chuck.jaws)
-    problem = Problem(code="rule.jaws_differ", key="jaws", value=value, limit=limit)
-    return judged(job.jaws == machine.chuck.jaws, problem, Severity.WARNING)
 
 
 def _at_most(
@@ -222,7 +209,8 @@ def _finding(
     return judged(holds, problem, otherwise)
 
 
-def _within(code: str, key: str, ends_mm: tuple[float, float], low_mm: float, high_mm: float) -> Finding:
+def _within(code: str, key: str, ends_mm: tuple[float, float], axis: ToolAxis | Carriage) -> Finding:
+    low_mm, high_mm = axis.travel_min_mm, axis.travel_max_mm
     value, limit = f"{ends_mm[0]:.6g} … {ends_mm[1]:.6g} mm", f"{low_mm:.6g} … {high_mm:.6g} mm"
     problem = Problem(code=code, key=key, value=value, limit=limit)
     return judged(low_mm <= ends_mm[0] and ends_mm[1] <= high_mm, problem)

@@ -180,7 +180,6 @@ def _of_loop(machine: MachineProfile, amplitude_um: float) -> dict[str, float]:
 
 
 def _highest_invertible_hz(machine: MachineProfile, response: ServoResponse) -> float:
-    """Return the end of the invertible band that begins at the lowest frequency."""
 
     def invertible(frequency_hz: float) -> bool:
         try:

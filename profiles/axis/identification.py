@@ -125,7 +125,8 @@ def frequency_response(
         gain=abs(found),
         phase_deg=math.degrees(cmath.phase(found)),
         gain_ci=gain_ci,
-        phase_ci_deg=_phase_ci_deg(abs(found), gain_ci),
+        # The half-angle subtended by the confidence circle; one that contains 0 determines no phase.
+        phase_ci_deg=math.degrees(math.asin(gain_ci / abs(found))) if gain_ci < abs(found) else 180.0,
         coherence=_coherence(r, y, energy, _rounding(answered)),
         reference=math.sqrt(energy / len(r)),
         segments=len(pieces),
@@ -181,11 +182,6 @@ def _by_residuals(r: Complexes, responses: list[SineFit], energy: float) -> floa
     variances = np.array([fit.phasor_variance for fit in responses])
     variance = float(np.sum(np.abs(r) ** 2 * variances)) / energy**2
     return student(math.inf) * math.sqrt(variance)
-
-
-def _phase_ci_deg(gain: float, gain_ci: float) -> float:
-    """Return the half-angle subtended by the confidence circle; one that contains 0 determines no phase."""
-    return math.degrees(math.asin(gain_ci / gain)) if gain_ci < gain else 180.0
 
 
 def _rounding(samples: Floats) -> float:

@@ -220,7 +220,6 @@ def _phasor(gain: Floats, phase_rad: Floats) -> Complexes:
 
 
 def _refuse_points(table: Floats, name: str) -> None:
-    """Make sure that there are points, and that a response can pass through them."""
     hz, gain, _, gain_ci, phase_ci_deg = table
     value = ""
     if not hz.size:

@@ -219,8 +219,6 @@ def _ring(share: Floats, angle_deg: Floats, alpha: float, jaws: int) -> Floats:
 
 
 class _Model:
-    """The deflections of a table of rows as a function of (ln k, alpha, ln l)."""
-
     def __init__(self, rows: Mapping[str, Floats], jaws: int, youngs_gpa: float, reference_n: float) -> None:
         self._rows = rows
         self._jaws = jaws

@@ -65,11 +65,15 @@ def find_lobe(
     from_index = trace.meta.get("start_mark") == INDEX
     simulated = trace.meta.get("simulated") == "yes"
     crest_deg, past_deg = _on_the_spindle(fit, header, job, from_index)
+    seen = None
+    if past_deg is not None and fit.lobe.significant:
+        thin = is_thin(job.wall_thickness_mm, job.radius_mm)
+        seen = diagnose(crest_deg=past_deg, jaw_1_deg=0.0, jaws=job.jaws, thin=thin)
     return FoundLobe(
         fit=fit,
         crest_deg=crest_deg,
         past_jaw_deg=past_deg,
-        diagnosis=None if past_deg is None or not fit.lobe.significant else _diagnosis(past_deg, job),
+        diagnosis=seen,
         simulated=simulated,
         phase_assumed=crest_deg is not None and not from_index and not _jaw_known(job),
         reasons=(*_of_cut(trace.meta, simulated and not practice), *_reasons(fit, header, crest_deg)),
@@ -89,6 +93,7 @@ def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
     assumed |= {lobe for lobe, own in CONDITIONS.items() if own in assumed}
     if found.phase_assumed:
         assumed.add("lobe_phase_deg")
+    source = job.source.removesuffix(SIMULATED_SOURCE).removesuffix("; ")
     return replace(
         job,
         lobe_error_um_pp=found.fit.error_um_pp,
@@ -98,19 +103,9 @@ def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
         lobe_chuck=chuck or None,
         lobe_tool=tool or None,
         assumed=tuple(sorted(assumed)),
-        source=_source(job.source, found.simulated),
+        source="; ".join(filter(None, (source, SIMULATED_SOURCE))) if found.simulated else source,
         **{lobe: getattr(job, own) for lobe, own in CONDITIONS.items()},
     )
-
-
-def _source(before: str, simulated: bool) -> str:
-    own = before.removesuffix(SIMULATED_SOURCE).removesuffix("; ")
-    return "; ".join(filter(None, (own, SIMULATED_SOURCE))) if simulated else own
-
-
-def _diagnosis(past_jaw_deg: float, job: Job) -> Diagnosis:
-    thin = is_thin(job.wall_thickness_mm, job.radius_mm)
-    return diagnose(crest_deg=past_jaw_deg, jaw_1_deg=0.0, jaws=job.jaws, thin=thin)
 
 
 def _jaw_known(job: Job) -> bool:

@@ -99,8 +99,6 @@ def column_name(header: str) -> str:
 
 
 class _Reader:
-    """Reads the lines of one file in turn; collects rows and problems."""
-
     def __init__(self, where: str, kinds: tuple[CalibrationKind, ...]) -> None:
         self.problems: list[Problem] = []
         self.full = False

@@ -120,19 +120,21 @@ def clamping_advice(job: Job, machine: MachineProfile) -> ClampingAdvice:
     """
     span, wrench = force_span(job, machine), holding_of(machine).wrench
     loss_n, um_per_n = centrifugal_loss_n(job, machine), lobe_um_per_n(job, machine)
+    force_n, of_jaws = job.chucking_force_n, mass_radius_kg_m(job, machine)
+    holding_rpm = permitted_speed_rpm(force_n, _cut_n(job, machine), of_jaws, machine.chuck.safety_factor)
     return ClampingAdvice(
         span=span,
         uncompensated_n=loss_n + job.roundness_tolerance_um / um_per_n if um_per_n > 0 else None,
-        at_rest_n=job.chucking_force_n,
+        at_rest_n=force_n,
         at_rest_sd_n=wrench_force_sd_n(job, machine),
         scatter_sd_n=force_sd_n(job, machine),
         line_sd_n=line_sd_n(job, machine),
-        at_speed_n=job.chucking_force_n - loss_n,
+        at_speed_n=force_n - loss_n,
         loss_n=loss_n,
-        permitted_speed_rpm=_speed_rpm(job, machine),
+        permitted_speed_rpm=min(holding_rpm, most_loss_speed_rpm(force_n, of_jaws)),
         um_per_n=um_per_n,
         lobe_source=job.lobe_error_source,
-        torque_n_m=None if wrench is None else torque_n_m(wrench, job.chucking_force_n),
+        torque_n_m=None if wrench is None else torque_n_m(wrench, force_n),
         torque_span_n_m=None if wrench is None else _torques_n_m(wrench, span),
     )
 
@@ -147,14 +149,6 @@ def _torques_n_m(wrench: Wrench, span: ForceSpan) -> tuple[float, float] | None:
 
 def _cut_n(job: Job, machine: MachineProfile) -> float:
     return needed_grip_n(job, machine) / CUT_SAFETY
-
-
-def _speed_rpm(job: Job, machine: MachineProfile) -> float:
-    force_n, of_jaws = job.chucking_force_n, mass_radius_kg_m(job, machine)
-    return min(
-        permitted_speed_rpm(force_n, _cut_n(job, machine), of_jaws, machine.chuck.safety_factor),
-        most_loss_speed_rpm(force_n, of_jaws),
-    )
 
 
 def _limits(job: Job, machine: MachineProfile) -> dict[str, float]:

@@ -111,7 +111,6 @@ def _balance(contact: Contact, push: Floats) -> tuple[Floats, Floats]:
 
 
 def _downhill_share(energy: Callable[[Floats], Floats], moved: Floats, step: Floats) -> Floats:
-    """Return the fraction of each step that still goes downhill."""
     share = np.ones(len(moved))
     before = energy(moved)
     for _ in range(_HALVINGS):

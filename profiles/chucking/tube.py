@@ -38,8 +38,13 @@ class Tube:
         return self._ring(self.grip_mm)
 
     def bent(self, harmonic: int) -> Ring:
-        """Return the ring that bends as the tube does at the jaws: the grip and the length bent with it."""
-        return self._ring(self.grip_mm + _taken_along_mm(self, harmonic))
+        """Return the ring that bends as the tube does at the jaws: the grip and the length bent with it.
+
+        That is the integral of the f of `axial_share`, about 1/beta.
+        """
+        beta = decay_per_mm(self.gripped, harmonic)
+        x = beta * self.overhang_mm
+        return self._ring(self.grip_mm + (1 - math.exp(-x) * math.cos(x)) / beta)
 
     def _ring(self, length_mm: float) -> Ring:
         return Ring(outside_mm=self.outside_mm, wall_mm=self.wall_mm, length_mm=length_mm, material=self.material)
@@ -52,13 +57,6 @@ def axial_share(tube: Tube, harmonic: int, z_mm: ArrayLike) -> Floats:
     """
     x = np.maximum(floats(z_mm), 0.0) * decay_per_mm(tube.gripped, harmonic)
     return floats(np.exp(-x) * (np.cos(x) + np.sin(x)))
-
-
-def _taken_along_mm(tube: Tube, harmonic: int) -> float:
-    """Return the length in front of the jaws that counts as bent with them: the integral of f, about 1/beta."""
-    beta = decay_per_mm(tube.gripped, harmonic)
-    x = beta * tube.overhang_mm
-    return (1 - math.exp(-x) * math.cos(x)) / beta
 
 
 def spring_back_um(

@@ -148,7 +148,6 @@ def from_table(table: Any, where: str = "") -> LearnedCompensation:
 
 
 def _renamed(value: Any, old: str, new: str) -> Any:
-    """Return plain values with one key of every table renamed."""
     if isinstance(value, dict):
         return {new if key == old else key: _renamed(each, old, new) for key, each in value.items()}
     if isinstance(value, list | tuple):

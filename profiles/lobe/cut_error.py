@@ -50,7 +50,9 @@ def lobe_scale(job: Job, machine: MachineProfile) -> LobeScale | None:
         return None
     part = held_part(as_found(job), machine)
     z_mm = middle_mm(part.job)
-    if part.per_jaw_n <= 0 or z_mm < 0 or not _has_a_lobe(part, z_mm):
+    if part.per_jaw_n <= 0 or z_mm < 0:
+        return None
+    if part.thin and abs(float(axial_share(part.tube, part.job.jaws, z_mm))) < LEAST_AXIAL_SHARE:
         return None
     model_um_pp = part.error_um_pp(z_mm)
     if model_um_pp < LEAST_SEEN_UM:
@@ -81,10 +83,6 @@ def lobe_change_um(job: Job, machine: MachineProfile) -> float | None:
 def middle_mm(job: Job) -> float:
     """Return the middle of the cut, in mm from the jaw faces."""
     return job.overhang_mm - job.cut_length_mm / 2
-
-
-def _has_a_lobe(part: HeldPart, z_mm: float) -> bool:
-    return not part.thin or abs(float(axial_share(part.tube, part.job.jaws, z_mm))) >= LEAST_AXIAL_SHARE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,8 +123,9 @@ def cut_error(part: HeldPart, loss_n: float) -> CutError:
     largest = max(parts, key=lambda which: float(np.ptp(parts[which])))
     at_speed_n = part.per_jaw_n * jaws
     measured = job.lobe_error_um_pp if found_on_a_part(job) else None
-    seen = _diagnosis(part) if measured else None
-    matching = None
+    seen, past_deg, matching = None, job.lobe_past_jaw_deg, None
+    if measured and past_deg is not None:
+        seen = diagnose(crest_deg=past_deg, jaw_1_deg=0.0, jaws=jaws, thin=part.thin)
     sprung_back = seen is None or seen.mechanism is Mechanism.SPRING_BACK
     if measured is not None and largest is Mechanism.SPRING_BACK and sprung_back:
         # The spring-back grows with the force; the wall's deflection does not.
@@ -156,13 +155,4 @@ def scaled_cut(cut: CutError, factor: float, crest_deg: float) -> CutError:
         crest_deg=crest_deg if um_pp >= LEAST_SEEN_UM else None,
         sd_um_pp=factor * cut.sd_um_pp,
         matching_force_n=None,
-    )
-
-
-def _diagnosis(part: HeldPart) -> Diagnosis | None:
-    past_deg = part.job.lobe_past_jaw_deg
-    return (
-        None
-        if past_deg is None
-        else diagnose(crest_deg=past_deg, jaw_1_deg=0.0, jaws=part.job.jaws, thin=part.thin)
     )

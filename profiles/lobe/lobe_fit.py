@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats, floats
-from profiles.least_squares import CONFIDENCE, fit, harmonic_columns, harmonic_slice, huber_distances, student
+from profiles.least_squares import CONFIDENCE, Fit, fit, harmonic_columns, harmonic_slice, huber_distances, student
 from profiles.metrology.noise_spectrum import NoiseSpectrum, noise_spectrum
 from profiles.problem import refused
 
@@ -149,10 +149,7 @@ def fit_lobe(
     beta = found.coefficients
     noise = noise_spectrum(angle, root_weight * found.residuals, orders, beta.size)
     of_turns = _turns(angle, deviation, design, root_weight)
-    by_turns = [(np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0)] if len(of_turns) > 1 else []
-    at = {n: noise.at(n) for n in orders}
-    # By order, the covariances of all coefficients with their degrees of freedom.
-    covariances = {n: [(variance * found.cofactors, freedom), *by_turns] for n, (variance, freedom) in at.items()}
+    covariances = _covariances(found, noise, of_turns, orders)
     left_n, left_um, floor_um = _most_left(noise, orders, root_weight)
     return LobeFit(
         jaws=jaws,
@@ -221,6 +218,15 @@ def _turns(angle: Floats, deviation: Floats, design: Floats, root_weight: Floats
         if one.freedom > 0 and one.condition <= _WORST_CONDITION:
             found.append(one.coefficients)
     return found
+
+
+def _covariances(
+    found: Fit, noise: NoiseSpectrum, of_turns: list[Floats], orders: tuple[int, ...]
+) -> dict[int, list[tuple[Floats, float]]]:
+    """Return, by order, the covariances of all coefficients with their degrees of freedom."""
+    by_turns = [(np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0)] if len(of_turns) > 1 else []
+    at = {n: noise.at(n) for n in orders}
+    return {n: [(variance * found.cofactors, freedom), *by_turns] for n, (variance, freedom) in at.items()}
 
 
 def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, float]]) -> Wave:

@@ -97,7 +97,10 @@ def predict(
     angle = read_only(np.arange(ANGLES) * (360 / ANGLES) if angle_deg is None else np.atleast_1d(angle_deg))
     stock_mm = np.linspace(0.0, job.depth_of_cut_mm, STOCK_STEPS)
     stock = [cut_error(part.turned_down(float(depth)), loss_n) for depth in stock_mm]
-    from_jaw_deg = angle - job.jaw_1_deg - (0.0 if scale is None else _turned_deg(job, stock[0]))
+    from_jaw_deg = angle - job.jaw_1_deg
+    if scale is not None and stock[0].crest_deg is not None:
+        # By how far the maximum that was found is past that of the model.
+        from_jaw_deg = from_jaw_deg - round(job.lobe_phase_deg - stock[0].crest_deg, 6)
     bare = part.error_parts_um(from_jaw_deg, z)
     parts = {name: read_only(factor * each) for name, each in bare.items()}
     cut = stock[0] if scale is None else scaled_cut(stock[0], factor, job.lobe_phase_deg)
@@ -131,11 +134,6 @@ def _second_pass(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     value, limit = f"{change_um:+.3g} um", f"± {most_um:.6g} um"
     problem = Problem(code="rule.second_pass", key="depth_of_cut_mm", value=value, limit=limit)
     return (judged(abs(change_um) <= most_um, problem, Severity.WARNING),)
-
-
-def _turned_deg(job: Job, model: CutError) -> float:
-    """Return how far the maximum that was found is past that of the model."""
-    return 0.0 if model.crest_deg is None else round(job.lobe_phase_deg - model.crest_deg, 6)
 
 
 def _places(job: Job, z_mm: ArrayLike | None) -> Floats:

@@ -193,15 +193,9 @@ def _enclosing(angle_deg: Floats, direction: Floats) -> NDArray[np.intp]:
     does, with its two neighbours across.
     """
     if largest_gap_deg(angle_deg) <= LARGEST_GAP_DEG:
-        return _nearest(direction, 3)
+        target = 2 * math.pi * np.arange(3) / 3
+        nearest = np.argmax(np.column_stack((np.cos(target), np.sin(target))) @ direction, axis=1)
+        return np.asarray(nearest, dtype=np.intp)
     ahead = np.mod(angle_deg - angle_deg[0], 360.0)
     across = np.where(ahead <= 180.0, ahead, -np.inf).argmax(), np.where(ahead > 180.0, ahead, np.inf).argmin()
     return np.array([0, *across], dtype=np.intp)
-
-
-def _nearest(direction: Floats, parts: int) -> NDArray[np.intp]:
-    """Return the points that best divide the turn into this many parts: they support a circle, or a zone."""
-    target = 2 * math.pi * np.arange(parts) / parts
-    return np.asarray(
-        np.argmax(np.column_stack((np.cos(target), np.sin(target))) @ direction, axis=1), dtype=np.intp
-    )

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from profiles.arrays import Floats, floats
+from profiles.arrays import floats
 from profiles.axis.servo import eq9_response
 from profiles.compensations.path import compensated_depth_um, removed_depth_um, spindle_speed_rpm
 from profiles.paper.experiments import COMPENSATED_UM, CONCLUDED_UM, Experiments
@@ -97,7 +97,6 @@ def _prog_1(paper: Experiments) -> tuple[Record, ...]:
 
 
 def _fig_14(paper: Experiments) -> tuple[Record, ...]:
-    """Evaluate the part that Eq 7 leaves like a measured one."""
     records = []
     for number, (job, error) in enumerate(zip(paper.jobs, paper.errors_um_pp, strict=True), start=1):
         removed = removed_depth_um(_TURN_DEG, a0_um=1000 * job.depth_of_cut_mm, a1_um=job.lobe_amplitude_um)
@@ -119,7 +118,6 @@ def _fig_16(paper: Experiments) -> tuple[Record, ...]:
 
 
 def _causes(paper: Experiments) -> tuple[Record, ...]:
-    """Return what each explanation leaves of 55 and of 33 um."""
     records = []
     of_parts = zip(paper.jobs, paper.errors_um_pp, COMPENSATED_UM, strict=True)
     for number, (job, error, measured) in enumerate(of_parts, start=1):
@@ -133,13 +131,11 @@ def _causes(paper: Experiments) -> tuple[Record, ...]:
 def _figure_prog_1(paper: Experiments) -> Figure:
     error_um = paper.errors_um_pp[0]
     paths = {"wanted": dict(SINE), "s_curve": zigzag(Ramps.S_CURVE, 1.0), "linear": zigzag(Ramps.LINEAR, 1.0)}
-    curves = (Curve(name, _TURN_DEG, _swing(error_um, harmonics)) for name, harmonics in paths.items())
+    curves = []
+    for name, harmonics in paths.items():
+        each_um = [error_um * fraction * np.cos(k * _PHASE) for k, fraction in harmonics.items()]
+        curves.append(Curve(name, _TURN_DEG, floats(np.sum(each_um, axis=0))))
     return Figure("prog1", "deg", "um", tuple(curves))
-
-
-def _swing(error_um: float, harmonics: dict[int, float]) -> Floats:
-    each_um = [error_um * fraction * np.cos(k * _PHASE) for k, fraction in harmonics.items()]
-    return floats(np.sum(each_um, axis=0))
 
 
 def _figures_14_and_16(paper: Experiments) -> tuple[Figure, ...]:

@@ -57,7 +57,6 @@ def _fig_11(machine: MachineProfile) -> tuple[Record, ...]:
 
 
 def _table_5(machine: MachineProfile) -> tuple[Record, ...]:
-    """Compare Eq 9 as printed with the rows of the table, in its own units."""
     actual = eq9_response(machine, table_5.FREQUENCIES_HZ)
     fit = table_5.fitted_feedforward(machine)
     fitted = table_5.feedforward_response(machine, table_5.FREQUENCIES_HZ, fit.acceleration_share, fit.delay_s)

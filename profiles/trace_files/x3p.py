@@ -124,7 +124,6 @@ def _refuse_swelling(text: str, where: str) -> None:
 
 
 def _name(element: _Element) -> str:
-    """Return the name of an element without its namespace."""
     return element.tag.rpartition("}")[2]
 
 
@@ -148,7 +147,6 @@ def _expect(root: _Element, path: str, allowed: tuple[str, ...], where: str) -> 
 
 
 def _scale_um(root: _Element, where: str) -> float:
-    """Return the scale of a stored number, um."""
     integer = _expect(root, "Record1/Axes/CZ/DataType", tuple(_TYPES), where) in _INTEGERS
     stated = _said(root, "Record1/Axes/CZ/Increment") or "1"
     return number(stated, "CZ/Increment", where, *((ABOVE_ZERO, 1.0) if integer else (1.0, 1.0))) * UM_PER_M

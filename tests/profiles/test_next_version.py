@@ -15,10 +15,9 @@ from hypothesis import strategies as st
 
 from profiles.calibration.lobe import find_lobe
 from profiles.compensations.learned import HoldsFor, as_table, differences, from_table
-from profiles.compensations.next_version import CutWith, LearningStep, Verdict, next_version
+from profiles.compensations.next_version import CutWith, LearningStep, Verdict, next_version, uncompensated
 from profiles.compensations.part_waves import PartWaves, part_waves
 from profiles.compensations.path import CutPath, expected, invert, share_of, target_path
-from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.problem import ProfileError
 from profiles.store import load_job

@@ -37,10 +37,9 @@ from profiles.compensations.learning import (
     learned_command,
     learned_part,
 )
-from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
+from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN, uncompensated
 from profiles.compensations.part_waves import PartWaves, part_waves
 from profiles.compensations.path import CutPath, target_path
-from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult
