@@ -1,8 +1,10 @@
 """All disk access of this package: regular files in, regular files out.
 
 A path may name anything: a folder, a pipe without a writer, an endless device. Each of these becomes one
-`Problem`, none of them blocks. Writing replaces a file atomically, so that a reader (or a power cut) finds the
-old bytes or the new ones, never half of them.
+`Problem`, none of them blocks. Writing replaces a file atomically, so that a reader (or a power cut) finds the old
+bytes or the new ones, never half of them. A running writer holds a lock on its temporary file, which the kernel
+releases when the process ends, however it ends. So a file that can be locked was left by a killed one, whatever
+its date; on a file system without locks none counts as left.
 """
 
 from __future__ import annotations

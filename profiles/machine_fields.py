@@ -37,9 +37,8 @@ _REQUIRED_GLOBALS = ("I10", "I15")
 _VARIABLE = re.compile(r"I(0|[1-9]\d{0,3})")
 _VARIABLE_FIELD = Field(key="", at_least=-(2.0**47), at_most=2.0**47)
 
+# Minimum ratio of a value above 0 to its maximum: smaller ones are a wrong unit, and break quotients.
 LEAST_SHARE = 1e-8
-"""Minimum ratio of a value above 0 to its maximum: smaller ones are a wrong unit, and break quotients."""
-
 _MOTOR = Field(key="motor", kind=Kind.WHOLE, at_least=1, at_most=8)
 
 TOP_FIELDS: tuple[Field, ...] = (
@@ -50,9 +49,8 @@ TOP_FIELDS: tuple[Field, ...] = (
     Field(key="link", kind=Kind.TEXT, default=""),
 )
 
+# Optional sections of a profile: every key of them has a default.
 OPTIONAL_SECTIONS = frozenset({"heartbeat", "safety"})
-"""Optional sections of a profile: every key of them has a default."""
-
 _OF_INVERTER = ("ramp_rpm_per_s", "slip_rpm")
 _DEFINED_MOTOR = re.compile(r"\s*#\s*(\d+)\s*->\s*(?!0\s*$)", re.ASCII)
 

@@ -51,12 +51,10 @@ from profiles.machine import Carriage, MachineProfile, ToolAxis
 from profiles.materials import material_or_none, unknown_material
 from profiles.problem import Problem
 
+# Refusals where no model applies: a part that cannot be held or cut at all.
 IMPOSSIBLE = ("rule.wall_over_radius", "rule.depth_over_wall", "rule.grip_margin")
-"""Refusals where no model applies: a part that cannot be held or cut at all."""
-
+# Of the wall left where the tool is deepest. A thinner one yields to the chip, not to the jaws.
 LEAST_WALL_MM = 0.2
-"""Of the wall left where the tool is deepest. A thinner one yields to the chip, not to the jaws."""
-
 SAME_FORCE = 0.005  # relative difference at which two chucking forces are still the same setting of the wrench
 
 

@@ -32,9 +32,8 @@ from profiles.trace_files.table import PLAIN_HEADER, PROBLEM_CAP, TableReader
 from profiles.trace_files.x3p import X3P
 
 OF_BYTES: tuple[TraceFormat[bytes], ...] = (X3P,)
+# The single-profile formats beside tables: to add one, write a reader and list it here.
 OF_TEXT: tuple[TraceFormat[str], ...] = (SDF, SMD, PRF)
-"""The single-profile formats beside tables: to add one, write a reader and list it here."""
-
 CAP_BYTES = 20_000_000  # forty bytes for each of the maximum number of points
 
 

@@ -29,12 +29,10 @@ A compensation table whose correction has no feedforward responds with 0.162 at 
 command would be mostly lag.
 """
 
+# Fraction by which moving mass and loop gain of a machine are assumed to differ from its profile.
 MODEL_TOLERANCE = 0.1
-"""Fraction by which moving mass and loop gain of a machine are assumed to differ from its profile."""
-
+# How far the phase may turn between two identified points; beyond that, interpolation is a guess.
 MOST_TURN_DEG = 45.0
-"""How far the phase may turn between two identified points; beyond that, interpolation is a guess."""
-
 _SAME_HZ = 1e-9
 _WITHIN = 17  # points at which the curves between two points are compared
 

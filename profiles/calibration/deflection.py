@@ -36,15 +36,12 @@ from profiles.problem import ProfileError, refused
 
 LEAST_JAWS = 3
 LEAST_SPARE = 3  # minimum measurements beyond the parameters: with fewer the confidence is a guess
+# Between a contact that does not stiffen and one without bound; a fit at a limit determines neither.
 LEAST_ALPHA, MOST_ALPHA = 0.02, 0.9
-"""Between a contact that does not stiffen and one without bound; a fit at a limit determines neither."""
-
+# Above this ratio of singular values (of normalised columns) the parameters cannot be separated.
 _WORST_CONDITION = 100.0
-"""Above this ratio of singular values (of normalised columns) the parameters cannot be separated."""
-
+# Loss of log-likelihood up to which the other kind of scatter is about as likely: chosen as in `wrench`.
 _AS_LIKELY = 2.0
-"""Loss of log-likelihood up to which the other kind of scatter is about as likely: chosen as in `wrench`."""
-
 _STARTS_MM = (10.0, 20.0, 40.0, 80.0, 160.0)
 _START_ALPHA = 0.4
 _STEP = 1e-5

@@ -23,9 +23,8 @@ from profiles.roundness import seen_oval_um_pp
 from profiles.trace_files.header import TraceHeader, header_of
 from profiles.traces import Trace
 
+# Value of the header line `start_mark` when the angles of the trace begin at the spindle index.
 INDEX = "spindle index"
-"""Value of the header line `start_mark` when the angles of the trace begin at the spindle index."""
-
 MOST_FILTERED = 0.005
 MOST_BIAS = 0.01
 OVAL = 2  # UPR of an off-axis circle; a chuck with two jaws makes the same

@@ -126,8 +126,8 @@ class _Reader:
         if not self._names and not self.problems:
             self.problems.append(Problem(code="calibration.empty", where=self._where, limit=self._target()))
         if len(self._decimals) > 1:
-            met = ", ".join(f"{mark} {self._where}:{line}" for mark, line in self._decimals.items())
-            self.problems.append(Problem(code="calibration.mixed_decimals", where=self._where, value=met))
+            seen = ", ".join(f"{mark} {self._where}:{line}" for mark, line in self._decimals.items())
+            self.problems.append(Problem(code="calibration.mixed_decimals", where=self._where, value=seen))
         if self.problems or self._kind is None:
             raise ProfileError(*self.problems)
         fields = COLUMNS[self._kind]

@@ -21,9 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from profiles.arrays import Floats, floats
 from profiles.materials import Material
 
+# Tangential over normal stiffness of a contact that does not slide, 2 (1 - nu)/(2 - nu), for metals.
 MINDLIN_RATIO = 0.8
-"""Tangential over normal stiffness of a contact that does not slide, 2 (1 - nu)/(2 - nu), for metals."""
-
 _STEPS, _HALVINGS, _EXACT = 60, 30, 1e-12
 
 

@@ -29,9 +29,8 @@ from profiles.problem import refused
 
 Value = TypeVar("Value")
 
+# Standard deviations above which a harmonic is significant: 95 %, chi-square with two degrees of freedom.
 SIGNIFICANT = 2.45
-"""Standard deviations above which a harmonic is significant: 95 %, chi-square with two degrees of freedom."""
-
 STEADY_SHARE = 0.02  # below this reciprocal condition number the angles cannot separate the harmonics
 
 
@@ -113,12 +112,12 @@ def learned_part(
     """
     target = {n: gain * (c - tool.coefficients_um.get(n, 0j)) for n, c in part.coefficients_um.items()}
     mean_um = gain * (part.mean_um - tool.mean_um)
-    told = {
+    change = {
         n: (target.get(n, 0j) + tool.coefficients_um.get(n, 0j)) / response(n)
         for n in (*target, *tool.coefficients_um)
     }
     return CutPath(
-        target=path.target.plus(target, mean_um), command=path.command.plus(told, mean_um + tool.mean_um)
+        target=path.target.plus(target, mean_um), command=path.command.plus(change, mean_um + tool.mean_um)
     )
 
 

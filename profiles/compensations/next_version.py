@@ -35,9 +35,8 @@ from profiles.job import Job
 from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.problem import Problem, refused
 
+# Gain of the first part, where errors are large, and of later ones, where a part of them is noise.
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
-"""Gain of the first part, where errors are large, and of later ones, where a part of them is noise."""
-
 ROUNDING_UM = 1e-6  # a path step below this is only the rounding of its file
 IN_PLACE_DEG = 30.0
 """Tolerance of its position in degrees of lobe: a choice. That is half of what makes a

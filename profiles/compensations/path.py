@@ -8,6 +8,9 @@ A first part with an untried compensation gets a fraction of it, enough to judge
 compensated by the fraction s leaves E |1 - s c|, with c = 1 for a tool that follows exactly. At one half, a
 wrong sign (c = -1) leaves 3/2 E, and an error of d degrees of spindle leaves E |1 - exp(-j N d) / 2|: the part
 is worse by half a lobe at most, and the two cases are a whole lobe apart.
+
+Learning corrects a path; it never replaces it. Anything beyond the bounds about what the job wants is not a
+correction of this cut, but a fault of the trace, the file or the set-up, and must not be commanded.
 """
 
 from __future__ import annotations
@@ -246,9 +249,8 @@ def _shared(path: LobedPath, share: float) -> LobedPath:
 
 
 MOST_MEAN_UM = 60.0  # tolerance of the mean: a soft servo under a fine cut is held back by some tens of um
+# Tolerance of the lobe, relative and in um; for a command plus what friction may hold back.
 MOST_SHARE, MOST_WAVE_UM = 0.6, 10.0
-"""Tolerance of the lobe, relative and in um; for a command plus what friction may hold back."""
-
 MOST_WAVES = 50  # highest order of an overtone
 
 
@@ -280,8 +282,8 @@ def path_problems(
     for wave in path.target.overtones:
         off_and_most_um[f"{wave.lobes}/rev wanted"] = (wave.amplitude_um, MOST_WAVE_UM)
     for wave in path.command.overtones:
-        told_um = abs(response(wave.lobes)) * wave.amplitude_um
-        off_and_most_um[f"{wave.lobes}/rev command"] = (told_um, MOST_WAVE_UM + friction_um(wave.lobes))
+        moved_um = abs(response(wave.lobes)) * wave.amplitude_um
+        off_and_most_um[f"{wave.lobes}/rev command"] = (moved_um, MOST_WAVE_UM + friction_um(wave.lobes))
     return tuple(
         Problem(code="path.beyond", key=key, value=f"{off_um:.1f} um", limit=f"<= {limit_um:.1f} um")
         for key, (off_um, limit_um) in off_and_most_um.items()

@@ -1,4 +1,9 @@
-"""The error in the middle of a cut: its main mechanism, where it is high, and how it compares with the part."""
+"""The error in the middle of a cut: its main mechanism, where it is high, and how it compares with the part.
+
+The model predicts the shape of a lobe over angle and length well, and its size badly: that depends on a chucking
+force which is rarely measured. So where a part of the job was measured, the prediction is the shape of the model,
+scaled to the lobe that was found.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +21,8 @@ from profiles.machine import MachineProfile
 _ANGLES = 2 * (HALF_LOBE_ANGLES - 1)  # over one lobe: those of `HeldPart.error_um_pp`, and their mirror images
 
 
+# Peak to peak below which a lobe is invisible: a tenth of the resolution of a good roundness gauge.
 LEAST_SEEN_UM = 0.01
-"""Peak to peak below which a lobe is invisible: a tenth of the resolution of a good roundness gauge."""
-
 LEAST_AXIAL_SHARE = 0.05
 """Fraction of its height at the jaws that a lobe needs to be scaled: near its sign change any height fits."""
 

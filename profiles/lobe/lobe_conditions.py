@@ -90,15 +90,15 @@ def _of_conditions(job: Job) -> list[Problem]:
     """Return the differences in numbers and material, except the force."""
     found: list[Problem] = []
     for key, unit, share in _SHARES:
-        met, then = getattr(job, key), getattr(job, f"lobe_{key}")
+        actual, then = getattr(job, key), getattr(job, f"lobe_{key}")
         # To a millionth, so that a value at the limit passes.
-        if then is not None and round(abs(met - then) / then, 6) > share:
-            found.append(_differs(key, f"{met:.6g} {unit}", f"{then:.6g} {unit}"))
+        if then is not None and round(abs(actual - then) / then, 6) > share:
+            found.append(_differs(key, f"{actual:.6g} {unit}", f"{then:.6g} {unit}"))
     for key in _LENGTHS:
-        met, then = getattr(job, key), getattr(job, f"lobe_{key}")
+        actual, then = getattr(job, key), getattr(job, f"lobe_{key}")
         # To a nanometre, so that 30.1 is within a tenth of 30.
-        if then is not None and round(abs(met - then), 6) > LENGTH_MM:
-            found.append(_differs(key, f"{met:.6g} mm", f"{then:.6g} mm"))
+        if then is not None and round(abs(actual - then), 6) > LENGTH_MM:
+            found.append(_differs(key, f"{actual:.6g} mm", f"{then:.6g} mm"))
     if job.lobe_material is not None and not _springs_back_alike(job.material, job.lobe_material):
         found.append(_differs("material", job.material, job.lobe_material))
     if job.lobe_jaws not in (None, job.jaws):

@@ -4,6 +4,14 @@ A minimum zone, circumscribed or inscribed circle rests on three or four of thou
 the dual one: weights on the points, max gains w subject to columns w = rhs, w >= 0, by the primal simplex method.
 Its basis is the set of contacts; in each step the point that is furthest outside replaces one of them. Where a
 step brings nothing, Bland's rule (lowest index in, lowest index out) prevents cycling.
+
+Two exactly opposite points, such as the maxima of an oval, fix a circumscribed or inscribed circle in one
+direction only: within bounds every position is equally good, and a programme would end at an arbitrary one. ISO
+12181-1 leaves it open. Here it is the position with the least RONt and, where that is not unique either, the one
+nearest to the centre of least squares: both turn with the part, and for an oval they are its middle. A minimum
+zone that may slide has one RONt; its centre is the nearest one, too. A handful of points is not a profile: nothing
+is known between them. There a circumscribed or inscribed circle slides until a third point stops it, the shorter
+way from the centre of least squares, as in published examples.
 """
 
 from __future__ import annotations
@@ -20,6 +28,10 @@ from profiles.problem import refused
 _MOST_EXCHANGES = 5000
 _NO_STEP = 1e-12
 _SMALLEST_PIVOT = 1e-10
+# Rate, per step of the centre, below which a point keeps its distance: the contacts of the circle.
+_KEEPS_DISTANCE = 1e-9
+HANDFUL = 32  # fewer points than this are not a profile
+_LEVEL = 1e-13  # difference of two deviations, as a fraction of the peak to peak, that is rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,12 +80,6 @@ def exchanged(
         basis[leaving] = entering
         careful = step <= _NO_STEP
     raise refused("trace.no_circle", value=f"{_MOST_EXCHANGES}", limit="0")
-
-
-# Rate, per step of the centre, below which a point keeps its distance: the contacts of the circle.
-_KEEPS_DISTANCE = 1e-9
-HANDFUL = 32  # fewer points than this are not a profile
-_LEVEL = 1e-13  # difference of two deviations, as a fraction of the peak to peak, that is rounding
 
 
 def settled(columns: Floats, gains: Floats, prices: Floats, held: NDArray[np.intp], *, one_sided: bool) -> Floats:

@@ -1,9 +1,11 @@
 """Reference circles of points in a plane, and of parts too far off the axis for the limacon model.
 
-The distance from a centre is not linear in it. Each step linearises it about the present centre (Gauss-Newton
-for least squares, sequential linear programming for zone and inscribed circle) and is shortened until the true
-objective drops. Least squares and zone have one optimum near a round part. The circumscribed circle is found
-exactly, and is unique.
+The distance from a centre is not linear in it. Each step linearises it about the present centre (Gauss-Newton for
+least squares, sequential linear programming for zone and inscribed circle) and is shortened until the true
+objective drops. Least squares and zone have one optimum near a round part. The circumscribed circle is unique;
+with two contacts its centre is fixed across their line only by the curvature of the circle, which a linear model
+lacks. So it is found exactly by exchange: the point that is furthest outside joins the contacts, and the smallest
+circle round these few is the next one. The radius grows with each step, so the search terminates.
 
 The inscribed circle may have several positions, so it is searched from the centre of least squares and from a ring
 around it that turns with the part. In the middle of an oval it rests on two points, and can still grow by slipping

@@ -1,4 +1,9 @@
-"""The undulations of a profile: amplitude and first maximum of each, fitted together for any angles."""
+"""The undulations of a profile, fitted together for any angles, and points that do not belong to the part.
+
+Huber weights (1 within 1.345 sigma, falling with the distance beyond) limit the influence of chips and scratches
+on the harmonics; sigma is 1.4826 times the median of the absolute residuals. Points further off than `FAR_SIGMA`
+are suspect, and the results come from a second least squares fit without them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Several turns of one part: what repeats with the angle belongs to the part, the rest is random."""
+"""Several turns of one part (what repeats with the angle belongs to it, the rest is random), and its size."""
 
 from __future__ import annotations
 

@@ -23,9 +23,8 @@ from profiles.paper.parts import models
 from profiles.paper.record import Record, Section
 from profiles.paper.residual import left_um_pp
 
+# What a path leaves of 55 um when its spindle angle is off by so many degrees.
 MISALIGNED_UM = {1.0: 2.88, 0.347: 1.0, 20.0: 55.0, 60.0: 110.0}
-"""What a path leaves of 55 um when its spindle angle is off by so many degrees."""
-
 _RING_JAW_N = 438.0
 
 _FORCE_LEFT_AT_SPEED = 1083.71 / 1314.0

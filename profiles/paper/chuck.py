@@ -6,6 +6,7 @@ larger. Jaw length and contacts are those of the machine profile, assumed there.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -44,9 +45,8 @@ _RPM = 1000.0
 
 _RATIO = 0.9
 _FINE_DEG = 0.1
+# Amplitudes of its first three harmonics at `_RATIO` and `_RPM`, by integrating Eq 2 in time (to 3e-8 um).
 _INTEGRATED_UM = (154.6986, 2.809495, 0.251956)
-"""Amplitudes of its first three harmonics at `_RATIO` and `_RPM`, by integrating Eq 2 in time (to 3e-8 um)."""
-
 _NEAR_UM = 1e-3
 _ROUNDING = 1e-6
 
@@ -85,7 +85,7 @@ def section(machine: MachineProfile) -> Section:
     return Section(
         "chuck",
         (*_fig_3(machine), *_fig_4_and_5(machine), *_fig_6(), *_eq_3()),
-        (_figure_3(machine), _figure_4(machine), *_figures_5(machine), _figure_6()),
+        tuple(_figures(machine)),
     )
 
 
@@ -151,29 +151,19 @@ def _eq_3() -> tuple[Record, ...]:
     )
 
 
-def _figure_3(machine: MachineProfile) -> Figure:
-    curves = (
-        Curve(f"{force:.0f} N", TURN_DEG, _FIG_3_N / bar_um(machine, 65.0, _FAR_MM, _FIG_3_N, force, TURN_DEG))
-        for force in CHUCKING_N
-    )
-    return Figure("fig3", "deg", "N/um", tuple(curves))
+def _figures(machine: MachineProfile) -> Iterator[Figure]:
+    def curves(unit: str, each: Mapping[float, Floats]) -> tuple[Curve, ...]:
+        return tuple(Curve(f"{value:.0f} {unit}", TURN_DEG, y) for value, y in each.items())
 
-
-def _figure_4(machine: MachineProfile) -> Figure:
-    moved = bar_um(machine, 35.0, _FAR_MM, _FIG_4_N, CHUCKING_N[0], TURN_DEG)
-    return Figure("fig4", "deg", "um", (Curve("150 N", TURN_DEG, moved),))
-
-
-def _figures_5(machine: MachineProfile) -> tuple[Figure, Figure]:
     def varied(overhang_mm: float, load_n: float) -> Floats:
         moved = bar_um(machine, 68.0, overhang_mm, load_n, CHUCKING_N[1], TURN_DEG)
         return floats(moved - moved.mean())
 
-    loads = (Curve(f"{load:.0f} N", TURN_DEG, varied(_FAR_MM, load)) for load in _LOADS_N)
-    places = (Curve(f"{place:.0f} mm", TURN_DEG, varied(place, _FIG_5_N)) for place in _PLACES_MM)
-    return Figure("fig5a", "deg", "um", tuple(loads)), Figure("fig5b", "deg", "um", tuple(places))
-
-
-def _figure_6() -> Figure:
-    curves = (Curve(f"N = {jaws}", TURN_DEG, _eq3_lobe_um(jaws, TURN_DEG)) for jaws in (2, 3, 4))
-    return Figure("fig6", "deg", "um", tuple(curves))
+    stiffness = {n: _FIG_3_N / bar_um(machine, 65.0, _FAR_MM, _FIG_3_N, n, TURN_DEG) for n in CHUCKING_N}
+    yield Figure("fig3", "deg", "N/um", curves("N", stiffness))
+    moved = bar_um(machine, 35.0, _FAR_MM, _FIG_4_N, CHUCKING_N[0], TURN_DEG)
+    yield Figure("fig4", "deg", "um", curves("N", {_FIG_4_N: moved}))
+    yield Figure("fig5a", "deg", "um", curves("N", {load: varied(_FAR_MM, load) for load in _LOADS_N}))
+    yield Figure("fig5b", "deg", "um", curves("mm", {place: varied(place, _FIG_5_N) for place in _PLACES_MM}))
+    depths = (Curve(f"N = {jaws}", TURN_DEG, _eq3_lobe_um(jaws, TURN_DEG)) for jaws in (2, 3, 4))
+    yield Figure("fig6", "deg", "um", tuple(depths))

@@ -26,9 +26,8 @@ from profiles.paper.residual import (
 from profiles.paper.table_5 import measured_response
 from profiles.roundness import evaluate
 
+# TA = TM: every move of Prog. 1 is all acceleration time.
 FULL_BLEND = 1.0
-"""TA = TM: every move of Prog. 1 is all acceleration time."""
-
 WITHIN_UM = 6.0  # required agreement with a measured part of a model without any tuned factor
 _TURN_DEG = np.arange(0.0, 360.0, 0.5)
 _PHASE = np.radians(3 * _TURN_DEG)

@@ -88,8 +88,8 @@ def fitted_feedforward(machine: MachineProfile, reading: Reading = Reading.LOSS_
     from scipy.optimize import least_squares
 
     def misfit(unknowns: Floats) -> Floats:
-        met = feedforward_response(machine, FREQUENCIES_HZ, unknowns[0], unknowns[1] / 1000.0)
-        return _misfit(met, reading)
+        actual = feedforward_response(machine, FREQUENCIES_HZ, unknowns[0], unknowns[1] / 1000.0)
+        return _misfit(actual, reading)
 
     found = least_squares(misfit, (0.5, 0.5), xtol=1e-12)
     share, delay_ms = (float(each) for each in found.x)
@@ -108,9 +108,9 @@ def fitted_gain(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO
     return float(minimize_scalar(chi2, bounds=(0.1, 20.0), method="bounded").x)
 
 
-def _misfit(met: Complexes, reading: Reading) -> Floats:
+def _misfit(actual: Complexes, reading: Reading) -> Floats:
     """Return the misfit of a response in gain and phase, in weights; shape (8,)."""
-    off = np.concatenate([np.abs(met) - measured_gains(reading), np.angle(met) + PHASE_ERROR_RAD])
+    off = np.concatenate([np.abs(actual) - measured_gains(reading), np.angle(actual) + PHASE_ERROR_RAD])
     return floats(off / WEIGHT)
 
 

@@ -33,7 +33,7 @@ class TableReader:
         self.columns: Columns | None = None
         self.first: list[float] = []
         self.second: list[float] = []
-        self._header_met = False
+        self._header_seen = False
         self._dialect = Dialect("")
         self._line_of_angle: dict[float, int] = {}
         self._line_of_place: dict[tuple[float, float], int] = {}
@@ -48,7 +48,7 @@ class TableReader:
             if not self.second:
                 self._take_meta(number, line)
             return
-        if not self._header_met:
+        if not self._header_seen:
             self._dialect = Dialect(line)
             self._take_header(number, line, self._dialect.cells(self._dialect.header))
             return
@@ -67,7 +67,7 @@ class TableReader:
 
     def finish(self) -> None:
         """Raise `ProfileError` with all problems, if there are any; forget the keys that were applied."""
-        if not self._header_met:
+        if not self._header_seen:
             self.problems.append(Problem(code="trace.no_header", where=self.where, limit=PLAIN_HEADER))
         if not self.problems and len(self.second) < FEWEST_POINTS:
             value, limit = str(len(self.second)), f">= {FEWEST_POINTS}"
@@ -90,7 +90,7 @@ class TableReader:
             return
         self.meta[key] = value
         allowed = {"units": tuple(UM_PER_UNIT), "angles": ("equal",), "angle_range": tuple(_RANGES)}.get(key)
-        if self._header_met and allowed:
+        if self._header_seen and allowed:
             self._refuse("trace.meta_late", number, key=key, value=line, limit=PLAIN_HEADER)
         elif allowed and value not in allowed:
             self._spoil("trace.key", number, key=key, value=value, limit=", ".join(allowed))
@@ -111,7 +111,7 @@ class TableReader:
             self._to_deg = _TURN_DEG * int(value)
 
     def _take_header(self, number: int, line: str, cells: Sequence[str]) -> None:
-        self._header_met = True
+        self._header_seen = True
         self.columns = columns_named(tuple(cells))
         if self.columns is None:
             code = "trace.no_header" if self._dialect.is_point(cells) else "trace.columns"
@@ -196,7 +196,7 @@ class TableReader:
 
     def _spoil(self, code: str, number: int, *, key: str = "", value: str, limit: str) -> None:
         """Refuse the whole file for a fault that is on every line of it."""
-        self.spoilt = self._header_met = True
+        self.spoilt = self._header_seen = True
         self.problems.clear()
         self._refuse(code, number, key=key, value=value, limit=limit)
 

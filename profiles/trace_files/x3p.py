@@ -44,9 +44,8 @@ MOST_ATTRIBUTES = 1000
 LONGEST_ATTRIBUTE = 300  # characters: that of a namespace is repeated in every name below it
 _TYPES = {"I": "<i2", "L": "<i4", "F": "<f4", "D": "<f8"}
 _INTEGERS = ("I", "L")
+# The errors of `zipfile` for an archive that is broken, encrypted, or packed by an unknown method.
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError)
-"""The errors of `zipfile` for an archive that is broken, encrypted, or packed by an unknown method."""
-
 _QUOTED = re.compile(r"""=\s*(?:"[^"]*"|'[^']*')""")
 
 _Element = ElementTree.Element
@@ -114,13 +113,13 @@ def _refuse_swelling(text: str, where: str) -> None:
     elements = text.count("<") - text.count("</")
     attributes = text.count("=")
     longest = max((len(found.group()) for found in _QUOTED.finditer(text)), default=0)
-    for met, most, unit in (
+    for actual, most, unit in (
         (elements, MOST_ELEMENTS, "elements"),
         (attributes, MOST_ATTRIBUTES, "attributes"),
         (longest, LONGEST_ATTRIBUTE, "characters in an attribute"),
     ):
-        if met > most:
-            raise too_large(f"{where}: main.xml", f"{met} {unit}", f"{most} {unit}")
+        if actual > most:
+            raise too_large(f"{where}: main.xml", f"{actual} {unit}", f"{most} {unit}")
 
 
 def _name(element: _Element) -> str:
