@@ -15,17 +15,10 @@ from itertools import cycle, islice
 from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.expected_replies import number_of
+from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.syntax import (
-    Assign,
-    Expression,
-    Number,
-    Program,
-    Variable,
-    VariableKind,
-)
 from drivers.pmac.language.text import format_number
 from drivers.pmac.memory import Pointer, scan_pointer
 from drivers.pmac.program_text import ProgramText
@@ -66,7 +59,7 @@ def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]
     store, changed = VariableStore(dialect=dialect), _assigned(program)
     found: dict[str, Constant] = {}
     for statement in (each for line in program.settings for each in line):
-        if not isinstance(statement, Assign):
+        if not isinstance(statement, syntax.Assign):
             continue
         index = int(evaluate(statement.target.index, store))
         name, source = f"{statement.target.kind}{index}", _source(statement.value, found)
@@ -75,14 +68,14 @@ def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]
             value = evaluate(statement.value, store)
             store.set(statement.target.kind, index, value)
         found.pop(name, None)
-        kept = statement.target.kind is VariableKind.P and name not in changed
+        kept = statement.target.kind is syntax.VariableKind.P and name not in changed
         found[name] = Constant(name=name, value=value, copied_from=source, kept=kept)
     return tuple(found.values())
 
 
-def _source(expression: Expression, known: Mapping[str, Constant]) -> str:
+def _source(expression: syntax.Expression, known: Mapping[str, Constant]) -> str:
     """Return the controller variable that a value is a copy of, "" where it is a number of ours."""
-    if isinstance(expression, Variable) and isinstance(expression.index, Number):
+    if isinstance(expression, syntax.Variable) and isinstance(expression.index, syntax.Number):
         name = f"{expression.kind}{int(expression.index.value)}"
         return "" if name in known else name
     return ""
@@ -90,13 +83,13 @@ def _source(expression: Expression, known: Mapping[str, Constant]) -> str:
 
 def _assigned(program: ProgramText) -> frozenset[str]:
     """Return the variables that the program itself sets."""
-    texts: Sequence[Program] = (program.program, *program.subprograms.values())
+    texts: Sequence[syntax.Program] = (program.program, *program.subprograms.values())
     return frozenset(
         f"{statement.target.kind}{int(statement.target.index.value)}"
         for lines in texts
         for line in lines
         for statement in line
-        if isinstance(statement, Assign) and isinstance(statement.target.index, Number)
+        if isinstance(statement, syntax.Assign) and isinstance(statement.target.index, syntax.Number)
     )
 
 

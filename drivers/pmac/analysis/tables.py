@@ -15,12 +15,7 @@ from drivers.pmac.analysis.step import SAME_COUNTS, Step
 from drivers.pmac.analysis.subject import Subject
 from drivers.pmac.analysis.units import shown_length, unit_of
 from drivers.pmac.analysis.walk import COMPENSATION
-from drivers.pmac.compensation.table import (
-    PARTS_PER_COUNT,
-    CompensationTable,
-    Whereabouts,
-    correction_range,
-)
+from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, Whereabouts, correction_range
 from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.syntax import Assign, VariableKind
 from drivers.pmac.program_tables import TextTable

@@ -5,24 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from drivers.pmac import requests
 from drivers.pmac.execution.modes import Modes
 from drivers.pmac.execution.move_times import MoveTimes
 from drivers.pmac.language import arithmetic
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value
 from drivers.pmac.language.syntax import VECTOR, Feedrate, Positioning, SelectMode, VariableKind
-from drivers.pmac.requests import (
-    CircleRequest,
-    Deferred,
-    DwellRequest,
-    HomeRequest,
-    LinearRequest,
-    MoveRequest,
-    PresetRequest,
-    PvtRequest,
-    RapidRequest,
-    SplineRequest,
-)
 from drivers.pmac.variables import SystemVariables
 
 Word = tuple[str, Value, Value | None]
@@ -57,7 +46,7 @@ class Moves:
         self._values = values
         self._modes = modes
         self._positions = dict(positions)
-        self._deferred: dict[tuple[VariableKind, int], Deferred] = {}
+        self._deferred: dict[tuple[VariableKind, int], requests.Deferred] = {}
 
     def relocate(self, positions: Mapping[str, float]) -> None:
         """Set axis positions that differ from the last move's target."""
@@ -91,9 +80,9 @@ class Moves:
             waiting = self._deferred.pop(place, None)
             before = self._values.get(kind, index) if waiting is None else waiting.value
             value = _COMBINE[operator](before, value)
-        self._deferred[place] = Deferred(kind=kind, index=index, value=value)
+        self._deferred[place] = requests.Deferred(kind=kind, index=index, value=value)
 
-    def move(self, line: int, words: Sequence[Word]) -> MoveRequest | None:
+    def move(self, line: int, words: Sequence[Word]) -> requests.MoveRequest | None:
         """Return the request for the move of a line; None when it names nothing that can move."""
         targets = dict(self._positions)
         values, incremental = self._values, self._modes.incremental
@@ -125,22 +114,22 @@ class Moves:
             return self._linear(aim, self.times.linear_ms(aim.start, targets))
         return self._request(mode, aim, words, vector)
 
-    def delay(self, line: int, duration_ms: float) -> LinearRequest:
+    def delay(self, line: int, duration_ms: float) -> requests.LinearRequest:
         """DELAY: a LINEAR move of zero distance."""
         here = self._positions
         return self._linear(_Aim(line, here, dict(here), frozenset()), max(0.0, duration_ms))
 
-    def dwell(self, duration_ms: float) -> DwellRequest:
+    def dwell(self, duration_ms: float) -> requests.DwellRequest:
         """DWELL."""
-        return DwellRequest(duration_ms=max(0.0, duration_ms), deferred=self._take_deferred())
+        return requests.DwellRequest(duration_ms=max(0.0, duration_ms), deferred=self._take_deferred())
 
-    def preset(self, line: int, words: Sequence[Word]) -> PresetRequest:
+    def preset(self, line: int, words: Sequence[Word]) -> requests.PresetRequest:
         """PSET; axes without a motor are left out."""
         positions = {letter: value(self._values) for letter, value, _ in words if letter in self._positions}
         self.relocate(positions)
-        return PresetRequest(line=line, positions=positions)
+        return requests.PresetRequest(line=line, positions=positions)
 
-    def home(self, line: int, motors: tuple[int, ...], zero: bool) -> HomeRequest:
+    def home(self, line: int, motors: tuple[int, ...], zero: bool) -> requests.HomeRequest:
         """HOME or HOMEZ.
 
         Raises:
@@ -149,15 +138,15 @@ class Moves:
         count = self._values.store.dialect.motor_count
         if max(motors) > count:
             raise PmacError(ErrorCode.DATA_ERROR, f"HOME{max(motors)}, motors 1 to {count}")
-        return HomeRequest(line=line, motors=motors, zero=zero)
+        return requests.HomeRequest(line=line, motors=motors, zero=zero)
 
     def _request(
         self, mode: str, aim: _Aim, words: Sequence[Word], vector: Mapping[str, float]
-    ) -> MoveRequest | None:
+    ) -> requests.MoveRequest | None:
         if mode in _CIRCLES:
             return self._circle(aim, vector)
         if mode in _SPLINES:
-            return SplineRequest(
+            return requests.SplineRequest(
                 line=aim.line,
                 targets=aim.targets,
                 duration_ms=self.times.spline_ms(),
@@ -168,7 +157,7 @@ class Moves:
         moving = frozenset(letter for letter, _, _ in words if letter in aim.targets)
         if not moving:
             return None
-        return RapidRequest(
+        return requests.RapidRequest(
             line=aim.line,
             targets=aim.targets,
             moving=moving,
@@ -176,8 +165,8 @@ class Moves:
             deferred=self._take_deferred(),
         )
 
-    def _linear(self, aim: _Aim, tm_ms: float) -> LinearRequest:
-        return LinearRequest(
+    def _linear(self, aim: _Aim, tm_ms: float) -> requests.LinearRequest:
+        return requests.LinearRequest(
             line=aim.line,
             targets=aim.targets,
             ta_ms=self.times.ta_ms,
@@ -187,9 +176,9 @@ class Moves:
             deferred=self._take_deferred(),
         )
 
-    def _pvt(self, aim: _Aim, velocities: Mapping[str, float]) -> PvtRequest:
+    def _pvt(self, aim: _Aim, velocities: Mapping[str, float]) -> requests.PvtRequest:
         unit_ms = self.times.unit_ms
-        return PvtRequest(
+        return requests.PvtRequest(
             line=aim.line,
             targets=aim.targets,
             velocities={axis: velocity / unit_ms for axis, velocity in velocities.items()},
@@ -198,13 +187,13 @@ class Moves:
             deferred=self._take_deferred(),
         )
 
-    def _circle(self, aim: _Aim, vector: Mapping[str, float]) -> CircleRequest:
+    def _circle(self, aim: _Aim, vector: Mapping[str, float]) -> requests.CircleRequest:
         """A vector takes precedence over a radius on the same line."""
         tm_ms, speed_per_ms = self.times.arc()
         parts = {axis: vector[letter] for letter, axis in zip(VECTOR, "XYZ", strict=True) if letter in vector}
         if not self._modes.radius_incremental:
             parts = {axis: place - aim.start.get(axis, 0.0) for axis, place in parts.items()}
-        return CircleRequest(
+        return requests.CircleRequest(
             line=aim.line,
             targets=aim.targets,
             clockwise=self._modes.mode == "CIRCLE1",
@@ -219,7 +208,7 @@ class Moves:
             deferred=self._take_deferred(),
         )
 
-    def _take_deferred(self) -> tuple[Deferred, ...]:
+    def _take_deferred(self) -> tuple[requests.Deferred, ...]:
         if not self._deferred:
             return ()
         taken = tuple(self._deferred.values())

@@ -5,25 +5,10 @@ from __future__ import annotations
 import string
 from collections.abc import Mapping
 
+from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import at_data, parse_condition, parse_data
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.reading import Reader, parse_letters
-from drivers.pmac.language.syntax import (
-    Argument,
-    CallProgram,
-    Condition,
-    Else,
-    EndIf,
-    EndWhile,
-    Gosub,
-    Goto,
-    If,
-    Label,
-    Read,
-    Return,
-    Statement,
-    While,
-)
 
 HIGHEST_LABEL = 2**18 - 1
 
@@ -36,14 +21,14 @@ READABLE = tuple(letter for letter in string.ascii_uppercase if letter not in "N
 ARGUMENTS = ("E", "H", "L", "P", "Q")
 """The letters that are a statement only after a call."""
 
-_ENDS: Mapping[str, Statement] = {
-    **dict.fromkeys(("ENDWHILE", "ENDW"), EndWhile()),
-    **dict.fromkeys(("ENDIF", "ENDI"), EndIf()),
-    **dict.fromkeys(("RETURN", "RET"), Return()),
+_ENDS: Mapping[str, syntax.Statement] = {
+    **dict.fromkeys(("ENDWHILE", "ENDW"), syntax.EndWhile()),
+    **dict.fromkeys(("ENDIF", "ENDI"), syntax.EndIf()),
+    **dict.fromkeys(("RETURN", "RET"), syntax.Return()),
 }
 
 
-def parse_argument(scanner: Scanner) -> Argument | None:
+def parse_argument(scanner: Scanner) -> syntax.Argument | None:
     """Parse a letter with a value that is not a statement of its own, such as the P of `G4 P2000`.
 
     None, with nothing consumed, if there is none at the cursor.
@@ -52,10 +37,10 @@ def parse_argument(scanner: Scanner) -> Argument | None:
         PmacError: 003, the letter is not followed by data.
     """
     letter = scanner.take_word(ARGUMENTS)
-    return None if letter is None else Argument(letter, parse_data(scanner))
+    return None if letter is None else syntax.Argument(letter, parse_data(scanner))
 
 
-def parse_enclosed_condition(scanner: Scanner) -> Condition:
+def parse_enclosed_condition(scanner: Scanner) -> syntax.Condition:
     """Parse a condition with the parentheses around the whole.
 
     Raises:
@@ -67,47 +52,47 @@ def parse_enclosed_condition(scanner: Scanner) -> Condition:
     return condition
 
 
-def _while(scanner: Scanner, word: str) -> While:
+def _while(scanner: Scanner, word: str) -> syntax.While:
     condition = parse_enclosed_condition(scanner)
-    return While(condition, inline=not scanner.at_end)
+    return syntax.While(condition, inline=not scanner.at_end)
 
 
-def _if(scanner: Scanner, word: str) -> If:
+def _if(scanner: Scanner, word: str) -> syntax.If:
     condition = parse_enclosed_condition(scanner)
-    return If(condition, inline=not scanner.at_end)
+    return syntax.If(condition, inline=not scanner.at_end)
 
 
-def _label(scanner: Scanner, word: str) -> Label | None:
+def _label(scanner: Scanner, word: str) -> syntax.Label | None:
     number = scanner.take_integer()
     if number is None:
         return None
     if number > HIGHEST_LABEL:
         raise scanner.refusal(f"label {number}, 0 to {HIGHEST_LABEL}")
-    return Label(number)
+    return syntax.Label(number)
 
 
-def _code(scanner: Scanner, word: str) -> CallProgram | None:
+def _code(scanner: Scanner, word: str) -> syntax.CallProgram | None:
     """Exclude `M1` before a comma, a point, an arrow or an equals sign: an on-line command about variables."""
     if not at_data(scanner):
         return None
     target = parse_data(scanner)
-    return None if scanner.peek(".,-=") else CallProgram(target, code=word)
+    return None if scanner.peek(".,-=") else syntax.CallProgram(target, code=word)
 
 
-def _spindle(scanner: Scanner, word: str) -> Argument | None:
-    return Argument(word, parse_data(scanner)) if at_data(scanner) else None
+def _spindle(scanner: Scanner, word: str) -> syntax.Argument | None:
+    return syntax.Argument(word, parse_data(scanner)) if at_data(scanner) else None
 
 
 FLOW_READERS: Mapping[str, Reader] = {
     "WHILE": _while,
     "IF": _if,
-    "ELSE": lambda scanner, word: Else(inline=not scanner.at_end),
+    "ELSE": lambda scanner, word: syntax.Else(inline=not scanner.at_end),
     **dict.fromkeys(_ENDS, lambda scanner, word: _ENDS[word]),
     **dict.fromkeys(("N", "O"), _label),
-    "GOTO": lambda scanner, word: Goto(parse_data(scanner)),
-    "GOSUB": lambda scanner, word: Gosub(parse_data(scanner)),
-    "CALL": lambda scanner, word: CallProgram(parse_data(scanner)),
+    "GOTO": lambda scanner, word: syntax.Goto(parse_data(scanner)),
+    "GOSUB": lambda scanner, word: syntax.Gosub(parse_data(scanner)),
+    "CALL": lambda scanner, word: syntax.CallProgram(parse_data(scanner)),
     **dict.fromkeys(CODES, _code),
-    "READ": lambda scanner, word: Read(parse_letters(scanner, READABLE)),
+    "READ": lambda scanner, word: syntax.Read(parse_letters(scanner, READABLE)),
     "S": _spindle,
 }

@@ -4,27 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import at_data, parse_data
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.reading import Reader, parse_letters, parse_numbers, parse_words
-from drivers.pmac.language.syntax import (
-    AXES,
-    VECTOR,
-    AxisWord,
-    Block,
-    Feedrate,
-    Home,
-    Move,
-    Normal,
-    Pause,
-    Positioning,
-    Preset,
-    SelectMode,
-    Set,
-    Statement,
-    Stop,
-    Wait,
-)
 
 HIGHEST_MOTOR = 32
 """The motors of the largest family; a missing motor is detected when the line is executed."""
@@ -45,74 +28,74 @@ _MODES = {
     "CIRCLE2": "CIRCLE2",
     "CIR2": "CIRCLE2",
 }
-_PLAIN: Mapping[str, Statement] = {
-    **{word: SelectMode(mode) for word, mode in _MODES.items()},
-    "NOFRAX": Feedrate(none=True),
-    "WAIT": Pause(),
-    "STOP": Stop(),
-    **dict.fromkeys(("BLOCKSTART", "BSTART"), Block(begins=True)),
-    **dict.fromkeys(("BLOCKSTOP", "BSTOP"), Block(begins=False)),
+_PLAIN: Mapping[str, syntax.Statement] = {
+    **{word: syntax.SelectMode(mode) for word, mode in _MODES.items()},
+    "NOFRAX": syntax.Feedrate(none=True),
+    "WAIT": syntax.Pause(),
+    "STOP": syntax.Stop(),
+    **dict.fromkeys(("BLOCKSTART", "BSTART"), syntax.Block(begins=True)),
+    **dict.fromkeys(("BLOCKSTOP", "BSTOP"), syntax.Block(begins=False)),
 }
 
 
-def _set(scanner: Scanner, word: str) -> Set | None:
-    return Set(word, parse_data(scanner)) if at_data(scanner) else None
+def _set(scanner: Scanner, word: str) -> syntax.Set | None:
+    return syntax.Set(word, parse_data(scanner)) if at_data(scanner) else None
 
 
-def _axis(scanner: Scanner, word: str) -> Move | None:
+def _axis(scanner: Scanner, word: str) -> syntax.Move | None:
     if not at_data(scanner):
         return None
     value = parse_data(scanner)
     velocity = parse_data(scanner) if scanner.accept(":") else None
-    return Move((AxisWord(word, value, velocity),))
+    return syntax.Move((syntax.AxisWord(word, value, velocity),))
 
 
-def _vector(scanner: Scanner, word: str) -> Move | None:
+def _vector(scanner: Scanner, word: str) -> syntax.Move | None:
     """Exclude `I100` before a comma, a point or a sign: an on-line query of variables (`I130..135`)."""
     if not at_data(scanner):
         return None
     value = parse_data(scanner)
-    return None if scanner.peek(".,-=") else Move((AxisWord(word, value),))
+    return None if scanner.peek(".,-=") else syntax.Move((syntax.AxisWord(word, value),))
 
 
-def _wait(scanner: Scanner, word: str) -> Wait | None:
-    return Wait(_WAITS[word], parse_data(scanner)) if at_data(scanner) else None
+def _wait(scanner: Scanner, word: str) -> syntax.Wait | None:
+    return syntax.Wait(_WAITS[word], parse_data(scanner)) if at_data(scanner) else None
 
 
-def _positioning(scanner: Scanner, word: str) -> Positioning:
-    axes = parse_letters(scanner, (*AXES, _RADIUS)) if scanner.peek("(") else ()
-    return Positioning(word == "INC", axes)
+def _positioning(scanner: Scanner, word: str) -> syntax.Positioning:
+    axes = parse_letters(scanner, (*syntax.AXES, _RADIUS)) if scanner.peek("(") else ()
+    return syntax.Positioning(word == "INC", axes)
 
 
-def _feedrate(scanner: Scanner, word: str) -> Feedrate:
-    return Feedrate(parse_letters(scanner, AXES) if scanner.peek("(") else ())
+def _feedrate(scanner: Scanner, word: str) -> syntax.Feedrate:
+    return syntax.Feedrate(parse_letters(scanner, syntax.AXES) if scanner.peek("(") else ())
 
 
-def _normal(scanner: Scanner, word: str) -> Normal:
-    words = parse_words(scanner, VECTOR)
+def _normal(scanner: Scanner, word: str) -> syntax.Normal:
+    words = parse_words(scanner, syntax.VECTOR)
     if not words:
         raise scanner.refusal("expected a vector as in NORMAL K-1")
-    return Normal(words)
+    return syntax.Normal(words)
 
 
-def _preset(scanner: Scanner, word: str) -> Preset:
-    words = parse_words(scanner, AXES)
+def _preset(scanner: Scanner, word: str) -> syntax.Preset:
+    words = parse_words(scanner, syntax.AXES)
     if not words:
         raise scanner.refusal("expected axes with positions as in PSET X0")
-    return Preset(words)
+    return syntax.Preset(words)
 
 
-def _home(scanner: Scanner, word: str) -> Home | None:
+def _home(scanner: Scanner, word: str) -> syntax.Home | None:
     """Require motors: without them it is the on-line command."""
     if not scanner.peek("0123456789$"):
         return None
-    return Home(parse_numbers(scanner, 1, HIGHEST_MOTOR), zero=_HOMES[word])
+    return syntax.Home(parse_numbers(scanner, 1, HIGHEST_MOTOR), zero=_HOMES[word])
 
 
 MOTION_READERS: Mapping[str, Reader] = {
     **dict.fromkeys(_SETTINGS, _set),
-    **dict.fromkeys(AXES, _axis),
-    **dict.fromkeys((*VECTOR, _RADIUS), _vector),
+    **dict.fromkeys(syntax.AXES, _axis),
+    **dict.fromkeys((*syntax.VECTOR, _RADIUS), _vector),
     **dict.fromkeys(_WAITS, _wait),
     **dict.fromkeys(_HOMES, _home),
     **dict.fromkeys(("ABS", "INC"), _positioning),

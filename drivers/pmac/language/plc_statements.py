@@ -8,33 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import parse_expression, parse_variable
 from drivers.pmac.language.flow_statements import parse_enclosed_condition
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.message_statements import MESSAGE_READERS
 from drivers.pmac.language.motion_statements import HIGHEST_MOTOR
-from drivers.pmac.language.syntax import (
-    Address,
-    Assign,
-    Else,
-    EndIf,
-    EndWhile,
-    FurtherCondition,
-    If,
-    Message,
-    PlcLine,
-    PlcStatement,
-    PlcSwitch,
-    While,
-)
 
 HIGHEST_SYSTEM = 16
 """Of the largest family; a missing one is detected when the statement is executed."""
 
-_Reader = Callable[[Scanner, str], PlcStatement | None]
+_Reader = Callable[[Scanner, str], syntax.PlcStatement | None]
 
 
-def parse_plc_line(text: str) -> PlcLine:
+def parse_plc_line(text: str) -> syntax.PlcLine:
     """Parse one line that is meant for a PLC; a blank line or a comment is the empty line.
 
     Nothing in it is `inline`: what follows an IF on its line waits for the ENDIF like the lines below.
@@ -44,7 +31,7 @@ def parse_plc_line(text: str) -> PlcLine:
             comment.
     """
     scanner = Scanner(text)
-    statements: list[PlcStatement] = []
+    statements: list[syntax.PlcStatement] = []
     while not scanner.at_end:
         statement = parse_plc_statement(scanner)
         if statement is None:
@@ -53,7 +40,7 @@ def parse_plc_line(text: str) -> PlcLine:
     return tuple(statements)
 
 
-def parse_plc_statement(scanner: Scanner) -> PlcStatement | None:
+def parse_plc_statement(scanner: Scanner) -> syntax.PlcStatement | None:
     """Parse one statement; None, with nothing consumed, if there is none at the cursor.
 
     Raises:
@@ -62,7 +49,7 @@ def parse_plc_statement(scanner: Scanner) -> PlcStatement | None:
     mark = scanner.mark()
     target = parse_variable(scanner)
     if target is not None and scanner.accept("="):
-        return Assign(target, parse_expression(scanner))
+        return syntax.Assign(target, parse_expression(scanner))
     scanner.reset(mark)
     word = scanner.take_word(_WORDS)
     read = None if word is None else _READERS[word](scanner, word)
@@ -71,26 +58,26 @@ def parse_plc_statement(scanner: Scanner) -> PlcStatement | None:
     return read
 
 
-def stored_lines(line: PlcLine) -> tuple[PlcLine, ...]:
+def stored_lines(line: syntax.PlcLine) -> tuple[syntax.PlcLine, ...]:
     """Return the lines that a PLC stores for it: what follows a condition or an ELSE moves to the next one."""
-    lines: list[PlcLine] = []
-    rest: list[PlcStatement] = []
+    lines: list[syntax.PlcLine] = []
+    rest: list[syntax.PlcStatement] = []
     for statement in line:
-        if isinstance(statement, FurtherCondition) and rest:
+        if isinstance(statement, syntax.FurtherCondition) and rest:
             lines.append(tuple(rest))
             rest = []
         rest.append(statement)
-        if isinstance(statement, If | While | Else | FurtherCondition):
+        if isinstance(statement, syntax.If | syntax.While | syntax.Else | syntax.FurtherCondition):
             lines.append(tuple(rest))
             rest = []
     return (*lines, tuple(rest)) if rest else tuple(lines)
 
 
-def _further(scanner: Scanner, word: str) -> FurtherCondition:
-    return FurtherCondition(word, parse_enclosed_condition(scanner))
+def _further(scanner: Scanner, word: str) -> syntax.FurtherCondition:
+    return syntax.FurtherCondition(word, parse_enclosed_condition(scanner))
 
 
-def _address(scanner: Scanner, word: str) -> Address:
+def _address(scanner: Scanner, word: str) -> syntax.Address:
     """Parse `#1`, `&2` or both, in either order."""
     motor: int | None = None
     system: int | None = None
@@ -102,7 +89,7 @@ def _address(scanner: Scanner, word: str) -> Address:
             system = _number(scanner, HIGHEST_SYSTEM)
     if motor is None and system is None:
         raise scanner.refusal("expected a motor or a coordinate system as in ADDRESS#1&2")
-    return Address(motor, system)
+    return syntax.Address(motor, system)
 
 
 def _number(scanner: Scanner, highest: int) -> int:
@@ -112,19 +99,19 @@ def _number(scanner: Scanner, highest: int) -> int:
     return number
 
 
-def _message(scanner: Scanner, word: str) -> PlcStatement | None:
+def _message(scanner: Scanner, word: str) -> syntax.PlcStatement | None:
     statement = MESSAGE_READERS[word](scanner, word)
-    assert statement is None or isinstance(statement, Message | PlcSwitch)
+    assert statement is None or isinstance(statement, syntax.Message | syntax.PlcSwitch)
     return statement
 
 
 _READERS: Mapping[str, _Reader] = {
-    "IF": lambda scanner, word: If(parse_enclosed_condition(scanner)),
-    "WHILE": lambda scanner, word: While(parse_enclosed_condition(scanner)),
+    "IF": lambda scanner, word: syntax.If(parse_enclosed_condition(scanner)),
+    "WHILE": lambda scanner, word: syntax.While(parse_enclosed_condition(scanner)),
     **dict.fromkeys(("AND", "OR"), _further),
-    "ELSE": lambda scanner, word: Else(),
-    **dict.fromkeys(("ENDIF", "ENDI"), lambda scanner, word: EndIf()),
-    **dict.fromkeys(("ENDWHILE", "ENDW"), lambda scanner, word: EndWhile()),
+    "ELSE": lambda scanner, word: syntax.Else(),
+    **dict.fromkeys(("ENDIF", "ENDI"), lambda scanner, word: syntax.EndIf()),
+    **dict.fromkeys(("ENDWHILE", "ENDW"), lambda scanner, word: syntax.EndWhile()),
     **dict.fromkeys(("ADDRESS", "ADR"), _address),
     **dict.fromkeys(MESSAGE_READERS, _message),
 }

@@ -4,29 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.structure import NO_JUMP
-from drivers.pmac.language.syntax import (
-    Address,
-    Assign,
-    Condition,
-    Else,
-    EndIf,
-    EndWhile,
-    FurtherCondition,
-    If,
-    Junction,
-    Message,
-    PlcProgram,
-    PlcStatement,
-    PlcSwitch,
-    While,
-)
 
 MOST_CONDITION_LINES = 100
 """Maximum lines of one condition; bounds the depth of its tree."""
 
-PlcInstruction = While | EndWhile | If | Else | EndIf | Assign | Message | PlcSwitch | Address
+PlcInstruction = (
+    syntax.While
+    | syntax.EndWhile
+    | syntax.If
+    | syntax.Else
+    | syntax.EndIf
+    | syntax.Assign
+    | syntax.Message
+    | syntax.PlcSwitch
+    | syntax.Address
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +38,7 @@ class PlcCode:
     jumps: tuple[int, ...]
 
 
-def link_plc(program: PlcProgram) -> PlcCode:
+def link_plc(program: syntax.PlcProgram) -> PlcCode:
     """Find the ends of every loop and branch, and combine conditions of several lines.
 
     Raises:
@@ -57,20 +52,20 @@ def link_plc(program: PlcProgram) -> PlcCode:
     return linker.finish()
 
 
-def joined(lines: list[tuple[str, Condition]]) -> Condition:
+def joined(lines: list[tuple[str, syntax.Condition]]) -> syntax.Condition:
     """Join the conditions of several lines: each is a unit, and between them AND binds tighter than OR.
 
     (Turbo PMAC User Manual, Multiple-Line Conditions.) The operator of the first line is ignored.
     """
-    groups: list[Condition] = []
+    groups: list[syntax.Condition] = []
     for operator, condition in lines:
         if groups and operator == "AND":
-            groups[-1] = Junction("AND", groups[-1], condition)
+            groups[-1] = syntax.Junction("AND", groups[-1], condition)
         else:
             groups.append(condition)
     whole = groups[0]
     for group in groups[1:]:
-        whole = Junction("OR", whole, group)
+        whole = syntax.Junction("OR", whole, group)
     return whole
 
 
@@ -89,22 +84,22 @@ class _Linker:
     line_of: list[int] = field(default_factory=list)
     jumps: list[int] = field(default_factory=list)
     blocks: list[_Block] = field(default_factory=list)
-    condition: list[tuple[str, Condition]] = field(default_factory=list)
+    condition: list[tuple[str, syntax.Condition]] = field(default_factory=list)
     """The lines of the condition that the next line may continue."""
 
-    def add(self, number: int, statement: PlcStatement) -> None:
-        if isinstance(statement, FurtherCondition):
+    def add(self, number: int, statement: syntax.PlcStatement) -> None:
+        if isinstance(statement, syntax.FurtherCondition):
             self._go_on(number, statement)
             return
         self._finish_condition()
         match statement:
-            case While() | If():
-                self.blocks.append(_Block(len(self.instructions), isinstance(statement, While)))
+            case syntax.While() | syntax.If():
+                self.blocks.append(_Block(len(self.instructions), isinstance(statement, syntax.While)))
                 self.condition = [("", statement.condition)]
                 self._emit(number, statement)
-            case Else():
+            case syntax.Else():
                 self._alternative(number, statement)
-            case EndWhile() | EndIf():
+            case syntax.EndWhile() | syntax.EndIf():
                 self._end(number, statement)
             case _:
                 self._emit(number, statement)
@@ -118,7 +113,7 @@ class _Linker:
             raise PmacError(ErrorCode.BAD_STRUCTURE_RUNNING, f"line {line + 1}: {word} without its end")
         return PlcCode(tuple(self.instructions), tuple(self.line_of), tuple(self.jumps))
 
-    def _go_on(self, number: int, statement: FurtherCondition) -> None:
+    def _go_on(self, number: int, statement: syntax.FurtherCondition) -> None:
         if not self.condition:
             raise _structure(number, f"{statement.operator} without IF or WHILE in front of it")
         if len(self.condition) == MOST_CONDITION_LINES:
@@ -129,10 +124,10 @@ class _Linker:
         if len(self.condition) > 1:
             whole = joined(self.condition)
             loop = self.blocks[-1].loop
-            self.instructions[-1] = While(whole) if loop else If(whole)
+            self.instructions[-1] = syntax.While(whole) if loop else syntax.If(whole)
         self.condition = []
 
-    def _alternative(self, number: int, statement: Else) -> None:
+    def _alternative(self, number: int, statement: syntax.Else) -> None:
         block = self.blocks[-1] if self.blocks else None
         if block is None or block.loop or block.alternative is not None:
             raise _structure(number, "ELSE without IF")
@@ -140,8 +135,8 @@ class _Linker:
         self._emit(number, statement)
         self.jumps[block.head] = len(self.instructions)
 
-    def _end(self, number: int, statement: EndWhile | EndIf) -> None:
-        loop = isinstance(statement, EndWhile)
+    def _end(self, number: int, statement: syntax.EndWhile | syntax.EndIf) -> None:
+        loop = isinstance(statement, syntax.EndWhile)
         if not self.blocks or self.blocks[-1].loop is not loop:
             raise _structure(number, "ENDWHILE without WHILE" if loop else "ENDIF without IF")
         block = self.blocks.pop()

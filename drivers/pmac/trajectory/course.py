@@ -14,14 +14,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from drivers.pmac.trajectory.circle import Arc
-from drivers.pmac.trajectory.linear import (
-    Blend,
-    Limits,
-    LinearMove,
-    Timing,
-    effective_timing,
-    room_for_ramp,
-)
+from drivers.pmac.trajectory.linear import Blend, Limits, LinearMove, Timing, effective_timing, room_for_ramp
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite
 
 MOST_CUTS = 4096

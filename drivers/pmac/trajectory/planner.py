@@ -9,38 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from drivers.pmac import requests
 from drivers.pmac.axes import AxisDefinition
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.requests import (
-    BlendBreak,
-    CircleRequest,
-    Deferred,
-    DwellRequest,
-    Finished,
-    Halt,
-    HomeRequest,
-    LinearRequest,
-    MoveRequest,
-    PresetRequest,
-    PvtRequest,
-    RapidRequest,
-    Request,
-    SplineRequest,
-)
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.trajectory import spline
 from drivers.pmac.trajectory.circle import chord_length
 from drivers.pmac.trajectory.course import CurvedBlend, lay_course, stop_course
 from drivers.pmac.trajectory.frame import MotorFrame
 from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS
-from drivers.pmac.trajectory.linear import (
-    Blend,
-    LinearMove,
-    at_rest,
-    lay,
-    stop,
-)
+from drivers.pmac.trajectory.linear import Blend, LinearMove, at_rest, lay, stop
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, position_at, ramp
 from drivers.pmac.trajectory.planned import (
     Planned,
@@ -80,9 +59,9 @@ class MotionPlanner:
         self._blend: Blend = at_rest(position)
         self._pvt_velocity: Vector | None = None
         self._spline: spline.Spline | None = None
-        self._ahead: Request | None = None
+        self._ahead: requests.Request | None = None
         self._after_break = True
-        self._newest: tuple[Request, _State] | None = None
+        self._newest: tuple[requests.Request, _State] | None = None
 
     @property
     def target(self) -> Vector:
@@ -161,35 +140,35 @@ class MotionPlanner:
         Distances (INC) stay distances; what follows it in the program counts from its end.
         """
         ahead, self._newest = self._ahead, None
-        if not isinstance(ahead, MoveRequest):
+        if not isinstance(ahead, requests.MoveRequest):
             return
         shift = {axis: now[axis] - before[axis] for axis in now if axis not in ahead.absolute}
         targets = {axis: target + shift.get(axis, 0.0) for axis, target in ahead.targets.items()}
         self._ahead = replace(ahead, targets=targets)
         self.run.relocate(targets)
 
-    def _lay(self, request: Request) -> Planned:
+    def _lay(self, request: requests.Request) -> Planned:
         match request:
-            case LinearRequest():
+            case requests.LinearRequest():
                 return self._linear(request)
-            case PvtRequest():
+            case requests.PvtRequest():
                 return self._pvt(request)
-            case SplineRequest():
+            case requests.SplineRequest():
                 return self._splined(request)
-            case CircleRequest():
+            case requests.CircleRequest():
                 return self._circle(request)
-            case RapidRequest():
+            case requests.RapidRequest():
                 return self._rapid(request)
-            case DwellRequest():
+            case requests.DwellRequest():
                 return self._dwell(request.duration_ms, request.deferred)
-            case BlendBreak():
+            case requests.BlendBreak():
                 return self._dwell(0.0)
-            case HomeRequest() | PresetRequest() | Halt():
+            case requests.HomeRequest() | requests.PresetRequest() | requests.Halt():
                 return self._dwell(0.0)._replace(event=request)
-            case Finished():
+            case requests.Finished():
                 return Planned(pieces=self._rest(), finished=True)
 
-    def _linear(self, request: LinearRequest) -> Planned:
+    def _linear(self, request: requests.LinearRequest) -> Planned:
         lead = self._lead_blended()
         target = self._frame.counts(request.targets, self._blend.target, request.absolute)
         move = self._move(target, request.ta_ms, request.ts_ms, request.tm_ms)
@@ -200,7 +179,7 @@ class MotionPlanner:
         record = blended_record(request.line, target, move, timing)
         return Planned(pieces=(*lead, *defer(laid, request.deferred), *self._unblended()), record=record)
 
-    def _circle(self, request: CircleRequest) -> Planned:
+    def _circle(self, request: requests.CircleRequest) -> Planned:
         start = self._frame.positions(self.target)
         segment_ms = self._frame.segment_ms
         if segment_ms <= 0.0 or (request.center is None and request.radius is None):
@@ -214,7 +193,7 @@ class MotionPlanner:
         record = blended_record(request.line, target, move, timing)
         return Planned(pieces=(*lead, *defer(laid, request.deferred), *self._unblended()), record=record)
 
-    def _rapid(self, request: RapidRequest) -> Planned:
+    def _rapid(self, request: requests.RapidRequest) -> Planned:
         """Jog, and calculate nothing until it is done; a RAPID of no distance takes an interrupt."""
         pieces = self._rest()
         start = self.target
@@ -226,7 +205,7 @@ class MotionPlanner:
         record = plain_record(request.line, target, rapid_time_ms(start, target, settings))
         return Planned(pieces=(*pieces, *defer(jog, request.deferred)), record=record)
 
-    def _pvt(self, request: PvtRequest) -> Planned:
+    def _pvt(self, request: requests.PvtRequest) -> Planned:
         lead = self._rest() + self._first_delay() if self._pvt_velocity is None else ()
         check_segment(request.duration_ms)
         start = self.target
@@ -238,7 +217,7 @@ class MotionPlanner:
         record = plain_record(request.line, target, request.duration_ms)
         return Planned(pieces=(*lead, *defer((laid,), request.deferred)), record=record)
 
-    def _splined(self, request: SplineRequest) -> Planned:
+    def _splined(self, request: requests.SplineRequest) -> Planned:
         duration_ms = request.duration_ms
         check_segment(duration_ms)
         lead: tuple[Piece, ...] = ()
@@ -257,11 +236,11 @@ class MotionPlanner:
         if self._ahead is None:
             self._ahead = self.run.advance()
         following = self._ahead
-        if isinstance(following, SplineRequest) and not following.uniform and following.duration_ms > 0.0:
+        if isinstance(following, requests.SplineRequest) and not following.uniform and following.duration_ms > 0.0:
             return following.duration_ms
         return duration_ms
 
-    def _dwell(self, duration_ms: float, deferred: tuple[Deferred, ...] = ()) -> Planned:
+    def _dwell(self, duration_ms: float, deferred: tuple[requests.Deferred, ...] = ()) -> Planned:
         pieces = self._rest()
         self._after_break = True
         # At least one real-time interrupt, or a loop without moves would never let time advance.
@@ -317,7 +296,7 @@ class MotionPlanner:
         distance = tuple([t - p for t, p in zip(target, self._blend.target, strict=True)])
         return LinearMove(distance=distance, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
 
-    def _next(self) -> Request:
+    def _next(self) -> requests.Request:
         request = self._ahead
         if request is None:
             return self.run.advance()
