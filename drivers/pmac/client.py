@@ -19,8 +19,8 @@ from drivers.pmac.checksums import LineCheck
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
 from drivers.pmac.exchange import Exchange
 from drivers.pmac.expected_replies import foresee, number_of
+from drivers.pmac.framing import LinkFaults
 from drivers.pmac.language.errors import ErrorCode
-from drivers.pmac.link_faults import LinkFaults
 from profiles.problem import Problem
 
 __all__ = ["LINE_LIMIT", "REPLY_TIMEOUT_S", "PmacClient"]

@@ -13,7 +13,7 @@ from itertools import zip_longest
 
 from drivers.controller import REPLY_TIMEOUT_S, Controller
 from drivers.errors import DriverError
-from drivers.pmac.compensation.table_text import definition_text, scan_definition
+from drivers.pmac.compensation.table_text import TextTable, definition_text, scan_definition
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.lexer import Scanner
@@ -29,7 +29,6 @@ from drivers.pmac.program_constants import (
     read_values,
     word_problems,
 )
-from drivers.pmac.program_tables import TextTable
 from drivers.pmac.program_text import ProgramText
 from profiles.problem import Problem
 

@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from drivers.pmac.axes import AxisDefinition, scan_definition
+from drivers.pmac.compensation.table_text import MOST_MOTORS, TableReader, TextTable
 from drivers.pmac.execution.calls import FIRST_CODE_PROGRAM
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.parser import parse_line, parse_statement
-from drivers.pmac.language.reading import (
+from drivers.pmac.language.expressions import (
     CLEAR,
     CLOSE,
     HIGHEST_PLC,
@@ -21,9 +20,10 @@ from drivers.pmac.language.reading import (
     OPEN_PROGRAM,
     TRAILING_CLOSE,
 )
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.parser import parse_line, parse_statement
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.language.syntax import Line, Program
-from drivers.pmac.program_tables import MOST_MOTORS, TableReader, TextTable
 
 _DIRECTIVE = re.compile(r"#\s*(define|include|undef|ifdef|ifndef|if|else|endif)\b", re.IGNORECASE)
 _COMMENT = re.compile(r'((?:[^;"]|"[^"]*"?)*);.*')

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from drivers.clock import Clock
 from drivers.link.base import Link
-from drivers.pmac.framing import FramingError, Reply, ReplyReader
-from drivers.pmac.link_faults import FaultKind
+from drivers.pmac.framing import FaultKind, FramingError, Reply, ReplyReader
 
 QUIET_S = 0.06
 """Inter-byte timeout within a reply."""

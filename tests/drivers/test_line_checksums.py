@@ -22,7 +22,7 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.checksums import ASK, ChecksumForm, LineCheck, checksum, form_of, shown, unmistakable
 from drivers.pmac.client import PmacClient
 from drivers.pmac.exchange import CHECKSUM_TIMEOUT_S
-from drivers.pmac.link_faults import FaultKind
+from drivers.pmac.framing import FaultKind
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.system.lathe_sites import compact

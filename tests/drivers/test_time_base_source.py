@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO
 from drivers.pmac.master.following import parts_of
-from drivers.pmac.master.time_base_setup import TimeBaseEntry, entry_of
-from drivers.pmac.master.time_base_source import (
+from drivers.pmac.master.time_base import (
     UNITS_PER_MS,
+    TimeBaseEntry,
     Trigger,
     TriggeredTimeBase,
+    entry_of,
     increment_units,
     nearest_factor,
     percent,

@@ -6,12 +6,169 @@ exactly the same values in its variables as before.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
-from drivers.pmac.analysis.loops import Loop, around
 from drivers.pmac.analysis.step import Step, same_motion
+from drivers.pmac.language import syntax
+from drivers.pmac.language.errors import EvaluationError
+from drivers.pmac.language.evaluate import Variables, holds
 from drivers.pmac.language.syntax import VariableKind
+
+Name = tuple[VariableKind, int]
+"""One numbered variable."""
+
+MOST_FLAGS = 3
+"""Maximum variables of a condition that are tried together; with more it is not a plain flag."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loop:
+    """A WHILE from its line to that of its end (counted from 0, inclusive).
+
+    `names` are the variables of its condition, `free` those that nothing inside assigns. `endless` when all are.
+    """
+
+    first: int
+    last: int
+    condition: syntax.Condition
+    names: tuple[Name, ...]
+    free: tuple[Name, ...]
+    endless: bool
+
+
+def find_loops(program: syntax.Program, called: Iterable[syntax.Program] = ()) -> tuple[Loop, ...]:
+    """Return every WHILE of a program, inner ones before those around them; `called` are its subprograms."""
+    others = [line for other in called for line in other]
+    return tuple(_loop(program, head, first, last, others) for head, first, last in _whiles(program))
+
+
+def around(loops: Iterable[Loop], line: int) -> Iterator[Loop]:
+    """Yield the loops that contain a line, from the inside out."""
+    return (loop for loop in loops if loop.first <= line <= loop.last)
+
+
+def way_out(loop: Loop, variables: Variables, degrees: bool) -> Mapping[Name, float] | None:
+    """Return values of variables for which the condition fails, None where there are none.
+
+    A host ends such a loop by setting a flag; of several ways the one with the fewest variables is taken, and
+    those that the loop does not set come first.
+    """
+    names = loop.free or loop.names
+    if not 0 < len(names) <= MOST_FLAGS:
+        return None
+    constants = {number.value for number in _walk(loop.condition) if isinstance(number, syntax.Number)}
+    for count in range(1, len(names) + 1):
+        for chosen in product(names, repeat=count):
+            if len(set(chosen)) < count:
+                continue
+            for values in product(*(_candidates(variables.get(*name), constants) for name in chosen)):
+                changed = dict(zip(chosen, values, strict=True))
+                if _fails(loop.condition, _Changed(variables, changed), degrees):
+                    return changed
+    return None
+
+
+def _has_calls(programs: Iterable[syntax.Program]) -> bool:
+    """Return whether anything is called: then a line and the variables do not fully define the program's state."""
+    calls = (syntax.Gosub, syntax.CallProgram)
+    return any(isinstance(statement, calls) for program in programs for line in program for statement in line)
+
+
+@dataclass(frozen=True, slots=True)
+class _Changed:
+    """Variables, some of them with other values."""
+
+    under: Variables
+    values: Mapping[Name, float]
+
+    def get(self, kind: VariableKind, index: int) -> float:
+        changed = self.values.get((kind, index))
+        return self.under.get(kind, index) if changed is None else changed
+
+
+def _whiles(program: syntax.Program) -> Iterator[tuple[syntax.While, int, int]]:
+    """Yield each WHILE with its first and last line; one without an end reaches to the end of the program."""
+    opened: list[tuple[syntax.While, int]] = []
+    for number, line in enumerate(program):
+        for statement in line:
+            if isinstance(statement, syntax.While):
+                opened.append((statement, number))
+            elif isinstance(statement, syntax.EndWhile) and opened:
+                yield (*opened.pop(), number)
+        while opened and opened[-1][0].inline:
+            yield (*opened.pop(), number)
+    while opened:
+        yield (*opened.pop(), len(program) - 1)
+
+
+def _loop(program: syntax.Program, head: syntax.While, first: int, last: int, others: list[syntax.Line]) -> Loop:
+    inside = program[first : last + 1]
+    body = [statement for line in inside for statement in line]
+    if _has_calls((inside,)):
+        body += [statement for line in (*program[last + 1 :], *others) for statement in line]
+    names, computed = _names(head.condition)
+    assigned = [statement.target for statement in body if isinstance(statement, syntax.Assign)]
+    fixed = {_name(target) for target in assigned}
+    anywhere = {target.kind for target in assigned if _name(target) is None}
+    if any(isinstance(statement, syntax.Read) for statement in body):
+        anywhere.add(VariableKind.Q)
+    free = tuple(name for name in names if name not in fixed and name[0] not in anywhere)
+    commands = any(isinstance(statement, syntax.Message) and statement.word == "CMD" for statement in body)
+    leaves = any(_leaves(statement, inside) for line in inside for statement in line)
+    endless = len(free) == len(names) and not (computed or commands or leaves)
+    return Loop(first=first, last=last, condition=head.condition, names=names, free=free, endless=endless)
+
+
+def _leaves(statement: syntax.Statement, inside: syntax.Program) -> bool:
+    if isinstance(statement, syntax.Return):
+        return True
+    if not isinstance(statement, syntax.Goto):
+        return False
+    labels = {other.number for line in inside for other in line if isinstance(other, syntax.Label)}
+    return not (isinstance(statement.label, syntax.Number) and int(statement.label.value) in labels)
+
+
+def _names(condition: syntax.Condition) -> tuple[tuple[Name, ...], bool]:
+    """Return the variables of a condition, each once, and whether the number of one is computed."""
+    variables = [part for part in _walk(condition) if isinstance(part, syntax.Variable)]
+    names = [_name(part) for part in variables]
+    return tuple(dict.fromkeys(name for name in names if name is not None)), None in names
+
+
+def _name(variable: syntax.Variable) -> Name | None:
+    """Return the variable, None where its number is computed."""
+    index = variable.index
+    return (variable.kind, int(index.value)) if isinstance(index, syntax.Number) else None
+
+
+def _walk(part: syntax.Condition | syntax.Expression) -> Iterator[syntax.Condition | syntax.Expression]:
+    yield part
+    match part:
+        case syntax.Junction(_, left, right) | syntax.Comparison(_, left, right) | syntax.Binary(_, left, right):
+            yield from _walk(left)
+            yield from _walk(right)
+        case syntax.Negate(operand):
+            yield from _walk(operand)
+        case syntax.Call(_, argument):
+            yield from _walk(argument)
+        case syntax.Variable(_, index) if not isinstance(index, syntax.Number):
+            yield from _walk(index)
+
+
+def _candidates(present: float, constants: set[float]) -> list[float]:
+    """Yield values a flag might be set to: 1 and 0 first, then either side of the constants and of now."""
+    around_them = [value + step for value in sorted(constants | {present}) for step in (1.0, -1.0, 0.0)]
+    return [1.0, 0.0, *around_them]
+
+
+def _fails(condition: syntax.Condition, variables: Variables, degrees: bool) -> bool:
+    try:
+        return not holds(condition, variables, degrees)
+    except EvaluationError:
+        return False
+
 
 MOST_PASSES = 400
 """Maximum passes of an endless loop whose motion never repeats."""

@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
-from drivers.pmac.analysis.timeline import Peaks
+from drivers.pmac.analysis.moves import MoveAnalysis
 
 LONGEST_PATTERN = 48
 """Length of the longest stretch that is searched for, in moves."""
@@ -51,28 +50,18 @@ def _best(moves: Sequence[MoveAnalysis], place: int) -> tuple[int, int]:
 
 def _alike(one: MoveAnalysis, other: MoveAnalysis) -> bool:
     """Return whether two moves are the same except for their start."""
-    if (one.program, one.line, one.mode, one.blended) != (other.program, other.line, other.mode, other.blended):
-        return False
-    times = [(t.ta_ms, t.ts_ms, t.tm_ms) for move in (one, other) for t in (move.asked, move.used)]
-    if not all(map(_close, times[0] + times[1], times[2] + times[3])):
-        return False
-    return all(map(_alike_motors, one.motors, other.motors))
-
-
-def _alike_motors(one: MotorMove, other: MotorMove) -> bool:
-    return (
-        _close(one.commanded, other.commanded)
-        and _close(one.made, other.made)
-        and _alike_peaks(one.peaks, other.peaks)
+    labels, numbers = _described(one)
+    other_labels, other_numbers = _described(other)
+    return labels == other_labels and all(
+        math.isclose(a, b, rel_tol=_SAME, abs_tol=_SAME) for a, b in zip(numbers, other_numbers, strict=True)
     )
 
 
-def _alike_peaks(one: Peaks, other: Peaks) -> bool:
-    if (one.jerk is None) is not (other.jerk is None):
-        return False
-    pairs = [(one.velocity, other.velocity), (one.acceleration, other.acceleration)]
-    return all(_close(a, b) for a, b in [*pairs, (one.jerk or 0.0, other.jerk or 0.0)])
-
-
-def _close(one: float, other: float) -> bool:
-    return math.isclose(one, other, rel_tol=_SAME, abs_tol=_SAME)
+def _described(move: MoveAnalysis) -> tuple[tuple[object, ...], list[float]]:
+    """Return what must be equal of two like moves, and what must be close."""
+    peaks = [motor.peaks for motor in move.motors]
+    numbers = [ms for timing in (move.asked, move.used) for ms in (timing.ta_ms, timing.ts_ms, timing.tm_ms)]
+    for motor, peak in zip(move.motors, peaks, strict=True):
+        numbers += (motor.commanded, motor.made, peak.velocity, peak.acceleration, peak.jerk or 0.0)
+    jumps = tuple(peak.jerk is None for peak in peaks)
+    return (move.program, move.line, move.mode, move.blended, jumps), numbers

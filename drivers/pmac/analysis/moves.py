@@ -7,15 +7,30 @@ point.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from drivers.pmac.analysis.step import SAME_COUNTS, Step
 from drivers.pmac.analysis.timeline import Peaks, Timeline
 from drivers.pmac.analysis.walk import Walk
-from drivers.pmac.requests import CircleRequest, LinearRequest, RapidRequest, Request, SplineRequest
+from drivers.pmac.requests import CircleRequest, LinearRequest, PvtRequest, RapidRequest, Request, SplineRequest
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Vector
 from drivers.pmac.trajectory.planned import MoveRecord
+
+RAMPED = ("LINEAR", "CIRCLE")
+"""Modes whose moves are blended by ramps of TA and TS."""
+
+_TOUCHING_MS = 1e-6
+"""Two moves touch when one begins where the other nominally ends, within rounding."""
+
+_MODES: Mapping[type[Request], str] = {
+    LinearRequest: "LINEAR",
+    RapidRequest: "RAPID",
+    SplineRequest: "SPLINE",
+    CircleRequest: "CIRCLE",
+    PvtRequest: "PVT",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +86,7 @@ class _Nominal:
     place: int
     step: Step
     record: MoveRecord
+    mode: str
     used: Timing
     begins_ms: float
     ends_ms: float
@@ -80,7 +96,7 @@ class _Nominal:
     @property
     def starts_ms(self) -> float:
         """Start of its first motion."""
-        if mode_of(self.step.request) == "SPLINE" and not self.follows:
+        if self.mode == "SPLINE" and not self.follows:
             # The zero-distance segment before a spline moves, too.
             return self.begins_ms - self.used.tm_ms
         return self.begins_ms - 0.5 * self.ramp_ms
@@ -114,41 +130,23 @@ def analyse_moves(walk: Walk, timeline: Timeline) -> tuple[MoveAnalysis, ...]:
             )
             for index, motor in enumerate(walk.motors)
         )
-        moves.append(_analysis(len(moves), move, blended, motors))
+        analysis = MoveAnalysis(
+            number=len(moves),
+            step=move.place,
+            program=move.step.program,
+            line=move.record.line,
+            mode=move.mode,
+            by_move_time=move.step.by_move_time,
+            asked=move.record.asked,
+            used=move.used,
+            begins_ms=move.begins_ms,
+            ends_ms=move.ends_ms,
+            blended=blended,
+            motors=motors,
+        )
+        moves.append(analysis)
         before, came_from = move.record.target, reached
     return tuple(moves)
-
-
-def _analysis(number: int, move: _Nominal, blended: bool, motors: tuple[MotorMove, ...]) -> MoveAnalysis:
-    return MoveAnalysis(
-        number=number,
-        step=move.place,
-        program=move.step.program,
-        line=move.record.line,
-        mode=mode_of(move.step.request),
-        by_move_time=move.step.by_move_time,
-        asked=move.record.asked,
-        used=move.used,
-        begins_ms=move.begins_ms,
-        ends_ms=move.ends_ms,
-        blended=blended,
-        motors=motors,
-    )
-
-
-def mode_of(request: Request) -> str:
-    """Return the move mode of a request, by its name in the language."""
-    match request:
-        case LinearRequest():
-            return "LINEAR"
-        case RapidRequest():
-            return "RAPID"
-        case SplineRequest():
-            return "SPLINE"
-        case CircleRequest():
-            return "CIRCLE"
-        case _:
-            return "PVT"
 
 
 def _nominal(walk: Walk) -> list[_Nominal]:
@@ -162,10 +160,10 @@ def _nominal(walk: Walk) -> list[_Nominal]:
 
 def _lain(place: int, step: Step, record: MoveRecord, before: _Nominal | None) -> _Nominal:
     """Return the timing of a move; `before` is the previous move, when nothing separates them."""
-    mode, used = mode_of(step.request), record.timing or record.asked
-    ramp_ms = used.ta_ms if mode in _RAMPED else 0.0
-    if mode in _RAMPED:
-        begins_ms = _ramp_begins_ms(step) + 0.5 * ramp_ms
+    mode, used = _MODES[type(step.request)], record.timing or record.asked
+    ramp_ms = used.ta_ms if mode in RAMPED else 0.0
+    if mode in RAMPED:
+        begins_ms = step.ramp_begins_ms() + 0.5 * ramp_ms
     elif mode == "SPLINE":
         # A segment is planned when the next point is known: the motion of this step ends where its own begins.
         begins_ms = step.ends_ms
@@ -181,6 +179,7 @@ def _lain(place: int, step: Step, record: MoveRecord, before: _Nominal | None) -
         place=place,
         step=step,
         record=record,
+        mode=mode,
         used=used,
         begins_ms=begins_ms,
         ends_ms=begins_ms + used.tm_ms,
@@ -191,28 +190,10 @@ def _lain(place: int, step: Step, record: MoveRecord, before: _Nominal | None) -
 
 def _blends(before: _Nominal, mode: str, begins_ms: float) -> bool:
     """Return whether a move continues without a stop: of the same kind, and beginning where the other ends."""
-    kind = mode_of(before.step.request)
-    alike = kind == mode != "RAPID" or (kind in _RAMPED and mode in _RAMPED)
+    alike = before.mode == mode != "RAPID" or (before.mode in RAMPED and mode in RAMPED)
     # With Ix92 the previous move's step includes its stop, too.
-    stopped = kind in _RAMPED and before.step.ends_ms > before.ends_ms + _TOUCHING_MS
+    stopped = before.mode in RAMPED and before.step.ends_ms > before.ends_ms + _TOUCHING_MS
     return alike and not stopped and abs(begins_ms - before.ends_ms) < _TOUCHING_MS
-
-
-_TOUCHING_MS = 1e-6
-"""Two moves touch when one begins where the other nominally ends, within rounding."""
-
-_RAMPED = ("LINEAR", "CIRCLE")
-"""Modes whose moves are blended by ramps of TA and TS."""
-
-
-def _ramp_begins_ms(step: Step) -> float:
-    """Return when the ramp into the move of a step begins: the piece at which the next move is calculated."""
-    instant = step.begins_ms
-    for piece in step.planned.pieces:
-        if piece.calculates:
-            return instant
-        instant += piece.duration_ms
-    return step.begins_ms
 
 
 def _jog_begins_ms(step: Step) -> float:

@@ -33,6 +33,15 @@ class Step(NamedTuple):
     ends_ms: float
     at: Vector
 
+    def ramp_begins_ms(self) -> float:
+        """Return when the ramp into the move begins: the next move is calculated there. Without one, the end."""
+        instant_ms = self.begins_ms
+        for piece in self.planned.pieces:
+            if piece.calculates:
+                break
+            instant_ms += piece.duration_ms
+        return instant_ms
+
 
 def same_motion(one: Sequence[Step], other: Sequence[Step]) -> bool:
     """Return whether two stretches come from the same lines and move alike, wherever they begin."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 from drivers.pmac.trajectory.pieces import Cubic, Piece, position_at, velocity_at
 
@@ -35,26 +36,23 @@ class Timeline:
 
     def __init__(self, pieces: Sequence[Piece]) -> None:
         self.pieces = tuple(pieces)
-        begins, instant = [], 0.0
-        for piece in self.pieces:
-            begins.append(instant)
-            instant += piece.duration_ms
-        self.begins_ms = tuple(begins)
-        self.ends_ms = instant
+        *self.begins_ms, self.ends_ms = accumulate((piece.duration_ms for piece in self.pieces), initial=0.0)
 
     def position(self, index: int, instant_ms: float) -> float:
         """Return the position of the motor at place `index`; before the start and after the end it is at rest."""
-        place = self._place(instant_ms)
-        piece = self.pieces[place]
-        inside_ms = min(max(instant_ms - self.begins_ms[place], 0.0), piece.duration_ms)
-        return position_at(piece.cubics[index], inside_ms)
+        cubic, inside_ms = self._at(index, instant_ms)
+        return position_at(cubic, inside_ms)
 
     def velocity(self, index: int, instant_ms: float) -> float:
         """Return the velocity of a motor, counts/ms."""
+        cubic, inside_ms = self._at(index, instant_ms)
+        return velocity_at(cubic, inside_ms)
+
+    def _at(self, index: int, instant_ms: float) -> tuple[Cubic, float]:
+        """Return the cubic of a motor at an instant, and the time inside it."""
         place = self._place(instant_ms)
         piece = self.pieces[place]
-        inside_ms = min(max(instant_ms - self.begins_ms[place], 0.0), piece.duration_ms)
-        return velocity_at(piece.cubics[index], inside_ms)
+        return piece.cubics[index], min(max(instant_ms - self.begins_ms[place], 0.0), piece.duration_ms)
 
     def extent(self, index: int, from_ms: float, to_ms: float) -> tuple[float, float]:
         """Return the lowest and the highest position of a motor between two instants."""

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from enum import StrEnum, auto
 from typing import NamedTuple
 
-from drivers.pmac.analysis.endless import Circle, EndlessWatch, Turning
-from drivers.pmac.analysis.loops import Name, find_loops, way_out
+from drivers.pmac.analysis.endless import Circle, EndlessWatch, Name, Turning, find_loops, way_out
 from drivers.pmac.analysis.step import Step
 from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins
 from drivers.pmac.dialect import PMAC, Dialect, Setting
-from drivers.pmac.execution.modes import Modes
+from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import evaluate

@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.pmac import requests
-from drivers.pmac.execution.modes import Modes
-from drivers.pmac.execution.move_times import MoveTimes
+from drivers.pmac.execution.move_times import Modes, MoveTimes
 from drivers.pmac.language import arithmetic
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value

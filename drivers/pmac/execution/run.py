@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from drivers.pmac.execution.calls import Arguments, CallingLine, target_of
-from drivers.pmac.execution.modes import Modes
+from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.moves import Moves
 from drivers.pmac.execution.steps import Step, StepMaker
 from drivers.pmac.language import syntax

@@ -10,13 +10,51 @@ DEFINE GATHER; existing clients, for the order inside a long word.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import accumulate
 
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.gathering import float48
 from drivers.pmac.memory import WORD_BITS, Pointer
+
+_EXPONENT_BITS = 12
+_EXPONENT_OFFSET = 2047
+_FRACTION_BITS = 35
+_SIGN = 1 << _FRACTION_BITS
+_MANTISSA = 2 * _SIGN - 1
+
+
+def encode_float(value: float) -> int:
+    """Return the register value of a number, rounded to its 36 bits, half to even.
+
+    Raises:
+        ValueError: not a finite number.
+    """
+    if not math.isfinite(value):
+        raise ValueError(f"{value} is no number that a register holds")
+    share, exponent = math.frexp(value)
+    mantissa = round(math.ldexp(share, _FRACTION_BITS))
+    if mantissa == 0:
+        return 0
+    if mantissa == _SIGN:
+        mantissa, exponent = _SIGN // 2, exponent + 1
+    elif mantissa == -_SIGN // 2:  # -0.5 is written as -1 of the exponent below
+        mantissa, exponent = -_SIGN, exponent - 1
+    return (mantissa & _MANTISSA) << _EXPONENT_BITS | exponent + _EXPONENT_OFFSET
+
+
+def decode_float(register: int) -> float:
+    """Return the number in an unsigned 48-bit register value.
+
+    Raises:
+        OverflowError: beyond the range of a Python float.
+    """
+    exponent = register & ((1 << _EXPONENT_BITS) - 1)
+    mantissa = register >> _EXPONENT_BITS
+    signed = (mantissa ^ _SIGN) - _SIGN
+    return math.ldexp(signed, exponent - _EXPONENT_OFFSET - _FRACTION_BITS)
+
 
 WORDS_PER_LINE = 16
 """Long words in a line of LIST GATHER."""
@@ -133,7 +171,7 @@ def unpack(sources: Sequence[Pointer], long_words: Sequence[int]) -> list[float]
         held, bits = next(words), WORD_BITS
         if _words_in(source) == 2:
             held, bits = held | next(words) << WORD_BITS, LONG_BITS
-        values.append(float48.decode(held) if source.space == "L" else _signed(held, bits))
+        values.append(decode_float(held) if source.space == "L" else _signed(held, bits))
     return values
 
 
@@ -162,7 +200,7 @@ def _words_in(source: Pointer) -> int:
 
 def _held(source: Pointer, value: float) -> int:
     if source.space == "L":
-        return float48.encode(value)
+        return encode_float(value)
     bits = WORD_BITS * _words_in(source)
     whole, limit = int(value), 1 << (bits - 1)
     if whole != value or not -limit <= whole < limit:

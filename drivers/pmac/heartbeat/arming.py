@@ -16,7 +16,7 @@ from drivers.pmac.language.plc_statements import parse_plc_line
 from drivers.pmac.language.syntax import PlcStatement
 from drivers.pmac.language.text import format_number, format_plc_line
 from drivers.pmac.memory import Pointer, scan_pointer
-from drivers.pmac.plcs.schedule import I5_BACKGROUND
+from drivers.pmac.plcs.plc import I5_BACKGROUND
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

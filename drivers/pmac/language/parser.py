@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from drivers.pmac.language.expressions import parse_expression, parse_variable
-from drivers.pmac.language.flow_statements import FLOW_READERS, parse_argument
+from drivers.pmac.language.expressions import Reader, parse_expression, parse_variable
 from drivers.pmac.language.gathering import gather_moves, may_be_argument
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.message_statements import MESSAGE_READERS
-from drivers.pmac.language.motion_statements import MOTION_READERS
-from drivers.pmac.language.reading import Reader
+from drivers.pmac.language.statements import FLOW_READERS, MESSAGE_READERS, MOTION_READERS, parse_argument
 from drivers.pmac.language.syntax import Assign, CallProgram, Line, Statement, VariableKind
 
 _READERS: Mapping[str, Reader] = {**MOTION_READERS, **FLOW_READERS, **MESSAGE_READERS}

@@ -10,10 +10,8 @@ from collections.abc import Callable, Mapping
 
 from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import parse_expression, parse_variable
-from drivers.pmac.language.flow_statements import parse_enclosed_condition
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.message_statements import MESSAGE_READERS
-from drivers.pmac.language.motion_statements import HIGHEST_MOTOR
+from drivers.pmac.language.statements import HIGHEST_MOTOR, MESSAGE_READERS, parse_enclosed_condition
 
 HIGHEST_SYSTEM = 16
 """Of the largest family; a missing one is detected when the statement is executed."""

@@ -6,7 +6,7 @@ every scan ends: inside it there is no way back, and each statement is executed 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
@@ -205,3 +205,56 @@ def timer_variables(dialect: Dialect, activation: float) -> tuple[int, ...]:
     """
     systems = range(1, min(int(activation) + 1, dialect.system_count) + 1)
     return tuple(dialect.system_index(system, number) for system in systems for number in dialect.timer_numbers)
+
+
+I5_FOREGROUND = 1
+I5_BACKGROUND = 2
+"""The bits of I5."""
+
+FOREGROUND_PLC = 0
+
+
+@dataclass(frozen=True, slots=True)
+class PlcSwitches:
+    """The enabled PLCs, and those of them that begin at their top because they had no scan since."""
+
+    enabled: frozenset[int] = frozenset()
+    at_top: frozenset[int] = frozenset()
+
+    def enable(self, numbers: Iterable[int]) -> PlcSwitches:
+        """ENABLE PLC: one that is already enabled continues where it is."""
+        new = frozenset(numbers) - self.enabled
+        return PlcSwitches(self.enabled | new, self.at_top | new)
+
+    def disable(self, numbers: Iterable[int]) -> PlcSwitches:
+        """DISABLE PLC, OPEN PLC, control-D or a run-time error: the place in a WHILE is lost."""
+        off = frozenset(numbers)
+        return PlcSwitches(self.enabled - off, self.at_top - off)
+
+    def scanned(self, number: int) -> PlcSwitches:
+        """Record that a PLC begins a scan: the next one continues where this one ends."""
+        return PlcSwitches(self.enabled, self.at_top - {number})
+
+
+def power_up(stored: Iterable[int]) -> PlcSwitches:
+    """Return the switches after power-up or reset: every stored PLC is enabled."""
+    return PlcSwitches().enable(stored)
+
+
+def foreground_runs(i5: float, enabled: Collection[int], stored: Collection[int]) -> bool:
+    """Whether PLC 0 has a scan at this real-time interrupt."""
+    return _permits(i5, I5_FOREGROUND) and FOREGROUND_PLC in enabled and FOREGROUND_PLC in stored
+
+
+def background_order(i5: float, enabled: Collection[int], stored: Collection[int]) -> tuple[int, ...]:
+    """Return the PLCs that have a scan in this background cycle, in order.
+
+    One that an earlier PLC of the same cycle disables is to be skipped: check `enabled` again.
+    """
+    if not _permits(i5, I5_BACKGROUND):
+        return ()
+    return tuple(sorted(number for number in stored if number != FOREGROUND_PLC and number in enabled))
+
+
+def _permits(i5: float, bit: int) -> bool:
+    return bool(int(i5) & bit)

@@ -15,8 +15,13 @@ from dataclasses import dataclass, replace
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_number
-from drivers.pmac.master.time_base_setup import TimeBaseEntry
-from drivers.pmac.master.time_base_source import FASTEST_SLEW, Trigger, nearest_factor, real_time_counts_per_ms
+from drivers.pmac.master.time_base import (
+    FASTEST_SLEW,
+    TimeBaseEntry,
+    Trigger,
+    nearest_factor,
+    real_time_counts_per_ms,
+)
 from drivers.pmac.programs.pvt import LOBE_PATH, path_values, pvt_timing
 from drivers.pmac.programs.setup import SERVO, CutSetup
 from drivers.pmac.settings import settings_with

@@ -18,7 +18,7 @@ from drivers.pmac.trajectory import spline
 from drivers.pmac.trajectory.circle import chord_length
 from drivers.pmac.trajectory.course import CurvedBlend, lay_course, stop_course
 from drivers.pmac.trajectory.frame import MotorFrame
-from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS
+from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS, rapid, rapid_time_ms
 from drivers.pmac.trajectory.linear import Blend, LinearMove, at_rest, lay, stop
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, position_at, ramp
 from drivers.pmac.trajectory.planned import (
@@ -30,7 +30,6 @@ from drivers.pmac.trajectory.planned import (
     plain_record,
     straightened,
 )
-from drivers.pmac.trajectory.rapid import rapid, rapid_time_ms
 from drivers.pmac.variables import VariableStore
 
 _State = tuple[Blend, Vector | None, spline.Spline | None, bool]

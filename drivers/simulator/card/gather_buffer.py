@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from drivers.pmac.gathering import float48
 from drivers.pmac.gathering.gather import (
     LONG_BITS,
+    encode_float,
     is_due,
     long_words_of,
     padding_of,
@@ -156,5 +156,5 @@ def _long(value: float) -> int:
     return int(value) & _LONG
 
 
-_BITS = {"X": _word, "Y": _word, "D": _long, "L": float48.encode}
+_BITS = {"X": _word, "Y": _word, "D": _long, "L": encode_float}
 """Encoders of values by memory space."""

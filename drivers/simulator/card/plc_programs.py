@@ -7,9 +7,12 @@ from contextlib import suppress
 
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.plc_structure import link_plc
-from drivers.pmac.plcs.plc import Addressed, PlcFault, PlcHost, PlcRun
-from drivers.pmac.plcs.schedule import (
+from drivers.pmac.plcs.plc import (
     FOREGROUND_PLC,
+    Addressed,
+    PlcFault,
+    PlcHost,
+    PlcRun,
     PlcSwitches,
     background_order,
     foreground_runs,

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.message_statements import MESSAGE_READERS
-from drivers.pmac.language.reading import (
+from drivers.pmac.language.expressions import (
     CLEAR,
     CLOSE,
     HIGHEST_PLC,
@@ -14,6 +12,8 @@ from drivers.pmac.language.reading import (
     OPEN_PROGRAM,
     PROGRAM,
 )
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.statements import MESSAGE_READERS
 from drivers.pmac.language.syntax import PlcSwitch
 from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.simulator.card import buffers
