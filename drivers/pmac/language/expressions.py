@@ -1,14 +1,12 @@
-"""Parse expressions, conditions, variables and the data after a word."""
+"""Parse expressions and conditions, and the common parts of statements: data, lists, axis words."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.pmac.language import syntax
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.syntax import AxisWord, Statement
 
 FUNCTIONS = ("SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "ATAN2", "LN", "EXP", "SQRT", "ABS", "INT")
 COMPARATORS = ("=", "!=", ">", "!>", "<", "!<", "~", "!~")
@@ -24,6 +22,19 @@ MAX_OPERANDS = 100
 _KINDS = tuple(syntax.VariableKind)
 _INDEX_STARTS = "0123456789$("
 _DATA_STARTS = "0123456789$.(-"
+
+HIGHEST_PROGRAM = 32_767
+HIGHEST_PLC = 31
+
+PROGRAM = ("PROGRAM", "PROG")
+OPEN_PROGRAM = tuple(f"OPEN{word}" for word in PROGRAM)
+OPEN_PLC = ("OPENPLC",)
+CLEAR = ("CLEAR", "CLR")
+CLOSE = ("CLOSE", "CLS")
+
+_SPACES = r"\s*"
+TRAILING_CLOSE = re.compile(f"(?:{'|'.join(map(_SPACES.join, CLOSE))}){_SPACES}$", re.IGNORECASE)
+"""CLOSE at the end of a stored line; white space may be anywhere in it."""
 
 
 def parse_expression(scanner: Scanner) -> syntax.Expression:
@@ -128,7 +139,9 @@ class _Reader:
         number = self.scanner.take_number()
         if number is not None:
             return syntax.Number(number)
-        self._enter()
+        self.nesting += 1
+        if self.nesting > MAX_NESTING:
+            raise self.scanner.refusal("nested too deeply")
         operand = self._compound()
         self.nesting -= 1
         return operand
@@ -162,28 +175,6 @@ class _Reader:
         self.scanner.expect(")")
         return inside
 
-    def _enter(self) -> None:
-        self.nesting += 1
-        if self.nesting > MAX_NESTING:
-            raise self.scanner.refusal("nested too deeply")
-
-
-Reader = Callable[[Scanner, str], Statement | None]
-"""Parses what follows its word; None when that does not make a statement."""
-
-HIGHEST_PROGRAM = 32_767
-HIGHEST_PLC = 31
-
-PROGRAM = ("PROGRAM", "PROG")
-OPEN_PROGRAM = tuple(f"OPEN{word}" for word in PROGRAM)
-OPEN_PLC = ("OPENPLC",)
-CLEAR = ("CLEAR", "CLR")
-CLOSE = ("CLOSE", "CLS")
-
-_SPACES = r"\s*"
-TRAILING_CLOSE = re.compile(f"(?:{'|'.join(map(_SPACES.join, CLOSE))}){_SPACES}$", re.IGNORECASE)
-"""CLOSE at the end of a stored line; white space may be anywhere in it."""
-
 
 def parse_letters(scanner: Scanner, letters: tuple[str, ...]) -> tuple[str, ...]:
     """Parse `(X,Y)`, each one of `letters`.
@@ -192,9 +183,12 @@ def parse_letters(scanner: Scanner, letters: tuple[str, ...]) -> tuple[str, ...]
         PmacError: 003, something else is there.
     """
     scanner.expect("(")
-    listed = [_letter(scanner, letters)]
-    while scanner.accept(","):
-        listed.append(_letter(scanner, letters))
+    listed: list[str] = []
+    while not listed or scanner.accept(","):
+        letter = scanner.take_word(letters)
+        if letter is None:
+            raise scanner.refusal(f"expected one of {' '.join(letters)}")
+        listed.append(letter)
     scanner.expect(")")
     return tuple(listed)
 
@@ -205,39 +199,33 @@ def parse_numbers(scanner: Scanner, lowest: int, highest: int) -> tuple[int, ...
     Raises:
         PmacError: 003, not a number, or one outside the limits.
     """
-    listed = list(_range(scanner, lowest, highest))
-    while scanner.accept(","):
-        listed += _range(scanner, lowest, highest)
+    listed: list[int] = []
+    while not listed or scanner.accept(","):
+        first = parse_number(scanner, lowest, highest)
+        last = parse_number(scanner, first, highest) if scanner.accept("..") else first
+        listed += range(first, last + 1)
     return tuple(listed)
 
 
-def parse_words(scanner: Scanner, letters: tuple[str, ...]) -> tuple[AxisWord, ...]:
+def parse_number(scanner: Scanner, lowest: int, highest: int) -> int:
+    """Parse a whole number.
+
+    Raises:
+        PmacError: 003, not a number, or one outside the limits.
+    """
+    number = scanner.take_integer()
+    if number is None or not lowest <= number <= highest:
+        raise scanner.refusal(f"expected a number from {lowest} to {highest}")
+    return number
+
+
+def parse_words(scanner: Scanner, letters: tuple[str, ...]) -> tuple[syntax.AxisWord, ...]:
     """Parse axis words as long as they follow one another and no letter is repeated; perhaps none."""
-    words: dict[str, AxisWord] = {}
+    words: dict[str, syntax.AxisWord] = {}
     while True:
         mark = scanner.mark()
         letter = scanner.take_word(letters)
         if letter is None or letter in words or not at_data(scanner):
             scanner.reset(mark)
             return tuple(words.values())
-        words[letter] = AxisWord(letter, parse_data(scanner))
-
-
-def _letter(scanner: Scanner, letters: tuple[str, ...]) -> str:
-    letter = scanner.take_word(letters)
-    if letter is None:
-        raise scanner.refusal(f"expected one of {' '.join(letters)}")
-    return letter
-
-
-def _range(scanner: Scanner, lowest: int, highest: int) -> range:
-    first = _number(scanner, lowest, highest)
-    last = _number(scanner, first, highest) if scanner.accept("..") else first
-    return range(first, last + 1)
-
-
-def _number(scanner: Scanner, lowest: int, highest: int) -> int:
-    number = scanner.take_integer()
-    if number is None or not lowest <= number <= highest:
-        raise scanner.refusal(f"expected a number from {lowest} to {highest}")
-    return number
+        words[letter] = syntax.AxisWord(letter, parse_data(scanner))

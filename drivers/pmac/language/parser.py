@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from drivers.pmac.language.expressions import Reader, parse_expression, parse_variable
+from drivers.pmac.language.expressions import parse_expression, parse_variable
 from drivers.pmac.language.gathering import gather_moves, may_be_argument
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.statements import FLOW_READERS, MESSAGE_READERS, MOTION_READERS, parse_argument
+from drivers.pmac.language.statements import READERS, parse_argument
 from drivers.pmac.language.syntax import Assign, CallProgram, Line, Statement, VariableKind
 
-_READERS: Mapping[str, Reader] = {**MOTION_READERS, **FLOW_READERS, **MESSAGE_READERS}
-_WORDS = tuple(_READERS)
+_WORDS = tuple(READERS)
 WORDS = tuple(word for word in _WORDS if len(word) > 1)
 """The words of motion programs, without the single letters that have another meaning on-line."""
 _COMBINING = {"==": "", "&=": "&", "|=": "|", "^=": "^"}
@@ -51,7 +48,7 @@ def parse_statement(scanner: Scanner) -> Statement | None:
         return statement
     scanner.reset(mark)
     word = scanner.take_word(_WORDS)
-    read = None if word is None else _READERS[word](scanner, word)
+    read = None if word is None else READERS[word](scanner, word)
     if read is None:
         scanner.reset(mark)
     return read

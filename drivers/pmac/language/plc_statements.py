@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from drivers.pmac.language import syntax
-from drivers.pmac.language.expressions import parse_expression, parse_variable
+from drivers.pmac.language.expressions import parse_expression, parse_number, parse_variable
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.statements import HIGHEST_MOTOR, MESSAGE_READERS, parse_enclosed_condition
 
@@ -71,30 +71,19 @@ def stored_lines(line: syntax.PlcLine) -> tuple[syntax.PlcLine, ...]:
     return (*lines, tuple(rest)) if rest else tuple(lines)
 
 
-def _further(scanner: Scanner, word: str) -> syntax.FurtherCondition:
-    return syntax.FurtherCondition(word, parse_enclosed_condition(scanner))
-
-
 def _address(scanner: Scanner, word: str) -> syntax.Address:
     """Parse `#1`, `&2` or both, in either order."""
     motor: int | None = None
     system: int | None = None
     while (motor is None and scanner.peek("#")) or (system is None and scanner.peek("&")):
         if scanner.accept("#"):
-            motor = _number(scanner, HIGHEST_MOTOR)
+            motor = parse_number(scanner, 1, HIGHEST_MOTOR)
         else:
             scanner.expect("&")
-            system = _number(scanner, HIGHEST_SYSTEM)
+            system = parse_number(scanner, 1, HIGHEST_SYSTEM)
     if motor is None and system is None:
         raise scanner.refusal("expected a motor or a coordinate system as in ADDRESS#1&2")
     return syntax.Address(motor, system)
-
-
-def _number(scanner: Scanner, highest: int) -> int:
-    number = scanner.take_integer()
-    if number is None or not 1 <= number <= highest:
-        raise scanner.refusal(f"expected a number from 1 to {highest}")
-    return number
 
 
 def _message(scanner: Scanner, word: str) -> syntax.PlcStatement | None:
@@ -106,7 +95,9 @@ def _message(scanner: Scanner, word: str) -> syntax.PlcStatement | None:
 _READERS: Mapping[str, _Reader] = {
     "IF": lambda scanner, word: syntax.If(parse_enclosed_condition(scanner)),
     "WHILE": lambda scanner, word: syntax.While(parse_enclosed_condition(scanner)),
-    **dict.fromkeys(("AND", "OR"), _further),
+    **dict.fromkeys(
+        ("AND", "OR"), lambda scanner, word: syntax.FurtherCondition(word, parse_enclosed_condition(scanner))
+    ),
     "ELSE": lambda scanner, word: syntax.Else(),
     **dict.fromkeys(("ENDIF", "ENDI"), lambda scanner, word: syntax.EndIf()),
     **dict.fromkeys(("ENDWHILE", "ENDW"), lambda scanner, word: syntax.EndWhile()),

@@ -1,14 +1,13 @@
-"""Parse the statements that determine the next line: loops, branches, labels, jumps and calls."""
+"""Parse the statements of motion programs, each by the word it begins with: flow, messages, motion."""
 
 from __future__ import annotations
 
 import string
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import (
     HIGHEST_PLC,
-    Reader,
     at_data,
     parse_condition,
     parse_data,
@@ -17,9 +16,14 @@ from drivers.pmac.language.expressions import (
     parse_words,
 )
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.syntax import Message, PlcSwitch
+
+Reader = Callable[[Scanner, str], syntax.Statement | None]
+"""Parses what follows its word; None when that does not make a statement."""
 
 HIGHEST_LABEL = 2**18 - 1
+
+HIGHEST_MOTOR = 32
+"""The motors of the largest family; a missing motor is detected when the line is executed."""
 
 CODES = ("G", "M", "T", "D")
 """The letters of calls of programs 1000, 1001, 1002 and 1003."""
@@ -30,11 +34,33 @@ READABLE = tuple(letter for letter in string.ascii_uppercase if letter not in "N
 ARGUMENTS = ("E", "H", "L", "P", "Q")
 """The letters that are a statement only after a call."""
 
-_ENDS: Mapping[str, syntax.Statement] = {
+PORTS = ("S", "P", "R", "A")
+"""Serial, parallel, dual-ported RAM, auxiliary serial."""
+
+_CONTROL = 0x40
+"""Offset of a control character from its letter."""
+
+_LETTERS = tuple(string.ascii_uppercase)
+_RADIUS = "R"
+_WAITS = {"DWELL": "DWELL", "DWE": "DWELL", "DELAY": "DELAY", "DLY": "DELAY"}
+_HOMES = {"HOME": False, "HM": False, "HOMEZ": True, "HMZ": True}
+_SWITCHES = {"ENABLEPLC": True, "ENAPLC": True, "DISABLEPLC": False, "DISPLC": False}
+_TALKERS = {"COMMAND": "CMD", "CMD": "CMD", "SEND": "SEND"}
+_WITH_PORT = {f"{word}{port}": (name, port) for word, name in _TALKERS.items() for port in ("", *PORTS)}
+_SHORT_MODES = {"LIN": "LINEAR", "RPD": "RAPID", "CIR1": "CIRCLE1", "CIR2": "CIRCLE2"}
+_MODES = ("LINEAR", "RAPID", "SPLINE1", "SPLINE2", "CIRCLE1", "CIRCLE2", *_SHORT_MODES)
+_FIXED: Mapping[str, syntax.Statement] = {
     **dict.fromkeys(("ENDWHILE", "ENDW"), syntax.EndWhile()),
     **dict.fromkeys(("ENDIF", "ENDI"), syntax.EndIf()),
     **dict.fromkeys(("RETURN", "RET"), syntax.Return()),
+    **{word: syntax.SelectMode(_SHORT_MODES.get(word, word)) for word in _MODES},
+    "NOFRAX": syntax.Feedrate(none=True),
+    "WAIT": syntax.Pause(),
+    "STOP": syntax.Stop(),
+    **dict.fromkeys(("BLOCKSTART", "BSTART"), syntax.Block(begins=True)),
+    **dict.fromkeys(("BLOCKSTOP", "BSTOP"), syntax.Block(begins=False)),
 }
+"""The words that are a whole statement."""
 
 
 def parse_argument(scanner: Scanner) -> syntax.Argument | None:
@@ -61,14 +87,20 @@ def parse_enclosed_condition(scanner: Scanner) -> syntax.Condition:
     return condition
 
 
-def _while(scanner: Scanner, word: str) -> syntax.While:
-    condition = parse_enclosed_condition(scanner)
-    return syntax.While(condition, inline=not scanner.at_end)
+def is_control(text: str) -> bool:
+    """Whether a text is one of the control characters that are written `^A` to `^Z`."""
+    return len(text) == 1 and control_letter(text) in _LETTERS
 
 
-def _if(scanner: Scanner, word: str) -> syntax.If:
+def control_letter(text: str) -> str:
+    """Return the A of `^A`."""
+    return chr(ord(text) + _CONTROL)
+
+
+def _branch(scanner: Scanner, word: str) -> syntax.While | syntax.If:
     condition = parse_enclosed_condition(scanner)
-    return syntax.If(condition, inline=not scanner.at_end)
+    inline = not scanner.at_end
+    return syntax.While(condition, inline) if word == "WHILE" else syntax.If(condition, inline)
 
 
 def _label(scanner: Scanner, word: str) -> syntax.Label | None:
@@ -80,68 +112,39 @@ def _label(scanner: Scanner, word: str) -> syntax.Label | None:
     return syntax.Label(number)
 
 
-def _code(scanner: Scanner, word: str) -> syntax.CallProgram | None:
-    """Exclude `M1` before a comma, a point, an arrow or an equals sign: an on-line command about variables."""
-    if not at_data(scanner):
-        return None
-    target = parse_data(scanner)
-    return None if scanner.peek(".,-=") else syntax.CallProgram(target, code=word)
+def _with_data(make: Callable[[str, syntax.Expression], syntax.Statement]) -> Reader:
+    """Return the reader of a word that is a statement with a value, and none without."""
+    return lambda scanner, word: make(word, parse_data(scanner)) if at_data(scanner) else None
 
 
-def _spindle(scanner: Scanner, word: str) -> syntax.Argument | None:
-    return syntax.Argument(word, parse_data(scanner)) if at_data(scanner) else None
+def _unless_online(make: Callable[[str, syntax.Expression], syntax.Statement]) -> Reader:
+    """Return the reader of a letter that has another meaning on-line, before a comma, a point or a sign.
+
+    `M1,` `M1->` and `M1=` are about variables, and so is `I130..135`.
+    """
+
+    def read(scanner: Scanner, word: str) -> syntax.Statement | None:
+        if not at_data(scanner):
+            return None
+        value = parse_data(scanner)
+        return None if scanner.peek(".,-=") else make(word, value)
+
+    return read
 
 
-FLOW_READERS: Mapping[str, Reader] = {
-    "WHILE": _while,
-    "IF": _if,
-    "ELSE": lambda scanner, word: syntax.Else(inline=not scanner.at_end),
-    **dict.fromkeys(_ENDS, lambda scanner, word: _ENDS[word]),
-    **dict.fromkeys(("N", "O"), _label),
-    "GOTO": lambda scanner, word: syntax.Goto(parse_data(scanner)),
-    "GOSUB": lambda scanner, word: syntax.Gosub(parse_data(scanner)),
-    "CALL": lambda scanner, word: syntax.CallProgram(parse_data(scanner)),
-    **dict.fromkeys(CODES, _code),
-    "READ": lambda scanner, word: syntax.Read(parse_letters(scanner, READABLE)),
-    "S": _spindle,
-}
-
-
-PORTS = ("S", "P", "R", "A")
-"""Serial, parallel, dual-ported RAM, auxiliary serial."""
-
-_CONTROL = 0x40
-"""Offset of a control character from its letter."""
-
-_LETTERS = tuple(string.ascii_uppercase)
-_SWITCHES = {"ENABLEPLC": True, "ENAPLC": True, "DISABLEPLC": False, "DISPLC": False}
-_TALKERS = {"COMMAND": "CMD", "CMD": "CMD", "SEND": "SEND"}
-_WITH_PORT = {f"{word}{port}": (name, port) for word, name in _TALKERS.items() for port in ("", *PORTS)}
-
-
-def is_control(text: str) -> bool:
-    """Whether a text is one of the control characters that are written `^A` to `^Z`."""
-    return len(text) == 1 and chr(ord(text) + _CONTROL) in _LETTERS
-
-
-def control_letter(text: str) -> str:
-    """Return the A of `^A`."""
-    return chr(ord(text) + _CONTROL)
-
-
-def _talk(scanner: Scanner, word: str) -> Message | None:
+def _talk(scanner: Scanner, word: str) -> syntax.Message | None:
     name, port = _WITH_PORT[word]
     if scanner.accept("^"):
         letter = scanner.take_word(_LETTERS)
         if letter is None:
             raise scanner.refusal("expected a letter as in CMD^A")
-        return Message(name, chr(ord(letter) - _CONTROL), port)
-    return Message(name, _text(scanner), port) if scanner.peek('"') else None
+        return syntax.Message(name, chr(ord(letter) - _CONTROL), port)
+    return syntax.Message(name, _text(scanner), port) if scanner.peek('"') else None
 
 
-def _display(scanner: Scanner, word: str) -> Message:
+def _display(scanner: Scanner, word: str) -> syntax.Message:
     place = scanner.take_integer()
-    return Message("DISPLAY", _text(scanner), place=place)
+    return syntax.Message("DISPLAY", _text(scanner), place=place)
 
 
 def _text(scanner: Scanner) -> str:
@@ -153,50 +156,6 @@ def _text(scanner: Scanner) -> str:
     return text
 
 
-def _switch(scanner: Scanner, word: str) -> PlcSwitch:
-    return PlcSwitch(_SWITCHES[word], parse_numbers(scanner, 0, HIGHEST_PLC))
-
-
-MESSAGE_READERS: Mapping[str, Reader] = {
-    **dict.fromkeys(_WITH_PORT, _talk),
-    **dict.fromkeys(("DISPLAY", "DISP"), _display),
-    **dict.fromkeys(_SWITCHES, _switch),
-}
-
-
-HIGHEST_MOTOR = 32
-"""The motors of the largest family; a missing motor is detected when the line is executed."""
-
-_RADIUS = "R"
-_SETTINGS = ("TA", "TS", "TM", "F", "PVT")
-_WAITS = {"DWELL": "DWELL", "DWE": "DWELL", "DELAY": "DELAY", "DLY": "DELAY"}
-_HOMES = {"HOME": False, "HM": False, "HOMEZ": True, "HMZ": True}
-_MODES = {
-    "LINEAR": "LINEAR",
-    "LIN": "LINEAR",
-    "RAPID": "RAPID",
-    "RPD": "RAPID",
-    "SPLINE1": "SPLINE1",
-    "SPLINE2": "SPLINE2",
-    "CIRCLE1": "CIRCLE1",
-    "CIR1": "CIRCLE1",
-    "CIRCLE2": "CIRCLE2",
-    "CIR2": "CIRCLE2",
-}
-_PLAIN: Mapping[str, syntax.Statement] = {
-    **{word: syntax.SelectMode(mode) for word, mode in _MODES.items()},
-    "NOFRAX": syntax.Feedrate(none=True),
-    "WAIT": syntax.Pause(),
-    "STOP": syntax.Stop(),
-    **dict.fromkeys(("BLOCKSTART", "BSTART"), syntax.Block(begins=True)),
-    **dict.fromkeys(("BLOCKSTOP", "BSTOP"), syntax.Block(begins=False)),
-}
-
-
-def _set(scanner: Scanner, word: str) -> syntax.Set | None:
-    return syntax.Set(word, parse_data(scanner)) if at_data(scanner) else None
-
-
 def _axis(scanner: Scanner, word: str) -> syntax.Move | None:
     if not at_data(scanner):
         return None
@@ -205,25 +164,9 @@ def _axis(scanner: Scanner, word: str) -> syntax.Move | None:
     return syntax.Move((syntax.AxisWord(word, value, velocity),))
 
 
-def _vector(scanner: Scanner, word: str) -> syntax.Move | None:
-    """Exclude `I100` before a comma, a point or a sign: an on-line query of variables (`I130..135`)."""
-    if not at_data(scanner):
-        return None
-    value = parse_data(scanner)
-    return None if scanner.peek(".,-=") else syntax.Move((syntax.AxisWord(word, value),))
-
-
-def _wait(scanner: Scanner, word: str) -> syntax.Wait | None:
-    return syntax.Wait(_WAITS[word], parse_data(scanner)) if at_data(scanner) else None
-
-
 def _positioning(scanner: Scanner, word: str) -> syntax.Positioning:
     axes = parse_letters(scanner, (*syntax.AXES, _RADIUS)) if scanner.peek("(") else ()
     return syntax.Positioning(word == "INC", axes)
-
-
-def _feedrate(scanner: Scanner, word: str) -> syntax.Feedrate:
-    return syntax.Feedrate(parse_letters(scanner, syntax.AXES) if scanner.peek("(") else ())
 
 
 def _normal(scanner: Scanner, word: str) -> syntax.Normal:
@@ -247,15 +190,38 @@ def _home(scanner: Scanner, word: str) -> syntax.Home | None:
     return syntax.Home(parse_numbers(scanner, 1, HIGHEST_MOTOR), zero=_HOMES[word])
 
 
-MOTION_READERS: Mapping[str, Reader] = {
-    **dict.fromkeys(_SETTINGS, _set),
+MESSAGE_READERS: Mapping[str, Reader] = {
+    **dict.fromkeys(_WITH_PORT, _talk),
+    **dict.fromkeys(("DISPLAY", "DISP"), _display),
+    **dict.fromkeys(
+        _SWITCHES,
+        lambda scanner, word: syntax.PlcSwitch(_SWITCHES[word], parse_numbers(scanner, 0, HIGHEST_PLC)),
+    ),
+}
+
+READERS: Mapping[str, Reader] = {
+    **MESSAGE_READERS,
+    **dict.fromkeys(_FIXED, lambda scanner, word: _FIXED[word]),
+    **dict.fromkeys(("WHILE", "IF"), _branch),
+    "ELSE": lambda scanner, word: syntax.Else(inline=not scanner.at_end),
+    **dict.fromkeys(("N", "O"), _label),
+    "GOTO": lambda scanner, word: syntax.Goto(parse_data(scanner)),
+    "GOSUB": lambda scanner, word: syntax.Gosub(parse_data(scanner)),
+    "CALL": lambda scanner, word: syntax.CallProgram(parse_data(scanner)),
+    **dict.fromkeys(CODES, _unless_online(lambda word, value: syntax.CallProgram(value, code=word))),
+    "READ": lambda scanner, word: syntax.Read(parse_letters(scanner, READABLE)),
+    "S": _with_data(syntax.Argument),
+    **dict.fromkeys(("TA", "TS", "TM", "F", "PVT"), _with_data(syntax.Set)),
+    **dict.fromkeys(_WAITS, _with_data(lambda word, value: syntax.Wait(_WAITS[word], value))),
     **dict.fromkeys(syntax.AXES, _axis),
-    **dict.fromkeys((*syntax.VECTOR, _RADIUS), _vector),
-    **dict.fromkeys(_WAITS, _wait),
+    **dict.fromkeys(
+        (*syntax.VECTOR, _RADIUS), _unless_online(lambda word, value: syntax.Move((syntax.AxisWord(word, value),)))
+    ),
     **dict.fromkeys(_HOMES, _home),
     **dict.fromkeys(("ABS", "INC"), _positioning),
     **dict.fromkeys(("NORMAL", "NRM"), _normal),
-    **dict.fromkeys(_PLAIN, lambda scanner, word: _PLAIN[word]),
-    "FRAX": _feedrate,
+    "FRAX": lambda scanner, word: syntax.Feedrate(
+        parse_letters(scanner, syntax.AXES) if scanner.peek("(") else ()
+    ),
     "PSET": _preset,
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from decimal import Decimal
 from itertools import zip_longest
 
@@ -12,6 +13,16 @@ from drivers.pmac.language.statements import ARGUMENTS, control_letter, is_contr
 
 DECIMALS = 10
 """Maximum decimals that `format_number` writes."""
+
+_WORDS: Mapping[type, str] = {
+    syntax.EndWhile: "ENDWHILE",
+    syntax.EndIf: "ENDIF",
+    syntax.Else: "ELSE",
+    syntax.Return: "RETURN",
+    syntax.Pause: "WAIT",
+    syntax.Stop: "STOP",
+}
+"""The statements without parts."""
 
 _LARGEST_PLAIN_INDEX = 10**15
 _SUM, _PRODUCT, _OPERAND = range(3)
@@ -77,52 +88,6 @@ def format_condition(condition: syntax.Condition) -> str:
 def format_statement(statement: syntax.Statement | syntax.PlcStatement) -> str:
     """Format one statement. Raises ValueError as `format_condition` does."""
     match statement:
-        case syntax.FurtherCondition(operator, condition):
-            return f"{operator}({format_condition(condition)})"
-        case syntax.Address(motor, system):
-            return f"ADDRESS{'' if motor is None else f'#{motor}'}{'' if system is None else f'&{system}'}"
-        case syntax.Assign() | syntax.Set() | syntax.Wait() | syntax.Argument() | syntax.Message():
-            return _valued(statement)
-        case (
-            syntax.While()
-            | syntax.If()
-            | syntax.Label()
-            | syntax.Goto()
-            | syntax.Gosub()
-            | syntax.CallProgram()
-            | syntax.Read()
-        ):
-            return _flow(statement)
-        case (
-            syntax.Positioning()
-            | syntax.Feedrate()
-            | syntax.Normal()
-            | syntax.Move()
-            | syntax.Preset()
-            | syntax.Home()
-            | syntax.PlcSwitch()
-        ):
-            return _listing(statement)
-        case syntax.SelectMode(mode):
-            return mode
-        case syntax.Block(begins):
-            return "BLOCKSTART" if begins else "BLOCKSTOP"
-        case syntax.EndWhile():
-            return "ENDWHILE"
-        case syntax.Else():
-            return "ELSE"
-        case syntax.EndIf():
-            return "ENDIF"
-        case syntax.Return():
-            return "RETURN"
-        case syntax.Pause():
-            return "WAIT"
-        case syntax.Stop():
-            return "STOP"
-
-
-def _valued(statement: syntax.Assign | syntax.Set | syntax.Wait | syntax.Argument | syntax.Message) -> str:
-    match statement:
         case syntax.Assign(target, value, synchronous, operator):
             sign = f"{operator or '='}=" if synchronous else "="
             return f"{format_expression(target)}{sign}{format_expression(value)}"
@@ -131,22 +96,12 @@ def _valued(statement: syntax.Assign | syntax.Set | syntax.Wait | syntax.Argumen
         case syntax.Message(word, text, port, place):
             quoted = f"^{control_letter(text)}" if is_control(text) else f'"{text}"'
             return f"{word}{port}{'' if place is None else place}{quoted}"
-
-
-def _flow(
-    statement: syntax.While
-    | syntax.If
-    | syntax.Label
-    | syntax.Goto
-    | syntax.Gosub
-    | syntax.CallProgram
-    | syntax.Read,
-) -> str:
-    match statement:
         case syntax.While(condition):
             return f"WHILE({format_condition(condition)})"
         case syntax.If(condition):
             return f"IF({format_condition(condition)})"
+        case syntax.FurtherCondition(operator, condition):
+            return f"{operator}({format_condition(condition)})"
         case syntax.Label(number):
             return f"N{number}"
         case syntax.Goto(label):
@@ -157,18 +112,18 @@ def _flow(
             return f"{code or 'CALL'}{format_data(target)}"
         case syntax.Read(letters):
             return f"READ({','.join(letters)})"
+        case syntax.Address(motor, system):
+            return f"ADDRESS{'' if motor is None else f'#{motor}'}{'' if system is None else f'&{system}'}"
+        case syntax.PlcSwitch(enable, numbers):
+            return f"{'ENABLE' if enable else 'DISABLE'} PLC {','.join(map(str, numbers))}"
+        case _:
+            return _format_motion(statement)
 
 
-def _listing(
-    statement: syntax.Positioning
-    | syntax.Feedrate
-    | syntax.Normal
-    | syntax.Move
-    | syntax.Preset
-    | syntax.Home
-    | syntax.PlcSwitch,
-) -> str:
+def _format_motion(statement: syntax.Statement) -> str:
     match statement:
+        case syntax.SelectMode(mode):
+            return mode
         case syntax.Positioning(incremental, axes):
             return f"{'INC' if incremental else 'ABS'}{_in_parentheses(axes)}"
         case syntax.Feedrate(axes, none):
@@ -181,8 +136,10 @@ def _listing(
             return f"PSET {_axis_words(words)}"
         case syntax.Home(motors, zero):
             return f"{'HOMEZ' if zero else 'HOME'}{','.join(map(str, motors))}"
-        case syntax.PlcSwitch(enable, numbers):
-            return f"{'ENABLE' if enable else 'DISABLE'} PLC {','.join(map(str, numbers))}"
+        case syntax.Block(begins):
+            return "BLOCKSTART" if begins else "BLOCKSTOP"
+        case _:
+            return _WORDS[type(statement)]
 
 
 def format_line(line: syntax.Line) -> str:
@@ -232,12 +189,10 @@ def _in_parentheses(letters: tuple[str, ...]) -> str:
 
 
 def _axis_words(words: tuple[syntax.AxisWord, ...]) -> str:
-    return " ".join(map(_axis_word, words))
-
-
-def _axis_word(word: syntax.AxisWord) -> str:
-    velocity = f":{format_data(word.velocity)}" if word.velocity is not None else ""
-    return f"{word.axis}{format_data(word.value)}{velocity}"
+    return " ".join(
+        f"{word.axis}{format_data(word.value)}{f':{format_data(word.velocity)}' if word.velocity else ''}"
+        for word in words
+    )
 
 
 def _operand(expression: syntax.Expression, level: int) -> str:
