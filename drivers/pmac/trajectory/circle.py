@@ -84,7 +84,10 @@ def arc_of(
         CircleRadiusError: a run-time error, no such arc exists.
         PmacError: the normal has no direction.
     """
-    normal = _unit(request.normal, "the normal of a circle")
+    size = _size(request.normal)
+    if not size > 0.0:
+        raise PmacError(ErrorCode.DATA_ERROR, "the normal of a circle has no direction")
+    normal = _times(1.0 / size, request.normal)
     move = _minus(_point(request.targets), _point(start))
     axial = _dot(move, normal)
     chord = _minus(move, _times(axial, normal))
@@ -164,10 +167,3 @@ def _cross(a: Point, b: Point) -> Point:
 
 def _size(a: Point) -> float:
     return math.hypot(*a)
-
-
-def _unit(a: Point, name: str) -> Point:
-    size = _size(a)
-    if not size > 0.0:
-        raise PmacError(ErrorCode.DATA_ERROR, f"{name} has no direction")
-    return _times(1.0 / size, a)

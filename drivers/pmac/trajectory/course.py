@@ -3,7 +3,7 @@
 As in a LINEAR blend, every move runs along its own path with a speed that rises in the ramp into it and falls in
 the ramp out of it, and the displacements of two moves in a ramp are added. The motion is cut into cubics of at
 most the segmentation time, exact in position and velocity where they meet. Between two straight moves the same
-rule gives `linear.lay`, which needs no segmentation.
+rule gives `linear.lay`, which needs no segmentation and is used there.
 """
 
 from __future__ import annotations
@@ -14,7 +14,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from drivers.pmac.trajectory.circle import Arc
-from drivers.pmac.trajectory.linear import Blend, Limits, LinearMove, Timing, effective_timing, room_for_ramp
+from drivers.pmac.trajectory.linear import (
+    Blend,
+    Limits,
+    LinearMove,
+    Timing,
+    effective_timing,
+    lay,
+    room_for_ramp,
+    stop,
+    stopping,
+)
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite
 
 MOST_CUTS = 4096
@@ -72,7 +82,7 @@ class CurvedBlend(Blend):
 
 
 def lay_course(
-    blend: Blend, move: LinearMove, arc: Arc | None, limits: Limits, segment_ms: float = 0.0
+    blend: Blend, move: LinearMove, arc: Arc | None, limits: Limits, segment_ms: float
 ) -> tuple[tuple[Piece, ...], Blend, Timing]:
     """Blend into a move: return the pieces, the new state and the timing used.
 
@@ -81,6 +91,8 @@ def lay_course(
     Raises:
         NoAccelerationTimeError: TA and TS are both zero.
     """
+    if arc is None and not isinstance(blend, CurvedBlend):
+        return lay(blend, move, limits)
     timing = effective_timing(move, blend.velocity, limits)
     ta_ms, ts_ms = room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
     target = tuple(t + d for t, d in zip(blend.target, move.distance, strict=True))
@@ -98,16 +110,15 @@ def lay_course(
     return pieces, after, Timing(ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=timing.tm_ms)
 
 
-def stop_course(blend: CurvedBlend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piece, ...]:
-    """Come to rest at the end of a curve with the modal TA and TS.
+def stop_course(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piece, ...]:
+    """Come to rest at the end of a straight move or a curve with the modal TA and TS.
 
     Raises:
         NoAccelerationTimeError: TA and TS are both zero.
     """
-    still = tuple(0.0 for _ in blend.velocity)
-    move = LinearMove(distance=still, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=0.0)
-    timing = effective_timing(move, blend.velocity, limits)
-    ta_ms, ts_ms = room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
+    if not isinstance(blend, CurvedBlend):
+        return stop(blend, ta_ms, ts_ms, limits)
+    still, ta_ms, ts_ms = stopping(blend, ta_ms, ts_ms, limits)
     return _change_course(blend, Straight(still), ta_ms, ts_ms, calculates=False)
 
 

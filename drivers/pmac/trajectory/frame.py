@@ -115,23 +115,18 @@ class MotorFrame:
         """Segmentation time of moves, I13; 0 is no segmentation."""
         return self._variables.setting(Setting.SEGMENT_MS, self._system)
 
-    def moved_by(self, axes: frozenset[str]) -> list[AxisDefinition]:
-        """Return the motors that drive any of some axes."""
-        return [d for d in self.definitions if axes & set(d.axes)]
-
     def rapid_settings(self) -> list[JogSettings]:
         """Return the jog settings of each motor in a RAPID move: at Ix22, or at Ix16."""
-        settings = []
-        for definition in self.definitions:
-            motor = definition.motor
-            at_program_speed = self._variables.setting(Setting.RAPID_AT_PROGRAM_SPEED, motor)
-            settings.append(jog_settings(self._variables, motor, 16 if at_program_speed else 22))
-        return settings
+        fast = Setting.RAPID_AT_PROGRAM_SPEED
+        return [
+            jog_settings(self._variables, motor, 16 if self._variables.setting(fast, motor) else 22)
+            for motor in self._motors
+        ]
 
     def jog_delay_ms(self, axes: frozenset[str]) -> float:
         """Return the greatest calculation delay of the motors that drive some axes."""
-        delay = self._variables.setting
-        return max((delay(Setting.JOG_DELAY_MS, d.motor) for d in self.moved_by(axes)), default=0.0)
+        moved = [d.motor for d in self.definitions if axes & set(d.axes)]
+        return max((self._variables.setting(Setting.JOG_DELAY_MS, motor) for motor in moved), default=0.0)
 
 
 class Rollover:

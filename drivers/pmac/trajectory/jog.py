@@ -1,18 +1,25 @@
-"""Jogs of one motor: Ix19 to Ix22 turned into cubic pieces. Times ms, positions counts."""
+"""Jogs (Ix19 to Ix22) as cubic pieces, and RAPID moves, which jog every motor of a line. Units: ms, counts.
+
+Source of RAPID: PMAC User Manual and Turbo User Manual, rapid-mode moves. The times are made equal before
+acceleration is added, so that motors with different Ix19 to Ix21 finish at different times.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 from drivers.pmac.trajectory.linear import Limits, LinearMove, at_rest, effective_timing, lay, stop
-from drivers.pmac.trajectory.pieces import Cubic, Piece, Vector, ramp
+from drivers.pmac.trajectory.pieces import Cubic, Piece, Vector, position_at, ramp, velocity_at
 from drivers.pmac.variables import VariableStore
 
 SHORTEST_RAMP_MS = 1.0
 """Minimum acceleration time, used when both acceleration times are zero."""
+
+SLIVER_MS = 1e-9
+"""Ends of pieces this close to each other are one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,10 +100,6 @@ def jog_settings(variables: VariableStore, motor: int, speed: int = 22) -> JogSe
     )
 
 
-SLIVER_MS = 1e-9
-"""Ends of pieces this close to each other are one."""
-
-
 def rapid_time_ms(start: Vector, target: Vector, settings: Sequence[JogSettings]) -> float:
     """Return the time of the slowest motor, before acceleration is added."""
     return max(
@@ -119,7 +122,7 @@ def rapid(start: Vector, target: Vector, settings: Sequence[JogSettings]) -> tup
 
 def together(tracks: Sequence[Sequence[Piece]], rest: Vector) -> tuple[Piece, ...]:
     """Join tracks of one motor each, starting together, into pieces of all; one that has ended is at `rest`."""
-    ends = sorted({end for track in tracks for end in _ends(track)})
+    ends = sorted({end for track in tracks for end in accumulate(piece.duration_ms for piece in track)})
     times = [0.0]
     times += [end for end in ends if end - times[-1] > SLIVER_MS]
     return tuple(
@@ -129,14 +132,6 @@ def together(tracks: Sequence[Sequence[Piece]], rest: Vector) -> tuple[Piece, ..
         )
         for before, after in pairwise(times)
     )
-
-
-def _ends(track: Sequence[Piece]) -> list[float]:
-    ends, elapsed_ms = [], 0.0
-    for piece in track:
-        elapsed_ms += piece.duration_ms
-        ends.append(elapsed_ms)
-    return ends
 
 
 def _cubic_at(track: Sequence[Piece], instant_ms: float, still: float) -> Cubic:
@@ -152,10 +147,5 @@ def _cubic_at(track: Sequence[Piece], instant_ms: float, still: float) -> Cubic:
 
 def _later(cubic: Cubic, t_ms: float) -> Cubic:
     """Return the same motion with its time counted from `t_ms` after its beginning."""
-    c0, c1, c2, c3 = cubic
-    return (
-        ((c3 * t_ms + c2) * t_ms + c1) * t_ms + c0,
-        (3.0 * c3 * t_ms + 2.0 * c2) * t_ms + c1,
-        3.0 * c3 * t_ms + c2,
-        c3,
-    )
+    _, _, c2, c3 = cubic
+    return position_at(cubic, t_ms), velocity_at(cubic, t_ms), 3.0 * c3 * t_ms + c2, c3

@@ -123,12 +123,20 @@ def stop(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piec
     """
     if blend.at_rest:
         return ()
-    still = (0.0,) * len(blend.velocity)
-    timing = effective_timing(
-        LinearMove(distance=still, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=0.0), blend.velocity, limits
-    )
-    ta_ms, ts_ms = room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
+    still, ta_ms, ts_ms = stopping(blend, ta_ms, ts_ms, limits)
     return _change_velocity(blend, still, ta_ms, ts_ms, calculates=False)
+
+
+def stopping(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Vector, float, float]:
+    """Return the velocity of rest, and the actual times of the ramp to it.
+
+    Raises:
+        NoAccelerationTimeError: TA and TS are both zero.
+    """
+    still = (0.0,) * len(blend.velocity)
+    move = LinearMove(distance=still, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=0.0)
+    timing = effective_timing(move, blend.velocity, limits)
+    return still, *room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
 
 
 def _change_velocity(

@@ -15,20 +15,19 @@ from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.trajectory import spline
-from drivers.pmac.trajectory.circle import chord_length
-from drivers.pmac.trajectory.course import CurvedBlend, lay_course, stop_course
+from drivers.pmac.trajectory.circle import Arc, chord_length
+from drivers.pmac.trajectory.course import lay_course, stop_course
 from drivers.pmac.trajectory.frame import MotorFrame
 from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS, rapid, rapid_time_ms
-from drivers.pmac.trajectory.linear import Blend, LinearMove, at_rest, lay, stop
+from drivers.pmac.trajectory.linear import Blend, LinearMove, Timing, at_rest
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, position_at, ramp
 from drivers.pmac.trajectory.planned import (
+    MoveRecord,
     Planned,
-    blended_record,
     check_segment,
     circle_time_ms,
     defer,
     plain_record,
-    straightened,
 )
 from drivers.pmac.variables import VariableStore
 
@@ -76,7 +75,7 @@ class MotionPlanner:
         before = self._blend, self._pvt_velocity, self._spline, self._after_break
         self._newest = None
         try:
-            request = self._next()
+            request, self._ahead = self._ahead or self.run.advance(), None
             planned = self._lay(request)
             self._newest = request, before
             return planned
@@ -169,27 +168,36 @@ class MotionPlanner:
 
     def _linear(self, request: requests.LinearRequest) -> Planned:
         lead = self._lead_blended()
-        target = self._frame.counts(request.targets, self._blend.target, request.absolute)
-        move = self._move(target, request.ta_ms, request.ts_ms, request.tm_ms)
-        if isinstance(self._blend, CurvedBlend):
-            laid, self._blend, timing = lay_course(self._blend, move, None, self._frame.limits())
-        else:
-            laid, self._blend, timing = lay(self._blend, move, self._frame.limits())
-        record = blended_record(request.line, target, move, timing)
-        return Planned(pieces=(*lead, *defer(laid, request.deferred), *self._unblended()), record=record)
+        target = self._frame.counts(request.targets, self.target, request.absolute)
+        return self._blended(request, target, request.tm_ms, lead)
 
     def _circle(self, request: requests.CircleRequest) -> Planned:
         start = self._frame.positions(self.target)
-        segment_ms = self._frame.segment_ms
-        if segment_ms <= 0.0 or (request.center is None and request.radius is None):
-            return self._linear(straightened(request, chord_length(request, start)))
+        # Without segmentation, or without a centre, it is replaced by a straight move.
+        straight = self._frame.segment_ms <= 0.0 or (request.center is None and request.radius is None)
+        tm_ms = circle_time_ms(request, chord_length(request, start)) if straight else 0.0
         lead = self._lead_blended()
         target = self._frame.counts(request.targets, self.target, request.absolute)
+        if straight:
+            return self._blended(request, target, tm_ms, lead)
         arc = self._frame.arc(request, start, self.target, target)
-        tm_ms = circle_time_ms(request, arc.length)
-        move = self._move(target, request.ta_ms, request.ts_ms, tm_ms)
-        laid, self._blend, timing = lay_course(self._blend, move, arc, self._frame.limits(), segment_ms)
-        record = blended_record(request.line, target, move, timing)
+        return self._blended(request, target, circle_time_ms(request, arc.length), lead, arc)
+
+    def _blended(
+        self,
+        request: requests.LinearRequest | requests.CircleRequest,
+        target: Vector,
+        tm_ms: float,
+        lead: tuple[Piece, ...],
+        arc: Arc | None = None,
+    ) -> Planned:
+        ta_ms, ts_ms = request.ta_ms, request.ts_ms
+        distance = tuple([t - p for t, p in zip(target, self.target, strict=True)])
+        move = LinearMove(distance=distance, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
+        limits, segment_ms = self._frame.limits(), self._frame.segment_ms
+        laid, self._blend, timing = lay_course(self._blend, move, arc, limits, segment_ms)
+        asked = Timing(ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
+        record = MoveRecord(line=request.line, target=target, asked=asked, timing=timing)
         return Planned(pieces=(*lead, *defer(laid, request.deferred), *self._unblended()), record=record)
 
     def _rapid(self, request: requests.RapidRequest) -> Planned:
@@ -283,24 +291,9 @@ class MotionPlanner:
             return ()
         ta_ms = max(self._variables.blend_ms(self._system, 87), least_ms)
         ts_ms = self._variables.blend_ms(self._system, 88)
-        blend, limits = self._blend, self._frame.limits()
-        if isinstance(blend, CurvedBlend):
-            pieces = stop_course(blend, ta_ms, ts_ms, limits)
-        else:
-            pieces = stop(blend, ta_ms, ts_ms, limits)
-        self._blend = at_rest(blend.target)
+        pieces = stop_course(self._blend, ta_ms, ts_ms, self._frame.limits())
+        self._blend = at_rest(self.target)
         return pieces
-
-    def _move(self, target: Vector, ta_ms: float, ts_ms: float, tm_ms: float) -> LinearMove:
-        distance = tuple([t - p for t, p in zip(target, self._blend.target, strict=True)])
-        return LinearMove(distance=distance, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
-
-    def _next(self) -> requests.Request:
-        request = self._ahead
-        if request is None:
-            return self.run.advance()
-        self._ahead = None
-        return request
 
     def _interrupt_ms(self) -> float:
         return (self._variables.i(8) + 1.0) * servo_cycle_ms(self._variables.i(10))
