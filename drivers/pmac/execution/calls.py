@@ -46,7 +46,10 @@ class CallingLine:
     @cached_property
     def words(self) -> Sequence[Statement]:
         """The arguments one by one: a move has as many as it has words."""
-        return [single for statement in self.statements for single in _singles(statement)]
+        words: list[Statement] = []
+        for statement in self.statements:
+            words += [Move((word,)) for word in statement.words] if isinstance(statement, Move) else [statement]
+        return words
 
     def rest(self, taken: int) -> Line:
         """Return what follows the first `taken` words, as a line of its own."""
@@ -70,10 +73,6 @@ class Arguments:
             return None
         self.taken += 1
         return word
-
-
-def _singles(statement: Statement) -> Sequence[Statement]:
-    return [Move((word,)) for word in statement.words] if isinstance(statement, Move) else (statement,)
 
 
 def _lettered(statement: Statement) -> tuple[str, Expression] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypedDict
 
 from drivers.pmac import requests
 from drivers.pmac.execution.move_times import Modes, MoveTimes
@@ -34,6 +35,15 @@ class _Aim:
     start: Mapping[str, float]
     targets: dict[str, float]
     absolute: frozenset[str]
+
+
+class _Common(TypedDict):
+    """What every request for a move has."""
+
+    line: int
+    targets: Mapping[str, float]
+    absolute: frozenset[str]
+    deferred: tuple[requests.Deferred, ...]
 
 
 class Moves:
@@ -145,46 +155,21 @@ class Moves:
         if mode in _CIRCLES:
             return self._circle(aim, vector)
         if mode in _SPLINES:
-            return requests.SplineRequest(
-                line=aim.line,
-                targets=aim.targets,
-                duration_ms=self.times.spline_ms(),
-                uniform=mode == "SPLINE1",
-                absolute=aim.absolute,
-                deferred=self._take_deferred(),
-            )
+            duration_ms = self.times.spline_ms()
+            return requests.SplineRequest(duration_ms=duration_ms, uniform=mode == "SPLINE1", **self._common(aim))
         moving = frozenset(letter for letter, _, _ in words if letter in aim.targets)
-        if not moving:
-            return None
-        return requests.RapidRequest(
-            line=aim.line,
-            targets=aim.targets,
-            moving=moving,
-            absolute=aim.absolute,
-            deferred=self._take_deferred(),
-        )
+        return requests.RapidRequest(moving=moving, **self._common(aim)) if moving else None
 
     def _linear(self, aim: _Aim, tm_ms: float) -> requests.LinearRequest:
         return requests.LinearRequest(
-            line=aim.line,
-            targets=aim.targets,
-            ta_ms=self.times.ta_ms,
-            ts_ms=self.times.ts_ms,
-            tm_ms=tm_ms,
-            absolute=aim.absolute,
-            deferred=self._take_deferred(),
+            ta_ms=self.times.ta_ms, ts_ms=self.times.ts_ms, tm_ms=tm_ms, **self._common(aim)
         )
 
     def _pvt(self, aim: _Aim, velocities: Mapping[str, float]) -> requests.PvtRequest:
         unit_ms = self.times.unit_ms
-        return requests.PvtRequest(
-            line=aim.line,
-            targets=aim.targets,
-            velocities={axis: velocity / unit_ms for axis, velocity in velocities.items()},
-            duration_ms=self.times.pvt_ms(),
-            absolute=aim.absolute,
-            deferred=self._take_deferred(),
-        )
+        per_ms = {axis: velocity / unit_ms for axis, velocity in velocities.items()}
+        duration_ms = self.times.pvt_ms()
+        return requests.PvtRequest(velocities=per_ms, duration_ms=duration_ms, **self._common(aim))
 
     def _circle(self, aim: _Aim, vector: Mapping[str, float]) -> requests.CircleRequest:
         """A vector takes precedence over a radius on the same line."""
@@ -193,8 +178,6 @@ class Moves:
         if not self._modes.radius_incremental:
             parts = {axis: place - aim.start.get(axis, 0.0) for axis, place in parts.items()}
         return requests.CircleRequest(
-            line=aim.line,
-            targets=aim.targets,
             clockwise=self._modes.mode == "CIRCLE1",
             normal=self._modes.normal,
             center={axis: parts.get(axis, 0.0) for axis in "XYZ"} if parts else None,
@@ -203,13 +186,18 @@ class Moves:
             ts_ms=self.times.ts_ms,
             tm_ms=tm_ms,
             speed_per_ms=speed_per_ms,
-            absolute=aim.absolute,
-            deferred=self._take_deferred(),
+            **self._common(aim),
         )
 
+    def _common(self, aim: _Aim) -> _Common:
+        return {
+            "line": aim.line,
+            "targets": aim.targets,
+            "absolute": aim.absolute,
+            "deferred": self._take_deferred(),
+        }
+
     def _take_deferred(self) -> tuple[requests.Deferred, ...]:
-        if not self._deferred:
-            return ()
         taken = tuple(self._deferred.values())
         self._deferred.clear()
         return taken

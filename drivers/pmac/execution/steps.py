@@ -47,76 +47,57 @@ class StepMaker:
 
     def step(self, statement: Plain, line: int) -> Step:
         """Return the function that executes a statement of a line."""
+        moves, values = self._moves, self._values
         match statement:
             case syntax.Assign():
                 return self._assign(statement)
             case syntax.Move():
-                return self._move(statement, line)
-            case syntax.Set():
-                return self._set(statement)
+                words = self._words(statement.words)
+                return lambda: moves.move(line, words)
+            case syntax.Set(word, expression):
+                value = self._compile(expression)
+                return lambda: moves.times.keep(word, value(values))
             case syntax.Wait():
                 return self._wait(statement, line)
             case syntax.SelectMode() | syntax.Positioning() | syntax.Feedrate():
-                return lambda: self._moves.select(statement)
+                return lambda: moves.select(statement)
             case syntax.Normal():
                 words = self._words(statement.words)
-                return lambda: self._moves.turn(words)
+                return lambda: moves.turn(words)
             case syntax.Preset():
                 words = self._words(statement.words)
-                return lambda: self._moves.preset(line, words)
+                return lambda: moves.preset(line, words)
             case syntax.Home():
-                return lambda: self._moves.home(line, statement.motors, statement.zero)
-            case syntax.Argument():
-                return self._spindle(statement)
+                return lambda: moves.home(line, statement.motors, statement.zero)
+            case syntax.Argument(letter, expression):
+                value = self._compile(expression)
+                return lambda: values.set(VariableKind.Q, _SPINDLE_SPEED, value(values)) if letter == "S" else None
             case syntax.Message():
                 return lambda: self._say(statement)
             case syntax.PlcSwitch():
                 return lambda: self._host.switch_plc(statement.enable, statement.numbers)
 
     def _assign(self, statement: syntax.Assign) -> Step:
-        value, values, kind = self._compile(statement.value), self._values, statement.target.kind
-        index = self._compile(statement.target.index)
+        value, values, target = self._compile(statement.value), self._values, statement.target
+        kind, index = target.kind, self._compile(target.index)
         if statement.synchronous:
             return lambda: self._moves.defer(kind, int(index(values)), value(values), statement.operator)
-        if isinstance(statement.target.index, syntax.Number):
-            fixed = int(statement.target.index.value)
+        if isinstance(target.index, syntax.Number):
+            fixed = int(target.index.value)
             return lambda: values.set(kind, fixed, value(values))
         return lambda: values.set(kind, int(index(values)), value(values))
 
-    def _set(self, statement: syntax.Set) -> Step:
-        value, values, times, word = (
-            self._compile(statement.value),
-            self._values,
-            self._moves.times,
-            statement.word,
-        )
-        return lambda: times.keep(word, value(values))
-
     def _words(self, words: Sequence[syntax.AxisWord]) -> list[Word]:
         return [
-            (
-                word.axis,
-                self._compile(word.value),
-                self._compile(word.velocity) if word.velocity is not None else None,
-            )
+            (word.axis, self._compile(word.value), self._compile(word.velocity) if word.velocity else None)
             for word in words
         ]
-
-    def _move(self, statement: syntax.Move, line: int) -> Step:
-        words, moves = self._words(statement.words), self._moves
-        return lambda: moves.move(line, words)
 
     def _wait(self, statement: syntax.Wait, line: int) -> Step:
         duration, values = self._compile(statement.duration_ms), self._values
         if statement.word == "DELAY":
             return lambda: self._moves.delay(line, duration(values))
         return lambda: self._moves.dwell(duration(values))
-
-    def _spindle(self, statement: syntax.Argument) -> Step:
-        value, values = self._compile(statement.value), self._values
-        if statement.letter != "S":
-            return lambda: None
-        return lambda: values.set(VariableKind.Q, _SPINDLE_SPEED, value(values))
 
     def _say(self, statement: syntax.Message) -> None:
         match statement.word:
