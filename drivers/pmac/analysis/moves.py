@@ -101,6 +101,22 @@ class _Nominal:
             return self.begins_ms - self.used.tm_ms
         return self.begins_ms - 0.5 * self.ramp_ms
 
+    def analysis(self, number: int, blended: bool, motors: tuple[MotorMove, ...]) -> MoveAnalysis:
+        return MoveAnalysis(
+            number=number,
+            step=self.place,
+            program=self.step.program,
+            line=self.record.line,
+            mode=self.mode,
+            by_move_time=self.step.by_move_time,
+            asked=self.record.asked,
+            used=self.used,
+            begins_ms=self.begins_ms,
+            ends_ms=self.ends_ms,
+            blended=blended,
+            motors=motors,
+        )
+
 
 def analyse_moves(walk: Walk, timeline: Timeline) -> tuple[MoveAnalysis, ...]:
     """Return the analysis of every move of a walk."""
@@ -111,41 +127,26 @@ def analyse_moves(walk: Walk, timeline: Timeline) -> tuple[MoveAnalysis, ...]:
     for move, after in zip(nominal, followers, strict=True):
         if not move.follows:
             before = came_from = _standing(walk, move, before)
-        blended = after is not None and after.follows
-        ends = _ends(timeline, move, after if blended else None)
+        following = after if after is not None and after.follows else None
+        ends = _ends(timeline, move, following)
         reached = tuple(place for place, _ in ends)
-        window = (
-            move.begins_ms if move.follows else move.starts_ms,
-            move.ends_ms if blended else (after.starts_ms if after else timeline.ends_ms),
-        )
+        begins_ms = move.begins_ms if move.follows else move.starts_ms
+        ends_ms = move.ends_ms if following else (after.starts_ms if after else timeline.ends_ms)
+        target = move.record.target
         motors = tuple(
             MotorMove(
                 motor=motor,
-                target=move.record.target[index],
-                commanded=move.record.target[index] - before[index],
+                target=target[index],
+                commanded=target[index] - before[index],
                 reached=reached[index],
                 made=reached[index] - came_from[index],
                 turns=ends[index][1],
-                peaks=timeline.peaks(index, *window),
+                peaks=timeline.peaks(index, begins_ms, ends_ms),
             )
             for index, motor in enumerate(walk.motors)
         )
-        analysis = MoveAnalysis(
-            number=len(moves),
-            step=move.place,
-            program=move.step.program,
-            line=move.record.line,
-            mode=move.mode,
-            by_move_time=move.step.by_move_time,
-            asked=move.record.asked,
-            used=move.used,
-            begins_ms=move.begins_ms,
-            ends_ms=move.ends_ms,
-            blended=blended,
-            motors=motors,
-        )
-        moves.append(analysis)
-        before, came_from = move.record.target, reached
+        moves.append(move.analysis(len(moves), following is not None, motors))
+        before, came_from = target, reached
     return tuple(moves)
 
 

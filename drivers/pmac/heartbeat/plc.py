@@ -99,11 +99,19 @@ class _Writer:
         self._machine = machine
         self._policy = policy
         self._motors = r.motors(machine)
-        self._lease, self._timer = watchdog_timer(dialect).name, wait_timer(dialect).name
+        self._watchdog, self._timer = watchdog_timer(dialect).name, wait_timer(dialect).name
         self._i10 = settings_with(machine.controller.variables, dialect)[SERVO_PERIOD]
+        self._echo = f"P{reserved.ECHO}=P{reserved.ECHO}+1"
+        # A program that has calculated its last move no longer runs, but is still being played.
+        self._busy = f"M{r.RUNNING}=1 OR M{r.TOOL_IN_MOVE}=1"
+        self._tool_counts = f"(M{r.TOOL_ACTUAL}+M{r.TOOL_BIAS})/(I{machine.tool.motor}08*32)"
+        band = round(OUT_BAND_MM * machine.tool.counts_per_mm)
+        self._nearly_out = f"P{reserved.RETRACTED}+{band}"
+        self._still_in = f"{self._tool_counts}>{self._nearly_out}"
+        self._all_closed = sum(self._motors)
 
     def lines(self) -> Iterator[str]:
-        watchdog, activity, lost = self._lease, f"P{reserved.ACTIVITY}", f"P{reserved.LOST}"
+        watchdog, activity, lost = self._watchdog, f"P{reserved.ACTIVITY}", f"P{reserved.LOST}"
         yield f"; policy {self._policy}: {watchdog} is the heartbeat timer; {activity}: 1 guards a jog, 2 a cut"
         yield f"{self._echo} ; the host sees that this runs"
         yield f"P{r.ENDING}=0 ; nothing is being ended"
@@ -123,49 +131,25 @@ class _Writer:
         yield "ENDIF"
         yield "ENDIF"
 
-    @property
-    def _echo(self) -> str:
-        return f"P{reserved.ECHO}=P{reserved.ECHO}+1"
-
-    @property
-    def _busy(self) -> str:
-        """Wait for rest: a program that has calculated its last move no longer runs, but is still being played."""
-        return f"M{r.RUNNING}=1 OR M{r.TOOL_IN_MOVE}=1"
-
-    @property
-    def _tool_counts(self) -> str:
-        scale = f"(I{self._machine.tool.motor}08*32)"
-        return f"(M{r.TOOL_ACTUAL}+M{r.TOOL_BIAS})/{scale}"
-
-    @property
-    def _nearly_out(self) -> str:
-        return f"P{reserved.RETRACTED}+{round(OUT_BAND_MM * self._machine.tool.counts_per_mm)}"
-
-    @property
-    def _still_in(self) -> str:
-        return f"{self._tool_counts}>{self._nearly_out}"
-
     def _cycles(self, time_ms: float) -> int:
         return cycles_of(time_ms, self._i10)
 
     def _look_at_loops(self) -> Iterator[str]:
-        shares = (
+        terms = (
             f"{'' if bit == 1 else f'{bit}*'}(1-M{r.OPEN_LOOP[bit]})*M{r.AMPLIFIER[bit]}" for bit in self._motors
         )
         names = {r.TOOL: "tool", r.SPINDLE: "spindle", r.CARRIAGE: "carriage"}
-        said = ", ".join(f"{bit} {names[bit]}" for bit in self._motors)
-        yield f"P{r.CLOSED}={'+'.join(shares)} ; closed loops: {said}"
+        listed = ", ".join(f"{bit} {names[bit]}" for bit in self._motors)
+        yield f"P{r.CLOSED}={'+'.join(terms)} ; closed loops: {listed}"
 
     def _end_jog(self) -> Iterator[str]:
         """Stop every closed motor with one command; which motors those are is one of a few cases."""
-        everything = sum(self._motors)
-        for closed in range(everything, 0, -1):
-            if closed & ~everything:
-                continue
-            stops = "".join(f"#{motor}J/" for bit, motor in self._motors.items() if bit & closed)
-            yield f"IF(P{r.CLOSED}={closed})"
-            yield f'CMD"{stops}"'
-            yield "ENDIF"
+        for closed in range(self._all_closed, 0, -1):
+            if not closed & ~self._all_closed:
+                stops = "".join(f"#{motor}J/" for bit, motor in self._motors.items() if bit & closed)
+                yield f"IF(P{r.CLOSED}={closed})"
+                yield f'CMD"{stops}"'
+                yield "ENDIF"
 
     def _end_cut(self) -> Iterator[str]:
         if self._policy is Policy.RETRACT:
@@ -178,20 +162,15 @@ class _Writer:
         yield f"IF({self._busy})"
         yield from self._abort()
         yield "ENDIF"
-        yield f"IF(P{r.CLOSED}!={self._needed}) ; a loop has tripped, or was opened: the program is over"
+        yield f"IF(P{r.CLOSED}!={self._all_closed}) ; a loop has tripped, or was opened: the program is over"
         yield f"P{r.TAKE_OUT}=1"
         yield "ENDIF"
         yield from self._take_out()
         yield from self._stop_spindle()
 
-    @property
-    def _needed(self) -> int:
-        """Record the loops that are closed while a program runs."""
-        return sum(self._motors)
-
     def _abort(self) -> Iterator[str]:
         yield f"P{r.TAKE_OUT}=1"
-        yield f"IF(P{r.CLOSED}={self._needed})"
+        yield f"IF(P{r.CLOSED}={self._all_closed})"
         yield f'CMD"&{SYSTEM}A"'
         yield "ELSE"
         yield f'CMD"&{SYSTEM}Q" ; A would close what is open'

@@ -53,19 +53,25 @@ def definitions(machine: MachineProfile, dialect: Dialect) -> dict[int, Pointer 
     for timer in (watchdog_timer(dialect), wait_timer(dialect)):
         if timer.pointer is not None:
             found[int(timer.name[1:])] = timer.pointer
-    found[RUNNING] = _system_bit(dialect, "running_program")
-    for bit, motor in motors(machine).items():
-        found[OPEN_LOOP[bit]] = _motor_bit(dialect, motor, "open_loop")
-        found[AMPLIFIER[bit]] = _motor_bit(dialect, motor, "amplifier_enabled")
-    found[TOOL_STILL] = _motor_bit(dialect, tool, "desired_velocity_zero")
-    found[TOOL_IN_MOVE] = _motor_bit(dialect, tool, "move_timer_active")
+
+    def motor_bit(motor: int, name: str) -> Pointer:
+        word, bit = dialect.motor_bits[name]
+        return _register(dialect, motor, f"motor_status_{word}", bit)
+
+    word, bit = dialect.system_bits["running_program"]
+    found[RUNNING] = _register(dialect, SYSTEM, f"system_status_{word}", bit)
+    for axis, motor in motors(machine).items():
+        found[OPEN_LOOP[axis]] = motor_bit(motor, "open_loop")
+        found[AMPLIFIER[axis]] = motor_bit(motor, "amplifier_enabled")
+    found[TOOL_STILL] = motor_bit(tool, "desired_velocity_zero")
+    found[TOOL_IN_MOVE] = motor_bit(tool, "move_timer_active")
     found[TOOL_ACTUAL] = _register(dialect, tool, "actual")
     found[TOOL_BIAS] = _register(dialect, tool, "bias")
     found[TOOL_TARGET] = _register(dialect, tool, "variable_jog")
-    found[TOOL_HOMED] = _motor_bit(dialect, tool, "home_complete")
+    found[TOOL_HOMED] = motor_bit(tool, "home_complete")
     if SPINDLE in motors(machine):
-        found[SPINDLE_STILL] = _motor_bit(dialect, spindle, "desired_velocity_zero")
-        found[SPINDLE_ABORTING] = _motor_bit(dialect, spindle, "abort_deceleration")
+        found[SPINDLE_STILL] = motor_bit(spindle, "desired_velocity_zero")
+        found[SPINDLE_ABORTING] = motor_bit(spindle, "abort_deceleration")
     return dict(sorted(found.items()))
 
 
@@ -75,20 +81,10 @@ def definition_lines(machine: MachineProfile, dialect: Dialect) -> Iterator[str]
         yield f"M{number}->{'*' if pointer is None else pointer}"
 
 
-def _motor_bit(dialect: Dialect, motor: int, name: str) -> Pointer:
-    word, bit = dialect.motor_bits[name]
-    register = dialect.registers[f"motor_status_{word}"]
-    address = register.address + (motor - 1) * register.stride
-    return Pointer(space=register.space, address=address, offset=bit, width=1)
-
-
-def _system_bit(dialect: Dialect, name: str) -> Pointer:
-    word, bit = dialect.system_bits[name]
-    register = dialect.registers[f"system_status_{word}"]
-    address = register.address + (SYSTEM - 1) * register.stride
-    return Pointer(space=register.space, address=address, offset=bit, width=1)
-
-
-def _register(dialect: Dialect, motor: int, name: str) -> Pointer:
+def _register(dialect: Dialect, owner: int, name: str, bit: int | None = None) -> Pointer:
+    """Return a register of a motor or coordinate system, or one bit of it."""
     register = dialect.registers[name]
-    return Pointer(space=register.space, address=register.address + (motor - 1) * register.stride)
+    address = register.address + (owner - 1) * register.stride
+    if bit is None:
+        return Pointer(space=register.space, address=address)
+    return Pointer(space=register.space, address=address, offset=bit, width=1)

@@ -1,4 +1,4 @@
-"""Poll motors that are coming to rest: positions, what the controller has ended, and who is in control."""
+"""Poll motors that are coming to rest, and test the watchdog: without renewals a motion must end in time."""
 
 from __future__ import annotations
 
@@ -20,6 +20,12 @@ LOOK_EVERY_S = 0.01
 POLLS_AT_REST = 3
 REST_BAND_COUNTS = 2.0
 """Number of polls in a row that make rest, and the permitted movement between them: an encoder dithers by one."""
+
+GIVE_UP_S = 0.6
+"""What has not ended after twice the specified time is stopped in another way."""
+
+REST_LIMIT_S = 5.0
+"""How long to poll until rest."""
 
 Flags = frozenset[str]
 
@@ -95,10 +101,8 @@ class Watch:
                 },
             )
         except ValueError as error:
-            where = self.client.link.address
-            raise LinkError(
-                Problem(code="link.out_of_step", where=where, key="P ? ??", value=str(error))
-            ) from error
+            where, value = self.client.link.address, str(error)
+            raise LinkError(Problem(code="link.out_of_step", where=where, key="P ? ??", value=value)) from error
 
 
 def rests(looks: Sequence[Look]) -> bool:
@@ -122,15 +126,6 @@ def _rested(looks: Sequence[Look], motor: int) -> bool:
     places = [look.positions[motor] for look in looks]
     still = all(look.still(motor) and not look.running for look in looks)
     return still and max(places) - min(places) <= REST_BAND_COUNTS
-
-
-GIVE_UP_S = 0.6
-"""What has not ended after twice the specified time is stopped in another way."""
-
-REST_LIMIT_S = 5.0
-"""How long to poll until rest."""
-
-Stop = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,7 +162,9 @@ def kept(watch: Watch, keeper: Keeper, kept_s: float, check: Callable[[], None])
     return earlier, watch.look()
 
 
-def withhold(watch: Watch, before: Look, stop: Stop, rest_limit_s: float = REST_LIMIT_S) -> WatchdogProof:
+def withhold(
+    watch: Watch, before: Look, stop: Callable[[str], None], rest_limit_s: float = REST_LIMIT_S
+) -> WatchdogProof:
     """Poll without renewals until everything is at rest; `before` was made just after the last renewal.
 
     Raises:
