@@ -70,8 +70,7 @@ class AxisDefinition:
 def scan_definition(scanner: Scanner, motor: int) -> AxisDefinition | None:
     """Parse what follows `#n->`: a definition such as `8660X-5000Y+10`, or 0, which clears it (None).
 
-    Raises:
-        PmacError: 003, not a definition.
+    Raises PmacError: 003, not a definition.
     """
     negative = scanner.accept("-")
     scale = scanner.take_number()
@@ -97,8 +96,7 @@ def scan_definition(scanner: Scanner, motor: int) -> AxisDefinition | None:
 def read_definitions(texts: Iterable[str]) -> tuple[AxisDefinition, ...]:
     """Parse whole definitions such as `#1->X`; cleared motors are left out.
 
-    Raises:
-        PmacError: 003, a text is not a definition.
+    Raises PmacError: 003, a text is not a definition.
     """
     definitions = []
     for text in texts:
@@ -127,8 +125,7 @@ def axis_positions(definitions: Mapping[int, AxisDefinition], counts: Mapping[in
 def refuse_singular(definitions: Iterable[AxisDefinition]) -> None:
     """Check that a full set of motors (as many as axes) determines all axes; fewer are an incomplete set and pass.
 
-    Raises:
-        PmacError: 003, motors that are linearly dependent.
+    Raises PmacError: 003, motors that are linearly dependent.
     """
     rest = list(definitions)
     while rest:

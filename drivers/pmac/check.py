@@ -59,8 +59,7 @@ def run_through(
 
     Compensation tables are not included, and time runs on the controller's own time base.
 
-    Raises:
-        PmacError: what the controller would refuse; 003 also for a program without an end.
+    Raises PmacError: what the controller would refuse; 003 also for a program without an end.
     """
     walked = walk(text, i_variables, definitions, start, dialect=dialect, most_steps=ENDLESS_MOVES, watched=False)
     if walked.error is not None:

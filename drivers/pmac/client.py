@@ -51,8 +51,7 @@ class PmacClient:
     def dialect(self) -> Dialect:
         """The family of the controller, from its reply to TYPE.
 
-        Raises:
-            RefusedError: `link.not_connected`, it has not been queried yet.
+        Raises RefusedError: `link.not_connected`, it has not been queried yet.
         """
         if self._dialect is None:
             raise RefusedError(Problem(code="link.not_connected", where=self.link.address))
@@ -111,8 +110,7 @@ class PmacClient:
 
         A program buffer that this client may have left open is closed. Nothing moves.
 
-        Raises:
-            LinkError: `link.not_in_step`, `controller.buffer_open`, or the link is gone.
+        Raises LinkError: `link.not_in_step`, `controller.buffer_open`, or the link is gone.
         """
         self._exchange.resynchronise(timeout_s)
 
@@ -224,16 +222,14 @@ class PmacClient:
     def numbers(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S, again: bool = False) -> tuple[float, ...]:
         """Query numbers.
 
-        Raises:
-            LinkError: `link.out_of_step`, a value is not a number.
+        Raises LinkError: `link.out_of_step`, a value is not a number.
         """
         return tuple(map(self.number, self.query(*items, timeout_s=timeout_s, again=again)))
 
     def number(self, answer: str) -> float:
         """Return a reply as a number.
 
-        Raises:
-            LinkError: `link.out_of_step`, it is not one.
+        Raises LinkError: `link.out_of_step`, it is not one.
         """
         try:
             return number_of(answer)
@@ -279,8 +275,7 @@ class PmacClient:
     def _close_behind(self, error: DriverError) -> None:
         """Close the buffer that a download may have left open.
 
-        Raises:
-            LinkError: it cannot be closed, or not proven to be closed.
+        Raises LinkError: it cannot be closed, or not proven to be closed.
         """
         if not self._exchange.buffer_open:
             return

@@ -97,8 +97,7 @@ class Request:
     def control_character(self) -> int:
         """The control character in wValue; some clients send it in the other byte.
 
-        Raises:
-            MalformedRequestError: it is not one.
+        Raises MalformedRequestError: it is not one.
         """
         high, low = divmod(self.value, 0x100)
         if min(high, low) or max(high, low) >= 0x20:
@@ -149,8 +148,7 @@ _CONTROL = (_CODE.SENDCTRLCHAR, _CODE.CTRL_RESPONSE)
 def take_request(buffer: bytes | bytearray) -> tuple[Request | None, int]:
     """Return the first complete request in `buffer` and the number of bytes that it takes (0 while incomplete).
 
-    Raises:
-        MalformedRequestError: as soon as the received bytes cannot become a request.
+    Raises MalformedRequestError: as soon as the received bytes cannot become a request.
     """
     if buffer and buffer[0] not in _DIRECTIONS:
         raise MalformedRequestError(f"request type {buffer[0]:#04x}")

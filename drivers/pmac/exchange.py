@@ -65,8 +65,7 @@ class Exchange:
     def forget(self) -> None:
         """Drain the line; from now on nothing about the controller is known or proven, until `prove`.
 
-        Raises:
-            LinkError: `link.not_in_step`, a partial line cannot be proven to be erased; or the link broke.
+        Raises LinkError: `link.not_in_step`, a partial line cannot be proven to be erased; or the link broke.
         """
         self._erase(self._clock.now_s() + REPLY_TIMEOUT_S)
         self._settings, self.checksums = "", None
@@ -76,8 +75,7 @@ class Exchange:
     def prove(self, settings: str) -> None:
         """Get in step with these settings; every resynchronisation restores them.
 
-        Raises:
-            LinkError: `link.not_in_step`, or `controller.buffer_open`.
+        Raises LinkError: `link.not_in_step`, or `controller.buffer_open`.
         """
         self._settings = settings
         self.in_step = False
@@ -86,8 +84,7 @@ class Exchange:
     def learn_checksums(self) -> None:
         """Find out whether and how the controller reports the checksum of a line; nothing is executed.
 
-        Raises:
-            LinkError: as for `resynchronise`.
+        Raises LinkError: as for `resynchronise`.
         """
         for _ in range(CHECKSUM_TRIES):
             self.link.send(PROBE + ASK)
@@ -303,8 +300,7 @@ class Exchange:
     def _prove_refusal(self, timeout_s: float) -> None:
         """Make sure that a refusal belongs to the line, and is not the error of a program's command.
 
-        Raises:
-            FaultError: it does not, or nothing replies any more.
+        Raises FaultError: it does not, or nothing replies any more.
         """
         if not self._settings or self._was_open:
             return  # in an open buffer the marker would become a line of the program

@@ -105,8 +105,7 @@ def opens_buffer(line: str) -> bool | None:
 def number_of(text: str) -> float:
     """Return the number in the report of a variable, in any form of I9 (`$C000`, `I5=2`).
 
-    Raises:
-        ValueError: it is not a number.
+    Raises ValueError: it is not a number.
     """
     digits = re.sub(r"^[IPQM]\d+=", "", text.strip())
     return float(int(digits[1:], 16)) if digits.startswith("$") else float(digits)

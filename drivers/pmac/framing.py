@@ -137,8 +137,7 @@ class ReplyReader:
     def take(self) -> Reply | None:
         """Return the first complete reply, None while there is none.
 
-        Raises:
-            FramingError: the input cannot be a reply, whatever follows.
+        Raises FramingError: the input cannot be a reply, whatever follows.
         """
         end = self._collect()
         if end is None:
@@ -153,8 +152,7 @@ class ReplyReader:
     def take_messages(self) -> tuple[str, ...]:
         """Return the leading messages while no request is pending; `empty` then shows whether that was all.
 
-        Raises:
-            FramingError: the first of them contains something that is not text.
+        Raises FramingError: the first of them contains something that is not text.
         """
         texts = []
         while self.rest[:1] == bytes((STX,)) and (taken := _part(self.rest, 0)) is not None:

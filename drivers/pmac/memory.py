@@ -68,8 +68,7 @@ class Memory(Protocol):
 def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
     """Parse what follows `M1->`: a definition, or `*`, which points at nothing (None).
 
-    Raises:
-        PmacError: 003, not a definition, or an invalid address, offset or width.
+    Raises PmacError: 003, not a definition, or an invalid address, offset or width.
     """
     if scanner.accept("*"):
         return None

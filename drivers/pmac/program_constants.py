@@ -53,8 +53,7 @@ class Constant:
 def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]:
     """Return the variables that are set before a program, each once, in order.
 
-    Raises:
-        PmacError: an expression that cannot be evaluated.
+    Raises PmacError: an expression that cannot be evaluated.
     """
     store, changed = VariableStore(dialect=dialect), _assigned(program)
     found: dict[str, Constant] = {}
@@ -96,8 +95,7 @@ def _assigned(program: ProgramText) -> frozenset[str]:
 def read_values(client: Controller, names: Iterable[str]) -> dict[str, float]:
     """Query variables, as many in a line as the controller accepts.
 
-    Raises:
-        DriverError: the link broke, or the controller refused to answer.
+    Raises DriverError: the link broke, or the controller refused to answer.
     """
     asked = list(dict.fromkeys(names))
     found: dict[str, float] = {}
@@ -120,8 +118,7 @@ def constant_problems(
 ) -> tuple[Problem, ...]:
     """Read constants and compare; one that is a copy is compared with its source, or with what was `copied`.
 
-    Raises:
-        DriverError: the link broke, or the controller refused to answer.
+    Raises DriverError: the link broke, or the controller refused to answer.
     """
     sources = [each.copied_from for each in constants if each.copied_from and copied is None]
     found = read_values(client, (*(each.name for each in constants), *sources))
@@ -137,8 +134,7 @@ def constant_problems(
 def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
     """Compare the M-variable definitions before a program with those of the controller.
 
-    Raises:
-        DriverError: the link broke, or the controller refused to answer.
+    Raises DriverError: the link broke, or the controller refused to answer.
     """
     planned = {found[1].upper(): found[2] for text in program.commands if (found := _POINTER.fullmatch(text))}
     if not planned:
@@ -153,8 +149,7 @@ def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Probl
 def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
     """Compare the memory words that are written before a program, such as a conversion table's.
 
-    Raises:
-        DriverError: the link broke, or the controller refused to answer.
+    Raises DriverError: the link broke, or the controller refused to answer.
     """
     for text in program.commands:
         found = _WORDS.fullmatch(text)

@@ -75,8 +75,7 @@ class ProgramText:
     def code(self, number: int) -> Code | None:
         """Return a program of this text ready to run: the library of its calls.
 
-        Raises:
-            PmacError: 009 or 016, a program that is not well formed.
+        Raises PmacError: 009 or 016, a program that is not well formed.
         """
         program = self.program if number == self.number else self.subprograms.get(number)
         return None if program is None else link(program)
@@ -99,8 +98,7 @@ def read_program(
     With `refused`, the lines that the controller refuses are collected there and reading continues, as on the
     controller.
 
-    Raises:
-        PmacError: its detail names the wrong line.
+    Raises PmacError: its detail names the wrong line.
     """
     taken = _Taken(tables=TableReader(motor_count))
     for place, raw in enumerate(text.splitlines(), start=1):
@@ -250,8 +248,7 @@ class _Taken:
 def _setting(scanner: Scanner) -> syntax.Assign | None:
     """Parse an assignment; None when it is an on-line command (`I100=*` is one).
 
-    Raises:
-        PmacError: 005, a statement that is only valid in a buffer.
+    Raises PmacError: 005, a statement that is only valid in a buffer.
     """
     rest = scanner.rest
     try:

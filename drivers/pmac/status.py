@@ -35,8 +35,7 @@ def digits_of(words: Iterable[int]) -> str:
 def decode(digits: str, table: BitTable) -> frozenset[str]:
     """Return the names of the bits that are set.
 
-    Raises:
-        ValueError: not hexadecimal, or too short for the table.
+    Raises ValueError: not hexadecimal, or too short for the table.
     """
     per_word = BITS_PER_WORD // 4
     words = [int(digits[start : start + per_word], 16) for start in range(0, len(digits), per_word)]

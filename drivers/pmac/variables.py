@@ -38,8 +38,7 @@ class VariableStore:
     def get(self, kind: VariableKind, index: int, system: int = 1) -> float:
         """Return a value; Q-variables are those of a coordinate system.
 
-        Raises:
-            PmacError: 003, no such variable.
+        Raises PmacError: 003, no such variable.
         """
         # P first and without a call: a program reads some thousands of them a second.
         value = self._p.get(index) if kind is VariableKind.P else self._read(kind, index, system)
@@ -51,8 +50,7 @@ class VariableStore:
     def set(self, kind: VariableKind, index: int, value: float, system: int = 1) -> None:
         """Store a value; an I-variable of limited range wraps silently, as on the controller.
 
-        Raises:
-            PmacError: 003, no such variable.
+        Raises PmacError: 003, no such variable.
         """
         self._check(kind, index)
         if kind is VariableKind.I:

@@ -19,7 +19,6 @@ from drivers.pmac.gathering.gather import (
     listed_words,
     listing,
     long_words_of,
-    pack,
     selected_sources,
     setting_of,
     source_of,
@@ -27,6 +26,7 @@ from drivers.pmac.gathering.gather import (
 )
 from drivers.pmac.gathering.gathered_data import GatherChannel, GatheredData, motor_channel
 from drivers.pmac.memory import Pointer
+from tests.drivers.packed_samples import pack
 
 CYCLE_MS = 0.4427
 FAMILIES = pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=["pmac", "turbo"])
@@ -154,14 +154,6 @@ def test_a_listing_is_read_back_whatever_its_lines(long_words: list[int]) -> Non
 def test_a_damaged_listing_is_not_read(damaged: str) -> None:
     with pytest.raises(GatherError, match="long word 1: twelve"):
         listed_words(["000000000000", damaged])
-
-
-@pytest.mark.parametrize(
-    ("space", "value"), [("X", 2**23), ("Y", -(2**23) - 1), ("D", 2**47), ("X", 0.5), ("D", -(2**47) - 1)]
-)
-def test_a_value_that_does_not_fit_is_refused(space: str, value: float) -> None:
-    with pytest.raises(GatherError, match="no whole number of"):
-        pack([word(space)], [value])
 
 
 def test_a_sample_of_another_size_is_refused() -> None:

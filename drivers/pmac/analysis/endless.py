@@ -1,14 +1,15 @@
-"""Detect when a program loops for ever, and how long to watch the loop before ending it.
+"""Detect when a program loops for ever, how long to watch the loop, and the flag with which a host would end it.
 
-Two signs: a WHILE that nothing inside it can end (`Loop.endless`), and a program that returns to a place with
-exactly the same values in its variables as before.
+Two signs: a WHILE that nothing inside it can end, and a program that returns to a place with exactly the same
+values in its variables as before. The first is a static analysis: nothing inside can change what the condition
+reads, and no GOTO or RETURN leads out of it. What a called subroutine changes counts as changed inside.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import permutations, product
 
 from drivers.pmac.analysis.step import Step, same_motion
 from drivers.pmac.language import syntax
@@ -18,6 +19,16 @@ from drivers.pmac.language.syntax import VariableKind
 
 Name = tuple[VariableKind, int]
 """One numbered variable."""
+
+Written = Mapping[tuple[VariableKind, int, int], float]
+"""The values that a program has set: by kind, number and coordinate system."""
+
+MOST_PASSES = 400
+"""Maximum passes of an endless loop whose motion never repeats."""
+
+STEADY_PASSES = 3
+STEADY_TURNS = 3.0
+"""How long the repeated motion of an endless loop is watched: passes, and turns of the spindle."""
 
 MOST_FLAGS = 3
 """Maximum variables of a condition that are tried together; with more it is not a plain flag."""
@@ -60,20 +71,15 @@ def way_out(loop: Loop, variables: Variables, degrees: bool) -> Mapping[Name, fl
         return None
     constants = {number.value for number in _walk(loop.condition) if isinstance(number, syntax.Number)}
     for count in range(1, len(names) + 1):
-        for chosen in product(names, repeat=count):
-            if len(set(chosen)) < count:
-                continue
-            for values in product(*(_candidates(variables.get(*name), constants) for name in chosen)):
+        for chosen in permutations(names, count):
+            # First 1 and 0, then either side of the constants and of now.
+            places = [sorted(constants | {variables.get(*name)}) for name in chosen]
+            tried = [[1.0, 0.0, *(at + step for at in each for step in (1.0, -1.0, 0.0))] for each in places]
+            for values in product(*tried):
                 changed = dict(zip(chosen, values, strict=True))
                 if _fails(loop.condition, _Changed(variables, changed), degrees):
                     return changed
     return None
-
-
-def _has_calls(programs: Iterable[syntax.Program]) -> bool:
-    """Return whether anything is called: then a line and the variables do not fully define the program's state."""
-    calls = (syntax.Gosub, syntax.CallProgram)
-    return any(isinstance(statement, calls) for program in programs for line in program for statement in line)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +112,7 @@ def _whiles(program: syntax.Program) -> Iterator[tuple[syntax.While, int, int]]:
 def _loop(program: syntax.Program, head: syntax.While, first: int, last: int, others: list[syntax.Line]) -> Loop:
     inside = program[first : last + 1]
     body = [statement for line in inside for statement in line]
-    if _has_calls((inside,)):
+    if any(isinstance(statement, syntax.Gosub | syntax.CallProgram) for statement in body):
         body += [statement for line in (*program[last + 1 :], *others) for statement in line]
     names, computed = _names(head.condition)
     assigned = [statement.target for statement in body if isinstance(statement, syntax.Assign)]
@@ -157,28 +163,11 @@ def _walk(part: syntax.Condition | syntax.Expression) -> Iterator[syntax.Conditi
             yield from _walk(index)
 
 
-def _candidates(present: float, constants: set[float]) -> list[float]:
-    """Yield values a flag might be set to: 1 and 0 first, then either side of the constants and of now."""
-    around_them = [value + step for value in sorted(constants | {present}) for step in (1.0, -1.0, 0.0)]
-    return [1.0, 0.0, *around_them]
-
-
 def _fails(condition: syntax.Condition, variables: Variables, degrees: bool) -> bool:
     try:
         return not holds(condition, variables, degrees)
     except EvaluationError:
         return False
-
-
-MOST_PASSES = 400
-"""Maximum passes of an endless loop whose motion never repeats."""
-
-STEADY_PASSES = 3
-STEADY_TURNS = 3.0
-"""How long the repeated motion of an endless loop is watched: passes, and turns of the spindle."""
-
-Written = Mapping[tuple[VariableKind, int, int], float]
-"""The values that a program has set: by kind, number and coordinate system."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -46,8 +46,7 @@ class Start:
 def read_start(text: str) -> dict[str, float]:
     """Parse the positions in a text such as `X=240000,Y=0`.
 
-    Raises:
-        ValueError: it is not such a text; its argument is the part that is wrong.
+    Raises ValueError: it is not such a text; its argument is the part that is wrong.
     """
     positions: dict[str, float] = {}
     for part in text.split(","):
@@ -67,8 +66,7 @@ def start_comment(definitions: Iterable[AxisDefinition], counts: Mapping[int, fl
 def start_of(text: str, definitions: Iterable[AxisDefinition], told: Mapping[str, float] | None) -> Start:
     """Return where a program starts: as `told`, else by the first such comment of its text, else at home.
 
-    Raises:
-        DriverError: `program.start_axis`, no motor drives that axis; `program.start_too_far`.
+    Raises DriverError: `program.start_axis`, no motor drives that axis; `program.start_too_far`.
     """
     by_motor = {definition.motor: definition for definition in definitions}
     home = axis_positions(by_motor, dict.fromkeys(by_motor, 0.0))

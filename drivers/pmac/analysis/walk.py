@@ -106,8 +106,7 @@ def walk(
 
     If not `watched`, an endless loop continues until the walk is too long: for programs that are known to end.
 
-    Raises:
-        PmacError: refusals before anything moves: a setting, the structure of the program.
+    Raises PmacError: refusals before anything moves: a setting, the structure of the program.
     """
     variables = WatchedVariables(i_variables, dialect) if watched else VariableStore(i_variables, dialect)
     walker = _Walker(text, variables, definitions, start)
@@ -117,8 +116,7 @@ def walk(
 def settle(text: ProgramText, variables: VariableStore) -> None:
     """Execute the settings before a program.
 
-    Raises:
-        PmacError: 005 for anything that is not a setting, 003 for a calculation without a result.
+    Raises PmacError: 005 for anything that is not a setting, 003 for a calculation without a result.
     """
     for line in text.settings:
         for statement in line:

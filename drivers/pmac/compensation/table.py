@@ -10,6 +10,9 @@ has its first entry one spacing from zero; at zero the last entry applies, which
 A table with two sources is a grid. The manual's names are crosswise: the row motor moves along a row, so its span
 is divided by the columns, and the column motor selects the row. Entries come row by row; the one of the origin is
 not sent and is zero. The edges at zero have entries of their own, so the table need not be the same at both ends.
+
+The memory of tables is a stack: those of high motor numbers are defined first and deleted last. What lies after
+them has to be deleted first, usually the data gathering buffer (also DELETE LOOKAHEAD in the Software Reference).
 """
 
 from __future__ import annotations
@@ -24,6 +27,9 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 
 PARTS_PER_COUNT = 16
 """Entries are in sixteenths of a count of the target."""
+
+BEHIND_TABLES = ("TCOMP", "BLCOMP", "TBUF", "ROTARY", "LOOKAHEAD", "GATHER")
+"""The buffers that lie after the tables; LOOKAHEAD on Turbo only."""
 
 Whereabouts = float | tuple[float, float] | None
 """Position range of a source, counts: a single position, from one to a higher one, or unrestricted."""
@@ -156,10 +162,6 @@ def _turning_places(where: Whereabouts, span: int, size: int) -> list[float]:
     return places
 
 
-BEHIND_TABLES = ("TCOMP", "BLCOMP", "TBUF", "ROTARY", "LOOKAHEAD", "GATHER")
-"""The buffers that lie after the tables; LOOKAHEAD on Turbo only."""
-
-
 class TableOrderError(PmacError):
     """Tables of lower motors, `lower`, lie after the one of `motor`."""
 
@@ -177,8 +179,7 @@ def refuse_definition(
 
     `tables` are the motors that have a table, `buffers` the names of `BEHIND_TABLES` that exist.
 
-    Raises:
-        PmacError: 003, another buffer or table is in the way; 006, the remaining memory holds fewer entries.
+    Raises PmacError: 003, another buffer or table is in the way; 006, the remaining memory holds fewer entries.
     """
     _refuse_behind(definition.motor, tables, buffers)
     if definition.motor in tables:
@@ -191,8 +192,7 @@ def refuse_definition(
 def refuse_deletion(motor: int, tables: Collection[int], buffers: Collection[str]) -> None:
     """Refuse DELETE COMP of a motor where the controller does; without a table there is nothing to refuse.
 
-    Raises:
-        PmacError: 003, another buffer or table lies after this table.
+    Raises PmacError: 003, another buffer or table lies after this table.
     """
     if motor in tables:
         _refuse_behind(motor, tables, buffers)

@@ -1,4 +1,4 @@
-"""Compensation tables as text: the line DEFINE COMP and the entries that follow it.
+"""Compensation tables as text: the line DEFINE COMP, the entries that follow it, and all those in a program text.
 
 `DEFINE COMP 8,#1,#2,4000` has 8 entries over 4000 counts of motor 1, for motor 2.
 `DEFINE COMP 2.8,#1D,#3,#2,4000,900` has 2 rows and 8 columns: over 4000 counts of the desired position of motor 1,
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from drivers.pmac.compensation.table import (
     CompensationTable,
@@ -32,6 +32,14 @@ _GREATEST_SIZE = (1 << 47) - 1
 ENTRIES_PER_LINE = 16
 """Entries have at most nine characters: a line stays below the controller's limit of 255."""
 
+MOST_MOTORS = 32
+"""Of the largest family; the target controller is not known when the text is read."""
+
+_DEFINE = ("DEFINECOMP", "DEFCOMP")
+_DELETE = ("DELETECOMP", "DELCOMP")
+_ENTRIES = re.compile(r"[+-]?[\d.]")
+_ADDRESS = re.compile(r"#\s*(\d+)(?!\d|\s*->)")
+
 _Motor = tuple[int, bool]
 """A motor number, and whether its desired position is the source."""
 
@@ -39,8 +47,7 @@ _Motor = tuple[int, bool]
 def scan_definition(scanner: Scanner, addressed: int, motor_count: int) -> TableDefinition:
     """Parse what follows DEFINE COMP.
 
-    Raises:
-        PmacError: 003, not a definition, a motor that does not exist, or a size or a span of 0.
+    Raises PmacError: 003, not a definition, a motor that does not exist, or a size or a span of 0.
     """
     first = _size(scanner)
     columns = _size(scanner) if scanner.accept(".") else None
@@ -62,8 +69,7 @@ def scan_definition(scanner: Scanner, addressed: int, motor_count: int) -> Table
 def scan_entries(scanner: Scanner) -> list[int]:
     """Parse a line of entries, sixteenths of a count.
 
-    Raises:
-        PmacError: 003, something that is not a signed 24-bit integer.
+    Raises PmacError: 003, something that is not a signed 24-bit integer.
     """
     entries = []
     while not scanner.at_end:
@@ -80,8 +86,7 @@ def scan_entries(scanner: Scanner) -> list[int]:
 def read_table(lines: Iterable[str], motor_count: int) -> CompensationTable:
     """Parse a table from the lines that send it, `#1 DEFINE COMP ...` first.
 
-    Raises:
-        PmacError: 003, not such lines, or more or fewer entries than the definition requires.
+    Raises PmacError: 003, not such lines, or more or fewer entries than the definition requires.
     """
     first, *rest = lines
     scanner = Scanner(first)
@@ -155,15 +160,6 @@ def _size(scanner: Scanner) -> int:
     return size
 
 
-MOST_MOTORS = 32
-"""Of the largest family; the target controller is not known when the text is read."""
-
-_DEFINE = ("DEFINECOMP", "DEFCOMP")
-_DELETE = ("DELETECOMP", "DELCOMP")
-_ENTRIES = re.compile(r"[+-]?[\d.]")
-_ADDRESS = re.compile(r"#\s*(\d+)(?!\d|\s*->)")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextTable:
     """A table as a text sends it, from line `place` to line `last_place` (from 1); entries may be missing."""
@@ -187,12 +183,20 @@ class _Waiting:
     definition: TableDefinition
     place: int
     last_place: int
-    refused: bool
-    entries: list[int]
+    refused: bool = True
+    entries: list[int] = field(default_factory=list)
 
     @property
-    def target(self) -> int:
+    def missing(self) -> int:
         return self.definition.entry_count - len(self.entries)
+
+    def kept(self) -> TextTable:
+        return TextTable(
+            definition=self.definition,
+            entries=tuple(self.entries),
+            place=self.place,
+            last_place=self.last_place,
+        )
 
 
 class TableReader:
@@ -208,20 +212,19 @@ class TableReader:
     def tables(self) -> tuple[TextTable, ...]:
         """The tables that the controller holds after the text, in the order of their definition."""
         waiting = self._waiting
-        return (*self._tables.values(), *([_kept(waiting)] if waiting and not waiting.refused else []))
+        return (*self._tables.values(), *([waiting.kept()] if waiting and not waiting.refused else []))
 
     def take_entries(self, scanner: Scanner, place: int) -> bool:
         """Consume a line of entries; False when no table expects one, or it is another line.
 
-        Raises:
-            PmacError: 003, not entries, or more than the table expects; then none of them counts.
+        Raises PmacError: 003, not entries, or more than the table expects; then none of them counts.
         """
         waiting = self._waiting
-        if waiting is None or not waiting.target or not _ENTRIES.match(scanner.rest):
+        if waiting is None or not waiting.missing or not _ENTRIES.match(scanner.rest):
             return False
         entries = scan_entries(scanner)
-        if len(entries) > waiting.target:
-            raise PmacError(ErrorCode.DATA_ERROR, f"{len(entries)} entries; the table waits for {waiting.target}")
+        if len(entries) > waiting.missing:
+            raise PmacError(ErrorCode.DATA_ERROR, f"{len(entries)} entries; the table waits for {waiting.missing}")
         waiting.entries += entries
         waiting.last_place = place
         return True
@@ -229,8 +232,7 @@ class TableReader:
     def take_word(self, scanner: Scanner, place: int) -> bool:
         """Consume DEFINE COMP or DELETE COMP, with its address; False, with nothing consumed, without either.
 
-        Raises:
-            PmacError: 003, not a definition, or not in the order of memory allocation (`TableOrderError`).
+        Raises PmacError: 003, not a definition, or not in the order of memory allocation (`TableOrderError`).
         """
         mark = scanner.mark()
         motor = self._motor
@@ -257,7 +259,7 @@ class TableReader:
 
     def _define(self, definition: TableDefinition, place: int) -> None:
         self._settle()
-        waiting = _Waiting(definition, place, place, refused=True, entries=[])
+        waiting = _Waiting(definition, place, place)
         self._waiting = waiting
         refuse_definition(definition, self._tables, (), definition.entry_count)
         waiting.refused = False
@@ -271,13 +273,4 @@ class TableReader:
         """Finish the previous table: it gets no more entries."""
         waiting, self._waiting = self._waiting, None
         if waiting is not None and not waiting.refused:
-            self._tables[waiting.definition.motor] = _kept(waiting)
-
-
-def _kept(waiting: _Waiting) -> TextTable:
-    return TextTable(
-        definition=waiting.definition,
-        entries=tuple(waiting.entries),
-        place=waiting.place,
-        last_place=waiting.last_place,
-    )
+            self._tables[waiting.definition.motor] = waiting.kept()

@@ -23,8 +23,7 @@ _LABELS_PER_CODE = 1000
 def target_of(call: CallProgram, value: float) -> tuple[int, int]:
     """Return program and label: `CALL 35.1` is N10000 of program 35, `G1` N1000 of 1000, `M115` N15000 of 1011.
 
-    Raises:
-        PmacError: 003, no such code or program.
+    Raises PmacError: 003, no such code or program.
     """
     if call.code:
         if not 0 <= value < HIGHEST_CODE:

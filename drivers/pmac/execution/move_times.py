@@ -88,8 +88,7 @@ class MoveTimes:
     def keep(self, word: str, value: float) -> None:
         """Execute TA, TS, TM, F or PVT.
 
-        Raises:
-            PmacError: 003, a time that the controller cannot hold.
+        Raises PmacError: 003, a time that the controller cannot hold.
         """
         if word in ("TA", "TS"):
             whole = float(_whole_ms(word, value))
@@ -119,8 +118,7 @@ class MoveTimes:
     def pvt_ms(self) -> float:
         """Return the time of a PVT segment.
 
-        Raises:
-            PmacError: 003, none was set.
+        Raises PmacError: 003, none was set.
         """
         _check_segment("PVT", self._modes.pvt_ms)
         return self._modes.pvt_ms
@@ -128,8 +126,7 @@ class MoveTimes:
     def spline_ms(self) -> float:
         """Return the time of a spline segment.
 
-        Raises:
-            PmacError: 003, none was set, or more than the controller can hold.
+        Raises PmacError: 003, none was set, or more than the controller can hold.
         """
         if not self._by_move_time:
             duration_ms = self.ta_ms

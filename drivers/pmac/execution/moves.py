@@ -74,8 +74,7 @@ class Moves:
     def turn(self, words: Sequence[Word]) -> None:
         """NORMAL.
 
-        Raises:
-            PmacError: 003, a vector of zero length has no direction.
+        Raises PmacError: 003, a vector of zero length has no direction.
         """
         normal = {letter: value(self._values) for letter, value, _ in words}
         if not any(normal.values()):
@@ -141,8 +140,7 @@ class Moves:
     def home(self, line: int, motors: tuple[int, ...], zero: bool) -> requests.HomeRequest:
         """HOME or HOMEZ.
 
-        Raises:
-            PmacError: 003, the controller has no such motor.
+        Raises PmacError: 003, the controller has no such motor.
         """
         count = self._values.store.dialect.motor_count
         if max(motors) > count:

@@ -79,8 +79,7 @@ class ProgramRun:
         `strict` makes illegal arithmetic an error, for the checker; the controller continues. `library` gives the
         programs that are called, `number` is the one of `code`, where it is known. Begins at `label`.
 
-        Raises:
-            PmacError: 015, there is no such label.
+        Raises PmacError: 015, there is no such label.
         """
         self.line = 0
         self.in_block = False
@@ -135,8 +134,7 @@ class ProgramRun:
     def advance(self) -> Request:
         """Calculate up to the next request for motion.
 
-        Raises:
-            PmacError: a run-time error of the program; the caller stops it.
+        Raises PmacError: a run-time error of the program; the caller stops it.
         """
         self._jumps_back = 0
         for _ in range(STEPS_PER_LOOK):

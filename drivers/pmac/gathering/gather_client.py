@@ -117,8 +117,7 @@ class DataGathering:
     def stop(self) -> None:
         """Stop gathering; the data stay, to be fetched.
 
-        Raises:
-            DriverError: the controller does not reply.
+        Raises DriverError: the controller does not reply.
         """
         self.client.request("ENDGATHER", self.timeout_s)
 

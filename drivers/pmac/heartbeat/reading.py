@@ -58,8 +58,7 @@ class HeartbeatLook:
 def read_heartbeat(client: Controller, clock: Clock, machine: MachineProfile, dialect: Dialect) -> HeartbeatLook:
     """Read the heartbeat's state. Only the watchdog timer is written, and nothing while something is guarded.
 
-    Raises:
-        DriverError: the link broke, or the controller refused a query.
+    Raises DriverError: the link broke, or the controller refused a query.
     """
     names = (reserved.ACTIVITY, reserved.LOST, registers.ENDING)
     i5, i10, activity, lost, ending = client.numbers(

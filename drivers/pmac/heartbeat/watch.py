@@ -69,8 +69,7 @@ class Watch:
     def renew(self, keeper: Keeper) -> None:
         """Renew the watchdog of what moves.
 
-        Raises:
-            DriverError: that of `owner_seen`; the link broke, or replies something that was not asked for.
+        Raises DriverError: that of `owner_seen`; the link broke, or replies something that was not asked for.
         """
         (owner,) = self.client.request(f"{keeper.line} P{reserved.OWNER}", lines=1)
         self._owner_seen(self.client.number(owner))
@@ -147,8 +146,7 @@ def kept(watch: Watch, keeper: Keeper, kept_s: float, check: Callable[[], None])
 
     `check` ends it.
 
-    Raises:
-        DriverError: that of `check`; that of the watch; the link broke.
+    Raises DriverError: that of `check`; that of the watch; the link broke.
     """
     end_s = watch.clock.now_s() + kept_s
     while watch.clock.now_s() < end_s:
@@ -167,8 +165,7 @@ def withhold(
 ) -> WatchdogProof:
     """Poll without renewals until everything is at rest; `before` was made just after the last renewal.
 
-    Raises:
-        DriverError: that of the watch; the link broke.
+    Raises DriverError: that of the watch; the link broke.
     """
     last_s, looks = before.asked_s, [before]
     while not (looks[-1].lost and not looks[-1].ending and rests(looks)):

@@ -179,8 +179,7 @@ class _Reader:
 def parse_letters(scanner: Scanner, letters: tuple[str, ...]) -> tuple[str, ...]:
     """Parse `(X,Y)`, each one of `letters`.
 
-    Raises:
-        PmacError: 003, something else is there.
+    Raises PmacError: 003, something else is there.
     """
     scanner.expect("(")
     listed: list[str] = []
@@ -196,8 +195,7 @@ def parse_letters(scanner: Scanner, letters: tuple[str, ...]) -> tuple[str, ...]
 def parse_numbers(scanner: Scanner, lowest: int, highest: int) -> tuple[int, ...]:
     """Parse `1..3,5`, each number from `lowest` to `highest`; a range stands for all its numbers.
 
-    Raises:
-        PmacError: 003, not a number, or one outside the limits.
+    Raises PmacError: 003, not a number, or one outside the limits.
     """
     listed: list[int] = []
     while not listed or scanner.accept(","):
@@ -210,8 +208,7 @@ def parse_numbers(scanner: Scanner, lowest: int, highest: int) -> tuple[int, ...
 def parse_number(scanner: Scanner, lowest: int, highest: int) -> int:
     """Parse a whole number.
 
-    Raises:
-        PmacError: 003, not a number, or one outside the limits.
+    Raises PmacError: 003, not a number, or one outside the limits.
     """
     number = scanner.take_integer()
     if number is None or not lowest <= number <= highest:

@@ -24,9 +24,8 @@ def parse_plc_line(text: str) -> syntax.PlcLine:
 
     Nothing in it is `inline`: what follows an IF on its line waits for the ENDIF like the lines below.
 
-    Raises:
-        PmacError: 003, something on the line is not a statement of a PLC; 004, a character above 127 outside a
-            comment.
+    Raises PmacError: 003, something on the line is not a statement of a PLC; 004, a character above 127 outside a
+    comment.
     """
     scanner = Scanner(text)
     statements: list[syntax.PlcStatement] = []
@@ -41,8 +40,7 @@ def parse_plc_line(text: str) -> syntax.PlcLine:
 def parse_plc_statement(scanner: Scanner) -> syntax.PlcStatement | None:
     """Parse one statement; None, with nothing consumed, if there is none at the cursor.
 
-    Raises:
-        PmacError: 003, a statement that begins well and is malformed later.
+    Raises PmacError: 003, a statement that begins well and is malformed later.
     """
     mark = scanner.mark()
     target = parse_variable(scanner)

@@ -41,9 +41,8 @@ class PlcCode:
 def link_plc(program: syntax.PlcProgram) -> PlcCode:
     """Find the ends of every loop and branch, and combine conditions of several lines.
 
-    Raises:
-        PmacError: 009, an end or an ELSE without its beginning, an AND or OR that does not stand directly after a
-            condition, or a condition of too many lines; 016, a loop or branch without its end.
+    Raises PmacError: 009, an end or an ELSE without its beginning, an AND or OR that does not stand directly after
+    a condition, or a condition of too many lines; 016, a loop or branch without its end.
     """
     linker = _PlcLinker()
     for number, line in enumerate(program):

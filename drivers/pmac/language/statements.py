@@ -68,8 +68,7 @@ def parse_argument(scanner: Scanner) -> syntax.Argument | None:
 
     None, with nothing consumed, if there is none at the cursor.
 
-    Raises:
-        PmacError: 003, the letter is not followed by data.
+    Raises PmacError: 003, the letter is not followed by data.
     """
     letter = scanner.take_word(ARGUMENTS)
     return None if letter is None else syntax.Argument(letter, parse_data(scanner))
@@ -78,8 +77,7 @@ def parse_argument(scanner: Scanner) -> syntax.Argument | None:
 def parse_enclosed_condition(scanner: Scanner) -> syntax.Condition:
     """Parse a condition with the parentheses around the whole.
 
-    Raises:
-        PmacError: 003, something else is there.
+    Raises PmacError: 003, something else is there.
     """
     scanner.expect("(")
     condition = parse_condition(scanner)

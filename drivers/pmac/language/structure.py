@@ -85,8 +85,7 @@ class Linker(Generic[Instruction]):
     def divide(self, number: int, statement: Instruction) -> Block:
         """Begin the alternative of a branch; return its block.
 
-        Raises:
-            PmacError: 009, an ELSE without its IF.
+        Raises PmacError: 009, an ELSE without its IF.
         """
         block = self.blocks[-1] if self.blocks else None
         if block is None or block.loop or block.alternative is not None:
@@ -99,8 +98,7 @@ class Linker(Generic[Instruction]):
     def end(self, number: int, statement: Instruction, *, loop: bool) -> None:
         """Close the innermost block.
 
-        Raises:
-            PmacError: 009, an end without its beginning.
+        Raises PmacError: 009, an end without its beginning.
         """
         if not self.blocks or self.blocks[-1].loop is not loop:
             raise structure_error(number, "ENDWHILE without WHILE" if loop else "ENDIF without IF")
@@ -113,8 +111,7 @@ class Linker(Generic[Instruction]):
     def refuse_open(self) -> None:
         """Refuse a program whose last block is open.
 
-        Raises:
-            PmacError: 016.
+        Raises PmacError: 016.
         """
         if self.blocks:
             block = self.blocks[-1]

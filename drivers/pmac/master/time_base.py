@@ -33,22 +33,30 @@ _SCALE = 2**17
 _UNITS_PER_PART = UNITS_PER_MS // (_SCALE * COUNT_PARTS)
 _UNITS_PER_COUNT = UNITS_PER_MS // _SCALE
 
+TIME_BASE_METHOD = 0x4
+"""The method digit of an entry that is not triggered."""
+
+METHOD_SHIFT = 20
+"""Position of the method digit in a set-up word."""
+
+_TURBO_MODE = 1 << 19
+"""In a triggered entry of a Turbo PMAC: the source is a PMAC2-style servo IC."""
+
+_SOURCE_MASK = _TURBO_MODE - 1
+
+_SOURCE, _SLEW = 93, 94
+"""Ix93, the time base source, and Ix94, its maximum rate of change."""
+
 
 def nearest_factor(counts_per_ms: float) -> int:
     """Return the integer scale factor whose real-time input frequency is nearest to a frequency, counts/ms."""
-    target = _SCALE / counts_per_ms
-    below = min(max(1, int(target)), WIDEST_UNITS - 1)
+    below = min(max(1, int(_SCALE / counts_per_ms)), WIDEST_UNITS - 1)
     return min((below, below + 1), key=lambda factor: abs(_SCALE / factor - counts_per_ms))
 
 
 def real_time_counts_per_ms(factor: int) -> Fraction:
     """Return the frequency at which programmed times are true."""
     return Fraction(_SCALE, factor)
-
-
-def percent(factor: int, counts_per_ms: float) -> float:
-    """Return the time base as `%` reports it, for a master of this speed."""
-    return 100.0 * factor * counts_per_ms / _SCALE
 
 
 def increment_units(factor: int, master_parts: int) -> int:
@@ -88,25 +96,6 @@ class TriggeredTimeBase:
             start, state = captured, Trigger.RUNNING
         passed = counts - start if state is Trigger.RUNNING else 0
         return replace(self, state=state, counts=counts), _saturated(_UNITS_PER_COUNT * self.factor * passed)
-
-
-def _saturated(units: int) -> int:
-    return max(-WIDEST_UNITS - 1, min(WIDEST_UNITS, units))
-
-
-TIME_BASE_METHOD = 0x4
-"""The method digit of an entry that is not triggered."""
-
-METHOD_SHIFT = 20
-"""Position of the method digit in a set-up word."""
-
-_TURBO_MODE = 1 << 19
-"""In a triggered entry of a Turbo PMAC: the source is a PMAC2-style servo IC."""
-
-_SOURCE_MASK = _TURBO_MODE - 1
-
-_SOURCE, _SLEW = 93, 94
-"""Ix93, the time base source, and Ix94, its maximum rate of change."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,3 +144,7 @@ def entry_of(line: int, word: int, factor: int) -> TimeBaseEntry | None:
         return None
     pmac2 = bool(word & _TURBO_MODE)
     return TimeBaseEntry(line=line, source=source, factor=factor, trigger=Trigger(method), pmac2_encoder=pmac2)
+
+
+def _saturated(units: int) -> int:
+    return max(-WIDEST_UNITS - 1, min(WIDEST_UNITS, units))

@@ -58,8 +58,7 @@ def cam_program(
     It starts with the tool retracted and the carriage clear of the part, and ends in the row of zeros. One that is
     `trimmed` adds the harmonic of `cam_trim`; the controller must then turn the spindle.
 
-    Raises:
-        ProblemError: `program.too_long`.
+    Raises ProblemError: `program.too_long`.
     """
     turn_ms = 60_000.0 / job.spindle_speed_rpm
     longest_ms = trim_segment_ms(job) if trimmed else SEGMENT_MS

@@ -59,8 +59,7 @@ class Cam:
 def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Cam:
     """Return the table that makes the tool follow `command` (um from the surface, infeed) by the spindle's angle.
 
-    Raises:
-        ProblemError: `program.no_zero_row`, there is no room before the part.
+    Raises ProblemError: `program.no_zero_row`, there is no room before the part.
     """
     columns, per_mm = column_count(command), machine.carriage.counts_per_mm
     spacing, front, full, rows = _rows(machine, setup)
@@ -116,8 +115,7 @@ def _corners_um(command: LobedPath, columns: int) -> NDArray[np.float64]:
 def _rows(machine: MachineProfile, setup: CutSetup) -> tuple[int, int, int, int]:
     """Return the spacing in counts, the first and the last row of full amplitude, and the number of spacings.
 
-    Raises:
-        ProblemError: `program.no_zero_row`.
+    Raises ProblemError: `program.no_zero_row`.
     """
     carriage = machine.carriage
     front = max(ROWS_IN_FRONT, round(setup.carriage_start / (ROW_MM * carriage.counts_per_mm)))

@@ -36,8 +36,7 @@ def trim_segment_ms(job: Job) -> int:
 def trim_line(trim_um: complex, tool_count_um: float) -> str:
     """Return the line that commands the harmonic Re(c exp(j lobe angle)), c in um; at rest it causes no motion.
 
-    Raises:
-        ValueError: more than `MOST_TRIM_UM`.
+    Raises ValueError: more than `MOST_TRIM_UM`.
     """
     if not abs(trim_um) <= MOST_TRIM_UM:
         raise ValueError(f"a trim of {abs(trim_um):.2f} um; at most {MOST_TRIM_UM:g} um")

@@ -185,8 +185,7 @@ def longest_segment_ms(command: LobedPath, frequency_hz: float) -> int:
 def pvt_timing(job: Job, setup: CutSetup, command: LobedPath) -> PvtTiming:
     """Return the times for a job.
 
-    Raises:
-        ProblemError: `program.too_long`.
+    Raises ProblemError: `program.too_long`.
     """
     turn_ms = 60_000.0 / job.spindle_speed_rpm
     # The end of a turn is checked once in a segment.
@@ -210,8 +209,7 @@ def pvt_program(job: Job, setup: CutSetup, command: LobedPath) -> str:
     The command must fit whole milliseconds. The program starts with the tool retracted and the carriage clear of
     the part, and ends the same way.
 
-    Raises:
-        ProblemError: `program.too_long`.
+    Raises ProblemError: `program.too_long`.
     """
     timing = pvt_timing(job, setup, command)
     turns_per_ms = job.spindle_speed_rpm / 60_000.0

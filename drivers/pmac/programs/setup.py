@@ -117,8 +117,7 @@ def cut_setup(
 def refuse_endless(moves: float) -> None:
     """Refuse a cut with an unreasonable number of moves.
 
-    Raises:
-        ProblemError: `program.too_long`.
+    Raises ProblemError: `program.too_long`.
     """
     if moves > MOST_MOVES:
         raise ProblemError(

@@ -93,8 +93,7 @@ def timebase_program(
     `command` is the commanded tool position by spindle angle; it must fit whole milliseconds. The cut starts with
     the tool retracted and the carriage clear of the part, and ends with the tool retracted.
 
-    Raises:
-        ProblemError: `program.too_long`.
+    Raises ProblemError: `program.too_long`.
     """
     clock = spindle_clock(job, machine, dialect)
     programmed = replace(job, spindle_speed_rpm=clock.programmed_rpm)

@@ -88,8 +88,7 @@ def lay_course(
 
     Without an `arc` the move is straight; an arc is cut into `segment_ms`, above 0.
 
-    Raises:
-        NoAccelerationTimeError: TA and TS are both zero.
+    Raises NoAccelerationTimeError: TA and TS are both zero.
     """
     if arc is None and not isinstance(blend, CurvedBlend):
         return lay(blend, move, limits)
@@ -113,8 +112,7 @@ def lay_course(
 def stop_course(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piece, ...]:
     """Come to rest at the end of a straight move or a curve with the modal TA and TS.
 
-    Raises:
-        NoAccelerationTimeError: TA and TS are both zero.
+    Raises NoAccelerationTimeError: TA and TS are both zero.
     """
     if not isinstance(blend, CurvedBlend):
         return stop(blend, ta_ms, ts_ms, limits)

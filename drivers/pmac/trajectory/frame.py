@@ -49,8 +49,7 @@ class MotorFrame:
     def counts(self, targets: Mapping[str, float], here: Vector, absolute: frozenset[str] = NO_AXES) -> Vector:
         """Return the motor positions for axis positions; `absolute` axes may roll over on the way from `here`.
 
-        Raises:
-            PmacError: 003, beyond the registers of the controller.
+        Raises PmacError: 003, beyond the registers of the controller.
         """
         if self._single is not None:
             counts = tuple([scale * targets[axis] + offset for axis, scale, offset in self._single])
@@ -64,8 +63,7 @@ class MotorFrame:
     def velocities(self, velocities: Mapping[str, float]) -> Vector:
         """Return motor velocities (counts/ms) for axis velocities (user units per ms).
 
-        Raises:
-            PmacError: 003, beyond the registers of the controller.
+        Raises PmacError: 003, beyond the registers of the controller.
         """
         if self._single is not None:
             counts = tuple([scale * velocities.get(axis, 0.0) for axis, scale, _ in self._single])
@@ -92,8 +90,7 @@ class MotorFrame:
     def arc(self, request: CircleRequest, start: Mapping[str, float], here: Vector, target: Vector) -> Arc:
         """Return the arc of a circle move from axis positions `start`, which are the counts `here`.
 
-        Raises:
-            PmacError: 003, no such arc exists, or it is beyond the registers of the controller.
+        Raises PmacError: 003, no such arc exists, or it is beyond the registers of the controller.
         """
         arc = arc_of(
             request,
@@ -169,8 +166,7 @@ def _way_round(distance: float, turn: float, forwards: bool | None) -> float:
 def check_range(what: str, values: Vector) -> None:
     """Refuse values that the controller's registers cannot hold; a nan is beyond them too.
 
-    Raises:
-        PmacError: 003, beyond the registers.
+    Raises PmacError: 003, beyond the registers.
     """
     for value in values:
         if not abs(value) <= FARTHEST_COUNTS:

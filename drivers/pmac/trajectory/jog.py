@@ -35,8 +35,7 @@ class JogSettings:
 def change_speed(position: float, before: float, after: float, settings: JogSettings) -> tuple[Piece, ...]:
     """Change velocity from `before` to `after` (counts/ms); used to start and to stop an indefinite jog.
 
-    Raises:
-        NoAccelerationTimeError: Ix20 and Ix21 are both zero.
+    Raises NoAccelerationTimeError: Ix20 and Ix21 are both zero.
     """
     timing = effective_timing(
         LinearMove(distance=(0.0,), ta_ms=settings.ta_ms, ts_ms=settings.ts_ms, tm_ms=0.0),
@@ -52,8 +51,7 @@ def jog_to(position: float, target: float, settings: JogSettings) -> tuple[Piece
     A jog is one unblended move at Ix22 whose acceleration time is lengthened where Ix19 requires it; a short one
     takes the acceleration time and stays slower.
 
-    Raises:
-        NoAccelerationTimeError: Ix20 and Ix21 are both zero.
+    Raises NoAccelerationTimeError: Ix20 and Ix21 are both zero.
     """
     return jog_in(position, target, settings, jog_time_ms(target - position, settings))
 
@@ -66,8 +64,7 @@ def jog_time_ms(distance: float, settings: JogSettings) -> float:
 def jog_in(position: float, target: float, settings: JogSettings, tm_ms: float) -> tuple[Piece, ...]:
     """Jog in a given time to which the acceleration is added, instead of at Ix22.
 
-    Raises:
-        NoAccelerationTimeError: Ix20 and Ix21 are both zero.
+    Raises NoAccelerationTimeError: Ix20 and Ix21 are both zero.
     """
     if target == position:
         return ()
@@ -110,8 +107,7 @@ def rapid_time_ms(start: Vector, target: Vector, settings: Sequence[JogSettings]
 def rapid(start: Vector, target: Vector, settings: Sequence[JogSettings]) -> tuple[Piece, ...]:
     """Move from rest at `start` to rest at `target` (counts); a motor without a distance stands still.
 
-    Raises:
-        NoAccelerationTimeError: Ix20 and Ix21 of a motor are both zero.
+    Raises NoAccelerationTimeError: Ix20 and Ix21 of a motor are both zero.
     """
     tm_ms = rapid_time_ms(start, target, settings)
     tracks = [

@@ -60,8 +60,7 @@ def defer(pieces: tuple[Piece, ...], deferred: tuple[Deferred, ...]) -> tuple[Pi
 def circle_time_ms(request: CircleRequest, length: float) -> float:
     """Return the time of a circle move: as programmed, or its length (user units) over its speed.
 
-    Raises:
-        PmacError: 003, no speed.
+    Raises PmacError: 003, no speed.
     """
     if request.tm_ms is not None:
         return request.tm_ms
@@ -73,8 +72,7 @@ def circle_time_ms(request: CircleRequest, length: float) -> float:
 def check_segment(duration_ms: float) -> None:
     """Refuse a PVT or SPLINE segment without a time.
 
-    Raises:
-        PmacError: 003, no time.
+    Raises PmacError: 003, no time.
     """
     if not duration_ms > 0.0:
         raise PmacError(ErrorCode.DATA_ERROR, f"a segment of {duration_ms:g} ms; above 0")

@@ -69,8 +69,7 @@ class MotionPlanner:
     def plan(self) -> Planned:
         """Calculate the next request and plan its motion.
 
-        Raises:
-            PmacError: a run-time error of the program.
+        Raises PmacError: a run-time error of the program.
         """
         before = self._blend, self._pvt_velocity, self._spline, self._after_break
         self._newest = None
@@ -97,8 +96,7 @@ class MotionPlanner:
 
         A PVT segment that does not end at rest ramps down at Ix15 after its point.
 
-        Raises:
-            PmacError: TA and TS are both zero.
+        Raises PmacError: TA and TS are both zero.
         """
         self._after_break = True
         if any(self._pvt_velocity or ()):
