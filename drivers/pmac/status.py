@@ -14,6 +14,15 @@ BitTable = Mapping[str, tuple[int, int]]
 """Name of a bit to (word counted from 1, bit)."""
 
 
+def bit_table(runs: Mapping[tuple[int, int], str]) -> dict[str, tuple[int, int]]:
+    """Return a table from runs of names: by word and highest bit, the names of the bits from there down."""
+    return {
+        name: (word, highest - place)
+        for (word, highest), names in runs.items()
+        for place, name in enumerate(names.split())
+    }
+
+
 def pack(conditions: Mapping[str, bool], table: BitTable, words: int = 2) -> tuple[int, ...]:
     """Return the words with the bits of the true conditions set.
 
