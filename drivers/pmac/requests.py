@@ -132,28 +132,20 @@ class ProgramHost(Protocol):
 
     def command(self, text: str, port: str) -> None:
         """CMD: an on-line command, executed in the background with addresses of its own, #1 and &1."""
+        return
 
     def send(self, text: str, port: str) -> None:
         """SEND: text for a host."""
+        return
 
     def display(self, text: str) -> None:
         """DISPLAY: text for the display port."""
+        return
 
     def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
         """ENABLE or DISABLE PLC."""
+        return
 
 
-class NoHost:
+class NoHost(ProgramHost):
     """A host without effect, for the checker."""
-
-    def command(self, text: str, port: str) -> None:
-        """Ignore it."""
-
-    def send(self, text: str, port: str) -> None:
-        """Ignore it."""
-
-    def display(self, text: str) -> None:
-        """Ignore it."""
-
-    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
-        """Ignore it."""
