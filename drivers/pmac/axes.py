@@ -118,7 +118,7 @@ def axis_positions(definitions: Mapping[int, AxisDefinition], counts: Mapping[in
     """
     ordered = [definitions[motor] for motor in sorted(definitions)]
     values = [counts[definition.motor] - definition.offset for definition in ordered]
-    solved = solve(_rows(ordered), values)
+    solved = solve([dict(definition.terms) for definition in ordered], values)
     return {axis: solved.get(axis, 0.0) for definition in ordered for axis in definition.axes}
 
 
@@ -135,7 +135,8 @@ def refuse_singular(definitions: Iterable[AxisDefinition]) -> None:
             group += linked
             axes |= {axis for definition in linked for axis in definition.axes}
             rest = [definition for definition in rest if definition not in linked]
-        if len(group) >= len(axes) > len(solve(_rows(group), [0.0] * len(group))):
+        rows = [dict(definition.terms) for definition in group]
+        if len(group) >= len(axes) > len(solve(rows, [0.0] * len(group))):
             text = ", ".join(f"#{definition.motor}->{definition}" for definition in group)
             raise PmacError(ErrorCode.DATA_ERROR, f"{text} do not determine {', '.join(sorted(axes))}")
 
@@ -187,10 +188,6 @@ def _replace(row: dict[str, float], value: float, axis: str, known: tuple[dict[s
     for other, coefficient in free.items():
         row[other] = row.get(other, 0.0) - factor * coefficient
     return value - factor * position
-
-
-def _rows(definitions: Sequence[AxisDefinition]) -> list[Row]:
-    return [dict(definition.terms) for definition in definitions]
 
 
 def _term(axis: str, scale: float | None, negative: bool) -> tuple[str, float]:

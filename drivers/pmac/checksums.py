@@ -39,12 +39,13 @@ class ChecksumForm:
     """The form of a controller's checksum: one byte or decimal digits, and what surrounds it."""
 
     digits: bool
-    before: bytes
-    behind: bytes
+    before: bytes = b""
+    after: bytes = b""
 
     def answer(self, line: bytes) -> bytes:
         """Return exactly what the controller sends once it has received this line."""
-        return self.before + _worded(checksum(line), digits=self.digits) + self.behind
+        value = checksum(line)
+        return self.before + (b"%d" % value if self.digits else bytes((value,))) + self.after
 
 
 def checksum(line: bytes) -> int:
@@ -60,9 +61,9 @@ def unmistakable(line: bytes) -> bytes:
 def form_of(said: bytes, line: bytes) -> ChecksumForm | None:
     """Derive the form of a checksum from the reply to a line; None when the reply is no checksum."""
     for digits in (False, True):
-        before, found, behind = said.partition(_worded(checksum(line), digits=digits))
-        if found and _AROUND.issuperset(before + behind):
-            return ChecksumForm(digits=digits, before=before, behind=behind)
+        before, found, after = said.partition(ChecksumForm(digits=digits).answer(line))
+        if found and _AROUND.issuperset(before + after):
+            return ChecksumForm(digits=digits, before=before, after=after)
     return None
 
 
@@ -75,7 +76,3 @@ def shown(said: bytes) -> str:
     """Return a reply in readable form: the numbers of its bytes, or its digits."""
     text = said.strip().decode("latin-1")
     return text if len(said) > 1 and text.isascii() and text.isdigit() else " ".join(map(str, said))
-
-
-def _worded(value: int, *, digits: bool) -> bytes:
-    return b"%d" % value if digits else bytes((value,))

@@ -178,24 +178,20 @@ def take_request(buffer: bytes | bytearray) -> tuple[Request | None, int]:
     return request, end
 
 
-def buffer_length(waiting: bytes | bytearray, most: int) -> int:
+def buffer_length(waiting: bytes | bytearray, most: int, pattern: re.Pattern[bytes] = _BUFFER) -> int:
     """Return how many of the waiting bytes are one reply, 0 while its end may still come.
 
     It ends with ACK or LF, after a BELL or STX with the next CR, and after `most` bytes at the latest.
     """
-    return _length(_BUFFER, waiting, most)
-
-
-def line_length(waiting: bytes | bytearray, most: int) -> int:
-    """Return how many of the waiting bytes are one line, 0 while its end may still come."""
-    return _length(_LINE, waiting, most)
-
-
-def _length(pattern: re.Pattern[bytes], waiting: bytes | bytearray, most: int) -> int:
     found = pattern.match(waiting, 0, most)
     if found:
         return found.end()
     return most if len(waiting) >= most else 0
+
+
+def line_length(waiting: bytes | bytearray, most: int) -> int:
+    """Return how many of the waiting bytes are one line, 0 while its end may still come."""
+    return buffer_length(waiting, most, _LINE)
 
 
 def write_reply(line_number: int = 0, error_number: int | None = None) -> bytes:

@@ -58,11 +58,9 @@ class Memory(Protocol):
 
     def read(self, pointer: Pointer) -> float:
         """Return the value that a definition points at."""
-        ...
 
     def write(self, pointer: Pointer, value: float) -> None:
         """Store a value; non-integers are rounded, bits that do not fit are lost."""
-        ...
 
 
 def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
@@ -77,12 +75,10 @@ def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
         raise scanner.refusal("a definition as in M1->Y:$C0,8,4")
     scanner.accept(":")
     address = _integer(scanner, HIGHEST_MULTIPLEXED if space in MULTIPLEXED_SPACES else highest_address)
-    if space in LONG_SPACES:
+    if space in LONG_SPACES or space == "TWS":
         return Pointer(space=space, address=address)
     if space in SHORT_SPACES:
         return _part_of_word(scanner, space, address)
-    if space == "TWS":
-        return Pointer(space=space, address=address)
     scanner.expect(",")
     offset = _integer(scanner, 7)
     if space == "TWR":

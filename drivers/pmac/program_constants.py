@@ -105,12 +105,16 @@ def read_values(client: Controller, names: Iterable[str]) -> dict[str, float]:
     return found
 
 
-def value_problem(constant: Constant, met: float, planned: float) -> Problem | None:
-    """Return the problem of an actual value, None where it is as planned."""
-    if math.isclose(met, planned, rel_tol=RELATIVE, abs_tol=RELATIVE):
-        return None
-    value, limit = format_number(met), format_number(planned)
-    return Problem(code="controller.constant_differs", key=constant.name, value=value, limit=limit)
+def _differing(planned: Mapping[str, float], actual: Mapping[str, float]) -> Iterator[Problem]:
+    """Yield the problem of each actual value that is not as planned."""
+    for name, value in actual.items():
+        if not math.isclose(value, planned[name], rel_tol=RELATIVE, abs_tol=RELATIVE):
+            met, limit = format_number(value), format_number(planned[name])
+            yield Problem(code="controller.constant_differs", key=name, value=met, limit=limit)
+
+
+def _values(constants: Iterable[Constant], copied: Mapping[str, float]) -> dict[str, float]:
+    return {each.name: copied[each.name] if each.value is None else each.value for each in constants}
 
 
 def constant_problems(
@@ -122,13 +126,9 @@ def constant_problems(
     """
     sources = [each.copied_from for each in constants if each.copied_from and copied is None]
     found = read_values(client, (*(each.name for each in constants), *sources))
-    problems = []
-    for each in constants:
-        planned = each.value
-        if planned is None:
-            planned = found[each.copied_from] if copied is None else copied[each.name]
-        problems.append(value_problem(each, found[each.name], planned))
-    return tuple(problem for problem in problems if problem is not None)
+    if copied is None:
+        copied = {each.name: found[each.copied_from] for each in constants if each.copied_from}
+    return tuple(_differing(_values(constants, copied), {each.name: found[each.name] for each in constants}))
 
 
 def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
@@ -139,11 +139,11 @@ def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Probl
     planned = {found[1].upper(): found[2] for text in program.commands if (found := _POINTER.fullmatch(text))}
     if not planned:
         return
-    for (name, text), met in zip(
-        planned.items(), client.query(*(f"{name}->" for name in planned), again=True), strict=True
-    ):
-        if _pointer(_definition(met)) != _pointer(text):
-            yield Problem(code="controller.constant_differs", key=f"{name}->", value=_definition(met), limit=text)
+    reported = client.query(*(f"{name}->" for name in planned), again=True)
+    for (name, text), reply in zip(planned.items(), reported, strict=True):
+        met = reply.strip().rpartition("->")[2]  # in any form of I9 (`M169->D:$46`)
+        if _pointer(met) != _pointer(text):
+            yield Problem(code="controller.constant_differs", key=f"{name}->", value=met, limit=text)
 
 
 def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
@@ -161,11 +161,6 @@ def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]
         if _hexadecimal(met) != planned:
             limit = " ".join(f"{word:X}" for word in planned)
             yield Problem(code="controller.constant_differs", key=place, value=met.strip(), limit=limit)
-
-
-def _definition(reported: str) -> str:
-    """Return what a variable points at, in any form of I9 (`M169->D:$46`)."""
-    return reported.strip().rpartition("->")[2]
 
 
 def _pointer(text: str) -> Pointer | str | None:
@@ -187,11 +182,7 @@ class ConstantsWatch:
 
     def __init__(self, constants: Sequence[Constant], copied: Mapping[str, float]) -> None:
         """Take `copied`: the values of those that are copies of what the controller held."""
-        self._planned = {
-            each.name: (each, copied[each.name] if each.value is None else each.value)
-            for each in constants
-            if each.kept
-        }
+        self._planned = _values([each for each in constants if each.kept], copied)
         self._turn = cycle(self._planned)
 
     def names(self, count: int) -> tuple[str, ...]:
@@ -200,6 +191,4 @@ class ConstantsWatch:
 
     def see(self, names: Sequence[str], values: Sequence[float]) -> Problem | None:
         """Compare the values of `names`; return the first difference from the plan."""
-        met = zip(names, values, strict=True)
-        problems = (value_problem(self._planned[name][0], value, self._planned[name][1]) for name, value in met)
-        return next((problem for problem in problems if problem is not None), None)
+        return next(_differing(self._planned, dict(zip(names, values, strict=True))), None)

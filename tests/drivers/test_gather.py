@@ -24,7 +24,7 @@ from drivers.pmac.gathering.gather import (
     source_of,
     unpack,
 )
-from drivers.pmac.gathering.gathered_data import GatherChannel, GatheredData, motor_channel
+from drivers.pmac.gathering.gather_client import GatherChannel, GatheredData, motor_channel
 from drivers.pmac.memory import Pointer
 from tests.drivers.packed_samples import pack
 

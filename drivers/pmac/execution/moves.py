@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
@@ -20,11 +20,6 @@ Word = tuple[str, Value, Value | None]
 _RADIUS = "R"
 _CIRCLES = ("CIRCLE1", "CIRCLE2")
 _SPLINES = ("SPLINE1", "SPLINE2")
-_COMBINE: Mapping[str, Callable[[float, float], float]] = {
-    "&": arithmetic.bit_and,
-    "|": arithmetic.bit_or,
-    "^": arithmetic.bit_xor,
-}
 
 
 @dataclass(slots=True)
@@ -87,7 +82,7 @@ class Moves:
         if operator:
             waiting = self._deferred.pop(place, None)
             before = self._values.get(kind, index) if waiting is None else waiting.value
-            value = _COMBINE[operator](before, value)
+            value = arithmetic.BITWISE[operator](before, value)
         self._deferred[place] = requests.Deferred(kind=kind, index=index, value=value)
 
     def move(self, line: int, words: Sequence[Word]) -> requests.MoveRequest | None:

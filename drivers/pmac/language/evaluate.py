@@ -19,7 +19,6 @@ class Variables(Protocol):
 
     def get(self, kind: syntax.VariableKind, index: int) -> float:
         """Return a value."""
-        ...
 
 
 Value = Callable[[Variables], float]
@@ -47,8 +46,9 @@ def compile_expression(expression: syntax.Expression, degrees: bool = True, *, s
     domain; only an overflow still raises.
     """
     value_of = _Compiler(degrees, strict).expression(expression)
-    if isinstance(expression, syntax.Number | syntax.Variable) and _is_plain(expression):
-        return value_of  # nothing to calculate, and stored values are finite
+    match expression:
+        case syntax.Number() | syntax.Variable(_, syntax.Number()):
+            return value_of  # nothing to calculate, and stored values are finite
 
     def calculate(variables: Variables) -> float:
         try:
@@ -62,24 +62,16 @@ def compile_expression(expression: syntax.Expression, degrees: bool = True, *, s
     return calculate
 
 
-def _is_plain(expression: syntax.Number | syntax.Variable) -> bool:
-    return isinstance(expression, syntax.Number) or isinstance(expression.index, syntax.Number)
-
-
 def compile_condition(condition: syntax.Condition, degrees: bool = True, *, strict: bool = True) -> Truth:
     """Return a function that tests the condition, with short-circuit evaluation.
 
     Raises as `compile_expression` does.
     """
     match condition:
-        case syntax.Junction("AND", left, right):
+        case syntax.Junction(operator, left, right):
             first = compile_condition(left, degrees, strict=strict)
             second = compile_condition(right, degrees, strict=strict)
-            return lambda v: first(v) and second(v)
-        case syntax.Junction(_, left, right):
-            first = compile_condition(left, degrees, strict=strict)
-            second = compile_condition(right, degrees, strict=strict)
-            return lambda v: first(v) or second(v)
+            return (lambda v: first(v) and second(v)) if operator == "AND" else (lambda v: first(v) or second(v))
         case syntax.Comparison(comparator, left_side, right_side):
             left_value = compile_expression(left_side, degrees, strict=strict)
             right_value = compile_expression(right_side, degrees, strict=strict)
@@ -163,8 +155,6 @@ class _Compiler:
 _STRICT: dict[str, arithmetic.BinaryFunction] = {
     "/": arithmetic.divide,
     "%": arithmetic.modulo,
-    "&": arithmetic.bit_and,
-    "|": arithmetic.bit_or,
-    "^": arithmetic.bit_xor,
+    **arithmetic.BITWISE,
 }
 _SATURATING = {**_STRICT, "/": arithmetic.saturating_divide, "%": arithmetic.saturating_modulo}

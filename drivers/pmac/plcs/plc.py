@@ -17,7 +17,7 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value, compile_condition, compile_expression
-from drivers.pmac.language.plc_structure import PlcCode
+from drivers.pmac.language.plc_statements import PlcCode
 from drivers.pmac.variables import SystemVariables, VariableStore
 
 I5_FOREGROUND = 1

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from drivers.pmac.language.errors import PmacError
-from drivers.pmac.language.plc_structure import link_plc
+from drivers.pmac.language.plc_statements import link_plc
 from drivers.pmac.plcs.plc import (
     FOREGROUND_PLC,
     Addressed,
