@@ -116,16 +116,9 @@ class Exchange:
         *,
         summed: bool = False,
     ) -> None:
-        """Send a line, in step; unsolicited input is handled first.
+        """Send a line, in step; unsolicited input is handled first. See `PmacClient.send`.
 
-        That may take some time. `check` is called after it, immediately before the bytes are sent; if it raises,
-        they are not sent. A line that is `summed` is ended only when the controller has reported the right
-        checksum for it, and `check` is called once more immediately before its end.
-
-        Raises:
-            RefusedError: `link.line_differs`, `link.line_unproven`: nothing was executed.
-            LinkError: `link.line_in_part`, its beginning may have been executed; the link broke; or those of
-                `resynchronise`, and the line was not sent.
+        A line that is `summed` is ended only when the controller has reported the right checksum for it.
         """
         if self._in_flight is not None:
             self._lose_step(FaultKind.ABANDONED, self._in_flight, timeout_s)
@@ -150,8 +143,7 @@ class Exchange:
 
         Raises:
             LinkTimeoutError: `link.silent`, no complete reply in time.
-            LinkError: the link broke, or `link.out_of_step`; with `link.outcome_unknown` if the line may have
-                have had an effect.
+            LinkError: the link broke, or `link.out_of_step`; and `link.outcome_unknown` if it may have had effect.
         """
         try:
             reply = self._await(timeout_s)

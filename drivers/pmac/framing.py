@@ -197,21 +197,14 @@ def _part(buffer: bytes, start: int) -> tuple[_Part, str, int] | None:
     if buffer[end] == NUL:
         raise FramingError(f"byte {NUL:#04x} in a reply", FaultKind.NUL)
     if buffer[start] == BELL:
-        return _Part.REFUSED, _error_number(buffer[begin:end], buffer[end]), end + 1
+        number = _REFUSAL.fullmatch(buffer, begin, end)
+        if buffer[end] != CR or number is None:
+            # BELL CR ERRnnn CR is the form with I6=3.
+            kind = FaultKind.HANDSHAKE if buffer[end] == CR and begin == end else FaultKind.GARBLED
+            raise FramingError("a BELL without an error number", kind)
+        return _Part.REFUSED, number[1].decode("ascii"), end + 1
     if buffer[end] != CR:
         problem = "data without an end of line" if buffer[end] in (ACK, BELL) else "in a reply"
         raise FramingError(f"byte {buffer[end]:#04x}: {problem}")
-    return _Part.MESSAGE if begin > start else _Part.LINE, _text(buffer[begin:end]), end + 1
-
-
-def _text(data: bytes) -> str:
-    return data.strip(b"\n").decode("ascii", "backslashreplace")
-
-
-def _error_number(text: bytes, end: int) -> str:
-    found = _REFUSAL.fullmatch(text)
-    if end == CR and found is not None:
-        return found[1].decode("ascii")
-    # BELL CR ERRnnn CR is the form with I6=3.
-    kind = FaultKind.HANDSHAKE if end == CR and not text else FaultKind.GARBLED
-    raise FramingError("a BELL without an error number", kind)
+    text = buffer[begin:end].strip(b"\n").decode("ascii", "backslashreplace")
+    return _Part.MESSAGE if begin > start else _Part.LINE, text, end + 1

@@ -1,7 +1,8 @@
 """The values that a program is downloaded with, as planned and as the controller holds them.
 
 The geometry of a cut is in variables that are set before its program, each by one line: a wrong digit in transit,
-or another host, changes the cut without changing the program. So each of them is read back.
+or another host, changes the cut without changing the program. So each of them is read back. Whatever reads raises
+DriverError when the link breaks or the controller refuses to answer.
 """
 
 from __future__ import annotations
@@ -93,10 +94,7 @@ def _assigned(program: ProgramText) -> frozenset[str]:
 
 
 def read_values(client: Controller, names: Iterable[str]) -> dict[str, float]:
-    """Query variables, as many in a line as the controller accepts.
-
-    Raises DriverError: the link broke, or the controller refused to answer.
-    """
+    """Query variables, as many in a line as the controller accepts."""
     asked = list(dict.fromkeys(names))
     found: dict[str, float] = {}
     for start in range(0, len(asked), ITEMS_A_LINE):
@@ -120,10 +118,7 @@ def _values(constants: Iterable[Constant], copied: Mapping[str, float]) -> dict[
 def constant_problems(
     client: Controller, constants: Sequence[Constant], copied: Mapping[str, float] | None = None
 ) -> tuple[Problem, ...]:
-    """Read constants and compare; one that is a copy is compared with its source, or with what was `copied`.
-
-    Raises DriverError: the link broke, or the controller refused to answer.
-    """
+    """Read constants and compare; one that is a copy is compared with its source, or with what was `copied`."""
     sources = [each.copied_from for each in constants if each.copied_from and copied is None]
     found = read_values(client, (*(each.name for each in constants), *sources))
     if copied is None:
@@ -132,10 +127,7 @@ def constant_problems(
 
 
 def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
-    """Compare the M-variable definitions before a program with those of the controller.
-
-    Raises DriverError: the link broke, or the controller refused to answer.
-    """
+    """Compare the M-variable definitions before a program with those of the controller."""
     planned = {found[1].upper(): found[2] for text in program.commands if (found := _POINTER.fullmatch(text))}
     if not planned:
         return
@@ -147,10 +139,7 @@ def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Probl
 
 
 def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
-    """Compare the memory words that are written before a program, such as a conversion table's.
-
-    Raises DriverError: the link broke, or the controller refused to answer.
-    """
+    """Compare the memory words that are written before a program, such as a conversion table's."""
     for text in program.commands:
         found = _WORDS.fullmatch(text)
         if found is None:

@@ -1,7 +1,8 @@
 """Load a program into the controller: sent, read back and compared, with everything sent before it.
 
 The program alone does not determine the motion: its geometry is in the variables and the compensation table that
-are sent before it. So those are read back as the lines are. Nothing moves.
+are sent before it. So those are read back as the lines are. Nothing moves. LinkError is raised when the link
+breaks or is out of step, ControllerError when a program does not exist.
 """
 
 from __future__ import annotations
@@ -80,10 +81,7 @@ def verify_loaded(client: Controller, loaded: LoadedProgram, *, ended: bool = Fa
     When it has `ended`, the variables that it sets itself are left out. Without `tables` the entries of
     compensation tables are not read: over a slow line that takes seconds.
 
-    Raises:
-        LinkError: the link broke or is out of step.
-        ControllerError: a program does not exist.
-        DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`.
+    Raises DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`.
     """
     constants = tuple(each for each in loaded.constants if each.kept or not ended)
     _refuse(constant_problems(client, constants, loaded.copied))
@@ -109,10 +107,7 @@ def _refuse(problems: tuple[Problem, ...]) -> None:
 def verify_program(client: Controller, program: ProgramText) -> None:
     """List every motion program of a text and compare; nothing is written.
 
-    Raises:
-        LinkError: the link broke or is out of step.
-        ControllerError: a program does not exist.
-        DriverError: `controller.program_differs`.
+    Raises DriverError: `controller.program_differs`.
     """
     for number, lines in {program.number: program.program, **program.subprograms}.items():
         _compare(client, number, lines)

@@ -76,16 +76,13 @@ def _runs(subject: Subject, index: int) -> list[list[MoveAnalysis]]:
     runs: list[list[MoveAnalysis]] = [[]]
     for move in subject.moves:
         run = runs[-1]
-        if run and not (run[-1].blended and _takes_back(run[-1], move, index)):
+        there, back = (each.motors[index].commanded for each in (run[-1] if run else move, move))
+        reverses = abs(there) > SAME_COUNTS and abs(there + back) <= 1e-6 * abs(there)
+        if run and not (run[-1].blended and reverses):
             runs.append(run := [])
         if move.mode == "LINEAR":
             run.append(move)
     return runs
-
-
-def _takes_back(before: MoveAnalysis, move: MoveAnalysis, index: int) -> bool:
-    there, back = before.motors[index].commanded, move.motors[index].commanded
-    return abs(there) > SAME_COUNTS and abs(there + back) <= 1e-6 * abs(there)
 
 
 def explain(subject: Subject, zigzag: ZigZag | None) -> tuple[Sentence, ...]:

@@ -15,7 +15,6 @@ from drivers.pmac.analysis.timeline import Peaks, Timeline
 from drivers.pmac.analysis.walk import Walk
 from drivers.pmac.requests import CircleRequest, LinearRequest, PvtRequest, RapidRequest, Request, SplineRequest
 from drivers.pmac.trajectory.linear import Timing
-from drivers.pmac.trajectory.pieces import Vector
 from drivers.pmac.trajectory.planned import MoveRecord
 
 RAMPED = ("LINEAR", "CIRCLE")
@@ -126,7 +125,9 @@ def analyse_moves(walk: Walk, timeline: Timeline) -> tuple[MoveAnalysis, ...]:
     before = came_from = walk.start
     for move, after in zip(nominal, followers, strict=True):
         if not move.follows:
-            before = came_from = _standing(walk, move, before)
+            # From rest: at the last target, or where an event put the motors.
+            rest = walk.steps[move.place - 1] if move.place else None
+            before = came_from = rest.at if rest is not None and rest.planned.record is None else before
         following = after if after is not None and after.follows else None
         ends = _ends(timeline, move, following)
         reached = tuple(place for place, _ in ends)
@@ -205,12 +206,6 @@ def _jog_begins_ms(step: Step) -> float:
         if not any(cubic[1] for cubic in piece.cubics):
             return instant
     return step.begins_ms
-
-
-def _standing(walk: Walk, move: _Nominal, before: Vector) -> Vector:
-    """Return the motor positions before a move from rest: at the last target, or where an event put them."""
-    between = walk.steps[: move.place]
-    return between[-1].at if between and between[-1].planned.record is None else before
 
 
 def _ends(timeline: Timeline, move: _Nominal, after: _Nominal | None) -> list[tuple[float, bool]]:

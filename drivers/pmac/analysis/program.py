@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 from drivers.pmac.analysis.explanation import explain, find_zigzag
 from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Value, finding
@@ -21,7 +22,7 @@ from drivers.pmac.analysis.tables import table_findings
 from drivers.pmac.analysis.timeline import Timeline
 from drivers.pmac.analysis.timing import rounding_findings, timing_findings
 from drivers.pmac.analysis.walk import Ending, Left, walk
-from drivers.pmac.axes import AxisDefinition, read_definitions
+from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import TableOrderError
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
@@ -109,47 +110,34 @@ def check_program(
     refused: list[RefusedLine] = []
     dialect = DIALECTS[machine.controller.family]
     read = _with_times(read_program(text, refused, dialect.motor_count), ta_ms, ts_ms)
-    begins = start_of(text, _definitions(read, machine), start)
-    subject = _subject(read, machine, begins, _settings(machine, ta_ms, ts_ms))
+    # The axes of the machine, replaced by those of the text; each motor has one definition.
+    own = (*read_definitions(machine.controller.axis_definitions), *read.definitions)
+    definitions = {definition.motor: definition for definition in own}.values()
+    begins = start_of(text, definitions, start)
+    walked = walk(
+        read,
+        _settings(machine, ta_ms, ts_ms),
+        tuple(definitions),
+        start_counts(definitions, begins),
+        counts_per_turn={machine.spindle.motor: float(machine.spindle.counts_per_rev)},
+        dialect=dialect,
+    )
+    timeline, place_of = Timeline(walked.pieces), partial(_place, read)
+    moves = analyse_moves(walked, timeline)
+    subject = Subject(machine=machine, walk=walked, timeline=timeline, moves=moves, place_of=place_of)
     zigzag = find_zigzag(subject)
-    findings = [
-        *_flow_findings(subject, refused),
-        *rounding_findings(subject, read),
-        *table_findings(subject, read),
-        *limit_findings(subject),
-        *timing_findings(subject),
-        *path_findings(subject, zigzag),
-        *synchronism_findings(subject),
-    ]
+    findings = _flow_findings(subject, refused) + rounding_findings(subject, read) + table_findings(subject, read)
+    findings += limit_findings(subject) + timing_findings(subject) + path_findings(subject, zigzag)
+    findings += synchronism_findings(subject)
     return ProgramCheck(
         number=read.number,
         start=begins,
-        motors=subject.walk.motors,
-        moves=subject.moves,
-        places=tuple(_place(read, move.program, move.line) for move in subject.moves),
-        duration_ms=subject.timeline.ends_ms,
+        motors=walked.motors,
+        moves=moves,
+        places=tuple(place_of(move.program, move.line) for move in moves),
+        duration_ms=timeline.ends_ms,
         findings=tuple(sorted(findings, key=lambda finding: finding.severity.rank, reverse=True)),
         explanation=explain(subject, zigzag),
-    )
-
-
-def _subject(text: ProgramText, machine: MachineProfile, start: Start, settings: Mapping[int, float]) -> Subject:
-    definitions = _definitions(text, machine)
-    walked = walk(
-        text,
-        settings,
-        definitions,
-        start_counts(definitions, start),
-        counts_per_turn={machine.spindle.motor: float(machine.spindle.counts_per_rev)},
-        dialect=DIALECTS[machine.controller.family],
-    )
-    timeline = Timeline(walked.pieces)
-    return Subject(
-        machine=machine,
-        walk=walked,
-        timeline=timeline,
-        moves=analyse_moves(walked, timeline),
-        place_of=lambda program, line: _place(text, program, line),
     )
 
 
@@ -161,13 +149,6 @@ def _settings(machine: MachineProfile, ta_ms: float | None, ts_ms: float | None)
         if ms is not None:
             settings[dialect.system_index(1, number)] = float(ms)
     return settings
-
-
-def _definitions(text: ProgramText, machine: MachineProfile) -> tuple[AxisDefinition, ...]:
-    """Return the axes of the machine, replaced by those of the text; each motor has one definition."""
-    own = read_definitions(machine.controller.axis_definitions)
-    by_motor = {definition.motor: definition for definition in (*own, *text.definitions)}
-    return tuple(by_motor.values())
 
 
 def _place(text: ProgramText, program: int, line: int) -> int:

@@ -73,7 +73,12 @@ def start_of(text: str, definitions: Iterable[AxisDefinition], told: Mapping[str
     if told is not None:
         start = Start(positions=told, source=Source.OPERATOR)
     else:
-        start = _commented(text) or Start(positions={}, source=Source.HOME)
+        start = Start(positions={}, source=Source.HOME)
+        for line, row in enumerate(text.splitlines(), start=1):
+            if found := _COMMENT.fullmatch(row):
+                positions = {word[0].upper(): float(word[1:]) for word in found[1].split()}
+                start = Start(positions=positions, source=Source.COMMENT, line=line)
+                break
     for axis in start.positions:
         if axis not in home:
             limit = ", ".join(sorted(home)) or "-"
@@ -89,15 +94,6 @@ def start_of(text: str, definitions: Iterable[AxisDefinition], told: Mapping[str
 def start_counts(definitions: Iterable[AxisDefinition], start: Start) -> dict[int, float]:
     """Return the motor positions at the start, counts by motor."""
     return {definition.motor: definition.counts(start.positions) for definition in definitions}
-
-
-def _commented(text: str) -> Start | None:
-    for line, row in enumerate(text.splitlines(), start=1):
-        found = _COMMENT.fullmatch(row)
-        if found is not None:
-            positions = {word[0].upper(): float(word[1:]) for word in found[1].split()}
-            return Start(positions=positions, source=Source.COMMENT, line=line)
-    return None
 
 
 def _words(positions: Mapping[str, float]) -> str:

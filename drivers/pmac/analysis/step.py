@@ -26,8 +26,8 @@ class Step(NamedTuple):
     main_line: int
     place: tuple[int, ...]
     request: Request
-    planned: Planned
     by_move_time: bool
+    planned: Planned
     segment_ms: float
     begins_ms: float
     ends_ms: float

@@ -149,7 +149,7 @@ class WatchedVariables(VariableStore):
 
 
 class _Taken(NamedTuple):
-    """A request, and the state of the program when it was calculated."""
+    """A request, and the state of the program when it was calculated: the first half of a `Step`."""
 
     program: int
     line: int
@@ -171,7 +171,9 @@ class _WatchedRun(ProgramRun):
         self._requests = 0
         self._own_modes = Modes()
         if isinstance(variables, WatchedVariables):
-            variables.on_compensation = self._switch
+            variables.on_compensation = lambda on: self.switches.append(
+                Switch(step=self._requests, on=on, program=self.program, line=self.line)
+            )
         super().__init__(
             link(text.program), variables, self._own_modes, positions, library=text.code, number=text.number
         )
@@ -183,19 +185,9 @@ class _WatchedRun(ProgramRun):
 
     def take(self, request: Request) -> None:
         """Keep a request."""
-        taken = _Taken(
-            program=self.program,
-            line=self.line,
-            main_line=self.first_line,
-            place=self.place() if self._watched else (),
-            request=request,
-            by_move_time=self._own_modes.by_move_time,
-        )
-        self.taken.append(taken)
+        place, by_move_time = self.place() if self._watched else (), self._own_modes.by_move_time
+        self.taken.append(_Taken(self.program, self.line, self.first_line, place, request, by_move_time))
         self._requests += 1
-
-    def _switch(self, on: bool) -> None:
-        self.switches.append(Switch(step=self._requests, on=on, program=self.program, line=self.line))
 
 
 class _Walker:
@@ -224,9 +216,9 @@ class _Walker:
 
     def walk(self, counts_per_turn: Mapping[int, float], most_steps: int) -> Walk:
         turning = None
-        for index, definition in enumerate(self._definitions):
-            if definition.motor in counts_per_turn:
-                turning = Turning(index=index, counts=counts_per_turn[definition.motor])
+        for index, motor in enumerate(d.motor for d in self._definitions):
+            if motor in counts_per_turn:
+                turning = Turning(index=index, counts=counts_per_turn[motor])
         program, called = self._text.program, self._text.subprograms.values()
         watch = EndlessWatch(find_loops(program, called), turning)
         error = None
@@ -284,21 +276,8 @@ class _Walker:
             ends_ms += sum([piece.duration_ms for piece in planned.pieces])
         if planned.event is not None:
             at = self._carry_out(planned.event, at)
-        taken = self._run.taken.popleft()
-        step = Step(
-            program=taken.program,
-            line=taken.line,
-            main_line=taken.main_line,
-            place=taken.place,
-            request=taken.request,
-            planned=planned,
-            by_move_time=taken.by_move_time,
-            segment_ms=self._variables.i(self._segment_index),
-            begins_ms=begins_ms,
-            ends_ms=ends_ms,
-            at=at,
-        )
-        self._steps.append(step)
+        segment_ms = self._variables.i(self._segment_index)
+        self._steps.append(Step(*self._run.taken.popleft(), planned, segment_ms, begins_ms, ends_ms, at))
 
     def _carry_out(self, event: Event, at: Vector) -> Vector:
         """Do what the program waits for: homing succeeds at zero, a PSET is taken as is, a STOP is resumed."""

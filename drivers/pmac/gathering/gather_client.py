@@ -143,7 +143,11 @@ class GatherPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataGathering:
-    """The data gathering of the controller at the other end of a client; replies must come within `timeout_s`."""
+    """The data gathering of the controller at the other end of a client; replies must come within `timeout_s`.
+
+    Every method raises DriverError when the controller refuses or does not reply, and GatherError for a reply that
+    makes no sense.
+    """
 
     client: Controller
     dialect: Dialect
@@ -152,9 +156,7 @@ class DataGathering:
     def motor_channels(self, *names: str) -> tuple[GatherChannel, ...]:
         """Return channels by names such as `#1 actual`, scaled by the controller's settings.
 
-        Raises:
-            GatherError: no such motor or register, or a scale of 0.
-            DriverError: the controller does not reply, or not with numbers.
+        Raises GatherError: no such motor or register, or a scale of 0.
         """
         target = []
         for name in names:
@@ -170,10 +172,8 @@ class DataGathering:
     def prepare(self, channels: Sequence[GatherChannel], samples: int, period_cycles: int = 1) -> GatherPlan:
         """Set up gathering and reserve the buffer; its previous content is lost.
 
-        Raises:
-            GatherError: gathering is already active, or a program is being entered; an invalid plan, or no room
-                for it; settings that the controller does not keep.
-            DriverError: the controller refuses, or does not reply.
+        Raises GatherError: gathering is already active, or a program is being entered; an invalid plan, or no room
+        for it; settings that the controller does not keep.
         """
         if samples < 1 or not 1 <= period_cycles <= LONGEST_PERIOD_CYCLES:
             met = f"{samples} samples every {period_cycles} servo cycles"
@@ -198,36 +198,21 @@ class DataGathering:
     def start(self, plan: GatherPlan) -> None:
         """Start with the next servo cycle, in an empty buffer.
 
-        Raises:
-            GatherError: no room any more.
-            DriverError: the controller refuses, because gathering is active, or does not reply.
+        Raises GatherError: no room any more.
         """
         self._reserve(plan)  # nothing else resets a controller to the start of its buffer
         self.client.request("GATHER", self.timeout_s)
 
     def stop(self) -> None:
-        """Stop gathering; the data stay, to be fetched.
-
-        Raises DriverError: the controller does not reply.
-        """
+        """Stop gathering; the data stay, to be fetched."""
         self.client.request("ENDGATHER", self.timeout_s)
 
     def running(self) -> bool:
-        """Whether the controller is gathering.
-
-        Raises:
-            GatherError: its status is invalid.
-            DriverError: it does not reply.
-        """
+        """Whether the controller is gathering."""
         return "gathering" in self._status()
 
     def set_up_as(self, plan: GatherPlan) -> bool:
-        """Whether the controller is still set up to gather according to the plan, in one query.
-
-        Raises:
-            GatherError: a reply that is not a number.
-            DriverError: the controller does not reply.
-        """
+        """Whether the controller is still set up to gather according to the plan, in one query."""
         target = gather_settings([channel.source for channel in plan.channels], plan.period_cycles, self.dialect)
         texts = self.client.query(*(f"I{index}" for index in target), timeout_s=self.timeout_s)
         return all(self._number(index, text) == target[index] for index, text in zip(target, texts, strict=True))
@@ -235,9 +220,7 @@ class DataGathering:
     def fetch(self, plan: GatherPlan) -> GatheredData:
         """Return the gathered data, at most the samples of the plan; fewer if it was stopped before.
 
-        Raises:
-            GatherError: it is still active, another client has changed the set-up, or a damaged listing.
-            DriverError: the controller refuses, because there are no data, or does not reply.
+        Raises GatherError: it is still active, another client has changed the set-up, or a damaged listing.
         """
         if self.running():
             raise GatherError(f"{self._where}: not at its end yet; {plan.duration_ms:.0f} ms, or stop() it")

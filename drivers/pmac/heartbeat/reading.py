@@ -65,7 +65,12 @@ def read_heartbeat(client: Controller, clock: Clock, machine: MachineProfile, di
         f"I{PERMISSION}", f"I{SERVO_PERIOD}", *(f"P{number}" for number in names), again=True
     )
     found = _read_definitions(client, tuple(definitions(machine, dialect)))
-    listing = _read_listing(client)
+    try:
+        listing = client.question(f"LIST PLC{reserved.HEARTBEAT_PLC}", LIST_TIMEOUT_S)
+    except ControllerError as refused:
+        if refused.error_number != ErrorCode.DATA_ERROR:
+            raise
+        listing = None  # there is no such PLC
     if not activity:
         client.request(watchdog_line(dialect, i10))
     first = _pulse(client, clock, dialect)
@@ -88,15 +93,6 @@ def _read_definitions(client: Controller, numbers: tuple[int, ...]) -> dict[int,
         batch = numbers[start : start + ITEMS_PER_LINE]
         found.update(zip(batch, client.query(*(f"M{number}->" for number in batch), again=True), strict=True))
     return found
-
-
-def _read_listing(client: Controller) -> tuple[str, ...] | None:
-    try:
-        return client.question(f"LIST PLC{reserved.HEARTBEAT_PLC}", LIST_TIMEOUT_S)
-    except ControllerError as refused:
-        if refused.error_number == ErrorCode.DATA_ERROR:
-            return None
-        raise
 
 
 def _pulse(client: Controller, clock: Clock, dialect: Dialect) -> Pulse:

@@ -75,12 +75,7 @@ class Watch:
         self._owner_seen(self.client.number(owner))
 
     def look(self) -> Look:
-        """Poll once.
-
-        Raises:
-            DriverError: that of `owner_seen`.
-            LinkError: the link broke, or replies something that was not asked for.
-        """
+        """Poll once; raises as `renew` does."""
         asked_s = self.clock.now_s()
         of_motors = [item for motor in self.motors for item in (f"#{motor}P", "?")]
         words = (f"P{reserved.OWNER}", f"P{reserved.LOST}", f"P{ENDING}")

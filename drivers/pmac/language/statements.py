@@ -140,11 +140,6 @@ def _talk(scanner: Scanner, word: str) -> syntax.Message | None:
     return syntax.Message(name, _text(scanner), port) if scanner.peek('"') else None
 
 
-def _display(scanner: Scanner, word: str) -> syntax.Message:
-    place = scanner.take_integer()
-    return syntax.Message("DISPLAY", _text(scanner), place=place)
-
-
 def _text(scanner: Scanner) -> str:
     text = scanner.take_string()
     if text is None:
@@ -190,7 +185,10 @@ def _home(scanner: Scanner, word: str) -> syntax.Home | None:
 
 MESSAGE_READERS: Mapping[str, Reader] = {
     **dict.fromkeys(_WITH_PORT, _talk),
-    **dict.fromkeys(("DISPLAY", "DISP"), _display),
+    **dict.fromkeys(
+        ("DISPLAY", "DISP"),
+        lambda scanner, word: syntax.Message("DISPLAY", place=scanner.take_integer(), text=_text(scanner)),
+    ),
     **dict.fromkeys(
         _SWITCHES,
         lambda scanner, word: syntax.PlcSwitch(_SWITCHES[word], parse_numbers(scanner, 0, HIGHEST_PLC)),

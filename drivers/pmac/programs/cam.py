@@ -16,7 +16,7 @@ from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.cam_table import Cam
 from drivers.pmac.programs.cam_trim import TRIM_VALUES, TRIMMED_CUT, trim_segment_ms, trim_values
 from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S
-from drivers.pmac.programs.setup import END_FLAG, END_MARKS, SERVO, CutSetup, refuse_endless
+from drivers.pmac.programs.setup import SERVO, CutSetup, cut_values, refuse_endless
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
@@ -90,21 +90,13 @@ def _cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]
     turn_ms = 60_000.0 / job.spindle_speed_rpm
     turns = segment_ms / turn_ms
     return {
-        "job": job.name,
-        "rpm": number(job.spindle_speed_rpm),
+        **cut_values(job, setup, segment_ms),
         "spindle_step": number(setup.counts_per_turn * turns),
         "spindle_speed": number(1000.0 * setup.counts_per_turn / turn_ms),
         "spindle_start": number(setup.spindle_start),
         "feed_step": number(setup.carriage_per_turn * turns),
         "feed_speed": number(1000.0 * setup.carriage_per_turn / turn_ms),
-        "out": number(setup.retracted),
-        "z": number(setup.carriage_start),
-        "turns": setup.whole_turns,
         "turn": number(turn_ms / segment_ms),
-        "segment": segment_ms,
-        "flag": END_FLAG,
-        "end_marks": END_MARKS,
-        "go_on": setup.go_on,
     }
 
 

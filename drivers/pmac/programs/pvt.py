@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import END_FLAG, END_MARKS, CutSetup, refuse_endless
+from drivers.pmac.programs.setup import CutSetup, cut_values, refuse_endless
 from profiles.compensations.path import LobedPath
 from profiles.job import Job
 
@@ -219,7 +219,6 @@ def pvt_program(job: Job, setup: CutSetup, command: LobedPath) -> str:
     values = {
         **path_values(job, setup, command, timing, setup.spindle_start + spindle * before_ms),
         "y": SPINDLE_STEP,
-        "rpm": number(job.spindle_speed_rpm),
         "spindle_step": number(spindle * timing.segment_ms),
         "spindle_speed": number(1000.0 * spindle),
         "spindle_start": number(setup.spindle_start),
@@ -242,7 +241,7 @@ def path_values(
     lobe_deg = 360.0 * command.lobes
     number = format_number
     return {
-        "job": job.name,
+        **cut_values(job, setup, timing.segment_ms),
         "hz": number(job.lobe_frequency_hz),
         "error": f"{error_um:.4f}",
         "mean": number(setup.surface + command.mean_um / setup.tool_count_um),
@@ -252,16 +251,9 @@ def path_values(
         "slope": number(amplitude * scales.velocity * 2.0 * math.pi * job.lobe_frequency_hz),
         "feed_step": number(setup.carriage_per_turn * turns_per_ms * timing.segment_ms),
         "feed_speed": number(1000.0 * setup.carriage_per_turn * turns_per_ms),
-        "out": number(setup.retracted),
-        "z": number(setup.carriage_start),
         "ramp": timing.ramp_segments,
-        "turns": setup.whole_turns,
         "turn": number(timing.turn_segments),
         "out_segments": timing.retract_segments,
         "out_ms": timing.retract_segments * timing.segment_ms,
         "approach": timing.approach_ms,
-        "segment": timing.segment_ms,
-        "flag": END_FLAG,
-        "end_marks": END_MARKS,
-        "go_on": setup.go_on,
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from drivers.pmac.language.text import format_number
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
@@ -112,6 +113,21 @@ def cut_setup(
         tool_count_um=tool.count_um,
         watchdog=watchdog,
     )
+
+
+def cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]:
+    """Return the values that the templates of every segmented program share."""
+    return {
+        "job": job.name,
+        "rpm": format_number(job.spindle_speed_rpm),
+        "out": format_number(setup.retracted),
+        "z": format_number(setup.carriage_start),
+        "turns": setup.whole_turns,
+        "segment": segment_ms,
+        "flag": END_FLAG,
+        "end_marks": END_MARKS,
+        "go_on": setup.go_on,
+    }
 
 
 def refuse_endless(moves: float) -> None:

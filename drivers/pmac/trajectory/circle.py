@@ -95,8 +95,12 @@ def arc_of(
     first, last = _times(-1.0, center), _minus(chord, center)
     if not (_size(first) > 0.0 and _size(last) > 0.0):
         raise CircleRadiusError("a circle without a radius")
-    least = 0.0 if request.center is None else (least_arc or LEAST_ARC) * math.pi
-    sweep = _sweep(first, last, normal, request.clockwise, least)
+    turn = math.tau if request.clockwise else -math.tau
+    sweep = math.atan2(_dot(normal, _cross(first, last)), _dot(first, last))
+    if sweep * turn < 0.0:
+        sweep += turn
+    if request.center is not None and abs(sweep) < (least_arc or LEAST_ARC) * math.pi:
+        sweep += turn
     growth = _size(last) / _size(first)
     cosine, sine = _counts(definitions, first), _counts(definitions, _cross(normal, first))
     along, across = growth * math.cos(sweep) - 1.0, growth * math.sin(sweep)
@@ -129,15 +133,6 @@ def _center(request: CircleRequest, chord: Point, normal: Point, radius_limit: f
     side = 1.0 if request.clockwise == (radius > 0.0) else -1.0
     left = _cross(normal, chord)
     return _minus(_times(0.5, chord), _times(-side * height / distance, left))
-
-
-def _sweep(first: Point, last: Point, normal: Point, clockwise: bool, least: float) -> float:
-    """Return the angle from one radius to the other; one smaller than `least` is a turn more."""
-    turn = math.tau if clockwise else -math.tau
-    angle = math.atan2(_dot(normal, _cross(first, last)), _dot(first, last))
-    if angle * turn < 0.0:
-        angle += turn
-    return angle + turn if abs(angle) < least else angle
 
 
 def _counts(definitions: Sequence[AxisDefinition], vector: Point) -> Vector:

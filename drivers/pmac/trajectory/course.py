@@ -87,8 +87,6 @@ def lay_course(
     """Blend into a move: return the pieces, the new state and the timing used.
 
     Without an `arc` the move is straight; an arc is cut into `segment_ms`, above 0.
-
-    Raises NoAccelerationTimeError: TA and TS are both zero.
     """
     if arc is None and not isinstance(blend, CurvedBlend):
         return lay(blend, move, limits)
@@ -110,10 +108,7 @@ def lay_course(
 
 
 def stop_course(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piece, ...]:
-    """Come to rest at the end of a straight move or a curve with the modal TA and TS.
-
-    Raises NoAccelerationTimeError: TA and TS are both zero.
-    """
+    """Come to rest at the end of a straight move or a curve with the modal TA and TS."""
     if not isinstance(blend, CurvedBlend):
         return stop(blend, ta_ms, ts_ms, limits)
     still, ta_ms, ts_ms = stopping(blend, ta_ms, ts_ms, limits)

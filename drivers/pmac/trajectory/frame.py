@@ -32,7 +32,10 @@ NO_AXES: frozenset[str] = frozenset()
 
 
 class MotorFrame:
-    """The motors of a coordinate system, as the moves of its program see them."""
+    """The motors of a coordinate system, as the moves of its program see them.
+
+    What is beyond the registers of the controller is refused, PmacError 003.
+    """
 
     def __init__(self, definitions: tuple[AxisDefinition, ...], variables: VariableStore, system: int) -> None:
         self.definitions = definitions
@@ -47,10 +50,7 @@ class MotorFrame:
         self._rollover = Rollover(definitions, variables) if rotary else None
 
     def counts(self, targets: Mapping[str, float], here: Vector, absolute: frozenset[str] = NO_AXES) -> Vector:
-        """Return the motor positions for axis positions; `absolute` axes may roll over on the way from `here`.
-
-        Raises PmacError: 003, beyond the registers of the controller.
-        """
+        """Return the motor positions for axis positions; `absolute` axes may roll over on the way from `here`."""
         if self._single is not None:
             counts = tuple([scale * targets[axis] + offset for axis, scale, offset in self._single])
         else:
@@ -61,10 +61,7 @@ class MotorFrame:
         return counts
 
     def velocities(self, velocities: Mapping[str, float]) -> Vector:
-        """Return motor velocities (counts/ms) for axis velocities (user units per ms).
-
-        Raises PmacError: 003, beyond the registers of the controller.
-        """
+        """Return motor velocities (counts/ms) for axis velocities (user units per ms)."""
         if self._single is not None:
             counts = tuple([scale * velocities.get(axis, 0.0) for axis, scale, _ in self._single])
         else:

@@ -1,7 +1,8 @@
 """Jogs (Ix19 to Ix22) as cubic pieces, and RAPID moves, which jog every motor of a line. Units: ms, counts.
 
 Source of RAPID: PMAC User Manual and Turbo User Manual, rapid-mode moves. The times are made equal before
-acceleration is added, so that motors with different Ix19 to Ix21 finish at different times.
+acceleration is added, so that motors with different Ix19 to Ix21 finish at different times. With Ix20 and Ix21
+both zero, NoAccelerationTimeError is raised.
 """
 
 from __future__ import annotations
@@ -33,10 +34,7 @@ class JogSettings:
 
 
 def change_speed(position: float, before: float, after: float, settings: JogSettings) -> tuple[Piece, ...]:
-    """Change velocity from `before` to `after` (counts/ms); used to start and to stop an indefinite jog.
-
-    Raises NoAccelerationTimeError: Ix20 and Ix21 are both zero.
-    """
+    """Change velocity from `before` to `after` (counts/ms); used to start and to stop an indefinite jog."""
     timing = effective_timing(
         LinearMove(distance=(0.0,), ta_ms=settings.ta_ms, ts_ms=settings.ts_ms, tm_ms=0.0),
         (before - after,),
@@ -50,8 +48,6 @@ def jog_to(position: float, target: float, settings: JogSettings) -> tuple[Piece
 
     A jog is one unblended move at Ix22 whose acceleration time is lengthened where Ix19 requires it; a short one
     takes the acceleration time and stays slower.
-
-    Raises NoAccelerationTimeError: Ix20 and Ix21 are both zero.
     """
     return jog_in(position, target, settings, jog_time_ms(target - position, settings))
 
@@ -62,10 +58,7 @@ def jog_time_ms(distance: float, settings: JogSettings) -> float:
 
 
 def jog_in(position: float, target: float, settings: JogSettings, tm_ms: float) -> tuple[Piece, ...]:
-    """Jog in a given time to which the acceleration is added, instead of at Ix22.
-
-    Raises NoAccelerationTimeError: Ix20 and Ix21 are both zero.
-    """
+    """Jog in a given time to which the acceleration is added, instead of at Ix22."""
     if target == position:
         return ()
     limits = Limits(velocity=(0.0,), acceleration=(settings.acceleration,))
@@ -105,10 +98,7 @@ def rapid_time_ms(start: Vector, target: Vector, settings: Sequence[JogSettings]
 
 
 def rapid(start: Vector, target: Vector, settings: Sequence[JogSettings]) -> tuple[Piece, ...]:
-    """Move from rest at `start` to rest at `target` (counts); a motor without a distance stands still.
-
-    Raises NoAccelerationTimeError: Ix20 and Ix21 of a motor are both zero.
-    """
+    """Move from rest at `start` to rest at `target` (counts); a motor without a distance stands still."""
     tm_ms = rapid_time_ms(start, target, settings)
     tracks = [
         jog_in(here, there, motor, tm_ms) for here, there, motor in zip(start, target, settings, strict=True)
