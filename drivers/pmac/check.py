@@ -89,28 +89,14 @@ def loop_lines(program: syntax.Program) -> frozenset[int]:
     return frozenset(inside)
 
 
-def extent(pieces: Sequence[Piece], index: int) -> tuple[float, float]:
-    """Return the lowest and highest position of one motor over some pieces, counts."""
-    return motion_of(pieces, index).extent()
-
-
-def peak_velocity(pieces: Sequence[Piece], index: int) -> float:
-    """Return the greatest speed of one motor over some pieces, counts/ms."""
-    return motion_of(pieces, index).peak_velocity() if pieces else 0.0
-
-
 def _summary(motors: tuple[int, ...], moves: list[CheckedMove], pieces: list[Piece]) -> CheckedProgram:
-    peak: dict[int, float] = {}
-    lowest: dict[int, float] = {}
-    highest: dict[int, float] = {}
-    for index, motor in enumerate(motors):
-        peak[motor] = peak_velocity(pieces, index)
-        lowest[motor], highest[motor] = extent(pieces, index) if pieces else (0.0, 0.0)
+    motions = {motor: motion_of(pieces, index) for index, motor in enumerate(motors)}
+    extents = {motor: motion.extent() for motor, motion in motions.items()}
     return CheckedProgram(
         motors=motors,
         moves=tuple(moves),
         duration_ms=sum(piece.duration_ms for piece in pieces),
-        peak_velocity=peak,
-        lowest=lowest,
-        highest=highest,
+        peak_velocity={motor: motion.peak_velocity() for motor, motion in motions.items()},
+        lowest={motor: low for motor, (low, _) in extents.items()},
+        highest={motor: high for motor, (_, high) in extents.items()},
     )

@@ -16,8 +16,16 @@ from drivers.errors import LinkError, LinkTimeoutError, RefusedError
 from drivers.link.base import Link
 from drivers.pmac.checksums import ASK, PROBE, ChecksumForm, form_of, like_an_answer, shown, unmistakable
 from drivers.pmac.expected_replies import foresee, opens_buffer
-from drivers.pmac.framing import FaultKind, FramingError, LinkFaults, Reply, ReplyReader
-from drivers.pmac.reply_wait import QUIET_S, FaultError, awaited
+from drivers.pmac.framing import (
+    QUIET_S,
+    FaultError,
+    FaultKind,
+    FramingError,
+    LinkFaults,
+    Reply,
+    ReplyReader,
+    awaited,
+)
 from drivers.pmac.reserved import MARKER
 from profiles.problem import Problem
 

@@ -201,11 +201,6 @@ class EndlessWatch:
         self._recurrence = _Recurrence()
         self._rounds: dict[tuple[Loop | None, tuple[int, ...]], _Rounds] = {}
 
-    def forget(self) -> None:
-        """Start again: a flag has been set from outside."""
-        self._rounds.clear()
-        self._recurrence = _Recurrence()
-
     def look(self, steps: Sequence[Step], written: Written) -> Circle | None:
         """Return the endless loop that the program is in, once it has been watched for long enough."""
         newest = steps[-1]

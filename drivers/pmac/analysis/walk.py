@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum, auto
+from functools import partial
 from typing import NamedTuple
 
 from drivers.pmac.analysis.endless import Circle, EndlessWatch, Name, Turning, find_loops, way_out
@@ -219,11 +220,10 @@ class _Walker:
         for index, motor in enumerate(d.motor for d in self._definitions):
             if motor in counts_per_turn:
                 turning = Turning(index=index, counts=counts_per_turn[motor])
-        program, called = self._text.program, self._text.subprograms.values()
-        watch = EndlessWatch(find_loops(program, called), turning)
+        loops = find_loops(self._text.program, self._text.subprograms.values())
         error = None
         try:
-            ending = self._to_the_end(watch, most_steps)
+            ending = self._to_the_end(partial(EndlessWatch, loops, turning), most_steps)
         except PmacError as fault:
             ending, error = Ending.ERROR, fault
         if ending is not Ending.FINISHED:
@@ -241,7 +241,8 @@ class _Walker:
             switches=tuple(self._run.switches),
         )
 
-    def _to_the_end(self, watch: EndlessWatch, most_steps: int) -> Ending:
+    def _to_the_end(self, new_watch: Callable[[], EndlessWatch], most_steps: int) -> Ending:
+        watch = new_watch()
         while len(self._steps) < most_steps:
             planned = self._planner.plan()
             self._add(planned)
@@ -251,7 +252,7 @@ class _Walker:
             if circle is not None:
                 if not self._leave(circle):
                     return Ending.ENDLESS
-                watch.forget()
+                watch = new_watch()
         return Ending.TOO_LONG
 
     def _leave(self, circle: Circle) -> bool:

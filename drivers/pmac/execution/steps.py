@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from drivers.pmac.execution.moves import Moves, Word
 from drivers.pmac.language import syntax
@@ -30,24 +31,18 @@ _SPINDLE_SPEED = 127
 """S alone sets this Q-variable."""
 
 
+@dataclass(frozen=True, slots=True)
 class StepMaker:
     """Compiles the steps of one run."""
 
-    def __init__(
-        self,
-        moves: Moves,
-        values: SystemVariables,
-        host: ProgramHost,
-        compile_value: Callable[[syntax.Expression], Value],
-    ) -> None:
-        self._moves = moves
-        self._values = values
-        self._host = host
-        self._compile = compile_value
+    moves: Moves
+    values: SystemVariables
+    host: ProgramHost
+    compile_value: Callable[[syntax.Expression], Value]
 
     def step(self, statement: Plain, line: int) -> Step:
         """Return the function that executes a statement of a line."""
-        moves, values = self._moves, self._values
+        moves, values = self.moves, self.values
         match statement:
             case syntax.Assign():
                 return self._assign(statement)
@@ -55,7 +50,7 @@ class StepMaker:
                 words = self._words(statement.words)
                 return lambda: moves.move(line, words)
             case syntax.Set(word, expression):
-                value = self._compile(expression)
+                value = self.compile_value(expression)
                 return lambda: moves.times.keep(word, value(values))
             case syntax.Wait():
                 return self._wait(statement, line)
@@ -70,18 +65,18 @@ class StepMaker:
             case syntax.Home():
                 return lambda: moves.home(line, statement.motors, statement.zero)
             case syntax.Argument(letter, expression):
-                value = self._compile(expression)
+                value = self.compile_value(expression)
                 return lambda: values.set(VariableKind.Q, _SPINDLE_SPEED, value(values)) if letter == "S" else None
             case syntax.Message():
                 return lambda: self._say(statement)
             case syntax.PlcSwitch():
-                return lambda: self._host.switch_plc(statement.enable, statement.numbers)
+                return lambda: self.host.switch_plc(statement.enable, statement.numbers)
 
     def _assign(self, statement: syntax.Assign) -> Step:
-        value, values, target = self._compile(statement.value), self._values, statement.target
-        kind, index = target.kind, self._compile(target.index)
+        value, values, target = self.compile_value(statement.value), self.values, statement.target
+        kind, index = target.kind, self.compile_value(target.index)
         if statement.synchronous:
-            return lambda: self._moves.defer(kind, int(index(values)), value(values), statement.operator)
+            return lambda: self.moves.defer(kind, int(index(values)), value(values), statement.operator)
         if isinstance(target.index, syntax.Number):
             fixed = int(target.index.value)
             return lambda: values.set(kind, fixed, value(values))
@@ -89,21 +84,25 @@ class StepMaker:
 
     def _words(self, words: Sequence[syntax.AxisWord]) -> list[Word]:
         return [
-            (word.axis, self._compile(word.value), self._compile(word.velocity) if word.velocity else None)
+            (
+                word.axis,
+                self.compile_value(word.value),
+                self.compile_value(word.velocity) if word.velocity else None,
+            )
             for word in words
         ]
 
     def _wait(self, statement: syntax.Wait, line: int) -> Step:
-        duration, values = self._compile(statement.duration_ms), self._values
+        duration, values = self.compile_value(statement.duration_ms), self.values
         if statement.word == "DELAY":
-            return lambda: self._moves.delay(line, duration(values))
-        return lambda: self._moves.dwell(duration(values))
+            return lambda: self.moves.delay(line, duration(values))
+        return lambda: self.moves.dwell(duration(values))
 
     def _say(self, statement: syntax.Message) -> None:
         match statement.word:
             case "CMD":
-                self._host.command(statement.text, statement.port)
+                self.host.command(statement.text, statement.port)
             case "SEND":
-                self._host.send(statement.text, statement.port)
+                self.host.send(statement.text, statement.port)
             case _:
-                self._host.display(statement.text)
+                self.host.display(statement.text)
