@@ -12,16 +12,14 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.text import format_number
 
-Row = Mapping[str, float]
-"""The coefficients of the axes in one equation."""
+Row = Mapping[str, float]  # The coefficients of the axes in one equation
 
 NEGLIGIBLE = 1e-12
 """A remainder below this fraction of the greatest coefficient in its row is 0: the equation is dependent."""
 
 AXIS_LETTERS = ("A", "B", "C", "U", "V", "W", "X", "Y", "Z")
 
-CARTESIAN = (("X", "Y", "Z"), ("U", "V", "W"))
-"""The axes of one of these groups may be mixed in a definition."""
+CARTESIAN = (("X", "Y", "Z"), ("U", "V", "W"))  # The axes of one of these groups may be mixed in a definition
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,8 +19,7 @@ from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece, motion_of
 from drivers.pmac.trajectory.planned import MoveRecord
 
-ENDLESS_MOVES = 200_000
-"""Number of moves after which a program counts as endless."""
+ENDLESS_MOVES = 200_000  # Number of moves after which a program counts as endless
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

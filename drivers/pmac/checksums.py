@@ -13,11 +13,8 @@ from enum import StrEnum, auto
 from drivers.pmac.framing import ACK, BELL, CR, LF, NUL, STX
 from drivers.pmac.reserved import MARKER
 
-ASK = b"\x0e"
-"""Control-N."""
-
-PROBE = f"P{MARKER}".encode("ascii")
-"""A query, harmless should it ever be executed."""
+ASK = b"\x0e"  # Control-N
+PROBE = f"P{MARKER}".encode("ascii")  # A query, harmless should it ever be executed
 
 _AROUND = frozenset((ACK, LF, CR))
 _AMBIGUOUS = frozenset((NUL, STX, ACK, BELL, LF, CR))
@@ -27,10 +24,8 @@ _AMBIGUOUS = frozenset((NUL, STX, ACK, BELL, LF, CR))
 class LineCheck(StrEnum):
     """What verifies that a line arrives as it was sent."""
 
-    NETWORK = auto()
-    """The transport has checksums of its own."""
-    CONTROLLER = auto()
-    """The controller reports the checksum of a line before it executes the line."""
+    NETWORK = auto()  # The transport has checksums of its own
+    CONTROLLER = auto()  # The controller reports the checksum of a line before it executes the line
     NOBODY = auto()
 
 

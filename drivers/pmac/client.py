@@ -25,16 +25,14 @@ from profiles.problem import Problem
 
 __all__ = ["LINE_LIMIT", "REPLY_TIMEOUT_S", "PmacClient"]
 
-LINE_LIMIT = 250
-"""Maximum length of one command line; the controller's own limit is 255 characters."""
+LINE_LIMIT = 250  # Maximum length of one command line; the controller's own limit is 255 characters
 
 HANDSHAKE = "I3=2 I6=1"
 CHECKSUMS_OFF = "I4=0"
 _MARK_MESSAGES = 64
 """The I-variable that marks unsolicited program messages, where the family has it."""
 
-REFUSALS = frozenset((0, *ErrorCode))
-"""The error numbers that have an explanation."""
+REFUSALS = frozenset((0, *ErrorCode))  # The error numbers that have an explanation
 
 _VERSION = re.compile(r"\d+\.\d+")
 

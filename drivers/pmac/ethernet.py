@@ -14,23 +14,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
-DATA_LIMIT = 1492
-"""Data bytes after the header of one request."""
-
-REPLY_LIMIT = 1400
-"""Bytes of one reply, and of one access to the DPRAM."""
-
-LINES_LIMIT = 1024
-"""Bytes of lines in one WRITEBUFFER."""
-
-DPRAM_BYTES = 0x1_0000
-"""The range of wValue."""
-
-TAKEN = b"@"
-"""The reply to a request that returns no data."""
-
-NOTHING = b"\0"
-"""The reply when no data is waiting."""
+DATA_LIMIT = 1492  # Data bytes after the header of one request
+REPLY_LIMIT = 1400  # Bytes of one reply, and of one access to the DPRAM
+LINES_LIMIT = 1024  # Bytes of lines in one WRITEBUFFER
+DPRAM_BYTES = 0x1_0000  # The range of wValue
+TAKEN = b"@"  # The reply to a request that returns no data
+NOTHING = b"\0"  # The reply when no data is waiting
 
 _HEADER = struct.Struct(">BBHHH")
 _WRITE_REPLY = struct.Struct("<HBB")

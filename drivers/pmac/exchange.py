@@ -34,17 +34,10 @@ CR, FLUSH = b"\r", b"\x18"
 CHECKSUM_TIMEOUT_S = 0.3
 """How long the controller may take to report the checksum of a line; nothing is executed yet."""
 
-CHECKSUM_TRIES = 2
-"""Attempts to get a checksum from a controller before it counts as unable to report one."""
-
-DRAIN_LIMIT_S = 2.0
-"""A source that still sends after this time is not a controller; the next reply will show it."""
-
-MESSAGES_KEPT = 100
-"""Maximum number of unread program messages; the oldest are dropped first."""
-
-_MARKERS = 8_000_000
-"""Markers are integers below 2^23, so that every variable holds them exactly."""
+CHECKSUM_TRIES = 2  # Attempts to get a checksum from a controller before it counts as unable to report one
+DRAIN_LIMIT_S = 2.0  # A source that still sends after this time is not a controller; the next reply will show it
+MESSAGES_KEPT = 100  # Maximum number of unread program messages; the oldest are dropped first
+_MARKERS = 8_000_000  # Markers are integers below 2^23, so that every variable holds them exactly
 
 
 class Exchange:

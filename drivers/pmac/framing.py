@@ -16,8 +16,7 @@ from types import MappingProxyType
 from drivers.clock import Clock
 from drivers.link.base import Link
 
-QUIET_S = 0.06
-"""Inter-byte timeout within a reply."""
+QUIET_S = 0.06  # Inter-byte timeout within a reply
 
 SILENCE_S, SLOWEST_BYTES_S = 5.0, 100.0
 """Inter-byte timeout of a long reply: an average rate no slower than a line of 1200 baud.
@@ -25,34 +24,26 @@ SILENCE_S, SLOWEST_BYTES_S = 5.0, 100.0
 A controller starts a listing at once. One that falls silent, or sends only a byte now and then, times out.
 """
 
-LONGEST_BYTES = 1_000_000
-"""More than any controller buffer can list."""
+LONGEST_BYTES = 1_000_000  # More than any controller buffer can list
 
 
 class FaultKind(StrEnum):
     """What a client received instead of the expected reply."""
 
-    SILENT = auto()
-    """Nothing came in time."""
-    UNFINISHED = auto()
-    """Data came, but neither an ACK nor an error number after it."""
+    SILENT = auto()  # Nothing came in time
+    UNFINISHED = auto()  # Data came, but neither an ACK nor an error number after it
     NUL = auto()
     BARE_BELL = auto()
     """A refusal without a number: I6 is not 1, or the number was lost."""
     HANDSHAKE = auto()
     """A reply in the form of other settings (I3, I6): the controller was reset, or another client has set them."""
-    GARBLED = auto()
-    """Bytes that no controller sends in this place, such as a checksum."""
-    LINE_COUNT = auto()
-    """More or fewer lines of data than the request asks for."""
+    GARBLED = auto()  # Bytes that no controller sends in this place, such as a checksum
+    LINE_COUNT = auto()  # More or fewer lines of data than the request asks for
     UNASKED = auto()
     """Input that belongs to no request: a late reply, a message or an error of a program."""
-    ABANDONED = auto()
-    """A request was sent before the previous reply had been read."""
-    DIFFERS = auto()
-    """The checksum of a line in transit differed from that of the line sent."""
-    LOST = auto()
-    """The link itself is lost."""
+    ABANDONED = auto()  # A request was sent before the previous reply had been read
+    DIFFERS = auto()  # The checksum of a line in transit differed from that of the line sent
+    LOST = auto()  # The link itself is lost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,11 +14,8 @@ SHORT_SPACES = ("X", "Y")
 LONG_SPACES = ("D", "L", "DP", "F")
 MULTIPLEXED_SPACES = ("TWB", "TWD", "TWR", "TWS")
 
-WIDTHS = (1, 4, 8, 12, 16, 20, 24)
-"""The permitted widths of an M-variable's bit field."""
-
-WHOLE_WORD = 24
-"""Given as an offset, it selects all bits."""
+WIDTHS = (1, 4, 8, 12, 16, 20, 24)  # The permitted widths of an M-variable's bit field
+WHOLE_WORD = 24  # Given as an offset, it selects all bits
 
 HIGHEST_MULTIPLEXED = 255
 

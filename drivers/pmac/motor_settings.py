@@ -15,8 +15,7 @@ from drivers.pmac.trajectory.jog import change_speed, jog_settings
 from drivers.pmac.variables import VariableStore
 from profiles.machine import MachineProfile
 
-_PER_S = 1000.0
-"""Milliseconds in a second."""
+_PER_S = 1000.0  # Milliseconds in a second
 
 
 @dataclass(frozen=True, slots=True)

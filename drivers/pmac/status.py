@@ -10,8 +10,7 @@ from collections.abc import Iterable, Mapping
 
 BITS_PER_WORD = 24
 
-BitTable = Mapping[str, tuple[int, int]]
-"""Name of a bit to (word counted from 1, bit)."""
+BitTable = Mapping[str, tuple[int, int]]  # Name of a bit to (word counted from 1, bit)
 
 
 def bit_table(runs: Mapping[tuple[int, int], str]) -> dict[str, tuple[int, int]]:

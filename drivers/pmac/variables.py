@@ -13,8 +13,7 @@ from drivers.pmac.memory import Memory, Pointer
 GREATEST_SETTING = 2.0**47
 """I-variables saturate here, in either direction: no register of the controller is wider."""
 
-MODAL_NUMBERS = (87, 88, 89)
-"""Ix87, Ix88, Ix89: TA, TS, and F or TM, as the last program left them."""
+MODAL_NUMBERS = (87, 88, 89)  # Ix87, Ix88, Ix89: TA, TS, and F or TM, as the last program left them
 
 
 class VariableStore:

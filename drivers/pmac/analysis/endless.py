@@ -17,21 +17,18 @@ from drivers.pmac.language.errors import EvaluationError
 from drivers.pmac.language.evaluate import Variables, holds
 from drivers.pmac.language.syntax import VariableKind
 
-Name = tuple[VariableKind, int]
-"""One numbered variable."""
+Name = tuple[VariableKind, int]  # One numbered variable
 
 Written = Mapping[tuple[VariableKind, int, int], float]
 """The values that a program has set: by kind, number and coordinate system."""
 
-MOST_PASSES = 400
-"""Maximum passes of an endless loop whose motion never repeats."""
+MOST_PASSES = 400  # Maximum passes of an endless loop whose motion never repeats
 
 STEADY_PASSES = 3
 STEADY_TURNS = 3.0
 """How long the repeated motion of an endless loop is watched: passes, and turns of the spindle."""
 
-MOST_FLAGS = 3
-"""Maximum variables of a condition that are tried together; with more it is not a plain flag."""
+MOST_FLAGS = 3  # Maximum variables of a condition that are tried together; with more it is not a plain flag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

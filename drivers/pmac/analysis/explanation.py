@@ -18,14 +18,9 @@ from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.trajectory.linear import Limits, LinearMove, Timing, effective_timing
 from profiles.axis.servo import sampled_response
 
-KEPT_ENOUGH = 0.98
-"""A stroke that keeps this fraction does not count as lost."""
-
-FEWEST_MOVES = 4
-"""Least number of moves to and fro that make a zig-zag."""
-
-WANTED_SHARE = 0.95
-"""The fraction of the stroke for which times are searched."""
+KEPT_ENOUGH = 0.98  # A stroke that keeps this fraction does not count as lost
+FEWEST_MOVES = 4  # Least number of moves to and fro that make a zig-zag
+WANTED_SHARE = 0.95  # The fraction of the stroke for which times are searched
 
 _WORTH_SAYING = 0.01
 _SAMPLES = 720

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from drivers.pmac.analysis.moves import MoveAnalysis
 
-LONGEST_PATTERN = 48
-"""Length of the longest stretch that is searched for, in moves."""
+LONGEST_PATTERN = 48  # Length of the longest stretch that is searched for, in moves
 
 _SAME = 1e-6
 

@@ -17,11 +17,8 @@ from drivers.pmac.requests import CircleRequest, LinearRequest, PvtRequest, Rapi
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.planned import MoveRecord
 
-RAMPED = ("LINEAR", "CIRCLE")
-"""Modes whose moves are blended by ramps of TA and TS."""
-
-_TOUCHING_MS = 1e-6
-"""Two moves touch when one begins where the other nominally ends, within rounding."""
+RAMPED = ("LINEAR", "CIRCLE")  # Modes whose moves are blended by ramps of TA and TS
+_TOUCHING_MS = 1e-6  # Two moves touch when one begins where the other nominally ends, within rounding
 
 _MODES: Mapping[type[Request], str] = {
     LinearRequest: "LINEAR",

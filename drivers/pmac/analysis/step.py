@@ -9,8 +9,7 @@ from drivers.pmac.requests import Request
 from drivers.pmac.trajectory.pieces import Piece, Vector
 from drivers.pmac.trajectory.planned import Planned
 
-SAME_COUNTS = 1e-6
-"""Motions that differ by less are the same within rounding."""
+SAME_COUNTS = 1e-6  # Motions that differ by less are the same within rounding
 
 
 class Step(NamedTuple):

@@ -12,8 +12,7 @@ from drivers.pmac.analysis.timeline import Timeline
 from drivers.pmac.analysis.walk import Walk
 from profiles.machine import MachineProfile
 
-FEWEST_TOOL_MOVES = 2
-"""Tool moves, with the spindle turning, that make a cut."""
+FEWEST_TOOL_MOVES = 2  # Tool moves, with the spindle turning, that make a cut
 
 
 @dataclass(frozen=True, kw_only=True)

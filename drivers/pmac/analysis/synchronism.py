@@ -18,8 +18,7 @@ from drivers.pmac.analysis.timeline import Timeline, turning_points
 from drivers.pmac.requests import BlendBreak, DwellRequest, Halt
 from drivers.pmac.trajectory.pieces import Cubic, position_at
 
-DRIFT_DEG = 1e-3
-"""Least reported drift per turn: a degree in a thousand turns."""
+DRIFT_DEG = 1e-3  # Least reported drift per turn: a degree in a thousand turns
 
 SPEED_TOLERANCE = 1e-6
 

@@ -27,8 +27,7 @@ MOST_SWITCHES = 200
 _BLENDED = LinearRequest | CircleRequest | SplineRequest | PvtRequest
 """Requests during which the controller calculates ahead."""
 
-_Range = tuple[float, float]
-"""The least and the greatest possible correction, counts."""
+_Range = tuple[float, float]  # The least and the greatest possible correction, counts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

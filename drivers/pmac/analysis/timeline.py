@@ -12,11 +12,8 @@ from itertools import accumulate
 
 from drivers.pmac.trajectory.pieces import Cubic, Piece, position_at, velocity_at
 
-NOTHING = 1e-9
-"""Counts, and counts in ms to any power, below which a value is only arithmetic rounding."""
-
-_SAME = 1e-9
-"""Fraction of the greatest acceleration below which a jump of it is only arithmetic rounding."""
+NOTHING = 1e-9  # Counts, and counts in ms to any power, below which a value is only arithmetic rounding
+_SAME = 1e-9  # Fraction of the greatest acceleration below which a jump of it is only arithmetic rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,11 +31,8 @@ from drivers.pmac.trajectory.planned import Event, Planned
 from drivers.pmac.trajectory.planner import MotionPlanner
 from drivers.pmac.variables import MODAL_NUMBERS, VariableStore
 
-MOST_STEPS = 20_000
-"""Maximum number of program requests in a walk."""
-
-COMPENSATION = 51
-"""I51 switches the compensation tables."""
+MOST_STEPS = 20_000  # Maximum number of program requests in a walk
+COMPENSATION = 51  # I51 switches the compensation tables
 
 
 class Ending(StrEnum):

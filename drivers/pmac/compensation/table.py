@@ -25,8 +25,7 @@ from itertools import product
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 
-PARTS_PER_COUNT = 16
-"""Entries are in sixteenths of a count of the target."""
+PARTS_PER_COUNT = 16  # Entries are in sixteenths of a count of the target
 
 BEHIND_TABLES = ("TCOMP", "BLCOMP", "TBUF", "ROTARY", "LOOKAHEAD", "GATHER")
 """The buffers that lie after the tables; LOOKAHEAD on Turbo only."""

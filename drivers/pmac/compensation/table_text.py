@@ -23,25 +23,17 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.memory import WORD_BITS
 
-GREATEST_ENTRY = (1 << (WORD_BITS - 1)) - 1
-"""An entry is a signed memory word; sixteenths of a count."""
-
-_GREATEST_SIZE = (1 << 47) - 1
-"""A position is a signed 48-bit number: no source can roll over a longer span."""
-
-ENTRIES_PER_LINE = 16
-"""Entries have at most nine characters: a line stays below the controller's limit of 255."""
-
-MOST_MOTORS = 32
-"""Of the largest family; the target controller is not known when the text is read."""
+GREATEST_ENTRY = (1 << (WORD_BITS - 1)) - 1  # An entry is a signed memory word; sixteenths of a count
+_GREATEST_SIZE = (1 << 47) - 1  # A position is a signed 48-bit number: no source can roll over a longer span
+ENTRIES_PER_LINE = 16  # Entries have at most nine characters: a line stays below the controller's limit of 255
+MOST_MOTORS = 32  # Of the largest family; the target controller is not known when the text is read
 
 _DEFINE = ("DEFINECOMP", "DEFCOMP")
 _DELETE = ("DELETECOMP", "DELCOMP")
 _ENTRIES = re.compile(r"[+-]?[\d.]")
 _ADDRESS = re.compile(r"#\s*(\d+)(?!\d|\s*->)")
 
-_Motor = tuple[int, bool]
-"""A motor number, and whether its desired position is the source."""
+_Motor = tuple[int, bool]  # A motor number, and whether its desired position is the source
 
 
 def scan_definition(scanner: Scanner, addressed: int, motor_count: int) -> TableDefinition:

@@ -14,11 +14,8 @@ from drivers.pmac.language.syntax import VECTOR, Feedrate, Positioning, Variable
 from drivers.pmac.trajectory.linear import MOVE_TIME_MAX_MS
 from drivers.pmac.variables import VariableStore
 
-FEEDRATE_AXES = ("X", "Y", "Z")
-"""The axes whose distance a feedrate refers to, until a program sets others."""
-
-XY_PLANE = (0.0, 0.0, -1.0)
-"""NORMAL K-1: circles in the plane of X and Y, until a program sets another."""
+FEEDRATE_AXES = ("X", "Y", "Z")  # The axes whose distance a feedrate refers to, until a program sets others
+XY_PLANE = (0.0, 0.0, -1.0)  # NORMAL K-1: circles in the plane of X and Y, until a program sets another
 
 _RADIUS = "R"
 

@@ -23,14 +23,12 @@ from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.requests import BlendBreak, Finished, Halt, NoHost, ProgramHost, Request
 from drivers.pmac.variables import VariableStore
 
-JUMPS_THAT_BREAK_BLENDING = 2
-"""Backward jumps while searching for the next move after which the motion may stop."""
+JUMPS_THAT_BREAK_BLENDING = 2  # Backward jumps while searching for the next move after which the motion may stop
 
 STEPS_PER_LOOK = 10_000
 """Statements without a move after which the motion may stop, too: no program blocks the controller."""
 
-DEEPEST_CALL = 15
-"""Maximum nesting of GOSUB and CALL."""
+DEEPEST_CALL = 15  # Maximum nesting of GOSUB and CALL
 
 _READ_FLAGS = 100
 _FIRST_LETTER = "A"

@@ -27,8 +27,7 @@ Plain = (
 
 Step = Callable[[], Request | None]
 
-_SPINDLE_SPEED = 127
-"""S alone sets this Q-variable."""
+_SPINDLE_SPEED = 127  # S alone sets this Q-variable
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,14 +82,8 @@ class StepMaker:
         return lambda: values.set(kind, int(index(values)), value(values))
 
     def _words(self, words: Sequence[syntax.AxisWord]) -> list[Word]:
-        return [
-            (
-                word.axis,
-                self.compile_value(word.value),
-                self.compile_value(word.velocity) if word.velocity else None,
-            )
-            for word in words
-        ]
+        value_of = self.compile_value
+        return [(w.axis, value_of(w.value), value_of(w.velocity) if w.velocity else None) for w in words]
 
     def _wait(self, statement: syntax.Wait, line: int) -> Step:
         duration, values = self.compile_value(statement.duration_ms), self.values

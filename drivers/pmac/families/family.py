@@ -96,16 +96,12 @@ class Setting(StrEnum):
     Settings that are the same everywhere (I10, Ix16, Ix87 ...) are addressed by number.
     """
 
-    JOG_DELAY_MS = auto()
-    """Calculation delay before a jog, a home search or a RAPID move."""
-    SEGMENT_MS = auto()
-    """Segmentation time of LINEAR and CIRCLE moves; 0 is none."""
-    IN_POSITION_LOOKS = auto()
-    """Additional polls that in-position needs, beyond the first."""
+    JOG_DELAY_MS = auto()  # Calculation delay before a jog, a home search or a RAPID move
+    SEGMENT_MS = auto()  # Segmentation time of LINEAR and CIRCLE moves; 0 is none
+    IN_POSITION_LOOKS = auto()  # Additional polls that in-position needs, beyond the first
     RAPID_AT_PROGRAM_SPEED = auto()
     """Whether RAPID goes at Ix16 (not 0) or at the jog speed Ix22 (0)."""
-    LEAST_ARC = auto()
-    """Half turns below which the angle of a circle move is a full turn more; 0 is 2^-20."""
+    LEAST_ARC = auto()  # Half turns below which the angle of a circle move is a full turn more; 0 is 2^-20
     FLAG_MODE = auto()
     """Use of flags and what a fault disables: bit 17 no travel limits, bits 21 and 22 the neighbours."""
 

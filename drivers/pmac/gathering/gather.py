@@ -18,8 +18,7 @@ from itertools import accumulate
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.memory import WORD_BITS, Pointer
 
-WORDS_PER_LINE = 16
-"""Long words in a line of LIST GATHER."""
+WORDS_PER_LINE = 16  # Long words in a line of LIST GATHER
 
 LONG_BITS = 2 * WORD_BITS
 PADDING = 0

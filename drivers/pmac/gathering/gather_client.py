@@ -28,8 +28,7 @@ SPARE_LONG_WORDS = 48
 
 LONGEST_PERIOD_CYCLES = 8_388_607
 
-LONG_WORDS_A_REQUEST = 256
-"""Long words listed at a time: a second of a serial line at 38 400 baud."""
+LONG_WORDS_A_REQUEST = 256  # Long words listed at a time: a second of a serial line at 38 400 baud
 
 LISTING_TIMEOUT_S = 10.0
 
@@ -39,8 +38,7 @@ _CHANNEL = re.compile(r"#?(\d+) +(\w+)")
 _SETTINGS_A_LINE = 12
 """Settings that fit into one line of the client, whatever their values."""
 
-SCALE_NUMBERS = (8, 9, 60)
-"""Ix08 and Ix09: register steps per 1/32 count; Ix60: a velocity spans one cycle more."""
+SCALE_NUMBERS = (8, 9, 60)  # Ix08 and Ix09: register steps per 1/32 count; Ix60: a velocity spans one cycle more
 
 _POSITION_SCALE, _VELOCITY_SCALE, _CYCLE_EXTENSION = SCALE_NUMBERS
 

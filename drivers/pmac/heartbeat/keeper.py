@@ -16,14 +16,9 @@ from profiles.problem import Problem
 NOTHING_GUARDED = f"P{reserved.ACTIVITY}={Activity.NOTHING:d}"
 """Reports that the guarded motion has ended; the watchdog may run out then."""
 
-LOSS_SEEN = f"P{reserved.LOST}=0"
-"""Clears the loss flag, once an operator has seen it."""
-
-PERIOD_S = 0.1
-"""Time between two queries of the echo: they are sent with a renewal."""
-
-TIMEOUT_S = 0.3
-"""How long the PLC may stay at one number: three scans of a busy controller."""
+LOSS_SEEN = f"P{reserved.LOST}=0"  # Clears the loss flag, once an operator has seen it
+PERIOD_S = 0.1  # Time between two queries of the echo: they are sent with a renewal
+TIMEOUT_S = 0.3  # How long the PLC may stay at one number: three scans of a busy controller
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

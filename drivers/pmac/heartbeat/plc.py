@@ -30,17 +30,13 @@ from drivers.pmac.language.text import format_plc_line
 from drivers.pmac.settings import settings_with
 from profiles.machine import MachineProfile
 
-GRACE_MS = 1100.0
-"""Time for a cut to retract its tool: a turn at 100 rpm, and a distance of 2 mm at 10 mm/s."""
+GRACE_MS = 1100.0  # Time for a cut to retract its tool: a turn at 100 rpm, and a distance of 2 mm at 10 mm/s
 
 RUN_DOWN_MS = 350.0
 """Additional time to come to its end: with both, whatever the cut does, it is at rest within 2 s."""
 
-REST_LIMIT_MS = 500.0
-"""How long to wait for an aborted tool before it is retracted, which stops it first."""
-
-SETTLE_MS = 20.0
-"""Delay after a command, or an end, until the status of a motor is reliable."""
+REST_LIMIT_MS = 500.0  # How long to wait for an aborted tool before it is retracted, which stops it first
+SETTLE_MS = 20.0  # Delay after a command, or an end, until the status of a motor is reliable
 
 OUT_LIMIT_MS = 2000.0
 OUT_BAND_MM = 0.1
@@ -50,14 +46,10 @@ OUT_BAND_MM = 0.1
 class Policy(StrEnum):
     """Fate of a cut without a host."""
 
-    RETRACT = "retract"
-    """It ends at the end of its turn, with its own retraction; one that does not is aborted."""
+    RETRACT = "retract"  # It ends at the end of its turn, with its own retraction; one that does not is aborted
 
-    FINISH = "finish"
-    """It continues to its end."""
-
-    STOP = "stop"
-    """It is aborted at once, and the tool is retracted."""
+    FINISH = "finish"  # It continues to its end
+    STOP = "stop"  # It is aborted at once, and the tool is retracted
 
 
 def plc_text(machine: MachineProfile, dialect: Dialect, policy: Policy) -> str:

@@ -16,14 +16,12 @@ from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD, watchdog_line, watchdo
 from drivers.pmac.language.errors import ErrorCode
 from profiles.machine import MachineProfile
 
-PERMISSION = 5
-"""I5: which PLCs may run."""
+PERMISSION = 5  # I5: which PLCs may run
 
 BETWEEN_PULSES_S = 0.1
 """Time between the two polls of echo and timer: several background cycles, and well within the timeout."""
 
-LIST_TIMEOUT_S = 10.0
-"""Timeout for the whole text over a slow line."""
+LIST_TIMEOUT_S = 10.0  # Timeout for the whole text over a slow line
 
 ITEMS_PER_LINE = 16
 

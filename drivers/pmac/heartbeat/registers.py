@@ -10,23 +10,13 @@ from drivers.pmac.heartbeat.watchdog import SYSTEM, wait_timer, watchdog_timer
 from drivers.pmac.memory import Pointer
 from profiles.machine import MachineProfile
 
-ENDING = 1006
-"""P-variable: 1 while the PLC is about to end something."""
+ENDING = 1006  # P-variable: 1 while the PLC is about to end something
+GRACE = 1007  # P-variable: servo cycles that a cut has to retract its tool by itself, before it is aborted
+CLOSED = 1008  # P-variable: the loops that are closed, 1 tool, 2 spindle, 4 carriage
+TAKE_OUT = 1009  # P-variable: 1 when the tool must be retracted from the part
+RUN_DOWN = 1010  # P-variable: additional servo cycles, once the tool is out, for the cut to come to its end
 
-GRACE = 1007
-"""P-variable: servo cycles that a cut has to retract its tool by itself, before it is aborted."""
-
-CLOSED = 1008
-"""P-variable: the loops that are closed, 1 tool, 2 spindle, 4 carriage."""
-
-TAKE_OUT = 1009
-"""P-variable: 1 when the tool must be retracted from the part."""
-
-RUN_DOWN = 1010
-"""P-variable: additional servo cycles, once the tool is out, for the cut to come to its end."""
-
-TOOL, SPINDLE, CARRIAGE = 1, 2, 4
-"""The bits of `CLOSED`."""
+TOOL, SPINDLE, CARRIAGE = 1, 2, 4  # The bits of `CLOSED`
 
 RUNNING = 1000
 OPEN_LOOP = {TOOL: 1001, SPINDLE: 1002, CARRIAGE: 1003}

@@ -21,11 +21,8 @@ POLLS_AT_REST = 3
 REST_BAND_COUNTS = 2.0
 """Number of polls in a row that make rest, and the permitted movement between them: an encoder dithers by one."""
 
-GIVE_UP_S = 0.6
-"""What has not ended after twice the specified time is stopped in another way."""
-
-REST_LIMIT_S = 5.0
-"""How long to poll until rest."""
+GIVE_UP_S = 0.6  # What has not ended after twice the specified time is stopped in another way
+REST_LIMIT_S = 5.0  # How long to poll until rest
 
 Flags = frozenset[str]
 

@@ -14,20 +14,11 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.memory import WORD_BITS, Pointer
 from drivers.pmac.settings import servo_cycle_ms
 
-WATCHDOG_MS = 300.0
-"""Watchdog timeout after one renewal."""
-
-PERIOD_MS = 50.0
-"""Time between two renewals: five may be lost or late."""
-
-MARGIN_MS = 20.0
-"""Remaining time when the PLC acts: with background cycles up to this, 300 ms are kept."""
-
-SYSTEM = 1
-"""The coordinate system whose timers are used, where they belong to one; it is always activated."""
-
-SERVO_PERIOD = 10
-"""I10: the servo period in 1/8388608 ms."""
+WATCHDOG_MS = 300.0  # Watchdog timeout after one renewal
+PERIOD_MS = 50.0  # Time between two renewals: five may be lost or late
+MARGIN_MS = 20.0  # Remaining time when the PLC acts: with background cycles up to this, 300 ms are kept
+SYSTEM = 1  # The coordinate system whose timers are used, where they belong to one; it is always activated
+SERVO_PERIOD = 10  # I10: the servo period in 1/8388608 ms
 
 
 class Activity(IntEnum):

@@ -10,8 +10,7 @@ import math
 import operator
 from collections.abc import Callable, Mapping
 
-SATURATION = 2.0**47
-"""The magnitude of the controller's result of a division by zero."""
+SATURATION = 2.0**47  # The magnitude of the controller's result of a division by zero
 
 _FRACTION_BITS = 2.0**32
 

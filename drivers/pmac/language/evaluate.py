@@ -10,8 +10,7 @@ from typing import Protocol
 from drivers.pmac.language import arithmetic, syntax
 from drivers.pmac.language.errors import ErrorCode, EvaluationError
 
-NEAR = 1.0
-"""`~` holds when two values differ by less than this (PMAC User Manual, Comparators)."""
+NEAR = 1.0  # `~` holds when two values differ by less than this (PMAC User Manual, Comparators)
 
 
 class Variables(Protocol):

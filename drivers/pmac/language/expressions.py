@@ -14,10 +14,8 @@ PRODUCTS = ("*", "/", "%", "&")
 """The operators that bind tighter (PMAC User Manual, Operators)."""
 SUMS = ("+", "-", "|", "^")
 
-MAX_NESTING = 15
-"""Maximum nesting of parentheses; deeper text is refused rather than followed without end."""
-MAX_OPERANDS = 100
-"""Operands of one expression or condition; bounds the depth of the tree of a long chain."""
+MAX_NESTING = 15  # Maximum nesting of parentheses; deeper text is refused rather than followed without end
+MAX_OPERANDS = 100  # Operands of one expression or condition; bounds the depth of the tree of a long chain
 
 _KINDS = tuple(syntax.VariableKind)
 _INDEX_STARTS = "0123456789$("

@@ -11,8 +11,7 @@ from drivers.pmac.language.syntax import Assign, CallProgram, Line, Statement, V
 _WORDS = tuple(READERS)
 WORDS = tuple(word for word in _WORDS if len(word) > 1)
 """The words of motion programs, without the single letters that have another meaning on-line."""
-_COMBINING = {"==": "", "&=": "&", "|=": "|", "^=": "^"}
-"""The signs of assignments that wait for the next move."""
+_COMBINING = {"==": "", "&=": "&", "|=": "|", "^=": "^"}  # The signs of assignments that wait for the next move
 
 
 def parse_line(text: str) -> Line:

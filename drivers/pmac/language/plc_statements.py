@@ -16,8 +16,7 @@ from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.statements import HIGHEST_MOTOR, MESSAGE_READERS, parse_enclosed_condition
 from drivers.pmac.language.structure import Linker, structure_error
 
-HIGHEST_SYSTEM = 16
-"""Of the largest family; a missing one is detected when the statement is executed."""
+HIGHEST_SYSTEM = 16  # Of the largest family; a missing one is detected when the statement is executed
 
 _Reader = Callable[[Scanner, str], syntax.PlcStatement | None]
 
@@ -108,8 +107,7 @@ _READERS: Mapping[str, _Reader] = {
 _WORDS = tuple(_READERS)
 
 
-MOST_CONDITION_LINES = 100
-"""Maximum lines of one condition; bounds the depth of its tree."""
+MOST_CONDITION_LINES = 100  # Maximum lines of one condition; bounds the depth of its tree
 
 PlcInstruction = (
     syntax.While

@@ -22,23 +22,15 @@ Reader = Callable[[Scanner, str], syntax.Statement | None]
 
 HIGHEST_LABEL = 2**18 - 1
 
-HIGHEST_MOTOR = 32
-"""The motors of the largest family; a missing motor is detected when the line is executed."""
-
-CODES = ("G", "M", "T", "D")
-"""The letters of calls of programs 1000, 1001, 1002 and 1003."""
+HIGHEST_MOTOR = 32  # The motors of the largest family; a missing motor is detected when the line is executed
+CODES = ("G", "M", "T", "D")  # The letters of calls of programs 1000, 1001, 1002 and 1003
 
 READABLE = tuple(letter for letter in string.ascii_uppercase if letter not in "NO")
 """The letters that READ can ask for."""
 
-ARGUMENTS = ("E", "H", "L", "P", "Q")
-"""The letters that are a statement only after a call."""
-
-PORTS = ("S", "P", "R", "A")
-"""Serial, parallel, dual-ported RAM, auxiliary serial."""
-
-_CONTROL = 0x40
-"""Offset of a control character from its letter."""
+ARGUMENTS = ("E", "H", "L", "P", "Q")  # The letters that are a statement only after a call
+PORTS = ("S", "P", "R", "A")  # Serial, parallel, dual-ported RAM, auxiliary serial
+_CONTROL = 0x40  # Offset of a control character from its letter
 
 _LETTERS = tuple(string.ascii_uppercase)
 _RADIUS = "R"

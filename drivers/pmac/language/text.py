@@ -11,8 +11,7 @@ from drivers.pmac.language.expressions import PRODUCTS
 from drivers.pmac.language.gathering import gather_moves, may_be_argument
 from drivers.pmac.language.statements import ARGUMENTS, control_letter, is_control
 
-DECIMALS = 10
-"""Maximum decimals that `format_number` writes."""
+DECIMALS = 10  # Maximum decimals that `format_number` writes
 
 _WORDS: Mapping[type, str] = {
     syntax.EndWhile: "ENDWHILE",

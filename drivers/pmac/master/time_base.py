@@ -18,34 +18,24 @@ from drivers.pmac.master.following import COUNT_PARTS
 from drivers.pmac.memory import WORD_BITS
 from drivers.pmac.settings import I10_PER_MS
 
-UNITS_PER_MS = I10_PER_MS
-"""Time bases, I10 and Ix94 are in 2^-23 ms."""
+UNITS_PER_MS = I10_PER_MS  # Time bases, I10 and Ix94 are in 2^-23 ms
 
 WIDEST_UNITS = (1 << (WORD_BITS - 1)) - 1
 """A time base is a signed 24-bit word: just below 1 ms of trajectory time in a servo cycle."""
 
-FASTEST_SLEW = WIDEST_UNITS
-"""Ix94 that never limits, so that no master counts are lost."""
-
-_SCALE = 2**17
-"""The scale factor times RTIF, counts/ms."""
+FASTEST_SLEW = WIDEST_UNITS  # Ix94 that never limits, so that no master counts are lost
+_SCALE = 2**17  # The scale factor times RTIF, counts/ms
 
 _UNITS_PER_PART = UNITS_PER_MS // (_SCALE * COUNT_PARTS)
 _UNITS_PER_COUNT = UNITS_PER_MS // _SCALE
 
-TIME_BASE_METHOD = 0x4
-"""The method digit of an entry that is not triggered."""
-
-METHOD_SHIFT = 20
-"""Position of the method digit in a set-up word."""
-
-_TURBO_MODE = 1 << 19
-"""In a triggered entry of a Turbo PMAC: the source is a PMAC2-style servo IC."""
+TIME_BASE_METHOD = 0x4  # The method digit of an entry that is not triggered
+METHOD_SHIFT = 20  # Position of the method digit in a set-up word
+_TURBO_MODE = 1 << 19  # In a triggered entry of a Turbo PMAC: the source is a PMAC2-style servo IC
 
 _SOURCE_MASK = _TURBO_MODE - 1
 
-_SOURCE, _SLEW = 93, 94
-"""Ix93, the time base source, and Ix94, its maximum rate of change."""
+_SOURCE, _SLEW = 93, 94  # Ix93, the time base source, and Ix94, its maximum rate of change
 
 
 def nearest_factor(counts_per_ms: float) -> int:
@@ -67,12 +57,9 @@ def increment_units(factor: int, master_parts: int) -> int:
 class Trigger(IntEnum):
     """The three states of a triggered time base: the method digit of its entry in the conversion table."""
 
-    FROZEN = 0x9
-    """No time passes."""
-    RUNNING = 0xA
-    """Time passes with the master, after the trigger."""
-    ARMED = 0xB
-    """No time passes until the trigger comes; then the state is running."""
+    FROZEN = 0x9  # No time passes
+    RUNNING = 0xA  # Time passes with the master, after the trigger
+    ARMED = 0xB  # No time passes until the trigger comes; then the state is running
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,14 +26,12 @@ I5_BACKGROUND = 2
 
 FOREGROUND_PLC = 0
 
-_ANGLE_UNIT = 15
-"""I15: 0 is degrees."""
+_ANGLE_UNIT = 15  # I15: 0 is degrees
 
 _Step = Callable[[], int | None]
 """Executes an instruction and returns the place of the next one; None: the one after it."""
 
-LOWEST_COUNT = -(2**23)
-"""Timers saturate here; they do not roll over (Turbo Software Reference, Isx11)."""
+LOWEST_COUNT = -(2**23)  # Timers saturate here; they do not roll over (Turbo Software Reference, Isx11)
 
 _Name = TypeVar("_Name")
 

@@ -22,11 +22,8 @@ from profiles.machine import MachineProfile
 
 PROGRAM_NUMBER = 3
 
-SEGMENT_MS = 8
-"""Feed moves; each checks once for the end of a turn."""
-
-Z_SPEED_MM_S = 10.0
-"""Carriage speed between the row of zeros and the part."""
+SEGMENT_MS = 8  # Feed moves; each checks once for the end of a turn
+Z_SPEED_MM_S = 10.0  # Carriage speed between the row of zeros and the part
 
 Z_RAMP_MS = 100
 SETTLE_MS = 200
@@ -34,8 +31,7 @@ LOOK_MS = 20
 MOST_LOOKS = 25
 """Polls of the register, and the ms between them, until it reads 0; after that the table stays on."""
 
-COMPENSATION = 69
-"""M-variable of a motor, Mx69, that the manuals suggest for its correction register."""
+COMPENSATION = 69  # M-variable of a motor, Mx69, that the manuals suggest for its correction register
 
 
 def correction_register(machine: MachineProfile) -> str:

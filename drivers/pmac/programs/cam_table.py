@@ -20,20 +20,11 @@ from profiles.compensations.path import LobedPath, chord_error, chord_scale
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
-CHORD_LIMIT_UM = 0.05
-"""Permitted deviation of the linear interpolation from the sinusoid."""
-
-ROW_MM = 10.0
-"""Approximate Z distance over which the amplitude grows."""
-
-ROWS_IN_FRONT = 2
-"""Least number of row spacings before the part: one of zeros, one in which the amplitude grows."""
-
-LEAST_ROW_MM = 0.5
-"""A shorter spacing leaves no place to stand in the row of zeros."""
-
-INSIDE_MM = 0.2
-"""Distance of the carriage from the last row of zeros while the table is switched."""
+CHORD_LIMIT_UM = 0.05  # Permitted deviation of the linear interpolation from the sinusoid
+ROW_MM = 10.0  # Approximate Z distance over which the amplitude grows
+ROWS_IN_FRONT = 2  # Least number of row spacings before the part: one of zeros, one in which the amplitude grows
+LEAST_ROW_MM = 0.5  # A shorter spacing leaves no place to stand in the row of zeros
+INSIDE_MM = 0.2  # Distance of the carriage from the last row of zeros while the table is switched
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

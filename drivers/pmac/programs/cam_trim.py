@@ -20,11 +20,8 @@ from profiles.job import Job
 MOST_TRIM_UM = 8.0
 """Maximum amplitude: a few times a soft servo's deflection by a fine cut's force at the lobe frequency."""
 
-ROUNDING_COUNTS = 0.01
-"""Maximum rounding-up of the two numbers of a harmonic on transmission."""
-
-SMOOTHED_MS = 40.0
-"""Time constant with which the effective harmonic follows the commanded one."""
+ROUNDING_COUNTS = 0.01  # Maximum rounding-up of the two numbers of a harmonic on transmission
+SMOOTHED_MS = 40.0  # Time constant with which the effective harmonic follows the commanded one
 
 
 def trim_segment_ms(job: Job) -> int:

@@ -21,8 +21,7 @@ from drivers.pmac.programs.setup import CutSetup, cut_values, refuse_endless
 from profiles.compensations.path import LobedPath
 from profiles.job import Job
 
-SPINDLE_STEP = " Y(P28+P16*P25):(P17)"
-"""The statement that moves the spindle in a segment."""
+SPINDLE_STEP = " Y(P28+P16*P25):(P17)"  # The statement that moves the spindle in a segment
 
 LOBE_PATH = """\
 PVT{segment} ; the amplitude grows
@@ -69,8 +68,7 @@ condition for another turn.
 
 PROGRAM_NUMBER = 2
 
-INTERPOLATION_LIMIT_UM = 0.05
-"""Permitted deviation of the cubics between the points from the sinusoid."""
+INTERPOLATION_LIMIT_UM = 0.05  # Permitted deviation of the cubics between the points from the sinusoid
 
 LONGEST_SEGMENT_MS = 8
 HALF_RUN_UP_MS = 500

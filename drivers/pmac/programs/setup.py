@@ -10,14 +10,12 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
-APPROACH_MM = 0.5
-"""Approach distance before the part, in which the tool settles on its path."""
+APPROACH_MM = 0.5  # Approach distance before the part, in which the tool settles on its path
 
 MOST_MOVES = 100_000
 """Maximum number of moves of a cut that are planned and checked; more would be hours at the lathe."""
 
-END_FLAG = "M26"
-"""A host sets this to 1 to end a cut early, at the end of a turn; every program checks it."""
+END_FLAG = "M26"  # A host sets this to 1 to end a cut early, at the end of a turn; every program checks it
 
 TURNS_CUT, FINISHED = "P43", "P44"
 """Progress variables of every program: the turns that it has begun, and 1 once it has reached its last line.
@@ -33,11 +31,8 @@ END_MARKS = f"""\
 P45=0 ; its segments, counted a second time
 """
 
-SERVO = "servo"
-"""A spindle whose loop the controller closes; any other is only followed."""
-
-ROUNDING_TURNS = 1e-6
-"""A cut that exceeds whole turns by less than this does not need another turn."""
+SERVO = "servo"  # A spindle whose loop the controller closes; any other is only followed
+ROUNDING_TURNS = 1e-6  # A cut that exceeds whole turns by less than this does not need another turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

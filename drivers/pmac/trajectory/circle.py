@@ -19,8 +19,7 @@ from drivers.pmac.trajectory.pieces import Vector
 
 Point = tuple[float, float, float]
 
-LEAST_ARC = 2.0**-20
-"""The least angle of an arc, in half turns, where I90 (Isx97) is 0."""
+LEAST_ARC = 2.0**-20  # The least angle of an arc, in half turns, where I90 (Isx97) is 0
 
 
 class CircleRadiusError(PmacError):

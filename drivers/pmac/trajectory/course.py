@@ -30,11 +30,8 @@ from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite
 MOST_CUTS = 4096
 """Maximum number of cubics in one stretch; a turn in so many is exact to the last digit, however long it takes."""
 
-SLIVER_MS = 1e-9
-"""Instants this close to each other are one: a cubic between them would be all rounding."""
-
-State = tuple[Vector, Vector]
-"""Position (counts) and velocity (counts/ms)."""
+SLIVER_MS = 1e-9  # Instants this close to each other are one: a cubic between them would be all rounding
+State = tuple[Vector, Vector]  # Position (counts) and velocity (counts/ms)
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,7 @@ from drivers.pmac.variables import VariableStore
 
 ROTARY = frozenset("ABC")
 
-ROUNDING = 1e-9
-"""The fraction of a turn within which a motor counts as already in position."""
+ROUNDING = 1e-9  # The fraction of a turn within which a motor counts as already in position
 
 FARTHEST_COUNTS = 2.0**47 / (96 * 32)
 """Positions are 48 bits wide, in units of 1/(32 Ix08) count; the factory's Ix08 is 96."""

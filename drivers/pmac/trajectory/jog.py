@@ -16,11 +16,8 @@ from drivers.pmac.trajectory.linear import Limits, LinearMove, at_rest, effectiv
 from drivers.pmac.trajectory.pieces import Cubic, Piece, Vector, position_at, ramp, velocity_at
 from drivers.pmac.variables import VariableStore
 
-SHORTEST_RAMP_MS = 1.0
-"""Minimum acceleration time, used when both acceleration times are zero."""
-
-SLIVER_MS = 1e-9
-"""Ends of pieces this close to each other are one."""
+SHORTEST_RAMP_MS = 1.0  # Minimum acceleration time, used when both acceleration times are zero
+SLIVER_MS = 1e-9  # Ends of pieces this close to each other are one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

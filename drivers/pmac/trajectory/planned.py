@@ -10,8 +10,7 @@ from drivers.pmac.requests import CircleRequest, Deferred, Halt, HomeRequest, Pr
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece, Vector
 
-Event = HomeRequest | PresetRequest | Halt
-"""What the owner of the motors has to carry out between two moves."""
+Event = HomeRequest | PresetRequest | Halt  # What the owner of the motors has to carry out between two moves
 
 
 class MoveRecord(NamedTuple):
