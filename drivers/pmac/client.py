@@ -213,10 +213,7 @@ class PmacClient:
         return tuple(map(self.number, self.query(*items, timeout_s=timeout_s, again=again)))
 
     def number(self, answer: str) -> float:
-        """Return a reply as a number.
-
-        Raises LinkError: `link.out_of_step`, it is not one.
-        """
+        """Return a reply as a number. Raises LinkError: `link.out_of_step`, it is not one."""
         try:
             return number_of(answer)
         except ValueError as error:

@@ -83,10 +83,7 @@ class MoveTimes:
         return self._setting(90) or 1000.0
 
     def keep(self, word: str, value: float) -> None:
-        """Execute TA, TS, TM, F or PVT.
-
-        Raises PmacError: 003, a time that the controller cannot hold.
-        """
+        """Execute TA, TS, TM, F or PVT. Raises PmacError: 003, a time that the controller cannot hold."""
         if word in ("TA", "TS"):
             whole = float(_whole_ms(word, value))
             self._store(87 if word == "TA" else 88, whole)
@@ -113,10 +110,7 @@ class MoveTimes:
         return None, self._feedrate() / self.unit_ms
 
     def pvt_ms(self) -> float:
-        """Return the time of a PVT segment.
-
-        Raises PmacError: 003, none was set.
-        """
+        """Return the time of a PVT segment. Raises PmacError: 003, none was set."""
         _check_segment("PVT", self._modes.pvt_ms)
         return self._modes.pvt_ms
 

@@ -67,10 +67,7 @@ class Moves:
                 self._modes.feed(statement, set(self._positions))
 
     def turn(self, words: Sequence[Word]) -> None:
-        """NORMAL.
-
-        Raises PmacError: 003, a vector of zero length has no direction.
-        """
+        """NORMAL. Raises PmacError: 003, a vector of zero length has no direction."""
         normal = {letter: value(self._values) for letter, value, _ in words}
         if not any(normal.values()):
             raise PmacError(ErrorCode.DATA_ERROR, "NORMAL 0 has no direction")
@@ -133,10 +130,7 @@ class Moves:
         return requests.PresetRequest(line=line, positions=positions)
 
     def home(self, line: int, motors: tuple[int, ...], zero: bool) -> requests.HomeRequest:
-        """HOME or HOMEZ.
-
-        Raises PmacError: 003, the controller has no such motor.
-        """
+        """HOME or HOMEZ. Raises PmacError: 003, the controller has no such motor."""
         count = self._values.store.dialect.motor_count
         if max(motors) > count:
             raise PmacError(ErrorCode.DATA_ERROR, f"HOME{max(motors)}, motors 1 to {count}")

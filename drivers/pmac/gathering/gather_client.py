@@ -194,10 +194,7 @@ class DataGathering:
         return plan
 
     def start(self, plan: GatherPlan) -> None:
-        """Start with the next servo cycle, in an empty buffer.
-
-        Raises GatherError: no room any more.
-        """
+        """Start with the next servo cycle, in an empty buffer. Raises GatherError: no room any more."""
         self._reserve(plan)  # nothing else resets a controller to the start of its buffer
         self.client.request("GATHER", self.timeout_s)
 

@@ -175,10 +175,7 @@ class _Reader:
 
 
 def parse_letters(scanner: Scanner, letters: tuple[str, ...]) -> tuple[str, ...]:
-    """Parse `(X,Y)`, each one of `letters`.
-
-    Raises PmacError: 003, something else is there.
-    """
+    """Parse `(X,Y)`, each one of `letters`. Raises PmacError: 003, something else is there."""
     scanner.expect("(")
     listed: list[str] = []
     while not listed or scanner.accept(","):
@@ -204,10 +201,7 @@ def parse_numbers(scanner: Scanner, lowest: int, highest: int) -> tuple[int, ...
 
 
 def parse_number(scanner: Scanner, lowest: int, highest: int) -> int:
-    """Parse a whole number.
-
-    Raises PmacError: 003, not a number, or one outside the limits.
-    """
+    """Parse a whole number. Raises PmacError: 003, not a number, or one outside the limits."""
     number = scanner.take_integer()
     if number is None or not lowest <= number <= highest:
         raise scanner.refusal(f"expected a number from {lowest} to {highest}")

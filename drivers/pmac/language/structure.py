@@ -83,10 +83,7 @@ class Linker(Generic[Instruction]):
         self.emit(number, statement)
 
     def divide(self, number: int, statement: Instruction) -> Block:
-        """Begin the alternative of a branch; return its block.
-
-        Raises PmacError: 009, an ELSE without its IF.
-        """
+        """Begin the alternative of a branch; return its block. Raises PmacError: 009, an ELSE without its IF."""
         block = self.blocks[-1] if self.blocks else None
         if block is None or block.loop or block.alternative is not None:
             raise structure_error(number, "ELSE without IF")
@@ -96,10 +93,7 @@ class Linker(Generic[Instruction]):
         return block
 
     def end(self, number: int, statement: Instruction, *, loop: bool) -> None:
-        """Close the innermost block.
-
-        Raises PmacError: 009, an end without its beginning.
-        """
+        """Close the innermost block. Raises PmacError: 009, an end without its beginning."""
         if not self.blocks or self.blocks[-1].loop is not loop:
             raise structure_error(number, "ENDWHILE without WHILE" if loop else "ENDIF without IF")
         block = self.blocks.pop()
@@ -109,10 +103,7 @@ class Linker(Generic[Instruction]):
         self.jumps[block.head if block.alternative is None else block.alternative] = len(self.instructions)
 
     def refuse_open(self) -> None:
-        """Refuse a program whose last block is open.
-
-        Raises PmacError: 016.
-        """
+        """Refuse a program whose last block is open. Raises PmacError: 016."""
         if self.blocks:
             block = self.blocks[-1]
             word = "WHILE" if block.loop else "IF"

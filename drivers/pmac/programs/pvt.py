@@ -181,10 +181,7 @@ def longest_segment_ms(command: LobedPath, frequency_hz: float) -> int:
 
 
 def pvt_timing(job: Job, setup: CutSetup, command: LobedPath) -> PvtTiming:
-    """Return the times for a job.
-
-    Raises ProblemError: `program.too_long`.
-    """
+    """Return the times for a job. Raises ProblemError: `program.too_long`."""
     turn_ms = 60_000.0 / job.spindle_speed_rpm
     # The end of a turn is checked once in a segment.
     segment_ms = max(1, min(longest_segment_ms(command, job.lobe_frequency_hz), math.floor(turn_ms)))

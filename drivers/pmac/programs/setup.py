@@ -126,10 +126,7 @@ def cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]:
 
 
 def refuse_endless(moves: float) -> None:
-    """Refuse a cut with an unreasonable number of moves.
-
-    Raises ProblemError: `program.too_long`.
-    """
+    """Refuse a cut with an unreasonable number of moves. Raises ProblemError: `program.too_long`."""
     if moves > MOST_MOVES:
         raise ProblemError(
             Problem(code="program.too_long", key="cut_length_mm", value=f"{moves:.3g}", limit=f"<= {MOST_MOVES}")

@@ -69,9 +69,6 @@ def circle_time_ms(request: CircleRequest, length: float) -> float:
 
 
 def check_segment(duration_ms: float) -> None:
-    """Refuse a PVT or SPLINE segment without a time.
-
-    Raises PmacError: 003, no time.
-    """
+    """Refuse a PVT or SPLINE segment without a time. Raises PmacError: 003, no time."""
     if not duration_ms > 0.0:
         raise PmacError(ErrorCode.DATA_ERROR, f"a segment of {duration_ms:g} ms; above 0")

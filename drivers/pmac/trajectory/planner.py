@@ -67,10 +67,7 @@ class MotionPlanner:
         return self._blend.target
 
     def plan(self) -> Planned:
-        """Calculate the next request and plan its motion.
-
-        Raises PmacError: a run-time error of the program.
-        """
+        """Calculate the next request and plan its motion. Raises PmacError: a run-time error of the program."""
         before = self._blend, self._pvt_velocity, self._spline, self._after_break
         self._newest = None
         try:
