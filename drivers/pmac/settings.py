@@ -50,7 +50,5 @@ def _places(index: int, dialect: Dialect) -> Iterable[int]:
 
 def _spread(dialect: Dialect, owner: int, setting: Setting) -> Iterable[int]:
     """Map with `owner` 0 for what the non-Turbo controller has once; then all motors or systems get it."""
-    owners: Iterable[int] = (owner,)
-    if owner == 0:
-        owners = dialect.numbers(dialect.places[setting].scope)
+    owners = (owner,) if owner else dialect.numbers(dialect.places[setting].scope)
     return {dialect.index(setting, each) for each in owners}

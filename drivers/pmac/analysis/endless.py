@@ -214,7 +214,11 @@ class EndlessWatch:
         passes = len(rounds.starts) - 1
         if not passes:
             return None
-        rounds.steady = rounds.steady + 1 if _repeats(steps, rounds.starts) else 0
+        repeats = False
+        if passes >= 2:
+            first, second, third = (start + 1 for start in rounds.starts[-3:])
+            repeats = same_motion(steps[second:third], steps[first:second])
+        rounds.steady = rounds.steady + 1 if repeats else 0
         if rounds.steady >= STEADY_PASSES and self._turned(steps, rounds):
             return Circle(loop=loop, period=rounds.starts[-1] - rounds.starts[-2], passes=passes)
         return Circle(loop=loop, period=None, passes=passes) if passes >= MOST_PASSES else None
@@ -235,13 +239,6 @@ class _Rounds:
 
     starts: list[int] = field(default_factory=list)
     steady: int = 0
-
-
-def _repeats(steps: Sequence[Step], starts: Sequence[int]) -> bool:
-    if len(starts) < 3:
-        return False
-    first, second, third = starts[-3:]
-    return same_motion(steps[second + 1 : third + 1], steps[first + 1 : second + 1])
 
 
 @dataclass(slots=True)

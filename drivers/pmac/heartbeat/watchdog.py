@@ -37,14 +37,18 @@ class Timer:
     pointer: Pointer | None = None
 
 
-def watchdog_timer(dialect: Dialect) -> Timer:
-    """Return the timer of the watchdog."""
-    return _timer(dialect, 0)
+def watchdog_timer(dialect: Dialect, place: int = 0) -> Timer:
+    """Return the timer of the watchdog: the first that the family has."""
+    if dialect.timer_numbers:
+        return Timer(f"I{dialect.system_index(SYSTEM, dialect.timer_numbers[place])}")
+    space, address = dialect.timer_words[place]
+    pointer = Pointer(space=space, address=address, width=WORD_BITS, signed=True)
+    return Timer(f"M{reserved.WATCHDOG_TIMER + place}", pointer)
 
 
 def wait_timer(dialect: Dialect) -> Timer:
-    """Return the timer that the PLC waits by."""
-    return _timer(dialect, 1)
+    """Return the timer that the PLC waits by: the second one."""
+    return watchdog_timer(dialect, 1)
 
 
 def cycles_of(time_ms: float, i10: float) -> int:
@@ -61,11 +65,3 @@ def watchdog_line(dialect: Dialect, i10: float | None = None) -> str:
 def watchdog_condition(dialect: Dialect) -> str:
     """Return the loop condition with which a cutting program ends by itself without a host."""
     return f"{watchdog_timer(dialect).name}>0"
-
-
-def _timer(dialect: Dialect, place: int) -> Timer:
-    if dialect.timer_numbers:
-        return Timer(f"I{dialect.system_index(SYSTEM, dialect.timer_numbers[place])}")
-    space, address = dialect.timer_words[place]
-    pointer = Pointer(space=space, address=address, width=WORD_BITS, signed=True)
-    return Timer(f"M{reserved.WATCHDOG_TIMER + place}", pointer)

@@ -26,7 +26,6 @@ class CircleRadiusError(PmacError):
     """A run-time error with a status bit of its own: an arc without a radius, or with one that is too short."""
 
     def __init__(self, detail: str) -> None:
-        """`detail` describes the requested arc."""
         super().__init__(ErrorCode.DATA_ERROR, detail)
 
 
