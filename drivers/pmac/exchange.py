@@ -197,11 +197,7 @@ class Exchange:
                 raise LinkTimeoutError(Problem(code="link.not_in_step", where=self.link.address, value=value))
 
     def _bring(self, line: str, data: bytes, form: ChecksumForm, check: Callable[[], None]) -> None:
-        """Send a line except its end; erase it at the controller if it must not be ended.
-
-        Raises:
-            RefusedError, LinkError: as for `send`; and whatever `check` raises.
-        """
+        """Send a line except its end; erase it at the controller if it must not be ended."""
         expected, said = form.answer(data), b""
         self._begun = True
         try:
@@ -260,12 +256,7 @@ class Exchange:
             self.link.send(FLUSH)
 
     def _erase(self, deadline: float) -> None:
-        """Make sure that no line without an end remains at the controller: only our own has been received.
-
-        Raises:
-            LinkTimeoutError: `link.not_in_step`.
-            LinkError: the link broke.
-        """
+        """Make sure that no line without an end remains at the controller: only our own has been received."""
         form, began_s = self.checksums, self._clock.now_s()
         while self._begun and form is not None:
             self._flush(max(self._left(deadline), QUIET_S))

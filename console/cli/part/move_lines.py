@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from console.cli.part.plain_number import PlainNumber
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from drivers.pmac.analysis.folding import Fold, fold
-from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
+from drivers.pmac.analysis.moves import Fold, MotorMove, MoveAnalysis, fold
 from drivers.pmac.analysis.program import ProgramCheck
-from drivers.pmac.analysis.step import SAME_COUNTS
-from drivers.pmac.analysis.timeline import NOTHING
+from drivers.pmac.analysis.timeline import NOTHING, SAME_COUNTS
 from drivers.pmac.analysis.units import Unit, unit_of
 from profiles.machine import MachineProfile
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations, product
 
-from drivers.pmac.analysis.step import Step, same_motion
+from drivers.pmac.analysis.timeline import Step, same_motion
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import EvaluationError
 from drivers.pmac.language.evaluate import Variables, holds

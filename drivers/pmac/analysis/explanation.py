@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 from drivers.pmac.analysis.findings import Said, Sentence, Value, sentence
 from drivers.pmac.analysis.moves import MoveAnalysis
-from drivers.pmac.analysis.step import SAME_COUNTS
 from drivers.pmac.analysis.subject import Subject
+from drivers.pmac.analysis.timeline import SAME_COUNTS
 from drivers.pmac.analysis.timing import interrupt_ms
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.trajectory.linear import Limits, LinearMove, Timing, effective_timing

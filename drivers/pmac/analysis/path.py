@@ -7,8 +7,8 @@ from itertools import pairwise
 from drivers.pmac.analysis.explanation import KEPT_ENOUGH, ZigZag
 from drivers.pmac.analysis.findings import Code, ProgramFinding, finding
 from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
-from drivers.pmac.analysis.step import SAME_COUNTS
 from drivers.pmac.analysis.subject import Subject, moves
+from drivers.pmac.analysis.timeline import SAME_COUNTS
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.analysis.walk import Ending
 from drivers.pmac.dialect import Setting

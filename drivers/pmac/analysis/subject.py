@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from drivers.pmac.analysis.moves import MoveAnalysis
-from drivers.pmac.analysis.step import SAME_COUNTS
-from drivers.pmac.analysis.timeline import Timeline
+from drivers.pmac.analysis.timeline import SAME_COUNTS, Timeline
 from drivers.pmac.analysis.walk import Walk
 from profiles.machine import MachineProfile
 

@@ -15,7 +15,7 @@ from functools import partial
 from typing import NamedTuple
 
 from drivers.pmac.analysis.endless import Circle, EndlessWatch, Name, Turning, find_loops, way_out
-from drivers.pmac.analysis.step import Step
+from drivers.pmac.analysis.timeline import Step
 from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins
 from drivers.pmac.dialect import PMAC, Dialect, Setting
 from drivers.pmac.execution.move_times import Modes

@@ -12,8 +12,7 @@ from itertools import takewhile
 
 from drivers.pmac.execution.calls import Arguments, CallingLine, target_of
 from drivers.pmac.execution.move_times import Modes
-from drivers.pmac.execution.moves import Moves
-from drivers.pmac.execution.steps import Step, StepMaker
+from drivers.pmac.execution.moves import Moves, Step, StepMaker
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value, compile_condition, compile_expression

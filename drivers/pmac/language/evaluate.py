@@ -102,8 +102,12 @@ class _Compiler:
         match expression:
             case syntax.Number(constant):
                 return lambda v: constant
-            case syntax.Variable(kind, index):
-                return self._variable(kind, index)
+            case syntax.Variable(kind, syntax.Number(index)):
+                fixed = int(index)
+                return lambda v: v.get(kind, fixed)
+            case syntax.Variable(kind, computed):
+                number = self.expression(computed)
+                return lambda v: v.get(kind, int(number(v)))
             case syntax.Negate(operand):
                 value = self.expression(operand)
                 return lambda v: -value(v)
@@ -111,13 +115,6 @@ class _Compiler:
                 return self._call(name, self.expression(argument))
             case syntax.Binary(operator, left, right):
                 return self._binary(operator, self.expression(left), self.expression(right))
-
-    def _variable(self, kind: syntax.VariableKind, index: syntax.Expression) -> Value:
-        if isinstance(index, syntax.Number):
-            fixed = int(index.value)
-            return lambda v: v.get(kind, fixed)
-        number = self.expression(index)
-        return lambda v: v.get(kind, int(number(v)))
 
     def _call(self, name: str, argument: Value) -> Value:
         function = self._function(name)
