@@ -2,13 +2,224 @@
 
 from __future__ import annotations
 
-from drivers.pmac.language.expressions import parse_expression, parse_variable
+import string
+from collections.abc import Callable, Mapping
+
+from drivers.pmac.language import syntax
+from drivers.pmac.language.expressions import (
+    HIGHEST_PLC,
+    at_data,
+    parse_condition,
+    parse_data,
+    parse_expression,
+    parse_letters,
+    parse_numbers,
+    parse_variable,
+    parse_words,
+)
 from drivers.pmac.language.gathering import gather_moves, may_be_argument
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.statements import READERS, parse_argument
 from drivers.pmac.language.syntax import Assign, CallProgram, Line, Statement, VariableKind
 
-_WORDS = tuple(READERS)
+Reader = Callable[[Scanner, str], syntax.Statement | None]
+"""Parses what follows its word; None when that does not make a statement."""
+
+HIGHEST_LABEL = 2**18 - 1
+
+HIGHEST_MOTOR = 32  # The motors of the largest family; a missing motor is detected when the line is executed
+CODES = ("G", "M", "T", "D")  # The letters of calls of programs 1000, 1001, 1002 and 1003
+
+READABLE = tuple(letter for letter in string.ascii_uppercase if letter not in "NO")
+"""The letters that READ can ask for."""
+
+ARGUMENTS = ("E", "H", "L", "P", "Q")  # The letters that are a statement only after a call
+PORTS = ("S", "P", "R", "A")  # Serial, parallel, dual-ported RAM, auxiliary serial
+_CONTROL = 0x40  # Offset of a control character from its letter
+
+_LETTERS = tuple(string.ascii_uppercase)
+_RADIUS = "R"
+_WAITS = {"DWELL": "DWELL", "DWE": "DWELL", "DELAY": "DELAY", "DLY": "DELAY"}
+_HOMES = {"HOME": False, "HM": False, "HOMEZ": True, "HMZ": True}
+_SWITCHES = {"ENABLEPLC": True, "ENAPLC": True, "DISABLEPLC": False, "DISPLC": False}
+_TALKERS = {"COMMAND": "CMD", "CMD": "CMD", "SEND": "SEND"}
+_WITH_PORT = {f"{word}{port}": (name, port) for word, name in _TALKERS.items() for port in ("", *PORTS)}
+_SHORT_MODES = {"LIN": "LINEAR", "RPD": "RAPID", "CIR1": "CIRCLE1", "CIR2": "CIRCLE2"}
+_MODES = ("LINEAR", "RAPID", "SPLINE1", "SPLINE2", "CIRCLE1", "CIRCLE2", *_SHORT_MODES)
+_FIXED: Mapping[str, syntax.Statement] = {
+    **dict.fromkeys(("ENDWHILE", "ENDW"), syntax.EndWhile()),
+    **dict.fromkeys(("ENDIF", "ENDI"), syntax.EndIf()),
+    **dict.fromkeys(("RETURN", "RET"), syntax.Return()),
+    **{word: syntax.SelectMode(_SHORT_MODES.get(word, word)) for word in _MODES},
+    "NOFRAX": syntax.Feedrate(none=True),
+    "WAIT": syntax.Pause(),
+    "STOP": syntax.Stop(),
+    **dict.fromkeys(("BLOCKSTART", "BSTART"), syntax.Block(begins=True)),
+    **dict.fromkeys(("BLOCKSTOP", "BSTOP"), syntax.Block(begins=False)),
+}
+"""The words that are a whole statement."""
+
+
+def parse_argument(scanner: Scanner) -> syntax.Argument | None:
+    """Parse a letter with a value that is not a statement of its own, such as the P of `G4 P2000`.
+
+    None, with nothing consumed, if there is none at the cursor.
+
+    Raises PmacError: 003, the letter is not followed by data.
+    """
+    letter = scanner.take_word(ARGUMENTS)
+    return None if letter is None else syntax.Argument(letter, parse_data(scanner))
+
+
+def parse_enclosed_condition(scanner: Scanner) -> syntax.Condition:
+    """Parse a condition with the parentheses around the whole.
+
+    Raises PmacError: 003, something else is there.
+    """
+    scanner.expect("(")
+    condition = parse_condition(scanner)
+    scanner.expect(")")
+    return condition
+
+
+def is_control(text: str) -> bool:
+    """Whether a text is one of the control characters that are written `^A` to `^Z`."""
+    return len(text) == 1 and control_letter(text) in _LETTERS
+
+
+def control_letter(text: str) -> str:
+    """Return the A of `^A`."""
+    return chr(ord(text) + _CONTROL)
+
+
+def _branch(scanner: Scanner, word: str) -> syntax.While | syntax.If:
+    condition = parse_enclosed_condition(scanner)
+    inline = not scanner.at_end
+    return syntax.While(condition, inline) if word == "WHILE" else syntax.If(condition, inline)
+
+
+def _label(scanner: Scanner, word: str) -> syntax.Label | None:
+    number = scanner.take_integer()
+    if number is None:
+        return None
+    if number > HIGHEST_LABEL:
+        raise scanner.refusal(f"label {number}, 0 to {HIGHEST_LABEL}")
+    return syntax.Label(number)
+
+
+def _with_data(make: Callable[[str, syntax.Expression], syntax.Statement]) -> Reader:
+    """Return the reader of a word that is a statement with a value, and none without."""
+    return lambda scanner, word: make(word, parse_data(scanner)) if at_data(scanner) else None
+
+
+def _unless_online(make: Callable[[str, syntax.Expression], syntax.Statement]) -> Reader:
+    """Return the reader of a letter that has another meaning on-line, before a comma, a point or a sign.
+
+    `M1,` `M1->` and `M1=` are about variables, and so is `I130..135`.
+    """
+
+    def read(scanner: Scanner, word: str) -> syntax.Statement | None:
+        if not at_data(scanner):
+            return None
+        value = parse_data(scanner)
+        return None if scanner.peek(".,-=") else make(word, value)
+
+    return read
+
+
+def _talk(scanner: Scanner, word: str) -> syntax.Message | None:
+    name, port = _WITH_PORT[word]
+    if scanner.accept("^"):
+        letter = scanner.take_word(_LETTERS)
+        if letter is None:
+            raise scanner.refusal("expected a letter as in CMD^A")
+        return syntax.Message(name, chr(ord(letter) - _CONTROL), port)
+    return syntax.Message(name, _text(scanner), port) if scanner.peek('"') else None
+
+
+def _text(scanner: Scanner) -> str:
+    text = scanner.take_string()
+    if text is None:
+        raise scanner.refusal("expected a text in quotes")
+    if not text.isprintable():
+        raise scanner.refusal("control characters stand outside of quotes, as in CMD^A")
+    return text
+
+
+def _axis(scanner: Scanner, word: str) -> syntax.Move | None:
+    if not at_data(scanner):
+        return None
+    value = parse_data(scanner)
+    velocity = parse_data(scanner) if scanner.accept(":") else None
+    return syntax.Move((syntax.AxisWord(word, value, velocity),))
+
+
+def _positioning(scanner: Scanner, word: str) -> syntax.Positioning:
+    axes = parse_letters(scanner, (*syntax.AXES, _RADIUS)) if scanner.peek("(") else ()
+    return syntax.Positioning(word == "INC", axes)
+
+
+def _normal(scanner: Scanner, word: str) -> syntax.Normal:
+    words = parse_words(scanner, syntax.VECTOR)
+    if not words:
+        raise scanner.refusal("expected a vector as in NORMAL K-1")
+    return syntax.Normal(words)
+
+
+def _preset(scanner: Scanner, word: str) -> syntax.Preset:
+    words = parse_words(scanner, syntax.AXES)
+    if not words:
+        raise scanner.refusal("expected axes with positions as in PSET X0")
+    return syntax.Preset(words)
+
+
+def _home(scanner: Scanner, word: str) -> syntax.Home | None:
+    """Require motors: without them it is the on-line command."""
+    if not scanner.peek("0123456789$"):
+        return None
+    return syntax.Home(parse_numbers(scanner, 1, HIGHEST_MOTOR), zero=_HOMES[word])
+
+
+MESSAGE_READERS: Mapping[str, Reader] = {
+    **dict.fromkeys(_WITH_PORT, _talk),
+    **dict.fromkeys(
+        ("DISPLAY", "DISP"),
+        lambda scanner, word: syntax.Message("DISPLAY", place=scanner.take_integer(), text=_text(scanner)),
+    ),
+    **dict.fromkeys(
+        _SWITCHES,
+        lambda scanner, word: syntax.PlcSwitch(_SWITCHES[word], parse_numbers(scanner, 0, HIGHEST_PLC)),
+    ),
+}
+
+_READERS: Mapping[str, Reader] = {
+    **MESSAGE_READERS,
+    **dict.fromkeys(_FIXED, lambda scanner, word: _FIXED[word]),
+    **dict.fromkeys(("WHILE", "IF"), _branch),
+    "ELSE": lambda scanner, word: syntax.Else(inline=not scanner.at_end),
+    **dict.fromkeys(("N", "O"), _label),
+    "GOTO": lambda scanner, word: syntax.Goto(parse_data(scanner)),
+    "GOSUB": lambda scanner, word: syntax.Gosub(parse_data(scanner)),
+    "CALL": lambda scanner, word: syntax.CallProgram(parse_data(scanner)),
+    **dict.fromkeys(CODES, _unless_online(lambda word, value: syntax.CallProgram(value, code=word))),
+    "READ": lambda scanner, word: syntax.Read(parse_letters(scanner, READABLE)),
+    "S": _with_data(syntax.Argument),
+    **dict.fromkeys(("TA", "TS", "TM", "F", "PVT"), _with_data(syntax.Set)),
+    **dict.fromkeys(_WAITS, _with_data(lambda word, value: syntax.Wait(_WAITS[word], value))),
+    **dict.fromkeys(syntax.AXES, _axis),
+    **dict.fromkeys(
+        (*syntax.VECTOR, _RADIUS), _unless_online(lambda word, value: syntax.Move((syntax.AxisWord(word, value),)))
+    ),
+    **dict.fromkeys(_HOMES, _home),
+    **dict.fromkeys(("ABS", "INC"), _positioning),
+    **dict.fromkeys(("NORMAL", "NRM"), _normal),
+    "FRAX": lambda scanner, word: syntax.Feedrate(
+        parse_letters(scanner, syntax.AXES) if scanner.peek("(") else ()
+    ),
+    "PSET": _preset,
+}
+
+
+_WORDS = tuple(_READERS)
 WORDS = tuple(word for word in _WORDS if len(word) > 1)
 """The words of motion programs, without the single letters that have another meaning on-line."""
 _COMBINING = {"==": "", "&=": "&", "|=": "|", "^=": "^"}  # The signs of assignments that wait for the next move
@@ -47,7 +258,7 @@ def parse_statement(scanner: Scanner) -> Statement | None:
         return statement
     scanner.reset(mark)
     word = scanner.take_word(_WORDS)
-    read = None if word is None else READERS[word](scanner, word)
+    read = None if word is None else _READERS[word](scanner, word)
     if read is None:
         scanner.reset(mark)
     return read

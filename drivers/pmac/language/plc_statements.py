@@ -13,7 +13,7 @@ from functools import reduce
 from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import parse_expression, parse_number, parse_variable
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.statements import HIGHEST_MOTOR, MESSAGE_READERS, parse_enclosed_condition
+from drivers.pmac.language.parser import HIGHEST_MOTOR, MESSAGE_READERS, parse_enclosed_condition
 from drivers.pmac.language.structure import Linker, structure_error
 
 HIGHEST_SYSTEM = 16  # Of the largest family; a missing one is detected when the statement is executed

@@ -13,7 +13,7 @@ from drivers.pmac.language.expressions import (
     PROGRAM,
 )
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.statements import MESSAGE_READERS
+from drivers.pmac.language.parser import MESSAGE_READERS
 from drivers.pmac.language.syntax import PlcSwitch
 from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.simulator.card import buffers
