@@ -15,7 +15,7 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.cam_table import Cam
 from drivers.pmac.programs.cam_trim import TRIM_VALUES, TRIMMED_CUT, trim_segment_ms, trim_values
-from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S
+from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S, RUN_DOWN, RUN_UP
 from drivers.pmac.programs.setup import SERVO, CutSetup, cut_values, refuse_endless
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -198,13 +198,21 @@ P28=P22+{before} ; spindle at the first segment
 """,
 )
 
-_RUN_UP = """\
-PVT{half} ; the spindle runs up
-X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
-X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
-PVT{approach} ; the tool goes to its mean depth, clear of the part
-X(P11):0 Y(P28):(P17) Z(P21):0
+_OUT = """\
+P30=P28+P16*P25+P17*{approach}/1000
+P29=P29+P33*{approach}/3000
+X(P20):0 Y(P30):(P17) Z(P29):0
 """
+
+_TURNED = _SET_UP.replace("{spindle_words}", "y spindle, ").replace(
+    "{spindle_values}",
+    """\
+P16={spindle_step} ; spindle counts in one segment
+P17={spindle_speed} ; spindle speed, counts/s
+P22={spindle_start} ; spindle at the start
+P28=P22+{before} ; spindle at the first segment
+""",
+)
 
 _OUT = """\
 P30=P28+P16*P25+P17*{approach}/1000
@@ -212,19 +220,19 @@ P29=P29+P33*{approach}/3000
 X(P20):0 Y(P30):(P17) Z(P29):0
 """
 
-_RUN_DOWN = """\
+RUN_DOWN = """\
 PVT{half} ; the spindle runs down
 X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
 X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
 """
 
-_TURNED = _SET_UP_TURNED + _RUN_UP + _CUT.replace("{y}", " Y(P28+P16*P25):(P17)") + _OUT + _RUN_DOWN + _END
+_TURNED = _SET_UP_TURNED + RUN_UP + _CUT.replace("{y}", " Y(P28+P16*P25):(P17)") + _OUT + RUN_DOWN + _END
 
 _TRIMMED = (
     _SET_UP_TURNED.replace("CLOSE\nOPEN PROG", TRIM_VALUES + "CLOSE\nOPEN PROG")
-    + _RUN_UP
+    + RUN_UP
     + TRIMMED_CUT
-    + _RUN_DOWN
+    + RUN_DOWN
     + _END
 )
 

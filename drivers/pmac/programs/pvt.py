@@ -100,6 +100,9 @@ OPEN PROG {program}
 CLEAR
 ABS
 {flag}=0 ; the host sets it to end the cut at the end of a turn
+"""
+
+RUN_UP = """\
 PVT{half} ; the spindle runs up
 X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
 X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
@@ -107,15 +110,13 @@ PVT{approach} ; the tool goes to its mean depth, clear of the part
 X(P11):0 Y(P28):(P17) Z(P21):0
 """
 
-_RUN_DOWN = """\
-P30=P28+P16*P25
-P29=P29+P33*{out_ms}/3000
+RUN_DOWN = """\
 PVT{half} ; the spindle runs down
 X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
 X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
-IF(P45=P25) P44=1
-CLOSE
 """
+
+_AT_REST = "P30=P28+P16*P25\nP29=P29+P33*{out_ms}/3000\n" + RUN_DOWN + "IF(P45=P25) P44=1\nCLOSE\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,7 +222,7 @@ def pvt_program(job: Job, setup: CutSetup, command: LobedPath) -> str:
         "half": HALF_RUN_UP_MS,
         "program": PROGRAM_NUMBER,
     }
-    return (_TEXT + LOBE_PATH + _RUN_DOWN).format(**values)
+    return (_TEXT + RUN_UP + LOBE_PATH + _AT_REST).format(**values)
 
 
 def path_values(
