@@ -53,21 +53,21 @@ def unmistakable(line: bytes) -> bytes:
     return line + b" " if checksum(line) in _AMBIGUOUS else line
 
 
-def form_of(said: bytes, line: bytes) -> ChecksumForm | None:
+def form_of(reported: bytes, line: bytes) -> ChecksumForm | None:
     """Derive the form of a checksum from the reply to a line; None when the reply is no checksum."""
     for digits in (False, True):
-        before, found, after = said.partition(ChecksumForm(digits=digits).answer(line))
+        before, found, after = reported.partition(ChecksumForm(digits=digits).answer(line))
         if found and _AROUND.issuperset(before + after):
             return ChecksumForm(digits=digits, before=before, after=after)
     return None
 
 
-def like_an_answer(said: bytes) -> bool:
+def like_an_answer(reported: bytes) -> bool:
     """Whether a reply may be an acknowledgement or a refusal: a character of the line arrived as its end."""
-    return said[:1] in (bytes((ACK,)), bytes((BELL,)))
+    return reported[:1] in (bytes((ACK,)), bytes((BELL,)))
 
 
-def shown(said: bytes) -> str:
+def shown(reported: bytes) -> str:
     """Return a reply in readable form: the numbers of its bytes, or its digits."""
-    text = said.strip().decode("latin-1")
-    return text if len(said) > 1 and text.isascii() and text.isdigit() else " ".join(map(str, said))
+    text = reported.strip().decode("latin-1")
+    return text if len(reported) > 1 and text.isascii() and text.isdigit() else " ".join(map(str, reported))

@@ -89,12 +89,12 @@ class Exchange:
         """
         for _ in range(CHECKSUM_TRIES):
             self.link.send(PROBE + ASK)
-            said, deadline = b"", self._clock.now_s() + CHECKSUM_TIMEOUT_S
-            while came := self.link.receive(QUIET_S if said else CHECKSUM_TIMEOUT_S):
-                said += came
+            reported, deadline = b"", self._clock.now_s() + CHECKSUM_TIMEOUT_S
+            while came := self.link.receive(QUIET_S if reported else CHECKSUM_TIMEOUT_S):
+                reported += came
                 if self._left(deadline) <= 0.0:
                     break
-            self.checksums = form_of(said, PROBE)
+            self.checksums = form_of(reported, PROBE)
             self._flush()
             if self.checksums is not None:
                 break
@@ -198,11 +198,11 @@ class Exchange:
 
     def _bring(self, line: str, data: bytes, form: ChecksumForm, check: Callable[[], None]) -> None:
         """Send a line except its end; erase it at the controller if it must not be ended."""
-        expected, said = form.answer(data), b""
+        expected, reported = form.answer(data), b""
         self._begun = True
         try:
-            said = self._checksum_of(data, expected)
-            if said == expected:
+            reported = self._checksum_of(data, expected)
+            if reported == expected:
                 check()
                 return
         except LinkError as error:
@@ -210,7 +210,7 @@ class Exchange:
         except BaseException:
             self._leave()  # a stop that comes now finds no line that could still be ended
             raise
-        raise self._not_brought(line, said, expected)
+        raise self._not_brought(line, reported, expected)
 
     def _checksum_of(self, data: bytes, expected: bytes) -> bytes:
         """Send characters of a line, and return the controller's output for them. Messages are kept."""
@@ -222,27 +222,31 @@ class Exchange:
                 self.messages += self._reader.take_messages()
             except FramingError:
                 break
-            said = self._reader.rest
-            if said and not self._reader.within_message and (said == expected or not expected.startswith(said)):
+            reported = self._reader.rest
+            if (
+                reported
+                and not self._reader.within_message
+                and (reported == expected or not expected.startswith(reported))
+            ):
                 break
-        said = self._reader.rest
+        reported = self._reader.rest
         self._reader.clear()
-        return said
+        return reported
 
-    def _not_brought(self, line: str, said: bytes, expected: bytes) -> RefusedError | LinkError:
+    def _not_brought(self, line: str, reported: bytes, expected: bytes) -> RefusedError | LinkError:
         """Erase a line that did not arrive as it was sent; return the problem to report."""
         where = self.link.address
         problem = Problem(code="link.line_unproven", where=where, key=line, value=f"{CHECKSUM_TIMEOUT_S:g} s")
-        if said:
-            value, limit = shown(said), shown(expected)
+        if reported:
+            value, limit = shown(reported), shown(expected)
             problem = Problem(code="link.line_differs", where=where, key=line, value=value, limit=limit)
         try:
             # A checksum that looks like a reply is seen again: the line is still there.
-            if like_an_answer(said) and self._checksum_of(b"", said) != said:
+            if like_an_answer(reported) and self._checksum_of(b"", reported) != reported:
                 self.faults = self.faults.with_another(FaultKind.DIFFERS, self._clock.now_s(), line)
                 self._leave()  # whatever moves now must be stopped at once
                 return LinkError(Problem(code="link.line_in_part", where=where, key=line))
-            self._lose_step(FaultKind.DIFFERS if said else FaultKind.SILENT, line, REPLY_TIMEOUT_S)
+            self._lose_step(FaultKind.DIFFERS if reported else FaultKind.SILENT, line, REPLY_TIMEOUT_S)
             self.resynchronise()
         except LinkError as error:
             self.in_step = False

@@ -109,14 +109,14 @@ class CompensationTable:
     def at(self, column: float, row: float = 0.0) -> float:
         """Return the correction at a place of the grid, in spacings; its ends belong to their last interval."""
         left = min(int(column), self.definition.columns - 1)
-        share = column - left
+        fraction = column - left
         above = min(int(row), max(0, self.definition.rows - 1))
         line = self.grid[above]
-        found = line[left] + (line[left + 1] - line[left]) * share
+        found = line[left] + (line[left + 1] - line[left]) * fraction
         if not self.definition.rows:
             return found
         line = self.grid[above + 1]
-        below = line[left] + (line[left + 1] - line[left]) * share
+        below = line[left] + (line[left + 1] - line[left]) * fraction
         return found + (below - found) * (row - above)
 
 

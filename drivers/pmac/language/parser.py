@@ -233,15 +233,15 @@ def parse_line(text: str) -> Line:
     """
     scanner = Scanner(text)
     statements: list[Statement] = []
-    behind_call = False
+    after_call = False
     while not scanner.at_end:
         statement = parse_statement(scanner)
-        if statement is None and behind_call:
+        if statement is None and after_call:
             statement = parse_argument(scanner)
         if statement is None:
             raise scanner.refusal("no statement of a motion program")
         statements.append(statement)
-        behind_call = isinstance(statement, CallProgram) or (behind_call and may_be_argument(statement))
+        after_call = isinstance(statement, CallProgram) or (after_call and may_be_argument(statement))
     return gather_moves(statements)
 
 

@@ -170,11 +170,11 @@ def _plain(digits: str) -> str:
 
 
 def _check_neighbours(line: syntax.Line) -> None:
-    behind_call = False
+    after_call = False
     for statement, following in zip_longest(line, line[1:]):
-        if isinstance(statement, syntax.Argument) and statement.letter in ARGUMENTS and not behind_call:
+        if isinstance(statement, syntax.Argument) and statement.letter in ARGUMENTS and not after_call:
             raise ValueError("an argument without a call on its line")
-        behind_call = isinstance(statement, syntax.CallProgram) or (behind_call and may_be_argument(statement))
+        after_call = isinstance(statement, syntax.CallProgram) or (after_call and may_be_argument(statement))
         if isinstance(statement, syntax.Normal | syntax.Preset) and isinstance(following, syntax.Move):
             own = {word.axis for word in statement.words}
             vector = isinstance(statement, syntax.Normal)

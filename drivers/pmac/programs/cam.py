@@ -204,28 +204,6 @@ P29=P29+P33*{approach}/3000
 X(P20):0 Y(P30):(P17) Z(P29):0
 """
 
-_TURNED = _SET_UP.replace("{spindle_words}", "y spindle, ").replace(
-    "{spindle_values}",
-    """\
-P16={spindle_step} ; spindle counts in one segment
-P17={spindle_speed} ; spindle speed, counts/s
-P22={spindle_start} ; spindle at the start
-P28=P22+{before} ; spindle at the first segment
-""",
-)
-
-_OUT = """\
-P30=P28+P16*P25+P17*{approach}/1000
-P29=P29+P33*{approach}/3000
-X(P20):0 Y(P30):(P17) Z(P29):0
-"""
-
-RUN_DOWN = """\
-PVT{half} ; the spindle runs down
-X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
-X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
-"""
-
 _TURNED = _SET_UP_TURNED + RUN_UP + _CUT.replace("{y}", " Y(P28+P16*P25):(P17)") + _OUT + RUN_DOWN + _END
 
 _TRIMMED = (

@@ -45,19 +45,19 @@ class Arc:
     straight: Vector
     length: float
 
-    def displacement(self, share: float) -> Vector:
+    def displacement(self, fraction: float) -> Vector:
         """Return the displacement from the start of the arc, counts."""
-        size = 1.0 + (self.growth - 1.0) * share
-        along, across = size * math.cos(self.sweep * share), size * math.sin(self.sweep * share)
+        size = 1.0 + (self.growth - 1.0) * fraction
+        along, across = size * math.cos(self.sweep * fraction), size * math.sin(self.sweep * fraction)
         return tuple(
-            (along - 1.0) * a + across * b + share * s
+            (along - 1.0) * a + across * b + fraction * s
             for a, b, s in zip(self.cosine, self.sine, self.straight, strict=True)
         )
 
-    def slope(self, share: float) -> Vector:
+    def slope(self, fraction: float) -> Vector:
         """Return the derivative of the displacement by the fraction of the path, counts."""
-        grows, size = self.growth - 1.0, 1.0 + (self.growth - 1.0) * share
-        cosine, sine = math.cos(self.sweep * share), math.sin(self.sweep * share)
+        grows, size = self.growth - 1.0, 1.0 + (self.growth - 1.0) * fraction
+        cosine, sine = math.cos(self.sweep * fraction), math.sin(self.sweep * fraction)
         along = grows * cosine - size * self.sweep * sine
         across = grows * sine + size * self.sweep * cosine
         return tuple(

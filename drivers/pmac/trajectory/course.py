@@ -59,8 +59,8 @@ class Curve:
 
     def after(self, elapsed_ms: float) -> State:
         """Return the displacement from the start of the move, by its own time, and the velocity."""
-        share = elapsed_ms / self.tm_ms
-        return self.arc.displacement(share), tuple(s / self.tm_ms for s in self.arc.slope(share))
+        fraction = elapsed_ms / self.tm_ms
+        return self.arc.displacement(fraction), tuple(s / self.tm_ms for s in self.arc.slope(fraction))
 
     def before_end(self, left_ms: float) -> State:
         """Return the displacement from the end of the move (negative), and the velocity."""
@@ -123,10 +123,10 @@ def _change_course(
         return _sum(blend.target, way), velocity
 
     def turning(elapsed_ms: float) -> State:
-        gone_ms, share = _risen(elapsed_ms, ta_ms, ts_ms)
+        gone_ms, fraction = _risen(elapsed_ms, ta_ms, ts_ms)
         way_out, before = old.before_end(0.5 * ta_ms - elapsed_ms + gone_ms)
         way_in, after = new.after(gone_ms)
-        velocity = tuple((1.0 - share) * b + share * a for b, a in zip(before, after, strict=True))
+        velocity = tuple((1.0 - fraction) * b + fraction * a for b, a in zip(before, after, strict=True))
         return _sum(_sum(blend.target, way_out), way_in), velocity
 
     segment_ms = min(course.segment_ms for course in (old, new) if isinstance(course, Curve))
@@ -143,15 +143,15 @@ def _change_course(
 def _risen(elapsed_ms: float, ta_ms: float, ts_ms: float) -> tuple[float, float]:
     """Return the progress of a ramp: the time gained by the rising move, ms, and its fraction of its speed."""
     if elapsed_ms > 0.5 * ta_ms:
-        gone_ms, share = _risen(ta_ms - elapsed_ms, ta_ms, ts_ms)
-        return elapsed_ms - 0.5 * ta_ms + gone_ms, 1.0 - share
+        gone_ms, fraction = _risen(ta_ms - elapsed_ms, ta_ms, ts_ms)
+        return elapsed_ms - 0.5 * ta_ms + gone_ms, 1.0 - fraction
     peak = 1.0 / (ta_ms - ts_ms)
     if elapsed_ms < ts_ms:
-        share = 0.5 * peak * elapsed_ms * elapsed_ms / ts_ms
-        return share * elapsed_ms / 3.0, share
+        fraction = 0.5 * peak * elapsed_ms * elapsed_ms / ts_ms
+        return fraction * elapsed_ms / 3.0, fraction
     linear_ms = elapsed_ms - ts_ms
-    share = peak * (0.5 * ts_ms + linear_ms)
-    return peak * (ts_ms * ts_ms / 6.0 + 0.5 * linear_ms * (ts_ms + linear_ms)), share
+    fraction = peak * (0.5 * ts_ms + linear_ms)
+    return peak * (ts_ms * ts_ms / 6.0 + 0.5 * linear_ms * (ts_ms + linear_ms)), fraction
 
 
 def _cut(
