@@ -26,8 +26,7 @@ from drivers.pmac.heartbeat.arming import (
 )
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, EchoWatch, Keeper
 from drivers.pmac.heartbeat.plc import OUT_LIMIT_MS, RUN_DOWN_MS, Policy, set_up_lines
-from drivers.pmac.heartbeat.registers import ENDING
-from drivers.pmac.heartbeat.watchdog import PERIOD_MS, cycles_of, watchdog_condition, watchdog_timer
+from drivers.pmac.heartbeat.watchdog import ENDING, PERIOD_MS, cycles_of, watchdog_condition, watchdog_timer
 from drivers.pmac.reserved import ECHO, LOST, OWNER
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

@@ -8,8 +8,7 @@ from functools import cached_property
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.expressions import HIGHEST_PROGRAM
-from drivers.pmac.language.gathering import gather_moves
-from drivers.pmac.language.parser import CODES
+from drivers.pmac.language.parser import CODES, gather_moves
 from drivers.pmac.language.syntax import Argument, CallProgram, Expression, Line, Move, Set, Statement
 
 FIRST_CODE_PROGRAM = 1000

@@ -16,7 +16,7 @@ from drivers.pmac.execution.moves import Moves, Step, StepMaker
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value, compile_condition, compile_expression
-from drivers.pmac.language.gathering import may_be_argument
+from drivers.pmac.language.parser import may_be_argument
 from drivers.pmac.language.structure import NO_JUMP, Code
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.requests import BlendBreak, Finished, Halt, NoHost, ProgramHost, Request

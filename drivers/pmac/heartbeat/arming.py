@@ -11,10 +11,15 @@ from drivers.controller import Controller
 from drivers.errors import ControllerError
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.heartbeat import registers
 from drivers.pmac.heartbeat.plc import Policy, plc_lines
-from drivers.pmac.heartbeat.registers import definitions
-from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD, Activity, watchdog_line, watchdog_timer
+from drivers.pmac.heartbeat.watchdog import (
+    ENDING,
+    SERVO_PERIOD,
+    Activity,
+    definitions,
+    watchdog_line,
+    watchdog_timer,
+)
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.plc_statements import parse_plc_line
@@ -73,7 +78,7 @@ def read_heartbeat(client: Controller, clock: Clock, machine: MachineProfile, di
 
     Raises DriverError: the link broke, or the controller refused a query.
     """
-    names = (reserved.ACTIVITY, reserved.LOST, registers.ENDING)
+    names = (reserved.ACTIVITY, reserved.LOST, ENDING)
     i5, i10, activity, lost, ending = client.numbers(
         f"I{PERMISSION}", f"I{SERVO_PERIOD}", *(f"P{number}" for number in names), again=True
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.heartbeat import registers
+from drivers.pmac.heartbeat import watchdog
 from drivers.pmac.heartbeat.arming import silent
 from drivers.pmac.heartbeat.plc import GRACE_MS, RUN_DOWN_MS
 from drivers.pmac.heartbeat.watchdog import PERIOD_MS, WATCHDOG_MS, Activity, cycles_of, watchdog_line
@@ -61,8 +61,8 @@ class Keeper:
         """
         values = {
             reserved.RETRACTED: format_number(retracted_counts),
-            registers.GRACE: cycles_of(grace_ms, self.i10),
-            registers.RUN_DOWN: cycles_of(RUN_DOWN_MS, self.i10),
+            watchdog.GRACE: cycles_of(grace_ms, self.i10),
+            watchdog.RUN_DOWN: cycles_of(RUN_DOWN_MS, self.i10),
         }
         settings = " ".join(f"P{number}={value}" for number, value in values.items())
         return f"{settings} {self.line} P{reserved.ACTIVITY}={Activity.CUT:d}"

@@ -15,16 +15,7 @@ from enum import StrEnum
 
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.heartbeat import registers as r
-from drivers.pmac.heartbeat.watchdog import (
-    MARGIN_MS,
-    SERVO_PERIOD,
-    SYSTEM,
-    Activity,
-    cycles_of,
-    wait_timer,
-    watchdog_timer,
-)
+from drivers.pmac.heartbeat import watchdog as r
 from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
 from drivers.pmac.language.text import format_plc_line
 from drivers.pmac.settings import settings_with
@@ -75,7 +66,7 @@ def set_up_lines(machine: MachineProfile, dialect: Dialect, policy: Policy) -> t
         "CLOSE",
         f"DISABLE PLC{number}",
         *r.definition_lines(machine, dialect),
-        f"P{reserved.ACTIVITY}={Activity.NOTHING:d}",
+        f"P{reserved.ACTIVITY}={r.Activity.NOTHING:d}",
         f"OPEN PLC{number}",
         "CLEAR",
         *plc_lines(machine, dialect, policy),
@@ -91,8 +82,8 @@ class _Writer:
         self._machine = machine
         self._policy = policy
         self._motors = r.motors(machine)
-        self._watchdog, self._timer = watchdog_timer(dialect).name, wait_timer(dialect).name
-        self._i10 = settings_with(machine.controller.variables, dialect)[SERVO_PERIOD]
+        self._watchdog, self._timer = r.watchdog_timer(dialect).name, r.wait_timer(dialect).name
+        self._i10 = settings_with(machine.controller.variables, dialect)[r.SERVO_PERIOD]
         self._echo = f"P{reserved.ECHO}=P{reserved.ECHO}+1"
         # A program that has calculated its last move no longer runs, but is still being played.
         self._busy = f"M{r.RUNNING}=1 OR M{r.TOOL_IN_MOVE}=1"
@@ -110,12 +101,12 @@ class _Writer:
         yield f"IF({watchdog}<0)"
         yield f"{watchdog}=0 ; else it would count further down and roll over"
         yield "ENDIF"
-        yield f"IF({activity}>0 AND {watchdog}<{self._cycles(MARGIN_MS) + 1}) ; the host is silent"
+        yield f"IF({activity}>0 AND {watchdog}<{self._cycles(r.MARGIN_MS) + 1}) ; the host is silent"
         yield f"{lost}={activity}"
         yield f"{activity}=0 ; so this comes once"
         yield f"P{r.ENDING}=1"
         yield from self._look_at_loops()
-        yield f"IF({lost}={Activity.JOG:d})"
+        yield f"IF({lost}={r.Activity.JOG:d})"
         yield from self._end_jog()
         if self._policy is not Policy.FINISH:
             yield "ELSE"
@@ -124,7 +115,7 @@ class _Writer:
         yield "ENDIF"
 
     def _cycles(self, time_ms: float) -> int:
-        return cycles_of(time_ms, self._i10)
+        return r.cycles_of(time_ms, self._i10)
 
     def _look_at_loops(self) -> Iterator[str]:
         terms = (
@@ -163,9 +154,9 @@ class _Writer:
     def _abort(self) -> Iterator[str]:
         yield f"P{r.TAKE_OUT}=1"
         yield f"IF(P{r.CLOSED}={self._all_closed})"
-        yield f'CMD"&{SYSTEM}A"'
+        yield f'CMD"&{r.SYSTEM}A"'
         yield "ELSE"
-        yield f'CMD"&{SYSTEM}Q" ; A would close what is open'
+        yield f'CMD"&{r.SYSTEM}Q" ; A would close what is open'
         yield "ENDIF"
         yield f"{self._timer}={self._cycles(REST_LIMIT_MS)} ; the tool comes to rest"
         seen = self._cycles(REST_LIMIT_MS) - self._cycles(SETTLE_MS)

@@ -11,8 +11,7 @@ from drivers.errors import LinkError
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
-from drivers.pmac.heartbeat.registers import ENDING
-from drivers.pmac.heartbeat.watchdog import PERIOD_MS, SYSTEM, WATCHDOG_MS
+from drivers.pmac.heartbeat.watchdog import ENDING, PERIOD_MS, SYSTEM, WATCHDOG_MS
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 

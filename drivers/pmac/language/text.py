@@ -8,8 +8,7 @@ from itertools import zip_longest
 
 from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import PRODUCTS
-from drivers.pmac.language.gathering import gather_moves, may_be_argument
-from drivers.pmac.language.parser import ARGUMENTS, control_letter, is_control
+from drivers.pmac.language.parser import ARGUMENTS, control_letter, gather_moves, is_control, may_be_argument
 
 DECIMALS = 10  # Maximum decimals that `format_number` writes
 
