@@ -243,7 +243,7 @@ class Exchange:
         try:
             # A checksum that looks like a reply is seen again: the line is still there.
             if like_an_answer(reported) and self._checksum_of(b"", reported) != reported:
-                self.faults = self.faults.with_another(FaultKind.DIFFERS, self._clock.now_s(), line)
+                self.faults = self.faults.with_another(FaultKind.DIFFERS, line)
                 self._leave()  # whatever moves now must be stopped at once
                 return LinkError(Problem(code="link.line_in_part", where=where, key=line))
             self._lose_step(FaultKind.DIFFERS if reported else FaultKind.SILENT, line, REPLY_TIMEOUT_S)
@@ -332,7 +332,7 @@ class Exchange:
         return not (self._reader.empty or self._reader.within_message)
 
     def _lose_step(self, kind: FaultKind, line: str, timeout_s: float) -> None:
-        self.faults = self.faults.with_another(kind, self._clock.now_s(), line)
+        self.faults = self.faults.with_another(kind, line)
         self._flush(timeout_s)
         self.in_step = False
 
@@ -347,7 +347,7 @@ class Exchange:
     def _lost(self, line: str, error: LinkError) -> LinkError:
         """Return the error for a lost link, with its consequence for the line."""
         self._in_flight, self.in_step = None, False
-        self.faults = self.faults.with_another(FaultKind.LOST, self._clock.now_s(), line)
+        self.faults = self.faults.with_another(FaultKind.LOST, line)
         return type(error)(*error.problems, *self._outcome(line, FaultKind.LOST))
 
     def _fault(self, fault: FaultError, line: str, timeout_s: float) -> LinkError:

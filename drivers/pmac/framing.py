@@ -48,10 +48,9 @@ class FaultKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seen:
-    """The number of faults of one kind, and time (machine time, s) and line of the last one."""
+    """The number of faults of one kind, and the line of the last one."""
 
     count: int
-    last_s: float
     line: str
 
 
@@ -70,9 +69,9 @@ class LinkFaults:
         """Return the number of faults of one kind."""
         return self.seen[kind].count if kind in self.seen else 0
 
-    def with_another(self, kind: FaultKind, at_s: float, line: str) -> LinkFaults:
+    def with_another(self, kind: FaultKind, line: str) -> LinkFaults:
         """Return a copy with one more fault."""
-        another = Seen(count=self.count(kind) + 1, last_s=at_s, line=line)
+        another = Seen(count=self.count(kind) + 1, line=line)
         return LinkFaults(seen=MappingProxyType({**self.seen, kind: another}))
 
 

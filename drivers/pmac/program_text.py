@@ -102,7 +102,8 @@ def read_program(
     """
     taken = _Taken(tables=TableReader(motor_count))
     for place, raw in enumerate(text.splitlines(), start=1):
-        line = _without_comment(raw).strip()
+        commented = _COMMENT.fullmatch(raw)
+        line = (raw if commented is None else commented[1]).strip()
         if not line:
             continue
         taken.lines.append(line)
@@ -117,11 +118,6 @@ def read_program(
     if not taken.programs:
         raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no OPEN PROG in the text")
     return taken.finished()
-
-
-def _without_comment(line: str) -> str:
-    found = _COMMENT.fullmatch(line)
-    return line if found is None else found[1]
 
 
 @dataclass(slots=True)
