@@ -8,9 +8,7 @@ from drivers.pmac.language.text import format_number
 from drivers.pmac.settings import PARTS_PER_COUNT
 from profiles.machine import MachineProfile
 
-DAC_BITS = 32_768
-"""DAC bits at full output."""
-
+DAC_BITS = 32_768  # DAC bits at full output
 _PLAIN_DIGITS = 1e5
 
 

@@ -13,14 +13,9 @@ from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 
 CAP_BYTES = 16_000_000
-MOST_LINES = 300_000
-"""Every setting, every pointer, and programs up to the memory of a controller."""
-
-MOST_CHARACTERS = 1000
-"""Characters per line: a controller accepts a quarter of it."""
-
-MOST_WORDS = 8192
-"""Words of the encoder conversion table, far more than any has."""
+MOST_LINES = 300_000  # every setting, every pointer, and programs up to the memory of a controller
+MOST_CHARACTERS = 1000  # characters per line: a controller accepts a quarter of it
+MOST_WORDS = 8192  # words of the encoder conversion table, far more than any has
 _HEADER = ("family", "type", "version", "date", "sha256")
 _SETTING = re.compile(r"I(\d+)(?:\.\.(\d+))?=(-?[\d.]+|\$[0-9A-F]+)(?: ; no limit)?")
 _POINTER = re.compile(r"M(\d+)(\.\.\d+)?->(.+)")

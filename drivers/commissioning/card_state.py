@@ -88,9 +88,9 @@ def state_checks(state: CardState, judged: Judged) -> list[Check]:
     ]
     enabled = [f"#{number}" for number in state.enabled]
     code = "drives_on" if enabled else "drives_off"
-    checks.append(Check(group=Group.STOPS, code=code, severity=Severity.NOTICE, found=", ".join(enabled)))
+    checks.append(Check(Group.STOPS, code, Severity.NOTICE, found=", ".join(enabled)))
     if "gathering" in state.card:
-        checks.append(Check(group=Group.PROGRAMS, code="gathering", severity=Severity.WARNING))
+        checks.append(Check(Group.PROGRAMS, "gathering", Severity.WARNING))
     return checks
 
 
@@ -104,9 +104,7 @@ def _motor_faults(state: CardState, judged: Judged) -> Iterator[Check]:
 def _check(group: Group, code: str, found: Sequence[str], subject: str = "") -> Check:
     """Return a check that passes when nothing was found."""
     severity = Severity.REFUSAL if found else Severity.OK
-    return Check(
-        group=group, code=code, severity=severity, subject=subject, found=", ".join(found) or "-", wanted="-"
-    )
+    return Check(group, code, severity, subject=subject, found=", ".join(found) or "-", wanted="-")
 
 
 def _flags(client: Controller, questions: Sequence[str], table: BitTable) -> list[Flags]:

@@ -23,7 +23,7 @@ class Group(StrEnum):
     PROOFS = auto()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Check:
     """One judged setting. Not a `Finding`: it belongs to a group, and exists also when it passes.
 

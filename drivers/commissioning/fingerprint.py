@@ -21,11 +21,8 @@ from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-OWN_PROGRAMS = frozenset((1, 2, 3, 4))
-"""What the strategies load (`drivers.pmac.programs`)."""
-
-SHOWN = 12
-"""Digits of a hash that are shown."""
+OWN_PROGRAMS = frozenset((1, 2, 3, 4))  # what the strategies load (`drivers.pmac.programs`)
+SHOWN = 12  # digits of a hash that are shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,8 +20,7 @@ from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
-ROUNDED = 0.01
-"""Relative tolerance between a gain in whole numbers and the one in V/m."""
+ROUNDED = 0.01  # relative tolerance between a gain in whole numbers and the one in V/m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,9 +40,9 @@ def gain_checks(judged: Judged) -> list[Check]:
     differing = [name for name, value in meant.items() if name in stated and not _near(stated[name], value)]
     checks = [
         Check(
-            group=Group.TOOL,
-            code="profile_gains",
-            severity=Severity.REFUSAL,
+            Group.TOOL,
+            "profile_gains",
+            Severity.REFUSAL,
             subject="tool",
             variable=name,
             found=format_constant(stated[name]),
@@ -121,9 +120,9 @@ def _with_variables(machine: MachineProfile, variables: dict[str, float]) -> Mac
 
 def _meaning(gains: PidGains) -> Check:
     return Check(
-        group=Group.TOOL,
-        code="gains_mean",
-        severity=Severity.NOTICE,
+        Group.TOOL,
+        "gains_mean",
+        Severity.NOTICE,
         subject="tool",
         facts={
             "kp": f"{digits(gains.kp_v_per_m)} V/m",

@@ -16,8 +16,7 @@ from drivers.pmac.settings import named_settings
 from profiles.findings import Severity
 from profiles.machine import Controller, MachineProfile
 
-SAME = 1e-6
-"""Relative tolerance for equal numbers: a controller has fewer digits than a host."""
+SAME = 1e-6  # relative tolerance for equal numbers: a controller has fewer digits than a host
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +85,7 @@ class Judged:
             return names.get(of.motor, f"motor {of.motor}")
         return f"system {of.system}" if of.system else ""
 
-    def told(
+    def about(
         self,
         code: str,
         severity: Severity,
@@ -100,9 +99,9 @@ class Judged:
         of = named(index, self.dialect)
         value = self.value(index) if found is None else found
         return Check(
-            group=self.group_of(of),
-            code=code,
-            severity=severity,
+            self.group_of(of),
+            code,
+            severity,
             subject=self.subject_of(of),
             setting=of.name.key,
             variable=f"I{index}",

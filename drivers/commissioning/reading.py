@@ -16,9 +16,7 @@ from drivers.pmac.language.reading import HIGHEST_PLC
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 
-NUMBERS_A_LINE = 50
-"""Variables per query of a range: a third of a second on a 9600-baud line."""
-
+NUMBERS_A_LINE = 50  # variables per query of a range: a third of a second on a 9600-baud line
 WORDS_A_LINE = 16
 MOTORS_A_LINE = 8
 SETTINGS_A_LINE = 12
@@ -30,9 +28,7 @@ PLC_TIMEOUT_S = 30.0
 PROGRAM_NUMBERS = (*range(1, 100), *range(1000, 1004))
 """Motion programs that are searched for: a controller does not list its program numbers."""
 
-TABLE_LINES = 32
-"""Lines of the conversion table that are read where only the machine matters."""
-
+TABLE_LINES = 32  # lines of the conversion table that are read where only the machine matters
 BUFFERS_OPEN = ("motion_buffer_open", "plc_buffer_open", "rotary_open")
 """Bits of the controller status: a program is being entered."""
 

@@ -13,12 +13,8 @@ from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC, WATCHDOG_TIMER
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.findings import Severity
 
-BACKGROUND_PLCS = 0b10
-"""Bit of I5: PLC 1 to 31 may run."""
-
-WATCHDOG_MS = 100.0
-"""A controller without a background cycle must shut down within this time."""
-
+BACKGROUND_PLCS = 0b10  # bit of I5: PLC 1 to 31 may run
+WATCHDOG_MS = 100.0  # a controller without a background cycle must shut down within this time
 _SHOWN = (8, 52)
 
 
@@ -41,7 +37,7 @@ def _family(judged: Judged) -> Check:
     found, wanted = judged.configuration.family, judged.machine.controller.family
     told = f"{judged.configuration.kind}, {judged.configuration.version}"
     severity = Severity.OK if found == wanted else Severity.REFUSAL
-    return Check(group=Group.CARD, code="family", severity=severity, found=told, wanted=wanted)
+    return Check(Group.CARD, "family", severity, found=told, wanted=wanted)
 
 
 def _clocks(judged: Judged) -> Iterator[Check]:
@@ -49,31 +45,31 @@ def _clocks(judged: Judged) -> Iterator[Check]:
     cycle_ms, wanted_ms = servo_cycle_ms(judged.value(10) or 0.0), judged.machine.controller.servo_period_ms
     severity = Severity.OK if same(cycle_ms, wanted_ms) else Severity.REFUSAL
     facts = {"period": f"{cycle_ms * 1000.0:.3f} us"}
-    yield judged.told("servo_time", severity, 10, wanted=f"{wanted_ms * 1000.0:.3f} us", facts=facts)
+    yield judged.about("servo_time", severity, 10, wanted=f"{wanted_ms * 1000.0:.3f} us", facts=facts)
     for number in _SHOWN:
         if judged.value(number) is not None:
-            yield judged.told("shown", Severity.NOTICE, number)
+            yield judged.about("shown", Severity.NOTICE, number)
     watchdog = judged.dialect.watchdog
     if watchdog.number is not None:
         cycles = judged.value(watchdog.number) or float(watchdog.count)
         trip_ms = cycles * cycle_ms
         severity = Severity.OK if trip_ms <= WATCHDOG_MS * 1.01 else Severity.WARNING
         wanted = f"{WATCHDOG_MS / cycle_ms:.0f}"
-        yield judged.told(
+        yield judged.about(
             "watchdog", severity, watchdog.number, wanted=wanted, facts={"time": f"{digits(trip_ms)} ms"}
         )
 
 
 def _permissions(judged: Judged) -> Iterator[Check]:
     plcs = int(judged.value(5) or 0.0) & BACKGROUND_PLCS
-    yield judged.told("plcs", Severity.OK if plcs else Severity.WARNING, 5, wanted="2, 3")
+    yield judged.about("plcs", Severity.OK if plcs else Severity.WARNING, 5, wanted="2, 3")
     compensated = judged.value(51) or 0.0
-    yield judged.told("compensation", Severity.REFUSAL if compensated else Severity.OK, 51, wanted="0")
+    yield judged.about("compensation", Severity.REFUSAL if compensated else Severity.OK, 51, wanted="0")
     if judged.value(15):
-        yield judged.told("radians", Severity.REFUSAL, 15, wanted="0")
+        yield judged.about("radians", Severity.REFUSAL, 15, wanted="0")
     index = judged.dialect.index(Setting.SEGMENT_MS, 1)
     segmented = judged.value(index) or 0.0
-    yield judged.told("segments", Severity.REFUSAL if segmented else Severity.OK, index, wanted="0 ms")
+    yield judged.about("segments", Severity.REFUSAL if segmented else Severity.OK, index, wanted="0 ms")
 
 
 def _unexpected_motors(judged: Judged) -> Check:
@@ -83,9 +79,7 @@ def _unexpected_motors(judged: Judged) -> Check:
         f"I{judged.dialect.motor_index(m, 0)}" for m in others if judged.value(judged.dialect.motor_index(m, 0))
     ]
     severity = Severity.REFUSAL if names else Severity.OK
-    return Check(
-        group=Group.CARD, code="strange_motors", severity=severity, found=", ".join(names) or "0", wanted="0"
-    )
+    return Check(Group.CARD, "strange_motors", severity, found=", ".join(names) or "0", wanted="0")
 
 
 def _axes(judged: Judged) -> Iterator[Check]:
@@ -98,23 +92,21 @@ def _axes(judged: Judged) -> Iterator[Check]:
             is_there = f"&{elsewhere[motor].system} {elsewhere[motor].text}"
         severity = Severity.OK if is_there == is_wanted else Severity.REFUSAL
         variable = f"#{motor}->"
-        yield Check(
-            group=Group.SYSTEM, code="axis", severity=severity, variable=variable, found=is_there, wanted=is_wanted
-        )
+        yield Check(Group.SYSTEM, "axis", severity, variable=variable, found=is_there, wanted=is_wanted)
 
 
 def _system(judged: Judged) -> Iterator[Check]:
     index = judged.dialect.system_index(1, 92)
     if judged.of_system(92):
-        yield judged.told("blending_off", Severity.REFUSAL, index, wanted="0")
+        yield judged.about("blending_off", Severity.REFUSAL, index, wanted="0")
     source = judged.dialect.system_index(1, 93)
     table = judged.dialect.conversion_table
     line = int(judged.of_system(93)) - table.first_address
     led = 0 <= line < table.lines
-    yield judged.told("led_by_master" if led else "own_time", Severity.REFUSAL if led else Severity.OK, source)
+    yield judged.about("led_by_master" if led else "own_time", Severity.REFUSAL if led else Severity.OK, source)
     activation = judged.dialect.system_activation
     if activation is not None:
-        yield judged.told("timers_run", Severity.OK, activation)
+        yield judged.about("timers_run", Severity.OK, activation)
 
 
 def _conversion(judged: Judged) -> Iterator[Check]:
@@ -132,9 +124,9 @@ def _conversion(judged: Judged) -> Iterator[Check]:
             word, where = int(judged.value(first + line) or 0.0), f"I{first + line}"
         severity = Severity.OK if word == table.channels[line] else Severity.WARNING
         yield Check(
-            group=axis.group,
-            code="encoder",
-            severity=severity,
+            axis.group,
+            "encoder",
+            severity,
             subject=axis.name,
             variable=where,
             found=f"${word:X}",
@@ -147,19 +139,17 @@ def _buffers(judged: Judged) -> Iterator[Check]:
     foreign = [f"PLC {number}" for number in sorted(configuration.plcs) if number != HEARTBEAT_PLC]
     foreign += list(configuration.locked)
     severity = Severity.WARNING if foreign else Severity.OK
-    yield Check(group=Group.PROGRAMS, code="plc_texts", severity=severity, found=", ".join(foreign) or "-")
+    yield Check(Group.PROGRAMS, "plc_texts", severity, found=", ".join(foreign) or "-")
     there = HEARTBEAT_PLC in configuration.plcs
     yield Check(
-        group=Group.PROGRAMS,
-        code="heartbeat_there" if there else "heartbeat_missing",
-        severity=Severity.NOTICE,
+        Group.PROGRAMS,
+        "heartbeat_there" if there else "heartbeat_missing",
+        Severity.NOTICE,
         found=f"PLC {HEARTBEAT_PLC}",
     )
     for motor, table in sorted(configuration.tables.items()):
         found = f"{table.definition}, {table.entry_count}, sha256 {table.sha256[:12]}"
-        yield Check(
-            group=Group.PROGRAMS, code="table", severity=Severity.NOTICE, subject=f"motor {motor}", found=found
-        )
+        yield Check(Group.PROGRAMS, "table", Severity.NOTICE, subject=f"motor {motor}", found=found)
 
 
 def _pointers(judged: Judged) -> Iterator[Check]:
@@ -168,18 +158,9 @@ def _pointers(judged: Judged) -> Iterator[Check]:
     flag = pointers.get(END_FLAG)
     severity = Severity.OK if flag is None else Severity.REFUSAL
     name = f"M{END_FLAG}->"
-    yield Check(
-        group=Group.PROGRAMS, code="hold_flag", severity=severity, variable=name, found=flag or "*", wanted="*"
-    )
+    yield Check(Group.PROGRAMS, "hold_flag", severity, variable=name, found=flag or "*", wanted="*")
     timer = pointers.get(WATCHDOG_TIMER)
     timers = [f"{space}:${address:X}" for space, address in dialect.timer_words]
     if timer is not None and timers and not any(timer.startswith(f"{word},") for word in timers):
         name, wanted = f"M{WATCHDOG_TIMER}->", ", ".join(timers)
-        yield Check(
-            group=Group.PROGRAMS,
-            code="lease_timer",
-            severity=Severity.WARNING,
-            variable=name,
-            found=timer,
-            wanted=wanted,
-        )
+        yield Check(Group.PROGRAMS, "lease_timer", Severity.WARNING, variable=name, found=timer, wanted=wanted)

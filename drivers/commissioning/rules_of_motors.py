@@ -27,9 +27,7 @@ LEAST_FATAL_ERROR_UM = 50.0
 TRAVEL_SWITCHES_OFF, FAULT_INPUT_OFF, KILL_MODE = 1 << 17, 1 << 20, 0b11 << 21
 """Bits of the flag setting; a kill mode of 00 kills every motor of the controller."""
 
-CLOSES_AT_POWER_UP = 1
-"""Bit of Ix80."""
-
+CLOSES_AT_POWER_UP = 1  # bit of Ix80
 _SHOWN_NUMBERS = (2, 3, 4, 10, 24, 25, *GAIN_NUMBERS, 63, 67, *range(70, 84))
 
 
@@ -56,27 +54,27 @@ def _index(judged: Judged, axis: JudgedAxis, number: int) -> int:
 def _no_limit(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
     for number in NEVER_ZERO:
         if judged.of_motor(axis, number) <= 0.0:
-            yield judged.told("no_limit", Severity.REFUSAL, _index(judged, axis, number), wanted="> 0")
+            yield judged.about("no_limit", Severity.REFUSAL, _index(judged, axis, number), wanted="> 0")
 
 
 def _errors(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
     fatal, warning = judged.of_motor(axis, 11), judged.of_motor(axis, 12)
     if 0.0 < fatal <= warning:
         wanted = f"< {digits(fatal)} /16 counts"
-        yield judged.told("warning_late", Severity.WARNING, _index(judged, axis, 12), wanted=wanted)
+        yield judged.about("warning_late", Severity.WARNING, _index(judged, axis, 12), wanted=wanted)
     least = LEAST_FATAL_ERROR_UM / judged.machine.tool.count_um
     if axis.name == "tool" and 0.0 < fatal < least * PARTS_PER_COUNT:
         wanted = f">= {digits(least * PARTS_PER_COUNT)} /16 counts ({digits(LEAST_FATAL_ERROR_UM / 1000.0)} mm)"
-        yield judged.told("trips_early", Severity.WARNING, _index(judged, axis, 11), wanted=wanted)
+        yield judged.about("trips_early", Severity.WARNING, _index(judged, axis, 11), wanted=wanted)
     if judged.of_motor(axis, 6) != 0.0:
-        yield judged.told("following_on", Severity.REFUSAL, _index(judged, axis, 6), wanted="0")
+        yield judged.about("following_on", Severity.REFUSAL, _index(judged, axis, 6), wanted="0")
 
 
 def _travel(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
     high, low = judged.of_motor(axis, 13), judged.of_motor(axis, 14)
     if axis.name == "spindle":
         if not high and not low:
-            yield judged.told("turns_freely", Severity.NOTICE, _index(judged, axis, 13))
+            yield judged.about("turns_freely", Severity.NOTICE, _index(judged, axis, 13))
         return
     part = judged.machine.tool if axis.name == "tool" else judged.machine.carriage
     ends = (part.travel_min_mm * part.counts_per_mm, part.travel_max_mm * part.counts_per_mm)
@@ -84,9 +82,9 @@ def _travel(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
         sign = "<=" if number == 13 else ">="
         wanted = f"{sign} {digits(end)} counts ({length(end, axis.motor, judged.machine)})"
         if value == 0.0:
-            yield judged.told("no_limit", Severity.REFUSAL, _index(judged, axis, number), wanted=wanted)
+            yield judged.about("no_limit", Severity.REFUSAL, _index(judged, axis, number), wanted=wanted)
         elif beyond:
-            yield judged.told("beyond_travel", Severity.REFUSAL, _index(judged, axis, number), wanted=wanted)
+            yield judged.about("beyond_travel", Severity.REFUSAL, _index(judged, axis, number), wanted=wanted)
 
 
 def _speeds(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
@@ -95,36 +93,36 @@ def _speeds(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
         facts = {"rpm": digits(program_speed * 60_000.0 / judged.machine.spindle.counts_per_rev)}
         code = "slow_spindle" if axis.name == "spindle" else "slow_tool"
         wanted = f">= {digits(LEAST_PROGRAM_SPEED)} counts/ms"
-        yield judged.told(code, Severity.REFUSAL, _index(judged, axis, 16), wanted=wanted, facts=facts)
+        yield judged.about(code, Severity.REFUSAL, _index(judged, axis, 16), wanted=wanted, facts=facts)
     if judged.of_motor(axis, 20) <= 0.0 and judged.of_motor(axis, 21) <= 0.0:
-        yield judged.told("divides_by_zero", Severity.REFUSAL, _index(judged, axis, 20), wanted="> 0 ms")
+        yield judged.about("divides_by_zero", Severity.REFUSAL, _index(judged, axis, 20), wanted="> 0 ms")
     if judged.of_motor(axis, 23) == 0.0:
-        yield judged.told("never_homes", Severity.REFUSAL, _index(judged, axis, 23), wanted="≠ 0 counts/ms")
+        yield judged.about("never_homes", Severity.REFUSAL, _index(judged, axis, 23), wanted="≠ 0 counts/ms")
 
 
 def _flags(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
     index = judged.dialect.index(Setting.FLAG_MODE, axis.motor)
     flags = int(judged.value(index) or 0.0)
     if not flags & KILL_MODE:
-        yield judged.told("kills_all", Severity.WARNING, index)
+        yield judged.about("kills_all", Severity.WARNING, index)
     if flags & TRAVEL_SWITCHES_OFF and axis.name != "spindle":
-        yield judged.told("switches_off", Severity.WARNING, index)
+        yield judged.about("switches_off", Severity.WARNING, index)
     if flags & FAULT_INPUT_OFF:
-        yield judged.told("fault_input_off", Severity.WARNING, index)
+        yield judged.about("fault_input_off", Severity.WARNING, index)
 
 
 def _power(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
     if int(judged.of_motor(axis, 80)) & CLOSES_AT_POWER_UP:
-        yield judged.told("closes_at_power_up", Severity.REFUSAL, _index(judged, axis, 80), wanted="0")
+        yield judged.about("closes_at_power_up", Severity.REFUSAL, _index(judged, axis, 80), wanted="0")
     commutates = judged.of_motor(axis, 1) != 0.0
     code = "commutates" if commutates else "amplifier_commutates"
-    yield judged.told(code, Severity.NOTICE, _index(judged, axis, 1))
+    yield judged.about(code, Severity.NOTICE, _index(judged, axis, 1))
     if judged.of_motor(axis, 63) == 0.0 and judged.of_motor(axis, 33) != 0.0:
-        yield judged.told("integrator_off", Severity.WARNING, _index(judged, axis, 63), wanted="> 0")
+        yield judged.about("integrator_off", Severity.WARNING, _index(judged, axis, 63), wanted="> 0")
     output = judged.of_motor(axis, 2)
     others = [other for other in judged.driven_axes if other.motor < axis.motor]
     if output and any(judged.of_motor(other, 2) == output for other in others):
-        yield judged.told("shared_output", Severity.REFUSAL, _index(judged, axis, 2))
+        yield judged.about("shared_output", Severity.REFUSAL, _index(judged, axis, 2))
 
 
 def _tool(judged: Judged) -> Iterator[Check]:
@@ -137,14 +135,14 @@ def _tool(judged: Judged) -> Iterator[Check]:
         rate = judged.of_motor(axis, number)
         if 0.0 < rate < least:
             wanted = f">= {digits(least)} counts/ms2"
-            yield judged.told("soft_abort", Severity.REFUSAL, _index(judged, axis, number), wanted=wanted)
+            yield judged.about("soft_abort", Severity.REFUSAL, _index(judged, axis, number), wanted=wanted)
         if rate > thrust:
             wanted = f"<= {digits(thrust)} counts/ms2"
-            yield judged.told("beyond_thrust", Severity.WARNING, _index(judged, axis, number), wanted=wanted)
+            yield judged.about("beyond_thrust", Severity.WARNING, _index(judged, axis, number), wanted=wanted)
     most = tool.peak_current_a / tool.amplifier_gain_a_per_v / tool.dac_full_scale_v * DAC_BITS
     if judged.of_motor(axis, 69) > most:
         wanted = f"<= {math.floor(most)} bits ({digits(tool.peak_current_a)} A)"
-        yield judged.told("too_much_current", Severity.REFUSAL, _index(judged, axis, 69), wanted=wanted)
+        yield judged.about("too_much_current", Severity.REFUSAL, _index(judged, axis, 69), wanted=wanted)
 
 
 def _not_stated(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
@@ -154,13 +152,7 @@ def _not_stated(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
         index = _index(judged, axis, number)
         value = judged.value(index)
         if index not in judged.wanted and value:
-            told = judged.told("shown", Severity.NOTICE, index)
+            told = judged.about("shown", Severity.NOTICE, index)
             found.append(f"{told.variable} = {told.found}")
     if found:
-        yield Check(
-            group=axis.group,
-            code="not_stated",
-            severity=Severity.NOTICE,
-            subject=axis.name,
-            found=", ".join(found),
-        )
+        yield Check(axis.group, "not_stated", Severity.NOTICE, subject=axis.name, found=", ".join(found))

@@ -46,9 +46,7 @@ class Name:
 GAIN_NUMBERS = (30, 31, 32, 33, 34, 35)
 """Ix30 to Ix35, which `apply` writes. Ix63 limits the integrator: a limit, so not included."""
 
-OTHER = "other"
-"""The key of a setting without a name of its own."""
-
+OTHER = "other"  # the key of a setting without a name of its own
 _Q, _N = Quantity, Nature
 
 _MOTOR = {

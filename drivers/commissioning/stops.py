@@ -62,9 +62,9 @@ def _overrun(judged: Judged, axis: JudgedAxis) -> Check:
     jog = after_jog_stop(settings, late_ms)
     limit = _clearance_counts(machine, axis)
     return Check(
-        group=Group.STOPS,
-        code="overrun",
-        severity=Severity.OK if max(abort.counts, jog.counts) <= limit else Severity.REFUSAL,
+        Group.STOPS,
+        "overrun",
+        Severity.OK if max(abort.counts, jog.counts) <= limit else Severity.REFUSAL,
         subject=axis.name,
         wanted=f"<= {length(limit, axis.motor, machine)}",
         facts={

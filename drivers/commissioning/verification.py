@@ -65,7 +65,7 @@ def _seen(client: Controller, safety: Safety) -> Iterator[Check]:
 
 
 def _check(code: str, severity: Severity, device: str, found: str = "", wanted: str = "") -> Check:
-    return Check(group=Group.SAFETY, code=code, severity=severity, subject=device, found=found, wanted=wanted)
+    return Check(Group.SAFETY, code, severity, subject=device, found=found, wanted=wanted)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,11 +26,8 @@ from drivers.pmac.trajectory.planned import MoveRecord
 
 Whole = NDArray[np.int_]
 
-COLUMNS_A_PIECE = 3.0
-"""Table columns, at most, that a source travels along a row in one cubic."""
-
-SLOPE_MS = 0.25
-"""Half of the interval over which the slope at the ends of a cubic is taken."""
+COLUMNS_A_PIECE = 3.0  # table columns, at most, that a source travels along a row in one cubic
+SLOPE_MS = 0.25  # half of the interval over which the slope at the ends of a cubic is taken
 
 
 def source_is_late(table: CompensationTable, source: int) -> bool:

@@ -23,8 +23,7 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-STEADY_FEED = 0.999999
-"""Fraction of the longest feed in a loop from which a move belongs to the steady cut."""
+STEADY_FEED = 0.999999  # fraction of the longest feed in a loop from which a move belongs to the steady cut
 
 
 def steady_moves(
@@ -62,8 +61,7 @@ LEAVING_STEP_DEG = 0.5
 """Step in which a path is sampled round the part: it sees at least 97 % of the highest harmonic, 50 UPR."""
 
 LEAST_TURNS = 3.0
-LEAST_CUT_S = 0.2
-"""The shortest cut, in turns and in time, so that the machine can be polled during it."""
+LEAST_CUT_S = 0.2  # the shortest cut, in turns and in time, so that the machine can be polled during it
 
 
 def cut_findings(

@@ -13,9 +13,7 @@ from drivers.pmac.axes import read_definitions
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-TOOL_MARGIN_UM = 30.0
-"""Margin beyond the planned extent: a trim within the cut, and the rounding of a table."""
-
+TOOL_MARGIN_UM = 30.0  # margin beyond the planned extent: a trim within the cut, and the rounding of a table
 CARRIAGE_MARGIN_MM = 0.1
 SPINDLE_MARGIN_DEG = 5.0
 LENGTH_MARGIN_MM = 0.2

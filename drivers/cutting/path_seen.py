@@ -19,9 +19,7 @@ from profiles.least_squares import fit, harmonic_columns, harmonic_slice
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-LEAST_TOOL_UM = 4.0
-"""Deviations below this do not stand out in any real cut."""
-
+LEAST_TOOL_UM = 4.0  # deviations below this do not stand out in any real cut
 LEAST_CARRIAGE_MM = 0.02
 LEAST_SPINDLE_S = 0.1
 """Time is that of the host; a delayed host, or a delayed simulated controller, loses some of it."""
@@ -32,14 +30,10 @@ MOST_OF_LOBE = 0.5
 TIMES_USUAL = 12.0
 """Multiple of the median deviation that stands out even where tool and spindle are read separately."""
 
-LATE = 1.5
-"""A poll that took this many times the usual was interrupted: its values are not of one instant."""
-
+LATE = 1.5  # a poll that took this many times the usual was interrupted: its values are not of one instant
 LEAST_POLLS = 16
 POLLS_A_TERM = 6
-LAST_TURN = 0.15
-"""Fraction of the last turn that is left out: after it the tool retracts."""
-
+LAST_TURN = 0.15  # fraction of the last turn that is left out: after it the tool retracts
 SWEEPS = 20
 
 Floats = NDArray[np.float64]

@@ -33,22 +33,13 @@ _Result = TypeVar("_Result")
 PIECE_LONG_WORDS = 24
 """Fetched between two polls at most: 80 ms of a serial line at 38 400 baud; the watchdog timeout is 300 ms."""
 
-LOOK_OF_PIECE_S = 0.06
-"""How long a poll may take for whole pieces; pieces are shorter on a slower line."""
-
+LOOK_OF_PIECE_S = 0.06  # how long a poll may take for whole pieces; pieces are shorter on a slower line
 LEAST_PIECE_LONG_WORDS = 4
 
-ANSWER_S = 0.17
-"""Reply timeout under a watchdog, as for a poll."""
-
-MOST_LOST = 3
-"""Consecutive batches that may be lost on the line."""
-
-MARGIN_S = 0.05
-"""How much longer than its samples a batch is waited for."""
-
-LEAST_SAMPLES_A_WAVE = 12
-"""Minimum samples per lobe in a batch; the overtones get correspondingly fewer."""
+ANSWER_S = 0.17  # reply timeout under a watchdog, as for a poll
+MOST_LOST = 3  # consecutive batches that may be lost on the line
+MARGIN_S = 0.05  # how much longer than its samples a batch is waited for
+LEAST_SAMPLES_A_WAVE = 12  # minimum samples per lobe in a batch; the overtones get correspondingly fewer
 
 
 @dataclass(frozen=True, kw_only=True)

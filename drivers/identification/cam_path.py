@@ -22,15 +22,11 @@ from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.setup import END_FLAG
 from profiles.machine import MachineProfile
 
-COLUMNS = 40
-"""Linear segments per period: within 0.3 % of the amplitude."""
-
+COLUMNS = 40  # linear segments per period: within 0.3 % of the amplitude
 WAVE_COUNTS = 400
 """Travel per period where speeds leave the choice: a count of the carriage is then a hundredth of the swing."""
 
-SHARE_OF_SPEED = 0.5
-"""Fraction of Ix16 of the carriage, for the highest frequency."""
-
+SHARE_OF_SPEED = 0.5  # fraction of Ix16 of the carriage, for the highest frequency
 RAMP_MS, STEP_MS, HOME_IN_MS = 200, 50, 400
 
 _TEXT = """\

@@ -14,17 +14,10 @@ from drivers.pmac.gathering.gathered_data import GatheredData
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.programs.setup import END_FLAG
 
-PROGRAM = 998
-"""Number of the program that swings the tool; it must be free before, and is deleted afterwards."""
-
-RAMP_MS = 400
-"""Time over which the swing grows, and over which it fades."""
-
-SETTLE_S = 0.2
-"""Steady time before gathering starts: ten time constants of the published loop."""
-
-SLACK_S = 1.2
-"""How much longer than its sine a program runs, for a host that is slow to begin and to end."""
+PROGRAM = 998  # number of the program that swings the tool; it must be free before, and is deleted afterwards
+RAMP_MS = 400  # time over which the swing grows, and over which it fades
+SETTLE_S = 0.2  # steady time before gathering starts: ten time constants of the published loop
+SLACK_S = 1.2  # how much longer than its sine a program runs, for a host that is slow to begin and to end
 
 Floats = NDArray[np.float64]
 

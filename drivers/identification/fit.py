@@ -11,9 +11,7 @@ from drivers.pmac.dialect import dialect_of
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-SAME_PERIOD = 1e-4
-"""Relative tolerance between two servo periods: a profile need not give all digits of I10."""
-
+SAME_PERIOD = 1e-4  # relative tolerance between two servo periods: a profile need not give all digits of I10
 _WORLD = {True: "simulated", False: "real"}
 
 

@@ -19,15 +19,9 @@ from drivers.pmac.program_text import read_program
 from profiles.axis.identification import frequency_response, reference_swing
 from profiles.problem import Problem
 
-SPARE_SAMPLES = 2
-"""Samples beyond the whole periods."""
-
-GATHER_MARGIN_S = 0.05
-"""How much longer than its samples the gathering is waited for."""
-
-END_S = 5.0
-"""How long after its program the tool may take to be in position."""
-
+SPARE_SAMPLES = 2  # samples beyond the whole periods
+GATHER_MARGIN_S = 0.05  # how much longer than its samples the gathering is waited for
+END_S = 5.0  # how long after its program the tool may take to be in position
 STEADY_SHARE = 0.02
 """Relative variation of the reference amplitude above which the record is not of a steady sine."""
 

@@ -20,22 +20,17 @@ LEAST_AMPLITUDE_COUNTS = 25.0
 FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
 """The frequencies of Table 5 (10, 30, 50 and 70 Hz) and around them."""
 
-AMPLITUDE_UM = 25.0
-"""The amplitude of Table 5: 50 um peak to peak."""
-
+AMPLITUDE_UM = 25.0  # the amplitude of Table 5: 50 um peak to peak
 PERIODS = 20
 
 LEAST_HZ = 1.0
-CYCLES_A_PERIOD = 10.0
-"""Minimum servo cycles per period."""
-
+CYCLES_A_PERIOD = 10.0  # minimum servo cycles per period
 LEAST_PERIODS, MOST_PERIODS = 4, 200
 MOST_FREQUENCIES = 40
 MOST_SINE_S = 10.0
 """Maximum gathering time per sine: limited like the amplitude, and by the controller's memory."""
 
-CLEAR_MM = 5.0
-"""Minimum clearance of the tool from everything."""
+CLEAR_MM = 5.0  # minimum clearance of the tool from everything
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,14 +23,9 @@ from profiles.problem import Problem
 HOMED = (AxisName.TOOL, AxisName.CARRIAGE)
 """Axes that must be homed; the spindle only stands still, at any angle."""
 
-CHANNELS = 2
-"""Channels gathered simultaneously."""
-
-LOOK_S = 0.2
-"""Interval between two polls of a spindle that must stand still."""
-
-STANDS_COUNTS = 2.0
-"""Tolerance for a spindle at standstill meanwhile: encoder dither."""
+CHANNELS = 2  # channels gathered simultaneously
+LOOK_S = 0.2  # interval between two polls of a spindle that must stand still
+STANDS_COUNTS = 2.0  # tolerance for a spindle at standstill meanwhile: encoder dither
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,8 +30,7 @@ CONFIRMING_PERIODS = (0.25, 0.125)
 """Two polls half a period apart may see a swing, or a command, at the same position: these follow a fraction of
 a period later. And they follow at once: a tool that is driven away keeps moving."""
 
-LONGEST_WAIT_S = 0.02
-"""Well within the watchdog timeout."""
+LONGEST_WAIT_S = 0.02  # well within the watchdog timeout
 
 
 def pushed_mm(machine: MachineProfile, amplitude_um: float, round_trip_s: float) -> float:

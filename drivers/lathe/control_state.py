@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum, auto
 
-NOBODY = 0
-"""The console number that means no console."""
+NOBODY = 0  # the console number that means no console
 
 
 class Standing(StrEnum):

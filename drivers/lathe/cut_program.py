@@ -9,6 +9,7 @@ from drivers.cutting.sampling import BatchGather
 from drivers.errors import LinkTimeoutError
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.jogs import band_counts
+from drivers.lathe.motion import Motion
 from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
 from drivers.lathe.standstill import REST_S, Settling
@@ -22,22 +23,18 @@ from profiles.problem import Problem
 class CutProgram:
     """The program of one machine. `held`: whether the last loaded program was asked to end early.
 
-    `definitions` are the axis definitions of the controller, which a loaded program may have changed.
+    `definitions` are the axis definitions of the controller, which a loaded program may have changed. Every method
+    that queries or sends raises `DriverError` when the link breaks or the controller refuses to answer.
     """
 
-    def __init__(self, wiring: Wiring, forget_jogs: Callable[[], None]) -> None:
+    def __init__(self, wiring: Wiring, motion: Motion, forget_jogs: Callable[[], None]) -> None:
         """`forget_jogs` is called when anything other than a jog is about to move the axes or re-zero them."""
         self.held = False
         self.definitions = wiring.machine.controller.axis_definitions
         self._to_restore: tuple[str, ...] = ()
-        self._client, self._machine, self._clock, self._stop = (
-            wiring.client,
-            wiring.machine,
-            wiring.clock,
-            wiring.stop,
-        )
-        self._heartbeat, self._poller, self._sending = wiring.heartbeat, wiring.looks, wiring.sending
-        self._moves, self._motion, self._loading = wiring.moves, wiring.motion, wiring.loading
+        self._client, self._machine, self._clock = wiring.client, wiring.machine, wiring.clock
+        self._stop, self._heartbeat, self._poller = wiring.stop, wiring.heartbeat, wiring.poller
+        self._sending, self._motion, self._loading = wiring.sending, motion, wiring.loading
         self._forget_jogs = forget_jogs
 
     @property
@@ -76,11 +73,7 @@ class CutProgram:
         self._to_restore, self.definitions = (), self._machine.controller.axis_definitions
 
     def tables_left(self) -> tuple[Problem, ...]:
-        """Return what compensation tables still add to the tool, or would; expected empty before and after a cut.
-
-        Raises:
-            DriverError: the link broke, or the controller refused to answer.
-        """
+        """Return what tables still add to the tool, or would add; expected empty before and after a cut."""
         self._sending.refuse_unless_owner()  # needs to write a pointer of the console
         return self._loading.tables_left()
 
@@ -88,7 +81,7 @@ class CutProgram:
         """Switch off compensation tables that add nothing to the tool, at rest; return what is left to fix.
 
         Raises:
-            DriverError: `machine.moving`, nothing was sent; the link broke.
+            DriverError: `machine.moving`, nothing was sent.
         """
         self._sending.refuse_unless_owner()
         self._sending.refuse_moving()
@@ -103,16 +96,12 @@ class CutProgram:
 
         Raises:
             DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`;
-                the link broke; a program is missing.
+                a program is missing.
         """
         self._loading.verify(program, ended=ended, tables=tables)
 
     def end(self) -> ProgramEnd:
-        """Query how the last program ended.
-
-        Raises:
-            DriverError: the link broke, or the controller refused to answer.
-        """
+        """Query how the last program ended."""
         return self._loading.end()
 
     def start(self, number: int, retracted_counts: float) -> None:
@@ -124,27 +113,20 @@ class CutProgram:
             return f"&1 {guarded}"
 
         self._forget_jogs()
-        self._moves.send(f"B{number}R", guarded)
+        self._sending.move(f"B{number}R", guarded)
 
     def end_after_turn(self) -> None:
         """Ask the program to end after the present turn and to retract; `follow` then sees its end.
 
         Call it between two polls, also from the `watch` of `follow`. It moves nothing by itself, so it may be
-        sent after a stop, and retried.
-
-        Raises:
-            LinkError: the link broke or is out of step; whether the program received it is unknown.
+        sent after a stop, and retried. After a `LinkError` it is unknown whether the program received it.
         """
         self._sending.refuse_unless_owner()
         self.held = True
-        line = f"{END_FLAG}=1"
-        try:
-            self._client.request(line, POLL_TIMEOUT_S)
-        except LinkTimeoutError:
-            self._client.request(line, POLL_TIMEOUT_S)
+        self._set(f"{END_FLAG}=1")
 
     def trim(self, trim_um: complex) -> None:
-        """Set the trim of a running cut, the wave Re(c exp(j lobe angle)), c in um; see `cam_trim`.
+        """Set the trim of a running cut, the harmonic Re(c exp(j lobe angle)), c in um; see `cam_trim`.
 
         Raises:
             StoppedError: somebody stopped the machine; nothing was sent.
@@ -152,10 +134,13 @@ class CutProgram:
         """
         self._stop.check()
         self._sending.refuse_unless_owner()
-        line = trim_line(trim_um, self._machine.tool.count_um)
+        self._set(trim_line(trim_um, self._machine.tool.count_um))
+
+    def _set(self, line: str) -> None:
+        """Send a line that only sets a value, a second time when unanswered: that is harmless."""
         try:
             self._client.request(line, POLL_TIMEOUT_S)
-        except LinkTimeoutError:  # setting the same trim twice is harmless
+        except LinkTimeoutError:
             self._client.request(line, POLL_TIMEOUT_S)
 
     def batches(self) -> BatchGather:

@@ -19,9 +19,7 @@ STALLED_S = 1.0
 """A running program that moves nothing for this long is being held: the longest DWELL of a cut is half of it,
 and a program that waits for its spindle sees the spindle turn."""
 
-STIRRED_COUNTS = 2.0
-"""An axis that moves by less is at a standstill."""
-
+STIRRED_COUNTS = 2.0  # an axis that moves by less is at a standstill
 OVERRIDE_BAND_PERCENT = 0.5
 
 OTHERS_COUNTS = 50.0
@@ -113,18 +111,14 @@ class ProgramGuard:
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge one poll."""
-        problems = (
-            self._override(snapshot),
-            *(_outside(each, snapshot, "cut.outside_plan", self._lengths) for each in self._ranges),
-        )
-        stalled = self._stalled(snapshot)
-        return tuple(problem for problem in (*problems, stalled) if problem is not None)
+        outside = (_outside(each, snapshot, "cut.outside_plan", self._lengths) for each in self._ranges)
+        problems = (self._override(snapshot), *outside, self._stalled(snapshot))
+        return tuple(problem for problem in problems if problem is not None)
 
     def _override(self, snapshot: Snapshot) -> Problem | None:
         percent = snapshot.override_percent
-        if not self._real_time or not snapshot.program_running:
-            return None
-        if abs(percent - REAL_TIME_PERCENT) <= OVERRIDE_BAND_PERCENT:
+        judged = self._real_time and snapshot.program_running
+        if not judged or abs(percent - REAL_TIME_PERCENT) <= OVERRIDE_BAND_PERCENT:
             return None
         return Problem(code="cut.override", value=f"{percent:g} %", limit=f"{REAL_TIME_PERCENT:g} %")
 
@@ -133,7 +127,7 @@ class ProgramGuard:
         if not snapshot.program_running:
             self._last = None
             return None
-        if last is None or not _stands(last, snapshot):
+        if last is None or not snapshot.still(last, STIRRED_COUNTS):
             self._last = snapshot
             return None
         still_s = snapshot.at_s - last.at_s
@@ -149,7 +143,3 @@ def _outside(planned: AxisRange, snapshot: Snapshot, code: str, lengths: Lengths
         return None
     value, limit = lengths.at(axis, at), lengths.between(axis, planned.low, planned.high)
     return Problem(code=code, key=axis, value=value, limit=limit)
-
-
-def _stands(before: Snapshot, after: Snapshot) -> bool:
-    return after.still(before, STIRRED_COUNTS)

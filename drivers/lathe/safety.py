@@ -64,12 +64,11 @@ def device_problems(inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
 
 def _unfitted(safety: Safety) -> Iterator[Problem]:
     for device, fitted in safety.devices.items():
+        key = f"safety.{device}"
         if fitted == NOT_FITTED and not is_signature(safety.signed_by):
-            yield Problem(code="safety.not_signed", key=f"safety.{device}", value=fitted, limit="safety.signed_by")
+            yield Problem(code="safety.not_signed", key=key, value=fitted, limit="safety.signed_by")
         elif fitted not in (WIRED, NOT_FITTED):
-            yield Problem(
-                code="safety.unknown", key=f"safety.{device}", value=fitted, limit=f"{WIRED} | {NOT_FITTED}"
-            )
+            yield Problem(code="safety.unknown", key=key, value=fitted, limit=f"{WIRED} | {NOT_FITTED}")
 
 
 def _read(text: str) -> SafetyInput | Problem:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
+from enum import StrEnum, auto
 from types import MappingProxyType
 
 from drivers.errors import LinkError
@@ -24,9 +24,9 @@ REAL_TIME_PERCENT = 100.0
 class AxisName(StrEnum):
     """The axes, by their machine names."""
 
-    TOOL = "tool"
-    SPINDLE = "spindle"
-    CARRIAGE = "carriage"
+    TOOL = auto()
+    SPINDLE = auto()
+    CARRIAGE = auto()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +92,7 @@ class Snapshot:
     @property
     def loops_closed(self) -> bool:
         """Whether every driven axis is in closed loop."""
-        return all(axis.closed for axis in self.driven_axes)
+        return not self.open_loops
 
     @property
     def nothing_open(self) -> bool:
@@ -139,7 +139,7 @@ class Snapshot:
     @property
     def homed(self) -> bool:
         """Whether every driven axis is homed."""
-        return all("home_complete" in a.flags for a in self.driven_axes)
+        return self.homed_axes == frozenset(self.driven)
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -231,10 +231,10 @@ class SnapshotItems:
 
     def _inputs(self, words: Sequence[str]) -> Mapping[str, bool]:
         items = dict.fromkeys(each.item for each in self.inputs)
-        met = {item: int(number_of(word)) for item, word in zip(items, words, strict=True)}
+        actual = {item: int(number_of(word)) for item, word in zip(items, words, strict=True)}
         good: dict[str, bool] = {}
         for each in self.inputs:  # a device with two contacts is safe when both are
-            good[each.device] = good.get(each.device, True) and each.is_good(met[each.item])
+            good[each.device] = good.get(each.device, True) and each.is_good(actual[each.item])
         return MappingProxyType(good)
 
 

@@ -49,12 +49,9 @@ class StopPath:
         # only records how many of them are over, so no release can cancel a stop that it does not know.
         self._begun: list[str] = []
         self._sent: list[None] = []
-        self.delivered = True
+        self.delivered, self.given_up = True, False
         self.leave_by_s = math.inf
-        self.given_up = False
-        self._killed_at = 0
-        self._proven = 0
-        self._released = 0
+        self._killed_at = self._proven = self._released = 0
 
     @property
     def way(self) -> StopWay:
@@ -125,11 +122,7 @@ class StopPath:
         self._released = proven
 
     def switch_off(self) -> None:
-        """Disable the drives without a stop in force afterwards: a normal action, for a machine at rest.
-
-        Raises:
-            LinkError: the link broke.
-        """
+        """Disable the drives without a stop in force afterwards: a normal action, for a machine at rest."""
         self.loops_closed = False
         self._link.send_urgent(KILL_ALL)
 

@@ -13,9 +13,7 @@ from drivers.errors import LinkError
 from profiles.problem import Problem
 
 HIGHEST_PORT = 65_535
-ETHERNET_PORT = 1025
-"""Default port of the controllers' Ethernet boards."""
-
+ETHERNET_PORT = 1025  # default port of the controllers' Ethernet boards
 DEFAULT_BAUD_RATE = 38_400
 HIGHEST_BAUD_RATE = 4_000_000
 
@@ -26,7 +24,7 @@ _ETHERNET_FORM = f"ethernet:HOST[:PORT][?stop=reserved], 1 <= PORT <= {HIGHEST_P
 _FORMS = f"serial:/dev/NAME[?baud=RATE] | tcp:HOST:PORT | ethernet:HOST[:{ETHERNET_PORT}][?stop=reserved] | sim:"
 
 _RESERVED = "?stop=reserved"
-_RATE_BEHIND_COLON = re.compile(r".*:[0-9]+")
+_RATE_AFTER_COLON = re.compile(r".*:[0-9]+")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +108,10 @@ def parse_address(text: str) -> LinkAddress:
             host, port = _host_and_port(rest, text, _TCP_FORM)
             return TcpAddress(host=host, port=port)
         case "ethernet":
-            host, port = _host_and_port(_with_port(rest.removesuffix(_RESERVED)), text, _ETHERNET_FORM)
+            place = rest.removesuffix(_RESERVED)
+            if ":" not in place.rpartition("]")[2]:
+                place = f"{place}:{ETHERNET_PORT}"
+            host, port = _host_and_port(place, text, _ETHERNET_FORM)
             return EthernetAddress(host=host, port=port, reserves_stop=rest.endswith(_RESERVED))
         case "sim" if text == "sim:":
             return SimulatedAddress()
@@ -121,7 +122,7 @@ def parse_host_port(text: str) -> TcpAddress:
     """Parse `HOST:PORT` of a listener, with brackets round an IPv6 address; port 0 lets it choose.
 
     Raises:
-        LinkError: `link.bad_address`, the text is not of this form.
+        LinkError: `link.bad_address`.
     """
     host, port = _host_and_port(text, text, _HOST_FORM, lowest_port=0)
     return TcpAddress(host=host, port=port)
@@ -131,7 +132,7 @@ def parse_device(text: str) -> SerialAddress:
     """Parse `/dev/NAME` or `/dev/NAME?baud=RATE`; names by bus position contain colons themselves.
 
     Raises:
-        LinkError: `link.bad_address`, the text is not of this form; `/dev/NAME:RATE` is refused, too.
+        LinkError: `link.bad_address`; `/dev/NAME:RATE` is refused, too.
     """
     device, asked, query = text.rpartition("?")
     name, _, rate = query.partition("=") if asked else ("baud", "=", str(DEFAULT_BAUD_RATE))
@@ -144,13 +145,7 @@ def parse_device(text: str) -> SerialAddress:
 
 
 def _needs_rate(device: str) -> bool:
-    return "?" in device or _RATE_BEHIND_COLON.fullmatch(device) is not None
-
-
-def _with_port(text: str) -> str:
-    """Add the default port if there is none."""
-    behind = text.rpartition("]")[2]
-    return text if ":" in behind else f"{text}:{ETHERNET_PORT}"
+    return "?" in device or _RATE_AFTER_COLON.fullmatch(device) is not None
 
 
 def _host_and_port(text: str, whole: str, form: str, lowest_port: int = 1) -> tuple[str, int]:

@@ -34,7 +34,7 @@ class Connection:
         Raises:
             LinkError: `link.unknown_host`, `link.refused`, `link.no_answer`, `link.unreachable`, `link.failed`.
         """
-        self._address = address
+        self.address = address
         try:
             self._socket = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
         except (socket.gaierror, UnicodeError) as error:
@@ -86,7 +86,7 @@ class Connection:
                 self._socket.shutdown(socket.SHUT_RDWR)
             raise self._error("link.lost", _reason(error)) from error
 
-    def read(self, timeout_s: float = 0.0) -> bytes:
+    def receive(self, timeout_s: float = 0.0) -> bytes:
         """Return the bytes received within `timeout_s`; empty on timeout.
 
         Raises:
@@ -110,7 +110,7 @@ class Connection:
         self._socket.close()
 
     def _error(self, code: str, reason: str = "") -> LinkError:
-        return LinkError(Problem(code=code, where=self._address, value=reason))
+        return LinkError(Problem(code=code, where=self.address, value=reason))
 
 
 def _reason(error: OSError | ValueError) -> str:

@@ -41,8 +41,7 @@ class EthernetLink:
         """Connect.
 
         Raises:
-            LinkError: `link.unknown_host`, `link.refused`, `link.no_answer`, `link.unreachable`, `link.failed`;
-                `link.no_stop_connection`, the second connection was refused or is not answered.
+            LinkError: as for `Connection`; `link.no_stop_connection`, the second was refused or is not answered.
         """
         self.address = str(address)
         self._replies = BoardReplies()
@@ -71,7 +70,9 @@ class EthernetLink:
         for part in _PARTS.findall(data):
             if part == b"\r":
                 line, self._line = self._line, b""
-                self._ask(line)
+                self._await_replies()
+                self._asked_last = line.decode("latin-1")
+                self._request(_get_response(line), Asked.LINE)
             elif part == FLUSH:
                 self._line = b""
                 self._asked_last = "^X"
@@ -85,7 +86,7 @@ class EthernetLink:
         Raises:
             LinkError: `link.lost`, the board accepts nothing.
         """
-        stop = Request(direction=Direction.DOWNLOAD, code=RequestCode.GETRESPONSE, length=len(data), data=data)
+        stop = _get_response(data)
         if self._stops is None or not self._stops.send(stop.encode()):
             self._request(stop, Asked.STOP)
 
@@ -120,12 +121,6 @@ class EthernetLink:
             problem = Problem(code="link.no_stop_connection", where=self.address, value=value)
             raise LinkError(problem) from error
 
-    def _ask(self, line: bytes) -> None:
-        self._await_replies()
-        self._asked_last = line.decode("latin-1")
-        ask = Request(direction=Direction.DOWNLOAD, code=RequestCode.GETRESPONSE, length=len(line), data=line)
-        self._request(ask, Asked.LINE)
-
     def _await_replies(self) -> None:
         deadline = time.monotonic() + REPLY_WAIT_S
         while not self._replies.complete:
@@ -140,7 +135,7 @@ class EthernetLink:
     def _read(self, timeout_s: float) -> None:
         if self._stops is not None:
             self._stops.look()
-        self._said += self._replies.take(self._connection.read(timeout_s))
+        self._said += self._replies.take(self._connection.receive(timeout_s))
         if self._replies.wants_more:
             self._request(_GET_BUFFER, Asked.MORE)
 
@@ -153,3 +148,7 @@ class EthernetLink:
         finally:
             if held:
                 self._requests.release()
+
+
+def _get_response(data: bytes) -> Request:
+    return Request(direction=Direction.DOWNLOAD, code=RequestCode.GETRESPONSE, length=len(data), data=data)

@@ -23,9 +23,7 @@ from drivers.link.serial_opening import open_line
 from profiles.problem import Problem
 
 SEND_TIMEOUT_S = 2.0
-URGENT_WAIT_S = 0.02
-"""How long a stop waits for room on a full line."""
-
+URGENT_WAIT_S = 0.02  # how long a stop waits for room on a full line
 CHUNK = 65_536
 
 
@@ -36,12 +34,7 @@ class SerialLink:
     checks_bytes = False
 
     def __init__(self, address: SerialAddress) -> None:
-        """Open the device.
-
-        Raises:
-            LinkError: `link.no_device`, `link.no_permission`, `link.owner_only`, `link.busy`, `link.not_serial`,
-                `link.baud`, `link.failed`.
-        """
+        """Open the device; errors as for `open_line`."""
         self.address = str(address)
         self._pace = Pace(address.baud_rate)
         # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not block.

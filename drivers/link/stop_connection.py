@@ -12,9 +12,7 @@ from profiles.problem import Problem
 OPENING_S = 2.0
 """How long the board may take to answer a new connection; a network accepts connections that no board serves."""
 
-ANSWER_S = 1.0
-"""How long the board may take to answer a stop; after that the stop may not have been received."""
-
+ANSWER_S = 1.0  # how long the board may take to answer a stop; after that the stop may not have been received
 _READY = Request(direction=Direction.UPLOAD, code=RequestCode.READREADY, length=2)
 
 
@@ -30,12 +28,11 @@ class StopConnection:
         Raises:
             LinkError: `link.no_answer`, the board does not serve it; `link.lost`, `link.closed`.
         """
-        self._connection = connection
+        self._connection, self._alive = connection, True
         self._asked_s: float | None = None
-        self._alive = True
         try:
             connection.write_whole(_READY.encode())
-            if not connection.read(OPENING_S):
+            if not connection.receive(OPENING_S):
                 raise LinkError(Problem(code="link.no_answer", value=f"{OPENING_S:g} s"))
         except LinkError:
             connection.close()
@@ -62,7 +59,7 @@ class StopConnection:
     def look(self) -> None:
         """Read the board's answers and detect a lost connection."""
         try:
-            while self._alive and self._connection.read():
+            while self._alive and self._connection.receive():
                 self._asked_s = None
         except LinkError:
             self._alive = False

@@ -28,10 +28,10 @@ _ALONE = frozenset(range(0x20)) - {0x02, 0x07, 0x09, 0x0A, CR}
 
 
 class Sink(Protocol):
-    """Receives the lines: each in one call, which may come from a signal handler."""
+    """The file of the lines."""
 
     def write(self, text: str, /) -> object:
-        """Append."""
+        """Append a line, perhaps from a signal handler."""
 
 
 class TracedLink:
@@ -40,16 +40,10 @@ class TracedLink:
     def __init__(self, link: Link, file: Sink, now_s: Callable[[], float]) -> None:
         """Wrap `link`; `now_s` gives the times that are written."""
         self.address = link.address
-        self._link = link
-        self._file = file
-        self._now_s = now_s
+        self._link, self._file, self._now_s = link, file, now_s
         self._out, self._in = bytearray(), bytearray()
-        self._problem: Problem | None = None
-
-    @property
-    def problem(self) -> Problem | None:
-        """The problem that ended the trace, `link.trace_lost`; None while it continues."""
-        return self._problem
+        self.problem: Problem | None = None
+        """What ended the trace, `link.trace_lost`; None while it continues."""
 
     @property
     def checks_bytes(self) -> bool:
@@ -102,13 +96,10 @@ class TracedLink:
 
     def _note(self, now_s: float, mark: str, line: bytearray, data: bytes) -> None:
         for byte in data:
-            if byte == CR:
+            if byte != CR:
+                line.append(byte)
+            if byte == CR or byte in _ALONE:
                 self._put(now_s, mark, shown(line) or "[CR]")
-                line.clear()
-                continue
-            line.append(byte)
-            if byte in _ALONE:
-                self._put(now_s, mark, shown(line))
                 line.clear()
             elif len(line) >= LONGEST_LINE:
                 self._end(mark, line)
@@ -124,13 +115,13 @@ class TracedLink:
         self._put(now_s, "*", " ".join(part for part in (problem.code, problem.value) if part))
 
     def _put(self, now_s: float, mark: str, text: str) -> None:
-        if self._problem is not None:
+        if self.problem is not None:
             return
         try:
             self._file.write(f"{now_s:.3f} {mark} {text}\n")
         except (OSError, ValueError) as error:
             reason = (isinstance(error, OSError) and error.strerror) or str(error)
-            self._problem = Problem(code="link.trace_lost", where=self.address, value=reason)
+            self.problem = Problem(code="link.trace_lost", where=self.address, value=reason)
 
 
 def shown(data: bytes | bytearray) -> str:

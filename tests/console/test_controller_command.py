@@ -318,7 +318,7 @@ def test_everything_that_can_be_said_has_words(language: str) -> None:
     words = {key for file in files for key in tomllib.loads(file.read_text(encoding="utf-8"))}
     sources = Path(package.__file__ or "").parents[1] / "drivers" / "commissioning"
     code = "\n".join(path.read_text(encoding="utf-8") for path in sources.rglob("*.py"))
-    said = set(re.findall(r'(?:code=|told\(\s*|_check\([\w.]+, )"([a-z_]+)"', code))
+    said = set(re.findall(r'(?:code=|about\(\s*|(?:_check|Check)\(\s*[\w.]+,\s*)"([a-z_]+)"', code))
     said |= set(re.findall(r'"(\w+)" if \w+ else "\w+"', code)) | set(re.findall(r'if \w+ else "(\w+)"', code))
     names = names_of(load_machine("lee-2001-lathe").machine)
     said |= {f"unproven_{name}" for name in names} | {f"proof_{name}" for name in names}

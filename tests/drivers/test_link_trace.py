@@ -19,7 +19,7 @@ from drivers.lathe.stop import StopPath
 from drivers.link.base import StopWay
 from drivers.link.memory import MemoryLink
 from drivers.link.trace import TracedLink
-from drivers.link.trace_file import TraceFile
+from drivers.link.tracing import TraceFile
 from drivers.pmac.client import PmacClient
 from profiles.problem import Problem
 

@@ -19,25 +19,14 @@ from drivers.pmac.language.text import format_number
 from profiles.machine import MachineProfile
 
 PROGRAM = 999
-SPINDLE_START = "P22"
-"""P-variable of the console: the spindle position when the program begins, counts."""
-
-SEGMENT_MS = 4
-"""A whole number of ms, in every family; a lobe of 50 Hz has five of them."""
-
+SPINDLE_START = "P22"  # P-variable of the console: the spindle position when the program begins, counts
+SEGMENT_MS = 4  # a whole number of ms, in every family; a lobe of 50 Hz has five of them
 HALF_RUN_UP_MS = 500
 APPROACH_MS = 200
-GROWING = 50
-"""Segments over which the lobe grows."""
-
-DEPTH_MM = 1.0
-"""Distance of the tool's lobe from where the tool began."""
-
-FEED_MM = 0.1
-"""Carriage feed per turn."""
-
-LONGEST_MS = 3500.0
-"""A cut that is not ended from outside ends by itself after this time at full speed."""
+GROWING = 50  # segments over which the lobe grows
+DEPTH_MM = 1.0  # distance of the tool's lobe from where the tool began
+FEED_MM = 0.1  # carriage feed per turn
+LONGEST_MS = 3500.0  # a cut that is not ended from outside ends by itself after this time at full speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,12 +24,8 @@ from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-REASON = "doctor"
-"""The reason recorded for a stop."""
-
-PARTS = 32
-"""Positions in registers are in 1/(Ix08 x 32) count."""
-
+REASON = "doctor"  # the reason recorded for a stop
+PARTS = 32  # positions in registers are in 1/(Ix08 x 32) count
 RULES = (
     "servo_rate",
     "compensation_edge",
@@ -42,14 +38,11 @@ RULES = (
 )
 """What can be tested on the controller alone."""
 
-SETTLE_S = 0.05
-"""Some background cycles, after which settings take effect."""
-
+SETTLE_S = 0.05  # some background cycles, after which settings take effect
 POLL_S = 0.01
 
 
-CHANNELS = 2
-"""Channels gathered simultaneously."""
+CHANNELS = 2  # channels gathered simultaneously
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -241,9 +234,7 @@ class ProofRig:
 def proof(name: str, *, holds: bool, found: str, wanted: str, subject: str = "") -> Check:
     """Return the result of a test."""
     severity = Severity.OK if holds else Severity.REFUSAL
-    return Check(
-        group=Group.PROOFS, code=f"proof_{name}", severity=severity, subject=subject, found=found, wanted=wanted
-    )
+    return Check(Group.PROOFS, f"proof_{name}", severity, subject=subject, found=found, wanted=wanted)
 
 
 def stop_name(way: Way, origin: Origin) -> str:
@@ -259,4 +250,4 @@ def names_of(machine: MachineProfile) -> tuple[str, ...]:
 
 def unproven(names: Iterable[str]) -> list[Check]:
     """Return the tests still to be done."""
-    return [Check(group=Group.PROOFS, code=f"unproven_{name}", severity=Severity.NOTICE) for name in names]
+    return [Check(Group.PROOFS, f"unproven_{name}", Severity.NOTICE) for name in names]

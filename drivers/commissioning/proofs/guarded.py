@@ -16,9 +16,7 @@ from drivers.pmac.language.text import format_number
 from profiles.problem import Problem
 
 TIMEOUT_S = 60.0
-TRIES = 3
-"""A delayed host finds its motion ended by the controller, and begins it anew this often at most."""
-
+TRIES = 3  # a delayed host finds its motion ended by the controller, and begins it anew this often at most
 HOMING_ORDER = ("tool", "carriage", "spindle")
 
 

@@ -16,18 +16,14 @@ from drivers.pmac.status import decode
 
 PROGRAM = 999
 COUNTER = "P1010"
-PVT_MS, PAIRS = 10.4, 200
-"""Segments with a time that is no whole number of ms, and how often there and back."""
-
+PVT_MS, PAIRS = 10.4, 200  # segments with a time that is no whole number of ms, and how often there and back
 STEP_COUNTS = 10.0
 JOG_S = 1.5
 RAMP_S = 0.6
 SAMPLES = 200
 LONGEST_DELAY = 3
 REST_TIMEOUT_S = 10.0
-CAM_COUNTS = 200
-"""Height of the cam over half a turn, on a killed motor."""
-
+CAM_COUNTS = 200  # height of the cam over half a turn, on a killed motor
 ENTRY = 16
 
 

@@ -29,12 +29,9 @@ from drivers.pmac.reserved import OWNER
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.findings import Severity, worst
 
-BEGIN_CYCLES = 4_000_000
-"""Written into the timer: more cycles than the measurement takes."""
-
+BEGIN_CYCLES = 4_000_000  # written into the timer: more cycles than the measurement takes
 MEASURED_S = 1.0
-TOLERANCE = 0.02
-"""Relative tolerance of the rate: what two round trips may hide."""
+TOLERANCE = 0.02  # relative tolerance of the rate: what two round trips may hide
 
 
 def servo_rate(bench: ProofRig) -> Check:
@@ -109,7 +106,7 @@ def prove(
     names = names_of(judged.machine)
     busy = verification.state.enabled or judged.configuration.tables or "gathering" in verification.state.card
     if busy or worst(verification.checks) is Severity.REFUSAL:
-        first = Check(group=Group.PROOFS, code="proofs_refused", severity=Severity.REFUSAL)
+        first = Check(Group.PROOFS, "proofs_refused", Severity.REFUSAL)
         return Proven(checks=(first, *unproven(names)))
     if owner is None:
         (owner,) = client.numbers(f"P{OWNER}", again=True)
@@ -143,7 +140,7 @@ def _stage(bench: ProofRig, proofs: Mapping[str, Proof]) -> list[Check]:
             found = str(error)
         else:
             continue
-        checks.append(Check(group=Group.PROOFS, code=f"proof_{name}", severity=Severity.REFUSAL, found=found))
+        checks.append(Check(Group.PROOFS, f"proof_{name}", Severity.REFUSAL, found=found))
     return checks
 
 

@@ -19,8 +19,7 @@ from drivers.pmac.heartbeat.proof import WatchdogProof, proof_problems
 from drivers.pmac.heartbeat.watch import Look, rest_s
 from drivers.pmac.heartbeat.watchdog import WATCHDOG_MS
 
-MOVED_COUNTS = 1.0
-"""An axis that moves less than this after a stop was not moving before."""
+MOVED_COUNTS = 1.0  # an axis that moves less than this after a stop was not moving before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

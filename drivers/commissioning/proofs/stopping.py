@@ -30,8 +30,7 @@ from drivers.pmac.language.text import format_number
 from profiles.findings import Severity
 from profiles.problem import Problem
 
-QUESTION = "P0..99"
-"""It changes nothing, and takes a controller longer to answer than a stop takes to arrive."""
+QUESTION = "P0..99"  # it changes nothing, and takes a controller longer to answer than a stop takes to arrive
 
 
 def past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
@@ -52,26 +51,19 @@ def past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
     return True
 
 
-AT_SPEED_S = 0.1
-"""How long a motion continues at full speed before it is stopped."""
-
+AT_SPEED_S = 0.1  # how long a motion continues at full speed before it is stopped
 REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.WATCHDOG: 15.0}
 """Timeout for rest; after a control-K the spindle coasts."""
 
 ORDER = (Way.WATCHDOG, Way.ABORT, Way.KILL)
 """Watchdog first: it ends what does not obey a control character not yet tested on this controller."""
 
-OBEY_LIMIT_S = 0.6
-"""Timeout for a motion to obey; by then its watchdog, which still guards it, has expired."""
-
+OBEY_LIMIT_S = 0.6  # timeout for a motion to obey; by then its watchdog, which still guards it, has expired
 LEAST_SPEED = 0.75
 """Fraction of its speed at which a motion counts as being at speed, from two polls over a slow line."""
 
-LOOKS_FOR_SPEED = 5
-"""Polls to reach speed: a delayed host or controller gets a little longer."""
-
-RUNNING_OUT_S, SELDOM_S = 1.0, 0.02
-"""What still moves after this time is polled less often."""
+LOOKS_FOR_SPEED = 5  # polls to reach speed: a delayed host or controller gets a little longer
+RUNNING_OUT_S, SELDOM_S = 1.0, 0.02  # what still moves after this time is polled less often
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +88,7 @@ def prove_stops(bench: ProofRig) -> MeasuredStops:
         heartbeat.prepare()
     except RefusedError as refused:
         found = "; ".join(problem.facts for problem in refused.problems)
-        failed = Check(group=Group.PROOFS, code="proof_lease", severity=Severity.REFUSAL, found=found, wanted="-")
+        failed = Check(Group.PROOFS, "proof_lease", Severity.REFUSAL, found=found, wanted="-")
         return MeasuredStops(checks=(failed,))
     (i10,) = bench.client.numbers(f"I{SERVO_PERIOD}", again=True)
     axes = Guarded(bench=bench, i10=i10)

@@ -10,14 +10,9 @@ from drivers.pmac.compensation.table_text import definition_text
 from profiles.findings import Severity
 
 FLAT_COUNTS = 10.0
-ENTRY = 16
-"""Entries are in sixteenths of a count."""
-
-SAME_COUNTS = 0.5
-"""A source that dithers by a count changes the correction by less than this."""
-
-LEAST_TURNED = 64.0
-"""Counts that a source must be away from its zero for the roll-over test."""
+ENTRY = 16  # entries are in sixteenths of a count
+SAME_COUNTS = 0.5  # a source that dithers by a count changes the correction by less than this
+LEAST_TURNED = 64.0  # counts that a source must be away from its zero for the roll-over test
 
 
 def compensation_edge(bench: ProofRig) -> Check:

@@ -63,11 +63,6 @@ class AngleZero(Enum):
     INDEX = auto()
 
 
-def in_time(machine: MachineProfile) -> int:
-    """Return the servo cycles by which a program reads its own spindle late: none."""
-    return 0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traits:
     """One strategy: how its program is made, what it requires, and its options.
@@ -87,7 +82,7 @@ class Traits:
     make: Callable[[Planning], Made]
     follows_lobe: bool = True
     inverts: bool = False
-    late_cycles: Callable[[MachineProfile], int] = in_time
+    late_cycles: Callable[[MachineProfile], int] = lambda _: 0
     by_table: bool = False
     spindle_time: bool = False
     counts_from: AngleZero | None = None
