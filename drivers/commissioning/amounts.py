@@ -51,8 +51,8 @@ def speed(counts_per_ms: float, motor: int, machine: MachineProfile) -> str:
     return _speed(counts_per_ms, motor, machine) or f"{digits(counts_per_ms)} counts/ms"
 
 
-def _with(counted: str, told: str) -> str:
-    return f"{counted} ({told})" if told else counted
+def _with(counted: str, converted: str) -> str:
+    return f"{counted} ({converted})" if converted else counted
 
 
 def _length(counts: float, motor: int, machine: MachineProfile) -> str:

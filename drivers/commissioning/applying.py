@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 from drivers.commissioning.card_state import read_state
 from drivers.commissioning.gains import Write
@@ -21,16 +21,15 @@ def refuse_unready(client: Controller, dialect: Dialect) -> None:
         RefusedError: `controller.drives_on`, `controller.program_running`.
         LinkError: the link broke.
     """
-    state, where = read_state(client, dialect), client.link.address
-    if state.enabled:
-        motors = ", ".join(f"#{number}" for number in state.enabled)
-        raise RefusedError(Problem(code="controller.drives_on", where=where, value=motors))
-    if state.running:
-        systems = ", ".join(f"&{number}" for number in state.running)
-        raise RefusedError(Problem(code="controller.program_running", where=where, value=systems))
+    state = read_state(client, dialect)
+    motors = ", ".join(f"#{number}" for number in state.enabled)
+    systems = ", ".join(f"&{number}" for number in state.running)
+    if motors or systems:
+        code = "controller.drives_on" if motors else "controller.program_running"
+        raise RefusedError(Problem(code=code, where=client.link.address, value=motors or systems))
 
 
-def apply(client: Controller, dialect: Dialect, writes: Iterable[Write]) -> int:
+def apply(client: Controller, dialect: Dialect, writes: Sequence[Write]) -> int:
     """Send each line once and read its value back; return how many lines there were. Nothing is saved.
 
     The caller must have a backup.
@@ -41,16 +40,15 @@ def apply(client: Controller, dialect: Dialect, writes: Iterable[Write]) -> int:
         LinkError: the link broke; check what its last line did.
     """
     refuse_unready(client, dialect)
-    count = 0
     for write in writes:
         client.request(write.line)
         (found,) = client.query(write.question, again=True)
         if not _is(found, write.wanted, client.link.address):
+            value = found.strip()
             raise DriverError(
-                Problem(code="controller.not_taken", key=write.line, value=found.strip(), limit=write.wanted)
+                Problem(code="controller.not_taken", key=write.line, value=value, limit=write.wanted)
             )
-        count += 1
-    return count
+    return len(writes)
 
 
 def _is(found: str, wanted: str, where: str) -> bool:

@@ -65,16 +65,10 @@ def read_backup(text: str, where: str) -> Backup:
     return Backup(configuration=gathered.configuration(header), date=header["date"])
 
 
-def _refuse_above(met: int, most: int, unit: str, where: str) -> None:
-    if met > most:
-        problem = Problem(
-            code="controller.backup_too_large",
-            where=where,
-            key=unit,
-            value=printable(str(met), 30),
-            limit=str(most),
-        )
-        raise ProfileError(problem)
+def _refuse_above(actual: int, most: int, unit: str, where: str) -> None:
+    if actual > most:
+        value, code = printable(str(actual), 30), "controller.backup_too_large"
+        raise ProfileError(Problem(code=code, where=where, key=unit, value=value, limit=str(most)))
 
 
 @dataclass
@@ -90,7 +84,7 @@ class _Gathered:
     conversion: list[int] = field(default_factory=list)
     locked: list[str] = field(default_factory=list)
     highest: int = 0
-    _open: tuple[str, int] | None = None
+    _open: list[str] | None = None
 
     def take(self, line: str) -> None:
         """Parse one line.
@@ -99,7 +93,10 @@ class _Gathered:
             ValueError: not a line of a backup.
         """
         if self._open is not None:
-            self._fill(line)
+            if line == "CLOSE":
+                self._open = None
+            elif line != "CLEAR" or self._open:
+                self._open.append(line)
             return
         readers: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], None]], ...] = (
             (_SETTING, self._setting),
@@ -155,13 +152,4 @@ class _Gathered:
         self.tables[int(found[1])] = TableEntry(found[2], int(found[3]), found[4])
 
     def _begin(self, found: re.Match[str]) -> None:
-        self._open = found[1], int(found[2])
-        self.buffers[found[1]][int(found[2])] = []
-
-    def _fill(self, line: str) -> None:
-        assert self._open is not None
-        kind, number = self._open
-        if line == "CLOSE":
-            self._open = None
-        elif line != "CLEAR" or self.buffers[kind][number]:
-            self.buffers[kind][number].append(line)
+        self._open = self.buffers[found[1]][int(found[2])] = []

@@ -40,16 +40,15 @@ _WORDS_A_LINE = 8
 def backup_text(configuration: Configuration, date: str) -> str:
     """Return the text of a backup; `date` is copied as given."""
     body = list(_body(configuration))
-    header = [
-        TITLE,
-        f"; family {configuration.family}",
-        f"; type {configuration.kind}",
-        f"; version {configuration.version}",
-        f"; date {date}",
-        f"; sha256 {digest(body)}",
-        END_OF_HEADER,
-    ]
-    return "".join(f"{line}\n" for line in (*header, *body))
+    header = {
+        "family": configuration.family,
+        "type": configuration.kind,
+        "version": configuration.version,
+        "date": date,
+        "sha256": digest(body),
+    }
+    lines = (TITLE, *(f"; {key} {value}" for key, value in header.items()), END_OF_HEADER, *body)
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _body(configuration: Configuration) -> Iterator[str]:
@@ -57,7 +56,7 @@ def _body(configuration: Configuration) -> Iterator[str]:
     yield from LEFT_OUT
     for name in configuration.locked:
         yield f"; locked {name}"
-    yield from setting_lines(configuration.settings, dialect)
+    yield from _setting_lines(configuration.settings, dialect)
     yield from _conversion(configuration)
     yield from ("", "; M-variables; those that are not named point at nothing", f"M0..{dialect.highest_index}->*")
     yield from (f"M{index}->{text}" for index, text in sorted(configuration.pointers.items()))
@@ -71,7 +70,7 @@ def _body(configuration: Configuration) -> Iterator[str]:
     yield from _buffers("PROG", configuration.programs)
 
 
-def setting_lines(settings: Mapping[int, float], dialect: Dialect) -> Iterator[str]:
+def _setting_lines(settings: Mapping[int, float], dialect: Dialect) -> Iterator[str]:
     """Return the I-variables as lines: a run of zeros is one line, and each group has a title."""
     kept = sorted(settings)
     title, place = None, 0
@@ -80,19 +79,19 @@ def setting_lines(settings: Mapping[int, float], dialect: Dialect) -> Iterator[s
         if _title(index, dialect) != title:
             title = _title(index, dialect)
             yield from ("", title)
-        if no_limit(index, settings[index], dialect):
+        if _no_limit(index, settings[index], dialect):
             yield f"I{index}=0 {NO_LIMIT}"
             place += 1
             continue
         last = place
-        while settings[index] == 0.0 and last + 1 < len(kept) and _goes_on(settings, dialect, kept, last):
+        while settings[index] == 0.0 and last + 1 < len(kept) and _continues(settings, dialect, kept, last):
             last += 1
         name = f"I{index}" if last == place else f"I{index}..{kept[last]}"
         yield f"{name}={setting_text(index, settings[index], dialect)}"
         place = last + 1
 
 
-def no_limit(index: int, value: float, dialect: Dialect) -> bool:
+def _no_limit(index: int, value: float, dialect: Dialect) -> bool:
     """Whether a setting is a disabled limit: it gets a line of its own."""
     return value == 0.0 and named(index, dialect).name.key in LIMITS_OFF_AT_ZERO
 
@@ -104,12 +103,12 @@ def setting_text(index: int, value: float, dialect: Dialect) -> str:
     return format_number(value)
 
 
-def _goes_on(settings: Mapping[int, float], dialect: Dialect, kept: list[int], place: int) -> bool:
+def _continues(settings: Mapping[int, float], dialect: Dialect, kept: list[int], place: int) -> bool:
     """Whether the setting after `place` is the next number, 0, and of the same owner."""
     index, following = kept[place], kept[place + 1]
     same = _title(index, dialect) == _title(following, dialect)
     runs = following == index + 1 and settings[following] == 0.0
-    return runs and same and not no_limit(following, 0.0, dialect)
+    return runs and same and not _no_limit(following, 0.0, dialect)
 
 
 def _title(index: int, dialect: Dialect) -> str:

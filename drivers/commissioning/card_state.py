@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from drivers.commissioning.check import Check, Group
+from drivers.commissioning.check import Check, Group, severity
 from drivers.commissioning.judged import Judged
 from drivers.controller import Controller
 from drivers.errors import LinkError
@@ -79,13 +79,14 @@ def read_state(client: Controller, dialect: Dialect) -> CardState:
 
 def state_checks(state: CardState, judged: Judged) -> list[Check]:
     """Return the checks of this state before anything moves."""
-    faults = [name for name in CARD_FAULTS if name in state.card]
-    running = [f"&{number}" for number in state.running]
     checks = [
-        _check(Group.CARD, "card_faults", faults),
-        _check(Group.PROGRAMS, "running", running),
-        *_motor_faults(state, judged),
+        _check(Group.CARD, "card_faults", (name for name in CARD_FAULTS if name in state.card)),
+        _check(Group.PROGRAMS, "running", (f"&{number}" for number in state.running)),
     ]
+    for axis in judged.axes:
+        flags = state.motors.get(axis.motor, frozenset())
+        faults = (name for name in MOTOR_FAULTS if name in flags)
+        checks.append(_check(axis.group, "motor_faults", faults, axis.name))
     enabled = [f"#{number}" for number in state.enabled]
     code = "drives_on" if enabled else "drives_off"
     checks.append(Check(Group.STOPS, code, Severity.NOTICE, found=", ".join(enabled)))
@@ -94,17 +95,10 @@ def state_checks(state: CardState, judged: Judged) -> list[Check]:
     return checks
 
 
-def _motor_faults(state: CardState, judged: Judged) -> Iterator[Check]:
-    for axis in judged.axes:
-        flags = state.motors.get(axis.motor, frozenset())
-        faults = [name for name in MOTOR_FAULTS if name in flags]
-        yield _check(axis.group, "motor_faults", faults, axis.name)
-
-
-def _check(group: Group, code: str, found: Sequence[str], subject: str = "") -> Check:
+def _check(group: Group, code: str, names: Iterable[str], subject: str = "") -> Check:
     """Return a check that passes when nothing was found."""
-    severity = Severity.REFUSAL if found else Severity.OK
-    return Check(group, code, severity, subject=subject, found=", ".join(found) or "-", wanted="-")
+    found = ", ".join(names)
+    return Check(group, code, severity(not found), subject, found=found or "-", wanted="-")
 
 
 def _flags(client: Controller, questions: Sequence[str], table: BitTable) -> list[Flags]:
@@ -114,7 +108,6 @@ def _flags(client: Controller, questions: Sequence[str], table: BitTable) -> lis
             try:
                 found.append(decode(digits.strip(), table))
             except ValueError as error:
-                where = client.link.address
-                problem = Problem(code="link.out_of_step", where=where, key="?", value=str(error))
-                raise LinkError(problem) from error
+                where, value = client.link.address, str(error)
+                raise LinkError(Problem(code="link.out_of_step", where=where, key="?", value=value)) from error
     return found

@@ -43,3 +43,8 @@ class Check:
     found: str = ""
     wanted: str = ""
     facts: Mapping[str, str] = field(default_factory=dict)
+
+
+def severity(holds: bool, otherwise: Severity = Severity.REFUSAL) -> Severity:
+    """Return the severity of a check that holds, or not."""
+    return Severity.OK if holds else otherwise

@@ -70,7 +70,7 @@ def stated_settings(judged: Judged) -> list[Check]:
     for index, wanted in judged.wanted.items():
         of, found = named(index, judged.dialect), judged.value(index)
         if found is not None and same(found, wanted):
-            held[judged.group_of(of), judged.subject_of(of)] += 1
+            held[judged.place_of(of)] += 1
             continue
         factory = found is not None and same(found, judged.dialect.factory.get(index, 0.0))
         code = "factory" if factory else "differs"

@@ -33,18 +33,12 @@ _SHOWN_NUMBERS = (2, 3, 4, 10, 24, 25, *GAIN_NUMBERS, 63, 67, *range(70, 84))
 
 def motor_rules(judged: Judged) -> list[Check]:
     """Return the checks of each axis."""
-    checks: list[Check] = []
-    for axis in judged.driven_axes:
-        checks += _no_limit(judged, axis)
-        checks += _errors(judged, axis)
-        checks += _travel(judged, axis)
-        checks += _speeds(judged, axis)
-        checks += _flags(judged, axis)
-        checks += _power(judged, axis)
-    checks += _tool(judged)
-    for axis in judged.axes:
-        checks += _not_stated(judged, axis)
-    return checks
+    rules = (_no_limit, _errors, _travel, _speeds, _flags, _power)
+    return [
+        *(check for axis in judged.driven_axes for rule in rules for check in rule(judged, axis)),
+        *_tool(judged),
+        *(check for axis in judged.axes for check in _not_stated(judged, axis)),
+    ]
 
 
 def _index(judged: Judged, axis: JudgedAxis, number: int) -> int:
@@ -77,9 +71,9 @@ def _travel(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
             yield judged.about("turns_freely", Severity.NOTICE, _index(judged, axis, 13))
         return
     part = judged.machine.tool if axis.name == "tool" else judged.machine.carriage
-    ends = (part.travel_min_mm * part.counts_per_mm, part.travel_max_mm * part.counts_per_mm)
-    for number, value, end, beyond in ((13, high, ends[1], high > ends[1]), (14, low, ends[0], low < ends[0])):
-        sign = "<=" if number == 13 else ">="
+    lowest, highest = part.travel_min_mm * part.counts_per_mm, part.travel_max_mm * part.counts_per_mm
+    limits = ((13, high, "<=", highest, high > highest), (14, low, ">=", lowest, low < lowest))
+    for number, value, sign, end, beyond in limits:
         wanted = f"{sign} {digits(end)} counts ({length(end, axis.motor, judged.machine)})"
         if value == 0.0:
             yield judged.about("no_limit", Severity.REFUSAL, _index(judged, axis, number), wanted=wanted)
@@ -147,12 +141,12 @@ def _tool(judged: Judged) -> Iterator[Check]:
 
 def _not_stated(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
     """Report what the profile does not state: addresses, flags, filter limits, commutation. Never written."""
-    found = []
-    for number in _SHOWN_NUMBERS:
-        index = _index(judged, axis, number)
-        value = judged.value(index)
-        if index not in judged.wanted and value:
-            told = judged.about("shown", Severity.NOTICE, index)
-            found.append(f"{told.variable} = {told.found}")
-    if found:
-        yield Check(axis.group, "not_stated", Severity.NOTICE, subject=axis.name, found=", ".join(found))
+    indices = (_index(judged, axis, number) for number in _SHOWN_NUMBERS)
+    shown = [
+        judged.about("shown", Severity.NOTICE, index)
+        for index in indices
+        if index not in judged.wanted and judged.value(index)
+    ]
+    if shown:
+        found = ", ".join(f"{check.variable} = {check.found}" for check in shown)
+        yield Check(axis.group, "not_stated", Severity.NOTICE, subject=axis.name, found=found)

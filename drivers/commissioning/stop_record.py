@@ -27,22 +27,16 @@ OUTPUT_SETTINGS = range(68, 70)  # Ix68 and Ix69: the available braking force
 class Way(StrEnum):
     """How the machine is stopped."""
 
-    ABORT = "abort"
-    """Control-A: every loop stays closed."""
-
-    KILL = "kill"
-    """Control-K: every loop is opened, the spindle coasts."""
-
-    WATCHDOG = "lease"
-    """The host falls silent, and the controller ends the motion by itself."""
+    ABORT = "abort"  # control-A: every loop stays closed
+    KILL = "kill"  # control-K: every loop is opened, the spindle coasts
+    WATCHDOG = "lease"  # the host falls silent, and the controller ends the motion by itself
 
 
 class Origin(StrEnum):
     """The motion before the stop."""
 
     JOG = "jog"
-    CUT = "cut"
-    """In air, at full speed."""
+    CUT = "cut"  # in air, at full speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,15 +39,13 @@ def with_table(checked: CheckedProgram, table: CompensationTable, servo_period_m
     """Return the motion with the correction added to the target of the table, to its peaks and extent too."""
     motor = table.definition.target
     target = checked.motors.index(motor)
+    sources = table.definition.sources
     adder = _Adder(
         table=table,
         grid=np.array(table.grid),
         target=target,
-        sources=tuple(checked.motors.index(source.motor) for source in table.definition.sources),
-        late_ms=tuple(
-            servo_period_ms if source_is_late(table, place) else 0.0
-            for place in range(len(table.definition.sources))
-        ),
+        sources=tuple(checked.motors.index(source.motor) for source in sources),
+        late_ms=tuple(servo_period_ms * source_is_late(table, place) for place in range(len(sources))),
     )
     pieces = [piece for move in checked.moves for piece in move.pieces]
     counts, parts, motion = adder.parts(pieces)
@@ -102,9 +100,9 @@ class _Adder:
         for place, (source, size) in enumerate(zip(self.table.definition.sources, self._sizes, strict=False)):
             motion = Motion(cubics=motors[self.sources[place]], duration_ms=duration_ms)
             way = np.abs(motion.at(duration_ms) - motion.cubics[0])
-            # Along the rows the correction is a wave; across them it grows, and a few cubics per row suffice.
-            share = COLUMNS_A_PIECE if place == 0 else 0.125
-            most = np.maximum(most, way * size / source.span_counts / share)
+            # Along the rows the correction oscillates; across them it grows, and a few cubics per row suffice.
+            fraction = COLUMNS_A_PIECE if place == 0 else 0.125
+            most = np.maximum(most, way * size / source.span_counts / fraction)
         return np.ceil(most).astype(int)
 
     @property
@@ -133,7 +131,7 @@ class _Adder:
         column = places[0]
         left = np.minimum(column.astype(int), self.table.definition.columns - 1)
         if len(places) == 1:
-            return _line(self.grid[0], left, column - left)
+            return _row(self.grid, np.zeros_like(left), left, column - left)
         row = places[1]
         above = np.minimum(row.astype(int), self.table.definition.rows - 1)
         upper = _row(self.grid, above, left, column - left)
@@ -147,13 +145,9 @@ def _part(piece: Piece, step_ms: float, cubics: tuple[Cubic, ...]) -> Piece:
     return Piece(step_ms, cubics, False, piece.real_time, piece.deferred)
 
 
-def _line(line: Floats, left: Whole, share: Floats) -> Floats:
-    return np.asarray(line[left] + (line[left + 1] - line[left]) * share, dtype=np.float64)
-
-
-def _row(grid: Floats, row: Whole, left: Whole, share: Floats) -> Floats:
+def _row(grid: Floats, row: Whole, left: Whole, fraction: Floats) -> Floats:
     before = grid[row, left]
-    return np.asarray(before + (grid[row, left + 1] - before) * share, dtype=np.float64)
+    return np.asarray(before + (grid[row, left + 1] - before) * fraction, dtype=np.float64)
 
 
 def with_spindle(

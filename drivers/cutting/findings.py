@@ -91,8 +91,8 @@ def leaving_findings(job: Job, target: LobedPath) -> tuple[Finding, ...]:
     """
     angle_deg = np.arange(0.0, 360.0, LEAVING_STEP_DEG)
     half_mm = 0.5 * job.cut_length_mm
-    waves_um = [target.at_um(angle_deg, end_mm) - target.mean_um for end_mm in (-half_mm, half_mm)]
-    least_um = 1000.0 * job.depth_of_cut_mm + float(np.min(waves_um))
+    path_um = [target.at_um(angle_deg, end_mm) - target.mean_um for end_mm in (-half_mm, half_mm)]
+    least_um = 1000.0 * job.depth_of_cut_mm + float(np.min(path_um))
     if least_um > 0.0:
         return ()
     needed_mm = job.depth_of_cut_mm - least_um / 1000.0
@@ -120,14 +120,8 @@ def _path_findings(
     if used > asked * (1.0 + 1e-9):
         findings.append(_warning("cut.segment_stretched", "TM", f"{used:g} ms", f"{asked:g} ms"))
     if not math.isclose(speed_rpm, job.spindle_speed_rpm, rel_tol=1e-6):
-        findings.append(
-            _warning(
-                "cut.speed_differs",
-                "spindle_speed_rpm",
-                f"{speed_rpm:.6g} rpm",
-                f"{job.spindle_speed_rpm:g} rpm",
-            )
-        )
+        value, limit = f"{speed_rpm:.6g} rpm", f"{job.spindle_speed_rpm:g} rpm"
+        findings.append(_warning("cut.speed_differs", "spindle_speed_rpm", value, limit))
     index = checked.motors.index(machine.tool.motor)
     targets = [move.record.target[index] for move in loop]
     asked_um = (max(targets) - min(targets)) * machine.tool.count_um
@@ -148,14 +142,14 @@ def _limit_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Fi
         if checked.peak_velocity[motor] > fastest * (1.0 + 1e-9):
             value = speed(checked.peak_velocity[motor], motor, machine)
             findings.append(_refusal("cut.too_fast", f"I{motor}16", value, f"<= {speed(fastest, motor, machine)}"))
-        high, low = variables[f"I{motor}13"], variables[f"I{motor}14"]
-        highest, lowest = checked.highest[motor], checked.lowest[motor]
-        if high and highest > high:
-            value, limit = (length(each, motor, machine) for each in (highest, high))
-            findings.append(_refusal("cut.beyond_travel", f"I{motor}13", value, f"<= {limit}"))
-        if low and lowest < low:
-            value, limit = (length(each, motor, machine) for each in (lowest, low))
-            findings.append(_refusal("cut.beyond_travel", f"I{motor}14", value, f">= {limit}"))
+        for number, sign, extent, above in (
+            ("13", "<=", checked.highest, 1.0),
+            ("14", ">=", checked.lowest, -1.0),
+        ):
+            end, furthest = variables[f"I{motor}{number}"], extent[motor]
+            if end and above * (furthest - end) > 0.0:
+                value, limit = (length(each, motor, machine) for each in (furthest, end))
+                findings.append(_refusal("cut.beyond_travel", f"I{motor}{number}", value, f"{sign} {limit}"))
     return findings
 
 

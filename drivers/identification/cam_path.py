@@ -13,8 +13,7 @@ import math
 import numpy as np
 
 from drivers.cutting.corrected import source_is_late
-from drivers.identification.excitation import PROGRAM, SETTLE_S, SLACK_S, Floats, Sweep, go_on
-from drivers.identification.words import axis_word
+from drivers.identification.excitation import PROGRAM, SETTLE_S, SLACK_S, Floats, Sweep, axis_word, go_on
 from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gathered_data import GatheredData

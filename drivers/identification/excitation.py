@@ -8,11 +8,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.gathering.gathered_data import GatheredData
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.programs.setup import END_FLAG
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProfileError
 
 PROGRAM = 998  # number of the program that swings the tool; it must be free before, and is deleted afterwards
 RAMP_MS = 400  # time over which the swing grows, and over which it fades
@@ -54,3 +57,34 @@ class Excitation(Protocol):
 def go_on(dialect: Dialect) -> str:
     """Return what a program checks in each segment between its ramps: not ended, and the watchdog alive."""
     return f"{END_FLAG}=0 AND {watchdog_condition(dialect)}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisWord:
+    """One motor with an axis of its own: `scale` counts per unit, zero at `offset` counts."""
+
+    letter: str
+    scale: float
+    offset: float
+
+    def position(self, counts: float) -> float:
+        """Return a position of the motor in units of the axis."""
+        return (counts - self.offset) / self.scale
+
+    def length(self, counts: float) -> float:
+        """Return a distance, or a speed, in units of the axis."""
+        return counts / self.scale
+
+
+def axis_word(machine: MachineProfile, motor: int) -> AxisWord:
+    """Return the axis of a motor.
+
+    Raises:
+        ProfileError: `identify.axis`, the motor has none of its own.
+    """
+    definitions = read_definitions(machine.controller.axis_definitions)
+    found = [each for each in definitions if each.motor == motor]
+    if not found or len(found[0].terms) != 1 or not found[0].scale:
+        value = str(found[0]) if found else "-"
+        raise ProfileError(Problem(code="identify.axis", key="axis_definitions", where=f"#{motor}", value=value))
+    return AxisWord(letter=found[0].axis, scale=found[0].scale, offset=found[0].offset)

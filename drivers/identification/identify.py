@@ -22,7 +22,7 @@ from drivers.identification.measuring import measure
 from drivers.identification.pvt_path import PvtPath
 from drivers.identification.request import IdentificationRequest, request_problems
 from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, Origin
-from drivers.identification.rig import HOMED, Before, Rig, card_problems, standing_problems
+from drivers.identification.rig import Before, Rig, card_problems, homed, standing_problems
 from drivers.identification.standstill import link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.compensation.table import step_counts
@@ -67,7 +67,7 @@ def take_up(rig: Rig) -> None:
         raise RefusedError(Problem(code="identify.drives_on", where=rig.where))
     try:
         rig.lathe.enable()
-        if not all("home_complete" in snapshot.axis(axis).flags for axis in HOMED):
+        if not homed(snapshot):
             rig.lathe.home()
     except BaseException as error:
         _leave_at_rest(rig, error)
@@ -89,8 +89,11 @@ def identify(
     refuse_before(rig, request)
     if problems := (*standing_problems(rig), *link_problems(rig, request.amplitude_um)):
         raise RefusedError(*problems)
-    excitation = _excitation(rig, request)
-    cycles = _late_cycles(rig, request, excitation)
+    excitation: Excitation = PvtPath(rig.machine, request.amplitude_um)
+    if request.path.traits.by_table:
+        excitation = CamPath(rig.machine, request.amplitude_um, max(request.frequencies_hz))
+    # By how many servo cycles the path's reference is later than the one measured here.
+    cycles = request.path.traits.late_cycles(rig.machine) - excitation.late_cycles
     before = Before.read(rig)
     table = excitation.table is not None
     points = []
@@ -102,7 +105,9 @@ def identify(
             point = measure(rig, excitation, frequency_hz, request)
             points.append(_later(point, cycles * origin.servo_period_ms / 1000.0))
             tell(points[-1])
-        _switch_off_table(rig, excitation)
+        if table:  # at the zero of the table switching it off causes next to no step
+            rig.lathe.jog_to(AxisName.CARRIAGE, 0.0)
+            _refuse_step(rig, excitation)
         before.put_back(rig, table=table)
     except BaseException as error:
         _end(rig, before, error, table=table)
@@ -136,12 +141,6 @@ def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> Origin:
     )
 
 
-def _excitation(rig: Rig, request: IdentificationRequest) -> Excitation:
-    if request.path.traits.by_table:
-        return CamPath(rig.machine, request.amplitude_um, max(request.frequencies_hz))
-    return PvtPath(rig.machine, request.amplitude_um)
-
-
 def _place(rig: Rig, excitation: Excitation) -> None:
     """Bring the tool to its zero, clear of everything; with a table the carriage too, and switch it on there.
 
@@ -157,14 +156,6 @@ def _place(rig: Rig, excitation: Excitation) -> None:
         rig.client.request(line, lines=0)
     _refuse_step(rig, excitation)
     rig.client.request("I51=1", lines=0)
-
-
-def _switch_off_table(rig: Rig, excitation: Excitation) -> None:
-    """Return the carriage to the zero of the table, where switching it off causes next to no step."""
-    if excitation.table is None:
-        return
-    rig.lathe.jog_to(AxisName.CARRIAGE, 0.0)
-    _refuse_step(rig, excitation)
 
 
 def _refuse_step(rig: Rig, excitation: Excitation) -> None:
@@ -210,11 +201,6 @@ def _leave_at_rest(rig: Rig, error: BaseException) -> None:
     except ProblemError as unproven:
         problems = error.problems if isinstance(error, ProblemError) else (Problem(code=code),)
         raise DriverError(*problems, *unproven.problems, Problem(code="machine.state_unknown")) from error
-
-
-def _late_cycles(rig: Rig, request: IdentificationRequest, excitation: Excitation) -> int:
-    """Return by how many servo cycles the path's reference is later than the one measured here."""
-    return request.path.traits.late_cycles(rig.machine) - excitation.late_cycles
 
 
 def _later(point: IdentifiedPoint, delay_s: float) -> IdentifiedPoint:

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 
-from drivers.identification.excitation import PROGRAM, RAMP_MS, SETTLE_S, SLACK_S, Floats, Sweep, go_on
-from drivers.identification.words import axis_word
+from drivers.identification.excitation import PROGRAM, RAMP_MS, SETTLE_S, SLACK_S, Floats, Sweep, axis_word, go_on
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gathered_data import GatheredData

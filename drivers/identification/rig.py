@@ -11,7 +11,7 @@ from drivers.commissioning.reading import ask_or_none, read_settings
 from drivers.errors import ControllerError
 from drivers.identification.excitation import PROGRAM
 from drivers.lathe.lathe import Lathe
-from drivers.lathe.snapshot import AxisName
+from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_constant
@@ -20,11 +20,8 @@ from drivers.pmac.status import decode
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-HOMED = (AxisName.TOOL, AxisName.CARRIAGE)
-"""Axes that must be homed; the spindle only stands still, at any angle."""
-
 CHANNELS = 2  # channels gathered simultaneously
-LOOK_S = 0.2  # interval between two polls of a spindle that must stand still
+STANDING_S = 0.2  # interval between two polls of a spindle that must stand still
 STANDS_COUNTS = 2.0  # tolerance for a spindle at standstill meanwhile: encoder dither
 
 
@@ -68,24 +65,28 @@ def standing_problems(rig: Rig) -> tuple[Problem, ...]:
         DriverError: the link broke.
     """
     snapshot = rig.lathe.snapshot()
-    homed = all("home_complete" in snapshot.axis(axis).flags for axis in HOMED)
-    looked = (
-        ("machine.not_enabled", snapshot.loops_closed),
-        ("machine.not_homed", homed),
-        ("machine.moving", snapshot.at_rest),
-    )
-    missing = [Problem(code=code, where=rig.where) for code, holds in looked if not holds]
+    required = {
+        "machine.not_enabled": snapshot.loops_closed,
+        "machine.not_homed": homed(snapshot),
+        "machine.moving": snapshot.at_rest,
+    }
+    missing = [Problem(code=code, where=rig.where) for code, holds in required.items() if not holds]
     faults = [Problem(code="machine.fault", key="identify", value=fault) for fault in snapshot.axis_faults]
     return (*missing, *faults)
 
 
+def homed(snapshot: Snapshot) -> bool:
+    """Whether tool and carriage are homed; the spindle only stands still, at any angle."""
+    return snapshot.homed_axes >= {AxisName.TOOL, AxisName.CARRIAGE}
+
+
 def _in_use(rig: Rig) -> Iterator[Problem]:
     """Find what somebody else uses: a program of that number, a table of the tool, a running gather."""
-    if ask_or_none(rig.client, f"LIST PROG{PROGRAM}"):
-        yield Problem(code="identify.in_use", where=rig.where, key=f"PROG {PROGRAM}")
     motor = rig.machine.tool.motor
-    if ask_or_none(rig.client, f"#{motor}LIST COMP DEF"):
-        yield Problem(code="identify.in_use", where=rig.where, key=f"#{motor} COMP")
+    queries = {f"LIST PROG{PROGRAM}": f"PROG {PROGRAM}", f"#{motor}LIST COMP DEF": f"#{motor} COMP"}
+    for line, key in queries.items():
+        if ask_or_none(rig.client, line):
+            yield Problem(code="identify.in_use", where=rig.where, key=key)
     (digits,) = rig.client.query("???", again=True)
     if "gathering" in decode(digits.strip(), rig.dialect.global_bits):
         yield Problem(code="identify.in_use", where=rig.where, key="GATHER")
@@ -93,7 +94,7 @@ def _in_use(rig: Rig) -> Iterator[Problem]:
 
 def _spindle_turns(rig: Rig) -> Iterator[Problem]:
     before = rig.lathe.snapshot().spindle.position
-    rig.clock.wait(LOOK_S)
+    rig.clock.wait(STANDING_S)
     after = rig.lathe.snapshot().spindle.position
     if abs(after - before) > STANDS_COUNTS:
         value, limit = f"{abs(after - before):.4g} counts", f"<= {STANDS_COUNTS:g} counts"

@@ -20,10 +20,10 @@ from profiles.axis.servo_gains import gains_from_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-PROVING_POLLS, MOST_LOOKS = 4, 6
+PROVING_POLLS, MOST_POLLS = 4, 6
 STANDS_COUNTS = 2.0
 MOVES_COUNTS_A_CYCLE = 0.5
-TOLD_SHARE, TOLD_COUNTS = 0.25, 12.0
+COMMANDED_FRACTION, COMMANDED_COUNTS = 0.25, 12.0
 """Fraction of the amplitude, and minimum, by which the command must change before a reading counts as frozen."""
 
 CONFIRMING_PERIODS = (0.25, 0.125)
@@ -63,10 +63,11 @@ class Standstill:
     """Monitors the tool while it swings, and opens the loops when it does not respond."""
 
     def __init__(self, rig: Rig, frequency_hz: float, amplitude_um: float) -> None:
-        self._rig = rig
-        self._frequency_hz = frequency_hz
-        self._told_counts = max(TOLD_COUNTS, TOLD_SHARE * amplitude_um / rig.machine.tool.count_um)
-        self._poller: deque[tuple[float, float]] = deque(maxlen=MOST_LOOKS)
+        self._rig, self._frequency_hz = rig, frequency_hz
+        self._commanded_counts = max(
+            COMMANDED_COUNTS, COMMANDED_FRACTION * amplitude_um / rig.machine.tool.count_um
+        )
+        self._polls: deque[tuple[float, float]] = deque(maxlen=MOST_POLLS)
 
     def see(self, snapshot: Snapshot) -> None:
         """Process a poll.
@@ -75,8 +76,8 @@ class Standstill:
             DriverError: `identify.no_motion`, every loop is open then; or the link broke.
         """
         tool = snapshot.tool
-        self._poller.append((tool.position, tool.position + tool.following_error))
-        if len(self._poller) > 1 and abs(self._poller[-1][0] - self._poller[-2][0]) > STANDS_COUNTS:
+        self._polls.append((tool.position, tool.position + tool.following_error))
+        if len(self._polls) > 1 and abs(self._polls[-1][0] - self._polls[-2][0]) > STANDS_COUNTS:
             return
         fastest = 0.0
         for periods in CONFIRMING_PERIODS:
@@ -84,7 +85,7 @@ class Standstill:
             fastest = max(fastest, abs(self._confirmed()))
         if self._stands() and fastest < MOVES_COUNTS_A_CYCLE:
             self._rig.lathe.stop.kill("identify.no_motion")
-            value = f"{self._poller[-1][0]:.1f} counts"
+            value = f"{self._polls[-1][0]:.1f} counts"
             raise DriverError(Problem(code="identify.no_motion", key="tool", where=self._rig.where, value=value))
 
     def _confirmed(self) -> float:
@@ -101,16 +102,16 @@ class Standstill:
         address = register.address + (motor - 1) * register.stride
         items = (f"#{motor}P", "F", f"R{register.space}${address:X}")
         position, error, word = self._rig.client.numbers(*items, again=True)
-        self._poller.append((position, position + error))
+        self._polls.append((position, position + error))
         signed = word - (1 << WORD_BITS) if word >= 1 << (WORD_BITS - 1) else word
         return signed / (self._rig.machine.controller.variables[f"I{motor}09"] * COUNT_PARTS)
 
     def _stands(self) -> bool:
         """Whether the reading was frozen over the last polls, however many, while the command changed."""
-        for count in range(PROVING_POLLS, len(self._poller) + 1):
-            readings, told = zip(*list(self._poller)[-count:], strict=True)
+        for count in range(PROVING_POLLS, len(self._polls) + 1):
+            readings, commands = zip(*list(self._polls)[-count:], strict=True)
             if max(readings) - min(readings) > STANDS_COUNTS:
                 return False
-            if max(told) - min(told) >= self._told_counts:
+            if max(commands) - min(commands) >= self._commanded_counts:
                 return True
         return False

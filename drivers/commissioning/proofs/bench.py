@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from drivers.clock import Clock
-from drivers.commissioning.check import Check, Group
+from drivers.commissioning.check import Check, Group, severity
 from drivers.commissioning.judged import Judged
 from drivers.commissioning.stop_record import Origin, Way, needed_stops
 from drivers.controller import Controller
@@ -102,32 +102,18 @@ class ProofRig:
         raise DriverError(Problem(code="owner.ousted", where=where, value=value, limit=limit))
 
     def refuse_ousted(self) -> None:
-        """Query who owns the machine.
-
-        Raises:
-            DriverError: `owner.ousted`; the link broke.
-        """
+        """Query who owns the machine; raise `owner.ousted` if that is another console."""
         self.see_owner(self.client.numbers(f"P{OWNER}", again=True)[0])
 
     def tell(self, *lines: str) -> None:
-        """Send lines that answer nothing and move nothing, unless the machine was stopped or taken.
-
-        Raises:
-            StoppedError: nothing was sent.
-            DriverError: `owner.ousted`, nothing was sent; the controller refuses, or does not answer.
-        """
+        """Send lines that answer nothing and move nothing, unless stopped."""
         self.refuse_ousted()
         for line in lines:
             self.stop.check()
             self.client.request(line, lines=0)
 
     def move(self, line: str) -> None:
-        """Send a line that moves or energises. A stop that overtook it is sent again after it.
-
-        Raises:
-            StoppedError: before or after it.
-            DriverError: `owner.ousted`, nothing was sent; the controller refuses, or does not answer.
-        """
+        """Send a line that moves or energises, unless stopped. A stop that overtook it is sent again after it."""
         self.refuse_ousted()
         self.stop.check()
         self.moving = True
@@ -140,11 +126,7 @@ class ProofRig:
         self.stop.check()
 
     def give_back(self, *lines: str) -> None:
-        """Send lines that restore what was used; refused lines are skipped, another's machine is left alone.
-
-        Raises:
-            LinkError: the link broke.
-        """
+        """Send lines that restore what was used; refused lines are skipped, another's machine is left alone."""
         for line in () if self.ousted else lines:
             with suppress(ControllerError):
                 self.client.request(line, lines=0)
@@ -159,12 +141,7 @@ class ProofRig:
         return False
 
     def settle(self, seconds: float = SETTLE_S) -> None:
-        """Let time pass; a stop ends the wait, and so does a lost link or machine while something may move.
-
-        Raises:
-            StoppedError: somebody has stopped.
-            DriverError: `owner.ousted`; the link broke.
-        """
+        """Let time pass, unless stopped; a stop ends the wait, and so does a lost link or machine."""
         end = self.clock.now_s() + seconds
         while (left := end - self.clock.now_s()) > 0.0:
             self.stop.check()
@@ -184,7 +161,8 @@ class ProofRig:
     def correction(self, motor: int) -> float:
         """Return what compensation adds to a motor, counts."""
         self._point_at_correction(motor)
-        return self.client.numbers(f"M{self.spare}", again=True)[0] / self._parts(motor)
+        parts = PARTS * (self.judged.value(self.dialect.motor_index(motor, 8)) or 1.0)
+        return self.client.numbers(f"M{self.spare}", again=True)[0] / parts
 
     def clear_correction(self, motor: int) -> None:
         """Set the correction to 0 directly, which is permitted while I51 is 0."""
@@ -211,9 +189,8 @@ class ProofRig:
         """Restore the controller as it was found, unless it is another console's; what it refuses is skipped."""
         if self.ousted:
             return
-        motors = [axis.motor for axis in self.judged.axes]
         self.give_back("I51=0", "ENDGATHER", "DELETE GATHER")
-        for motor in sorted(motors):
+        for motor in sorted(axis.motor for axis in self.judged.axes):
             with suppress(ControllerError):
                 self.clear_correction(motor)
                 self.client.request(f"#{motor}DELETE COMP", lines=0)
@@ -226,15 +203,10 @@ class ProofRig:
         address = register.address + (motor - 1) * register.stride
         self.client.request(f"M{self.spare}->{register.space}:${address:X}", lines=0)
 
-    def _parts(self, motor: int) -> float:
-        index = self.dialect.motor_index(motor, 8)
-        return PARTS * (self.judged.value(index) or 1.0)
 
-
-def proof(name: str, *, holds: bool, found: str, wanted: str, subject: str = "") -> Check:
+def proof(name: str, *, holds: bool, found: str, wanted: str) -> Check:
     """Return the result of a test."""
-    severity = Severity.OK if holds else Severity.REFUSAL
-    return Check(Group.PROOFS, f"proof_{name}", severity, subject=subject, found=found, wanted=wanted)
+    return Check(Group.PROOFS, f"proof_{name}", severity(holds), found=found, wanted=wanted)
 
 
 def stop_name(way: Way, origin: Origin) -> str:

@@ -22,7 +22,10 @@ HOMING_ORDER = ("tool", "carriage", "spindle")
 
 @dataclass(kw_only=True)
 class Guarded:
-    """The driven axes of a controller whose heartbeat is in order. `starts` is where they were homed, counts."""
+    """The driven axes of a controller whose heartbeat is in order. `starts` is where they were homed, counts.
+
+    Every method that moves raises `DriverError`: `machine.timeout`, somebody has stopped, or the link broke.
+    """
 
     bench: ProofRig
     i10: float
@@ -55,33 +58,19 @@ class Guarded:
         return Begin(self.starts[name], self.inwards(axis))
 
     def close(self) -> None:
-        """Close every loop at its present position.
-
-        Raises:
-            DriverError: somebody has stopped, or the link broke.
-        """
+        """Close every loop at its present position."""
         for axis in self.axes:
             self.bench.move(f"#{axis.motor}J/")
         self.bench.settle()
         self.bench.moving = False
 
     def home(self) -> None:
-        """Home each axis, the tool first, so that it is retracted when another one moves.
-
-        Raises:
-            DriverError: `machine.timeout`, somebody has stopped, or the link broke.
-        """
-        for name in HOMING_ORDER:
-            for axis in self.axes:
-                if axis.name == name:
-                    self.starts[name] = self._homed(axis)
+        """Home each axis, the tool first, so that it is retracted when another one moves."""
+        for axis in sorted(self.axes, key=lambda axis: HOMING_ORDER.index(axis.name)):
+            self.starts[axis.name] = self._homed(axis)
 
     def back(self) -> None:
-        """Return tool and carriage to where they were homed, the tool first.
-
-        Raises:
-            DriverError: as for `home`.
-        """
+        """Return tool and carriage to where they were homed, the tool first."""
         for axis in self.axes:
             if axis.name != "spindle":
                 self._go(f"#{axis.motor}J={format_number(self.starts[axis.name])}", axis, lambda _: True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 from drivers.commissioning.amounts import digits, length
 from drivers.commissioning.check import Check
@@ -22,7 +22,7 @@ from drivers.pmac.heartbeat.watchdog import WATCHDOG_MS
 MOVED_COUNTS = 1.0  # an axis that moves less than this after a stop was not moving before
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class SeenStop:
     """The polls from just before a stop up to rest.
 
@@ -35,6 +35,7 @@ class SeenStop:
     pressed_s: float
     late_ms: float
     looks: tuple[Look, ...]
+    _: KW_ONLY
     as_meant: bool
     origin: Origin = Origin.JOG
     lobe: tuple[float, float] | None = None
@@ -62,11 +63,13 @@ def stop_entries(judged: Judged, seen: SeenStop) -> tuple[StopEntry, ...]:
 def stop_checks(judged: Judged, seen: SeenStop) -> Iterator[Check]:
     """Check stopping distances against the computed ones; for the first watchdog timeout, also its delay."""
     if seen.watchdog is not None and seen.origin is Origin.JOG:
-        yield _watchdog_check(seen.watchdog)
+        ended = "-" if seen.watchdog.ended_s is None else f"{digits(seen.watchdog.ended_s)} s"
+        holds = not proof_problems(seen.watchdog)
+        yield proof("lease", holds=holds, found=ended, wanted=f"<= {WATCHDOG_MS / 1000.0:g} s")
     machine, found, wanted, holds = judged.machine, [], [], seen.as_meant
     for axis in judged.driven_axes:
         counts = seen.counts(axis)
-        bound = bound_counts(judged, axis, seen.way, seen.origin, seen.late_ms)
+        bound = _bound_counts(judged, axis, seen.way, seen.origin, seen.late_ms)
         time = "∞" if math.isinf(seen.time_s(axis)) else digits(seen.time_s(axis))
         found.append(f"{axis.name} {length(counts, axis.motor, machine)} {time} s")
         if math.isfinite(bound):
@@ -76,7 +79,7 @@ def stop_checks(judged: Judged, seen: SeenStop) -> Iterator[Check]:
     yield proof(name, holds=holds, found=", ".join(found), wanted=", ".join(wanted) or "-")
 
 
-def bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, late_ms: float) -> float:
+def _bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, late_ms: float) -> float:
     """Return the longest stopping distance, counts, infinite where settings do not determine it.
 
     `late_ms` is the age of the poll from which the distance is counted, when the stop was sent. Coasting after
@@ -86,26 +89,16 @@ def bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, lat
     match way, origin:
         case Way.ABORT, Origin.JOG:
             return after_abort(jog_settings_of(judged, axis).speed, judged.of_motor(axis, 15), late_ms).counts
+        case Way.ABORT, Origin.CUT if axis.name == "tool":
+            # From one end of its lobe to the other, and the stop.
+            cut = air_cut(judged.machine)
+            return 2.0 * cut.amplitude + after_abort(cut.tool, judged.of_motor(axis, 15), 0.0).counts
         case Way.ABORT, Origin.CUT:
-            return _of_cut(judged, axis, late_ms)
+            return after_abort(speed_of(judged, axis, origin), judged.of_motor(axis, 15), late_ms).counts
         case Way.WATCHDOG, Origin.JOG:
             return after_jog_stop(jog_settings_of(judged, axis), WATCHDOG_MS + late_ms).counts
         case _:
             return math.inf
-
-
-def _of_cut(judged: Judged, axis: JudgedAxis, late_ms: float) -> float:
-    """Return the tool's bound in a cut: from one end of its lobe to the other, plus its stopping distance."""
-    cut, rate = air_cut(judged.machine), judged.of_motor(axis, 15)
-    speed = cut.speeds[axis.name]
-    if axis.name == "tool":
-        return 2.0 * cut.amplitude + after_abort(speed, rate, 0.0).counts
-    return after_abort(speed, rate, late_ms).counts
-
-
-def _watchdog_check(found: WatchdogProof) -> Check:
-    ended = "-" if found.ended_s is None else f"{digits(found.ended_s)} s"
-    return proof("lease", holds=not proof_problems(found), found=ended, wanted=f"<= {WATCHDOG_MS / 1000.0:g} s")
 
 
 def _entry(judged: Judged, axis: JudgedAxis, seen: SeenStop) -> StopEntry:

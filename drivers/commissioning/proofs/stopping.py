@@ -33,7 +33,7 @@ from profiles.problem import Problem
 QUESTION = "P0..99"  # it changes nothing, and takes a controller longer to answer than a stop takes to arrive
 
 
-def past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
+def _past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
     """Press; return whether the board kept its two connections apart. With one connection no query is pending.
 
     Raises:
@@ -68,7 +68,7 @@ RUNNING_OUT_S, SELDOM_S = 1.0, 0.02  # what still moves after this time is polle
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredStops:
-    """The measured stops: the entries of a record, and the checks."""
+    """The entries of a record, and the checks."""
 
     entries: tuple[StopEntry, ...] = ()
     checks: tuple[Check, ...] = ()
@@ -99,7 +99,8 @@ def prove_stops(bench: ProofRig) -> MeasuredStops:
         return _all(bench, axes, (Origin.JOG, Origin.CUT) if loaded else (Origin.JOG,))
     finally:
         if loaded:
-            _unload(bench)
+            with suppress(DriverError):  # after a stop the program may not have ended yet
+                bench.give_back(f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
 
 
 def _all(bench: ProofRig, axes: Guarded, origins: tuple[Origin, ...]) -> MeasuredStops:
@@ -124,11 +125,6 @@ def _load(bench: ProofRig, axes: Guarded) -> bool:
     policy = Policy(bench.judged.machine.heartbeat.policy)
     bench.client.download(air_cut_lines(bench.judged, policy, axes.begin("tool"), axes.begin("carriage")))
     return True
-
-
-def _unload(bench: ProofRig) -> None:
-    with suppress(DriverError):  # after a stop the program may not have ended yet
-        bench.give_back(f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
 
 
 def _measured(bench: ProofRig, axes: Guarded, way: Way, origin: Origin) -> SeenStop:
@@ -184,15 +180,9 @@ def _at_speed(bench: ProofRig, axes: Guarded, origin: Origin, kept_s: float) -> 
 
 def _silence(bench: ProofRig, axes: Guarded, before: Look) -> SeenStop:
     found = withhold(axes.watch, before, bench.stop.stop, REST_LIMIT_S[Way.WATCHDOG])
-    bench.moving = found.at_rest_s is None
-    return SeenStop(
-        way=Way.WATCHDOG,
-        pressed_s=before.asked_s,
-        late_ms=0.0,
-        looks=found.looks,
-        as_meant=found.at_rest_s is not None,
-        watchdog=found,
-    )
+    rested = found.at_rest_s is not None
+    bench.moving = not rested
+    return SeenStop(Way.WATCHDOG, before.asked_s, 0.0, found.looks, as_meant=rested, watchdog=found)
 
 
 def _press(bench: ProofRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
@@ -205,7 +195,7 @@ def _press(bench: ProofRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
         "amplifier_enabled" in flags and "open_loop" not in flags for flags in before.flags.values()
     )
     pressed_s = bench.clock.now_s()
-    answered = past_a_question(bench, stop.stop if way is Way.ABORT else stop.kill)
+    answered = _past_a_question(bench, stop.stop if way is Way.ABORT else stop.kill)
     looks, obeyed = _until_obeyed(axes, way, before)
     if obeyed:
         bench.client.request(NOTHING_GUARDED)  # not before: what does not obey is ended by its watchdog
@@ -216,13 +206,8 @@ def _press(bench: ProofRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
         with suppress(RefusedError):
             stop.release()
         stop.check()  # what was not released is somebody else's stop
-    return SeenStop(
-        way=way,
-        pressed_s=pressed_s,
-        late_ms=(pressed_s - before.asked_s) * 1000.0,
-        looks=looks,
-        as_meant=answered and obeyed and rested and killed == (way is Way.KILL),
-    )
+    as_meant = answered and obeyed and rested and killed == (way is Way.KILL)
+    return SeenStop(way, pressed_s, (pressed_s - before.asked_s) * 1000.0, looks, as_meant=as_meant)
 
 
 def _until_obeyed(axes: Guarded, way: Way, before: Look) -> tuple[tuple[Look, ...], bool]:
