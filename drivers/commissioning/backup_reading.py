@@ -87,11 +87,7 @@ class _Gathered:
     _open: list[str] | None = None
 
     def take(self, line: str) -> None:
-        """Parse one line.
-
-        Raises:
-            ValueError: not a line of a backup.
-        """
+        """Parse one line. Raises ValueError: not a line of a backup."""
         if self._open is not None:
             if line == "CLOSE":
                 self._open = None

@@ -63,8 +63,7 @@ class CardState:
 def read_state(client: Controller, dialect: Dialect) -> CardState:
     """Query the status of the controller, of every system and of every motor.
 
-    Raises:
-        LinkError: the link broke, or the reply is no status.
+    Raises LinkError: the link broke, or the reply is no status.
     """
     (card,) = _flags(client, ["???"], dialect.global_bits)
     systems, motors = list(dialect.numbers(Scope.SYSTEM)), list(dialect.numbers(Scope.MOTOR))

@@ -32,9 +32,7 @@ def profile_problems(
     """Return every setting and axis definition that differs, and every unexpected active motor, in a few requests.
 
     TA, TS and F of the coordinate system are left out: they are what the last program left behind.
-
-    Raises:
-        DriverError: the link broke, or the controller refused to answer.
+    Raises DriverError: the link broke, or the controller refused to answer.
     """
 
     def differs(key: str, value: str, limit: str) -> Problem:

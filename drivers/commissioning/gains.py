@@ -1,4 +1,4 @@
-"""Compare the gains of a profile and a controller, and derive the few lines that bring the controller into line.
+"""Compare the gains of a profile and a controller, and write the few lines that bring the controller into line.
 
 Gains and axis definitions are all that is ever written: with the drives killed, after a backup, each value read
 back, and nothing saved. Limits, kill mode, commutation and addresses are never written.
@@ -6,15 +6,19 @@ back, and nothing saved. Limits, kill mode, commutation and addresses are never 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from drivers.commissioning.amounts import digits
+from drivers.commissioning.card_state import read_state
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.judged import Judged, same
+from drivers.commissioning.reading import number_in
 from drivers.commissioning.setting_names import GAIN_NUMBERS
-from drivers.errors import RefusedError
+from drivers.controller import Controller
+from drivers.errors import DriverError, RefusedError
 from drivers.pmac.axes import read_definitions
+from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_constant
 from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables, variables_from_gains
 from profiles.findings import Severity
@@ -51,8 +55,7 @@ def gain_checks(judged: Judged) -> list[Check]:
 def gain_writes(judged: Judged) -> tuple[Write, ...]:
     """Return the lines that set gains and axis definitions as in the profile; none where they agree.
 
-    Raises:
-        RefusedError: `controller.profile_gains`, the profile contradicts itself and cannot be trusted.
+    Raises RefusedError: `controller.profile_gains`, the profile contradicts itself and cannot be trusted.
     """
     contradictions = [
         Problem(code="controller.profile_gains", key=check.variable, value=check.found, limit=check.wanted)
@@ -109,3 +112,50 @@ def _meaning(gains: PidGains) -> Check:
 
 def _near(first: float, second: float) -> bool:
     return abs(first - second) <= max(1.0, ROUNDED * abs(second))
+
+
+def refuse_unready(client: Controller, dialect: Dialect) -> None:
+    """Make sure that no motor of the controller is enabled and no program runs.
+
+    Raises:
+        RefusedError: `controller.drives_on`, `controller.program_running`.
+        LinkError: the link broke.
+    """
+    state = read_state(client, dialect)
+    motors = ", ".join(f"#{number}" for number in state.enabled)
+    systems = ", ".join(f"&{number}" for number in state.running)
+    if motors or systems:
+        code = "controller.drives_on" if motors else "controller.program_running"
+        raise RefusedError(Problem(code=code, where=client.link.address, value=motors or systems))
+
+
+def apply(client: Controller, dialect: Dialect, writes: Sequence[Write]) -> int:
+    """Send each line once and read its value back; return how many lines there were. Nothing is saved.
+
+    The caller must have a backup.
+
+    Raises:
+        RefusedError: `controller.drives_on`, `controller.program_running`; nothing was sent.
+        DriverError: `controller.not_taken`, a value differs from the one that was sent: nothing was sent after it.
+        LinkError: the link broke; check what its last line did.
+    """
+    refuse_unready(client, dialect)
+    for write in writes:
+        client.request(write.line)
+        (found,) = client.query(write.question, again=True)
+        if not _is(found, write.wanted, client.link.address):
+            value = found.strip()
+            raise DriverError(
+                Problem(code="controller.not_taken", key=write.line, value=value, limit=write.wanted)
+            )
+    return len(writes)
+
+
+def _is(found: str, wanted: str, where: str) -> bool:
+    if found.strip() == wanted:
+        return True
+    try:
+        number = float(wanted)
+    except ValueError:
+        return False
+    return same(number_in(found, where), number)

@@ -80,8 +80,7 @@ def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] =
 def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> Configuration:
     """Read everything in `extent`, with PLCs, tables and the conversion table.
 
-    Raises:
-        RefusedError: `controller.entering`, somebody is entering a program: queries would become lines of it.
+    Raises RefusedError: `controller.entering`, somebody is entering a program: queries would become lines of it.
     """
     _refuse_open_buffer(client, dialect)
     kind, version = (text.strip() for text in client.query("TYPE", "VERSION", again=True))
@@ -123,8 +122,7 @@ def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> 
 def number_in(text: str, where: str) -> float:
     """Parse the reported value of an I-variable, in any format that I9 selects.
 
-    Raises:
-        LinkError: `link.out_of_step`, it is not a number.
+    Raises LinkError: `link.out_of_step`, it is not a number.
     """
     try:
         return number_of(text)

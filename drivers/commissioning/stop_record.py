@@ -88,8 +88,7 @@ def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
 def stop_key(client: Controller, machine: MachineProfile, dialect: Dialect) -> str:
     """Read the settings that determine how the machine stops, and return their hash.
 
-    Raises:
-        DriverError: the link broke, or the controller answers something unexpected.
+    Raises DriverError: the link broke, or the controller answers something unexpected.
     """
     kind, version = client.query("TYPE", "VERSION", again=True)
     blocks = [

@@ -50,8 +50,7 @@ class Loading:
     def verify(self, program: ProgramText, *, ended: bool = False, tables: bool = True) -> None:
         """Make sure that the controller still holds a program, with everything loaded with it.
 
-        Raises:
-            DriverError: as for `verify_loaded`; `controller.program_differs`, another program was loaded last.
+        Raises DriverError: as for `verify_loaded`; `controller.program_differs`, another program was loaded last.
         """
         if self._loaded is None or self._loaded.program is not program:
             where, key = f"PROG {program.number}", "program"

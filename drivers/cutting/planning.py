@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 from drivers.cutting.corrected import with_spindle, with_table
 from drivers.cutting.findings import clock_findings, cut_findings, leaving_findings, speed_rpm, steady_moves
@@ -106,9 +106,7 @@ def _judged(
         strategy=strategy,
         target=planning.target,
         setup=planning.setup,
-        text=made.text,
         program=program,
-        tool_start=made.tool_start,
         spindle_speed_rpm=rpm,
         segment_ms=loop[-1].used.tm_ms,
         duration_s=checked.duration_ms / 1000.0,
@@ -118,13 +116,9 @@ def _judged(
             *(clock_findings(machine) if made.clock else ()),
         ),
         checked=checked,
-        axis_definitions=made.definitions,
-        restore=made.restore,
-        table=made.table,
-        correction_register=made.correction_register,
-        zero_row_z=made.zero_row_z,
         trimmed=planning.trimmed,
         in_air=in_air,
+        **{each.name: getattr(made, each.name) for each in fields(Made)},
     )
 
 
@@ -140,9 +134,7 @@ def nominal_command(
     """Return the command with which the loop makes the path that the job wants.
 
     `response` is that of the path of this strategy, by default the one of the machine profile.
-
-    Raises:
-        ProfileError: `response.amplified`, `response.outside_band`, `response.too_sparse`.
+    Raises ProfileError: `response.amplified`, `response.outside_band`, `response.too_sparse`.
     """
     inverted = path_response(strategy, machine) if response is None else response
     turns_hz = job.spindle_speed_rpm / 60.0
@@ -185,9 +177,8 @@ def _checked(made: Made, program: ProgramText, planning: Planning) -> CheckedPro
         machine.carriage.motor: setup.carriage_start,
     }
     try:
-        definitions = read_definitions(made.definitions)
         settings = settings_with(machine.controller.variables, dialect)
-        checked = run_through(program, settings, definitions, start, dialect)
+        checked = run_through(program, settings, read_definitions(made.axis_definitions), start, dialect)
     except PmacError as error:
         raise DriverError(Problem(code="program.refused", value=str(error))) from error
     period_ms = machine.controller.servo_period_ms

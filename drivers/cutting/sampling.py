@@ -75,8 +75,7 @@ class BatchGather:
     def prepare(self, cut: CutPlan, lobes: int, seconds: float, take: Callable[[Batch], None]) -> None:
         """Set up the controller, at rest and after the program is loaded: defining a table deletes buffers.
 
-        Raises:
-            DriverError: `gather.failed`, the controller does not gather what it should; the link broke.
+        Raises DriverError: `gather.failed`, the controller does not gather what it should; the link broke.
         """
         cycle_s = self._machine.controller.servo_period_ms / 1000.0
         lobe_s = 60.0 / (lobes * cut.spindle_speed_rpm)
@@ -92,9 +91,7 @@ class BatchGather:
         """Process a poll of the machine: begin, end or fetch, with at most one request of any length.
 
         A batch lost on the line is abandoned for the next one.
-
-        Raises:
-            DriverError: `gather.failed`; the link broke.
+        Raises DriverError: `gather.failed`; the link broke.
         """
         try:
             self._state = self._tried(lambda: self._next(snapshot))
@@ -107,8 +104,7 @@ class BatchGather:
     def finish(self) -> None:
         """Fetch the rest of a batch in progress, once the machine rests and nothing waits.
 
-        Raises:
-            DriverError: `gather.failed`; the link broke.
+        Raises DriverError: `gather.failed`; the link broke.
         """
         while isinstance(state := self._state, _Fetching):
             self._state = self._tried(partial(self._fetched, state))

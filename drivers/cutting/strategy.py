@@ -24,7 +24,7 @@ def _by_pvt(planning: Planning, command: LobedPath) -> Made:
     return Made(
         text=pvt_program(planning.job, planning.setup, command),
         tool_start=planning.setup.retracted,
-        definitions=planning.machine.controller.axis_definitions,
+        axis_definitions=planning.machine.controller.axis_definitions,
     )
 
 
@@ -38,7 +38,7 @@ def _cam(planning: Planning) -> Made:
     return Made(
         text=cam_program(job, machine, setup, cam, planning.dialect, trimmed=planning.trimmed),
         tool_start=setup.retracted,
-        definitions=machine.controller.axis_definitions,
+        axis_definitions=machine.controller.axis_definitions,
         table=cam.table,
         correction_register=correction_register(machine),
         zero_row_z=cam.zero_z,
@@ -54,7 +54,7 @@ def _timebase(planning: Planning) -> Made:
     return Made(
         text=timebase.timebase_program(job, machine, setup, planning.command, dialect),
         tool_start=setup.retracted,
-        definitions=definitions,
+        axis_definitions=definitions,
         restore=timebase.restoring_lines(machine, dialect),
         clock=timebase.spindle_clock(job, machine, dialect),
     )
@@ -68,7 +68,7 @@ def _paper(planning: Planning) -> Made:
     job, machine, setup = planning.job, planning.machine, planning.setup
     refuse_endless(2 * job.jaws * setup.turns)
     text = paper_program(job, machine, setup, DEFAULT_TS_MS if planning.ts_ms is None else planning.ts_ms)
-    return Made(text=text, tool_start=setup.surface, definitions=machine.controller.axis_definitions)
+    return Made(text=text, tool_start=setup.surface, axis_definitions=machine.controller.axis_definitions)
 
 
 def _paper_begins_at(job: Job, machine: MachineProfile) -> float:

@@ -84,11 +84,10 @@ class CamPath:
 
     def __init__(self, machine: MachineProfile, amplitude_um: float, most_hz: float) -> None:
         """Raises ProfileError: `identify.axis`."""
-        self._machine = machine
         self._wave = wave_counts(machine, most_hz)
         self._word = axis_word(machine, machine.carriage.motor)
         self._dialect = DIALECTS[machine.controller.family]
-        self.table: CompensationTable | None = self._filled(amplitude_um)
+        self.table: CompensationTable | None = _sine_table(machine, self._wave, amplitude_um)
         self.channels = (f"#{machine.carriage.motor} actual", f"#{machine.tool.motor} actual")
 
     def sweep(self, frequency_hz: float, periods: int) -> Sweep:
@@ -126,10 +125,10 @@ class CamPath:
         """Delay of the carriage as a source, in servo cycles; the spindle's may differ."""
         return int(self.table is not None and source_is_late(self.table, 0))
 
-    def _filled(self, amplitude_um: float) -> CompensationTable:
-        motor = self._machine.tool.motor
-        source = TableSource(motor=self._machine.carriage.motor, span_counts=self._wave)
-        definition = TableDefinition(motor=motor, sources=(source,), target=motor, columns=COLUMNS)
-        parts = PARTS_PER_COUNT * amplitude_um / self._machine.tool.count_um
-        turns = (k / COLUMNS for k in range(1, COLUMNS + 1))
-        return definition.filled([round(parts * math.sin(2.0 * math.pi * turn)) for turn in turns])
+
+def _sine_table(machine: MachineProfile, wave: int, amplitude_um: float) -> CompensationTable:
+    motor, source = machine.tool.motor, TableSource(motor=machine.carriage.motor, span_counts=wave)
+    definition = TableDefinition(motor=motor, sources=(source,), target=motor, columns=COLUMNS)
+    parts = PARTS_PER_COUNT * amplitude_um / machine.tool.count_um
+    turns = (k / COLUMNS for k in range(1, COLUMNS + 1))
+    return definition.filled([round(parts * math.sin(2.0 * math.pi * turn)) for turn in turns])

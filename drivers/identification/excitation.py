@@ -77,11 +77,7 @@ class AxisWord:
 
 
 def axis_word(machine: MachineProfile, motor: int) -> AxisWord:
-    """Return the axis of a motor.
-
-    Raises:
-        ProfileError: `identify.axis`, the motor has none of its own.
-    """
+    """Return the axis of a motor. Raises ProfileError: `identify.axis`, the motor has none of its own."""
     definitions = read_definitions(machine.controller.axis_definitions)
     found = [each for each in definitions if each.motor == motor]
     if not found or len(found[0].terms) != 1 or not found[0].scale:

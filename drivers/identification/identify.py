@@ -123,11 +123,7 @@ def identify(
 
 
 def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> Origin:
-    """Read what the response will be valid for.
-
-    Raises:
-        DriverError: the link broke.
-    """
+    """Read what the response will be valid for. Raises DriverError: the link broke."""
     motor = rig.machine.tool.motor
     indices = {f"I{motor}{number}": rig.dialect.motor_index(motor, number) for number in GAINS}
     found = read_settings(rig.client, (SERVO_TIME, *indices.values()))
@@ -144,8 +140,7 @@ def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> Origin:
 def _place(rig: Rig, excitation: Excitation) -> None:
     """Bring the tool to its zero, clear of everything; with a table the carriage too, and switch it on there.
 
-    Raises:
-        DriverError: `identify.table_steps`, the tool would jump; those of the jogs.
+    Raises DriverError: `identify.table_steps`, the tool would jump; those of the jogs.
     """
     rig.lathe.jog_to(AxisName.TOOL, 0.0, settle=False)
     if excitation.table is None:
@@ -169,8 +164,7 @@ def _refuse_step(rig: Rig, excitation: Excitation) -> None:
 def _end(rig: Rig, before: Before, error: BaseException, *, table: bool) -> None:
     """Leave the machine at rest, and restore what was used, as far as it is ours and causes no step.
 
-    Raises:
-        DriverError: the error, with what could not be proven.
+    Raises DriverError: the error, with what could not be proven.
     """
     off = False
     try:
@@ -185,8 +179,7 @@ def _end(rig: Rig, before: Before, error: BaseException, *, table: bool) -> None
 def _leave_at_rest(rig: Rig, error: BaseException) -> None:
     """Stop, wait for rest and disable the drives; another console's machine is left once nothing of ours moves.
 
-    Raises:
-        DriverError: the error, with what could not be proven.
+    Raises DriverError: the error, with what could not be proven.
     """
     lathe = rig.lathe
     code = error.problems[0].code if isinstance(error, ProblemError) and error.problems else type(error).__name__

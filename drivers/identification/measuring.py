@@ -40,8 +40,7 @@ class Watch:
     def see(self, snapshot: Snapshot) -> None:
         """Process a poll of the machine.
 
-        Raises:
-            DriverError: `identify.no_motion`, no response of the tool; nothing is gathered; the link broke.
+        Raises DriverError: `identify.no_motion`, no response of the tool; nothing is gathered; the link broke.
         """
         self.standstill.see(snapshot)
         if math.isinf(self.enough_at_s):

@@ -59,12 +59,10 @@ class PvtPath:
 
     def __init__(self, machine: MachineProfile, amplitude_um: float, centre_counts: float = 0.0) -> None:
         """Raises ProfileError: `identify.axis`."""
-        self._machine = machine
-        self._amplitude_um = amplitude_um
-        self._centre = centre_counts
-        self._word = axis_word(machine, machine.tool.motor)
-        self._dialect = DIALECTS[machine.controller.family]
         motor = machine.tool.motor
+        self._machine, self._amplitude_um, self._centre = machine, amplitude_um, centre_counts
+        self._word = axis_word(machine, motor)
+        self._dialect = DIALECTS[machine.controller.family]
         self.channels = (f"#{motor} commanded", f"#{motor} actual")
 
     def sweep(self, frequency_hz: float, periods: int) -> Sweep:

@@ -74,11 +74,7 @@ def as_table(identified: IdentifiedResponse) -> dict[str, Any]:
 
 
 def from_table(table: Any, where: str = "") -> IdentifiedResponse:
-    """Read the output of `as_table`.
-
-    Raises:
-        ProfileError: `schema.unsupported`; `identify.file`, anything else.
-    """
+    """Read the output of `as_table`. Raises ProfileError: `schema.unsupported`; `identify.file`, anything else."""
     return read_own(IdentifiedResponse, table, schema=SCHEMA, code="identify.file", where=where, judge=_judge)
 
 
@@ -94,8 +90,7 @@ def _judge(identified: IdentifiedResponse) -> None:
 def as_response(identified: IdentifiedResponse, name: str) -> ServoResponse:
     """Return the points as a curve that can be inverted; `name` identifies the measurement.
 
-    Raises:
-        ProfileError: `response.bad_points`.
+    Raises ProfileError: `response.bad_points`.
     """
     points = identified.points
     curve = ("frequency_hz", "gain", "phase_deg", "gain_ci", "phase_ci_deg")

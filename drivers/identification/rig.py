@@ -52,8 +52,7 @@ class Rig:
 def card_problems(rig: Rig) -> tuple[Problem, ...]:
     """Return why this controller cannot be used, whether its drives are enabled or not; nothing moves.
 
-    Raises:
-        DriverError: the link broke, or another console controls the machine.
+    Raises DriverError: the link broke, or another console controls the machine.
     """
     return (*rig.lathe.verify(), *rig.lathe.program.tables_left(), *_in_use(rig), *_spindle_turns(rig))
 
@@ -61,8 +60,7 @@ def card_problems(rig: Rig) -> tuple[Problem, ...]:
 def standing_problems(rig: Rig) -> tuple[Problem, ...]:
     """Return why the first motion is refused: drives disabled, not homed, something moving, a fault.
 
-    Raises:
-        DriverError: the link broke.
+    Raises DriverError: the link broke.
     """
     snapshot = rig.lathe.snapshot()
     required = {
@@ -109,11 +107,7 @@ class Before:
 
     @classmethod
     def read(cls, rig: Rig) -> Before:
-        """Read the present settings.
-
-        Raises:
-            DriverError: the link broke.
-        """
+        """Read the present settings. Raises DriverError: the link broke."""
         gather = rig.dialect.gathering
         sources = range(gather.first_source, gather.first_source + CHANNELS)
         return cls(settings=read_settings(rig.client, (gather.period, *gather.masks, *sources)))
@@ -122,9 +116,7 @@ class Before:
         """Delete the program, the gather buffer and the table; what the controller refuses is left.
 
         With a `table` the correction is set to 0: at its zero, or with the drives killed.
-
-        Raises:
-            LinkError: the link broke.
+        Raises LinkError: the link broke.
         """
         lines = ["ENDGATHER", "DELETE GATHER", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"]
         if table:

@@ -70,11 +70,7 @@ class Standstill:
         self._polls: deque[tuple[float, float]] = deque(maxlen=MOST_POLLS)
 
     def see(self, snapshot: Snapshot) -> None:
-        """Process a poll.
-
-        Raises:
-            DriverError: `identify.no_motion`, every loop is open then; or the link broke.
-        """
+        """Process a poll. Raises DriverError: `identify.no_motion`, every loop is open then; or the link broke."""
         tool = snapshot.tool
         self._polls.append((tool.position, tool.position + tool.following_error))
         if len(self._polls) > 1 and abs(self._polls[-1][0] - self._polls[-2][0]) > STANDS_COUNTS:
@@ -92,10 +88,7 @@ class Standstill:
         """Poll the tool alone, and return its velocity in that servo cycle, counts.
 
         A controller answers once per background cycle; where that is half a period, every poll sees the same
-        position.
-
-        Raises:
-            DriverError: the link broke.
+        position. Raises DriverError: the link broke.
         """
         motor, dialect = self._rig.machine.tool.motor, self._rig.dialect
         register = dialect.registers["velocity"]

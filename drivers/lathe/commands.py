@@ -44,8 +44,7 @@ class Sending:
     def refuse_unless_owner(self) -> None:
         """Make sure that this console may command the machine.
 
-        Raises:
-            RefusedError: `owner.held`, `owner.observer`.
+        Raises RefusedError: `owner.held`, `owner.observer`.
         """
         if self._ownership is not None:
             self._ownership.refuse_unless_owner()
@@ -53,18 +52,13 @@ class Sending:
     def refuse_unsafe(self) -> None:
         """Check the safety devices that the controller sees, if it sees any.
 
-        Raises:
-            RefusedError: `safety.not_good`, with each device in the wrong state.
+        Raises RefusedError: `safety.not_good`, with each device in the wrong state.
         """
         if self._poller.sees_devices and (problems := device_problems(self._poller.look().inputs)):
             raise RefusedError(*problems)
 
     def refuse_moving(self) -> None:
-        """Make sure that nothing moves.
-
-        Raises:
-            RefusedError: `machine.moving`.
-        """
+        """Make sure that nothing moves. Raises RefusedError: `machine.moving`."""
         if self._poller.look().moving:
             raise RefusedError(self._problem("machine.moving"))
 

@@ -63,8 +63,7 @@ class CutProgram:
     def put_back(self) -> None:
         """Restore the controller to its profile where loading has changed it, at rest; otherwise do nothing.
 
-        Raises:
-            DriverError: `machine.moving`, nothing was sent; a line was refused, or the link broke.
+        Raises DriverError: `machine.moving`, nothing was sent; a line was refused, or the link broke.
         """
         if self._to_restore:
             self._sending.refuse_unless_owner()
@@ -80,8 +79,7 @@ class CutProgram:
     def switch_tables_off(self) -> tuple[Problem, ...]:
         """Switch off compensation tables that add nothing to the tool, at rest; return what is left to fix.
 
-        Raises:
-            DriverError: `machine.moving`, nothing was sent.
+        Raises DriverError: `machine.moving`, nothing was sent.
         """
         self._sending.refuse_unless_owner()
         self._sending.refuse_moving()

@@ -75,9 +75,7 @@ class Heartbeat:
         """Make sure that the controller would end a motion without a host; load its PLC where it is missing.
 
         Only with the drives disabled: it moves nothing, but a PLC that is being replaced guards nothing.
-
-        Raises:
-            RefusedError: everything that is not in order, `heartbeat.*`.
+        Raises RefusedError: everything that is not in order, `heartbeat.*`.
         """
         self._keeper = None
         look, problems = self._looked()
@@ -104,8 +102,7 @@ class Heartbeat:
     def renewal(self) -> str:
         """Return the watchdog renewal to prefix to a line sent at once; "" when nothing is guarded.
 
-        Raises:
-            DriverError: `heartbeat.lapsed`, as for `pause`.
+        Raises DriverError: `heartbeat.lapsed`, as for `pause`.
         """
         keeper = self._kept()
         if keeper is None:
@@ -197,8 +194,7 @@ class Heartbeat:
     def _refuse_silent(self) -> None:
         """Make sure that the PLC runs now: it may have been disabled since it was prepared.
 
-        Raises:
-            RefusedError: `heartbeat.plcs_forbidden`, `heartbeat.plc_silent`.
+        Raises RefusedError: `heartbeat.plcs_forbidden`, `heartbeat.plc_silent`.
         """
         items, end_s = (f"I{PERMISSION}", f"P{ECHO}", f"P{OWNER}"), self._clock.now_s() + PULSE_TIMEOUT_S
         permission, first, self._owner = self._client.numbers(*items, again=True)

@@ -115,8 +115,7 @@ class Jogs:
     def _refuse_shifted(self, now: Snapshot) -> None:
         """Refuse if an axis is not where the last jog left it, and this console has moved nothing since.
 
-        Raises:
-            RefusedError: `controller.home_lost`: another host has changed its zero or moved it.
+        Raises RefusedError: `controller.home_lost`: another host has changed its zero or moved it.
         """
         left, mark = self._left or (now, self._stop.mark)
         if mark != self._stop.mark:
@@ -138,8 +137,7 @@ class Jogs:
     def by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
         """Jog one axis by an increment in counts from its commanded position.
 
-        Raises:
-            DriverError: `machine.moving`, `machine.not_enabled`, `machine.beyond_travel`, and those of `to`.
+        Raises DriverError: `machine.moving`, `machine.not_enabled`, `machine.beyond_travel`, and those of `to`.
         """
         state = self._ready_to_jog(axis)
         held = self._loading.correction_counts() if axis is AxisName.TOOL else 0.0

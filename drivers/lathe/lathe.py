@@ -57,9 +57,7 @@ class Lathe:
 
         With a `heartbeat` nothing moves unless the controller would end it without this host. With an
         `ownership` only polls and stops are sent before `claim`.
-
-        Raises:
-            DriverError: `safety.bad_input`, in the profile.
+        Raises DriverError: `safety.bad_input`, in the profile.
         """
         self.machine, self.stop, self.ownership, self.driven = machine, stop, ownership, driven_axes(machine)
         self._client, self._clock, self._heartbeat = client, clock, heartbeat
@@ -109,8 +107,7 @@ class Lathe:
     def claim(self) -> None:
         """Claim control of the machine for this console; without ownership there is nothing to claim.
 
-        Raises:
-            RefusedError: `owner.held`, another console has control.
+        Raises RefusedError: `owner.held`, another console has control.
         """
         self._jogs.forget()
         if self.ownership is not None:
@@ -119,8 +116,7 @@ class Lathe:
     def take_control(self) -> int:
         """Take control of the machine at rest, whoever has it; return the number of the previous owner.
 
-        Raises:
-            RefusedError: `owner.moving`, nothing was written.
+        Raises RefusedError: `owner.moving`, nothing was written.
         """
         if self.ownership is None:
             return NOBODY
@@ -172,9 +168,7 @@ class Lathe:
         """Disable the drives: open the loops of all axes at rest. No stop is in force afterwards.
 
         From then on somebody may be inside the guard, and no loop is closed before `confirm_nobody_inside`.
-
-        Raises:
-            DriverError: `machine.moving`, nothing was sent; `machine.not_switched_off`, an axis does not open.
+        Raises DriverError: `machine.moving`, nothing was sent; `machine.not_switched_off`, an axis does not open.
         """
         self._sending.refuse_unless_owner()
         self._sending.refuse_moving()
@@ -199,8 +193,7 @@ class Lathe:
     def wait_for_rest(self) -> Snapshot:
         """Repeat a stop until the controller proves that nothing moves, see `prove_rest`.
 
-        Raises:
-            DriverError: `machine.not_at_rest`.
+        Raises DriverError: `machine.not_at_rest`.
         """
         return prove_rest(self._poller, self.stop, self._clock, self._sending.end_watchdog)
 

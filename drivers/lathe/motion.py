@@ -88,8 +88,7 @@ class Motion:
     def _refuse_faults(self, before: Snapshot | None, snapshot: Snapshot, what: str, faults: list[str]) -> None:
         """Stop on a fault; a safety device that has ended the motion itself is reported first.
 
-        Raises:
-            DriverError: `safety.not_good`, `machine.fault`, `machine.left_behind`, `machine.tool_left_behind`.
+        Raises DriverError: `safety.not_good`, `machine.fault`, `machine.left_behind`, `machine.tool_left_behind`.
         """
         problems = device_problems(snapshot.inputs)
         if faults:
@@ -119,9 +118,7 @@ class Motion:
         """End what the controller would no longer end, as it would; return when it must be over.
 
         A cut that may continue without a host continues: it is as safe as before.
-
-        Raises:
-            DriverError: the problem; what moved is stopped.
+        Raises DriverError: the problem; what moved is stopped.
         """
         if not in_cut or heartbeat.policy is Policy.STOP:
             self._stop.stop(problem.code)
@@ -186,8 +183,7 @@ class Motion:
 def refuse_beyond_travel(machine: MachineProfile, axis: AxisName, counts: float) -> None:
     """Refuse a position outside the software limits of an axis, if it has any.
 
-    Raises:
-        RefusedError: `machine.beyond_travel`.
+    Raises RefusedError: `machine.beyond_travel`.
     """
     settings, lengths, limit = settings_of(machine, axis), Lengths(machine), ""
     high, low = settings.highest_counts, settings.lowest_counts

@@ -91,8 +91,7 @@ class Ownership:
     def refuse_ousted(self) -> None:
         """Make sure that this console still controls the motion.
 
-        Raises:
-            DriverError: `owner.ousted`, another console has overwritten our number.
+        Raises DriverError: `owner.ousted`, another console has overwritten our number.
         """
         if self.standing is Standing.OUSTED:
             raise DriverError(self._problem("owner.ousted", str(self.holder), str(self.number)))
@@ -100,8 +99,7 @@ class Ownership:
     def refuse_unless_owner(self) -> None:
         """Make sure that this console may command.
 
-        Raises:
-            RefusedError: `owner.held`, or `owner.observer` when it has not claimed control.
+        Raises RefusedError: `owner.held`, or `owner.observer` when it has not claimed control.
         """
         if self.standing is Standing.OWNER:
             return

@@ -40,8 +40,7 @@ class SafetyInput:
 def inputs_of(safety: Safety) -> tuple[SafetyInput, ...]:
     """Return the safety devices that the controller sees.
 
-    Raises:
-        DriverError: `safety.bad_input`, with every malformed entry.
+    Raises DriverError: `safety.bad_input`, with every malformed entry.
     """
     found = [_read(text) for text in safety.inputs]
     problems = [each for each in found if isinstance(each, Problem)]

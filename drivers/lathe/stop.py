@@ -110,8 +110,7 @@ class StopPath:
     def release(self) -> None:
         """Release the stop; do nothing when none is in force. A stop that comes meanwhile stays in force.
 
-        Raises:
-            RefusedError: `stop.not_proven`, the machine was not seen at rest after the last stop.
+        Raises RefusedError: `stop.not_proven`, the machine was not seen at rest after the last stop.
         """
         if self.reason is None:
             return
@@ -127,11 +126,7 @@ class StopPath:
         self._link.send_urgent(KILL_ALL)
 
     def check(self) -> None:
-        """Refuse to continue after a stop.
-
-        Raises:
-            StoppedError: `machine.stopped`.
-        """
+        """Refuse to continue after a stop. Raises StoppedError: `machine.stopped`."""
         reason = self.reason
         if reason is not None:
             raise StoppedError(Problem(code="machine.stopped", value=reason))

@@ -95,11 +95,7 @@ def without_options(address: str) -> str:
 
 
 def parse_address(text: str) -> LinkAddress:
-    """Parse a link address.
-
-    Raises:
-        LinkError: `link.bad_address`.
-    """
+    """Parse a link address. Raises LinkError: `link.bad_address`."""
     kind, _, rest = text.partition(":")
     match kind:
         case "serial":
@@ -121,8 +117,7 @@ def parse_address(text: str) -> LinkAddress:
 def parse_host_port(text: str) -> TcpAddress:
     """Parse `HOST:PORT` of a listener, with brackets round an IPv6 address; port 0 lets it choose.
 
-    Raises:
-        LinkError: `link.bad_address`.
+    Raises LinkError: `link.bad_address`.
     """
     host, port = _host_and_port(text, text, _HOST_FORM, lowest_port=0)
     return TcpAddress(host=host, port=port)
@@ -131,8 +126,7 @@ def parse_host_port(text: str) -> TcpAddress:
 def parse_device(text: str) -> SerialAddress:
     """Parse `/dev/NAME` or `/dev/NAME?baud=RATE`; names by bus position contain colons themselves.
 
-    Raises:
-        LinkError: `link.bad_address`; `/dev/NAME:RATE` is refused, too.
+    Raises LinkError: `link.bad_address`; `/dev/NAME:RATE` is refused, too.
     """
     device, asked, query = text.rpartition("?")
     name, _, rate = query.partition("=") if asked else ("baud", "=", str(DEFAULT_BAUD_RATE))

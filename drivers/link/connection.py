@@ -31,8 +31,7 @@ class Connection:
     def __init__(self, host: str, port: int, address: str) -> None:
         """Connect.
 
-        Raises:
-            LinkError: `link.unknown_host`, `link.refused`, `link.no_answer`, `link.unreachable`, `link.failed`.
+        Raises LinkError: `link.unknown_host`, `link.refused`, `link.no_answer`, `link.unreachable`, `link.failed`.
         """
         self.address = address
         try:
@@ -56,8 +55,7 @@ class Connection:
     def write(self, data: bytes, wait_s: float) -> None:
         """Send all of it, waiting at most `wait_s` at a time for room.
 
-        Raises:
-            LinkError: `link.lost`; part of it may have been sent.
+        Raises LinkError: `link.lost`; part of it may have been sent.
         """
         left = memoryview(data)
         try:
@@ -74,8 +72,7 @@ class Connection:
     def write_whole(self, frame: bytes) -> None:
         """Send all of it at once, or end the connection: nothing may follow half a frame.
 
-        Raises:
-            LinkError: `link.lost`.
+        Raises LinkError: `link.lost`.
         """
         try:
             if self._socket.send(frame) < len(frame):
@@ -89,8 +86,7 @@ class Connection:
     def receive(self, timeout_s: float = 0.0) -> bytes:
         """Return the bytes received within `timeout_s`; empty on timeout.
 
-        Raises:
-            LinkError: `link.lost`, or `link.closed` by the other end.
+        Raises LinkError: `link.lost`, or `link.closed` by the other end.
         """
         try:
             ready, _, _ = select.select([self._socket], [], [], max(timeout_s, 0.0))

@@ -83,8 +83,7 @@ class EthernetLink:
     def send_urgent(self, data: bytes) -> None:
         """Send a stop now: on its own connection, or directly after the request in flight.
 
-        Raises:
-            LinkError: `link.lost`, the board accepts nothing.
+        Raises LinkError: `link.lost`, the board accepts nothing.
         """
         stop = _get_response(data)
         if self._stops is None or not self._stops.send(stop.encode()):
@@ -93,8 +92,7 @@ class EthernetLink:
     def receive(self, timeout_s: float) -> bytes:
         """Return the reply text received within `timeout_s`.
 
-        Raises:
-            LinkError: `link.lost`, or `link.closed` by the controller.
+        Raises LinkError: `link.lost`, or `link.closed` by the controller.
         """
         deadline = time.monotonic() + timeout_s
         while not self._said:

@@ -44,8 +44,7 @@ class SerialLink:
     def send(self, data: bytes) -> None:
         """Send bytes in order, queueing no more than a stop may have to wait for.
 
-        Raises:
-            LinkError: `link.lost`; also when the line has accepted nothing for `SEND_TIMEOUT_S`.
+        Raises LinkError: `link.lost`; also when the line has accepted nothing for `SEND_TIMEOUT_S`.
         """
         try:
             left, last_s = memoryview(data), time.monotonic()
@@ -80,11 +79,7 @@ class SerialLink:
                 self._handing.release()
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return the bytes received within `timeout_s`.
-
-        Raises:
-            LinkError: `link.lost`.
-        """
+        """Return the bytes received within `timeout_s`. Raises LinkError: `link.lost`."""
         try:
             line = self._line.fileno()
             readable, _, _ = select.select([line], [], [], max(timeout_s, 0.0))

@@ -25,8 +25,7 @@ class StopConnection:
     def __init__(self, connection: Connection) -> None:
         """Ask the board, without side effects, whether there is anything to read, and wait for its answer.
 
-        Raises:
-            LinkError: `link.no_answer`, the board does not serve it; `link.lost`, `link.closed`.
+        Raises LinkError: `link.no_answer`, the board does not serve it; `link.lost`, `link.closed`.
         """
         self._connection, self._alive = connection, True
         self._asked_s: float | None = None

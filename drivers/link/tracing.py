@@ -25,11 +25,7 @@ class TraceFile:
     """
 
     def __init__(self, path: Path, title: str, limit_bytes: int = LIMIT_BYTES) -> None:
-        """Open the file and write a title line with the time.
-
-        Raises:
-            DriverError: `link.trace_unwritable`.
-        """
+        """Open the file and write a title line with the time. Raises DriverError: `link.trace_unwritable`."""
         self._path, self._limit_bytes = path, limit_bytes
         self._turning = threading.Lock()
         began = datetime.now().astimezone().isoformat(timespec="seconds")
@@ -46,11 +42,7 @@ class TraceFile:
             raise DriverError(Problem(code="link.trace_unwritable", where=str(path), value=reason)) from error
 
     def write(self, text: str) -> None:
-        """Append.
-
-        Raises:
-            OSError: it cannot be written.
-        """
+        """Append. Raises OSError: it cannot be written."""
         data = text.encode("utf-8")
         # A second writer does not wait while the file is being renewed.
         if self._length + len(data) > self._limit_bytes and self._turning.acquire(blocking=False):
@@ -85,11 +77,7 @@ class Tracing:
     """One trace file for all links of a command, one after the other; or none."""
 
     def __init__(self, path: Path | None, title: str) -> None:
-        """Open the file, before anything moves.
-
-        Raises:
-            DriverError: `link.trace_unwritable`.
-        """
+        """Open the file, before anything moves. Raises DriverError: `link.trace_unwritable`."""
         self._file = None if path is None else TraceFile(path, title)
         self._traced: list[TracedLink] = []
 

@@ -71,7 +71,9 @@ def predict(job: Job, machine: MachineProfile, plan: CutPlan, response: ServoRes
     Cutting force and unmeasured properties of the machine are not included.
     """
     angle_deg, command_um = _steady_turn(machine, plan)
-    known = _identified(job, machine, plan, response)
+    known = {}  # the loop by its order (UPR), where it was identified
+    if response is not None and response.source is Source.IDENTIFIED:
+        known[job.jaws] = loop_response(plan.strategy, machine, response, job.lobe_frequency_hz)
     path_um = followed(machine, command_um, plan.spindle_speed_rpm, known)
     frequency_hz = job.jaws * plan.spindle_speed_rpm / 60.0
     order = np.argsort(angle_deg, kind="stable")
@@ -107,21 +109,12 @@ def followed(
     """
     spectrum = np.fft.rfft(command)
     frequency_hz = np.arange(spectrum.size) * speed_rpm / 60.0
-    heard = frequency_hz < 500.0 / machine.controller.servo_period_ms
+    below = frequency_hz < 500.0 / machine.controller.servo_period_ms
     loop = np.zeros(spectrum.size, dtype=np.complex128)
-    loop[heard] = sampled_response(machine, frequency_hz[heard])
-    for waves, response in (known or {}).items():
-        loop[waves] = response
+    loop[below] = sampled_response(machine, frequency_hz[below])
+    for order, response in (known or {}).items():
+        loop[order] = response
     return np.fft.irfft(loop * spectrum, command.size)
-
-
-def _identified(
-    job: Job, machine: MachineProfile, plan: CutPlan, response: ServoResponse | None
-) -> dict[int, complex]:
-    """Return the loop by its order (UPR), where it was identified."""
-    if response is None or response.source is not Source.IDENTIFIED:
-        return {}
-    return {job.jaws: loop_response(plan.strategy, machine, response, job.lobe_frequency_hz)}
 
 
 def _steady_turn(machine: MachineProfile, plan: CutPlan) -> tuple[FloatArray, FloatArray]:

@@ -89,8 +89,7 @@ class ProofRig:
     def see_owner(self, held: float) -> None:
         """Process the owner that was read.
 
-        Raises:
-            DriverError: `owner.ousted`; what the rig moves was stopped before.
+        Raises DriverError: `owner.ousted`; what the rig moves was stopped before.
         """
         if self.owner is None or held == self.owner:
             return

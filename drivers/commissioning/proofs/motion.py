@@ -64,7 +64,9 @@ def pvt_rounding(bench: ProofRig) -> Check:
     finally:
         # After a stop the program may not have ended yet, and the controller refuses.
         bench.give_back(f"{COUNTER}={format_constant(value)}", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
-    wanted_ms, other_ms = _segment_ms(bench)
+    switch = bench.dialect.segment_time_switch
+    exact = switch is not None and not bench.judged.value(switch)
+    wanted_ms, other_ms = (PVT_MS, float(round(PVT_MS))) if exact else (float(round(PVT_MS)), PVT_MS)
     holds = abs(found_ms - wanted_ms) < abs(found_ms - other_ms)
     return proof("pvt_rounding", holds=holds, found=f"{found_ms:.2f} ms", wanted=f"{wanted_ms:g} ms")
 
@@ -133,14 +135,6 @@ def _arrived(bench: ProofRig) -> bool:
     flags = decode(digits_, bench.dialect.system_bits)
     motor = bench.flags(bench.motor("carriage"))
     return "running_program" not in flags and "move_timer_active" not in motor
-
-
-def _segment_ms(bench: ProofRig) -> tuple[float, float]:
-    """Return how long a segment should take, and how long by the other rule."""
-    switch = bench.dialect.segment_time_switch
-    exact = switch is not None and not bench.judged.value(switch)
-    whole = float(round(PVT_MS))
-    return (PVT_MS, whole) if exact else (whole, PVT_MS)
 
 
 def _rest(bench: ProofRig, motor: int) -> None:

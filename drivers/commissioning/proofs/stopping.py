@@ -36,8 +36,7 @@ QUESTION = "P0..99"  # it changes nothing, and takes a controller longer to answ
 def _past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
     """Press; return whether the board kept its two connections apart. With one connection no query is pending.
 
-    Raises:
-        LinkError: the query could not be sent; nothing was pressed.
+    Raises LinkError: the query could not be sent; nothing was pressed.
     """
     if bench.stop.way is not StopWay.RESERVED:
         press(REASON)
@@ -78,10 +77,7 @@ def prove_stops(bench: ProofRig) -> MeasuredStops:
     """Load the heartbeat, home, and stop the machine in every way it has, until one fails.
 
     The drives are killed at the beginning. At the end the loops may be closed; the heartbeat stays on the
-    controller.
-
-    Raises:
-        DriverError: somebody has stopped, an axis does not arrive, the link broke.
+    controller. Raises DriverError: somebody has stopped, an axis does not arrive, the link broke.
     """
     heartbeat = Heartbeat(bench.client, bench.clock, bench.judged.machine)
     try:
@@ -130,8 +126,7 @@ def _load(bench: ProofRig, axes: Guarded) -> bool:
 def _measured(bench: ProofRig, axes: Guarded, way: Way, origin: Origin) -> SeenStop:
     """Move, stop and record; repeat when this host was delayed and the controller ended the motion before.
 
-    Raises:
-        DriverError: `heartbeat.lapsed`, this host is too slow; somebody has stopped; the link broke.
+    Raises DriverError: `heartbeat.lapsed`, this host is too slow; somebody has stopped; the link broke.
     """
     for _ in range(TRIES):
         line, kept_s = _begin(bench, axes, origin)
