@@ -104,8 +104,10 @@ def fingerprint_problems(before: Fingerprint, after: Fingerprint, ours: frozense
     problems = []
     for name, was, found in (*_settings(before, after), *_facts(before, after)):
         if name not in ours:
-            code = "changed" if was and found else "gone" if was else "appeared"
-            problems.append(Problem(code=f"fingerprint.{code}", key=name, value=found, limit=was))
+            code = "fingerprint.changed"
+            if not (was and found):
+                code = "fingerprint.gone" if was else "fingerprint.appeared"
+            problems.append(Problem(code=code, key=name, value=found, limit=was))
     return tuple(problems)
 
 

@@ -28,12 +28,8 @@ LISTING_TIMEOUT_S = 60.0  # of a program or table
 PLC_TIMEOUT_S = 30.0  # the longest PLC is listed in a third of that at 9600 baud
 TABLE_LINES = 32  # lines of the conversion table that are read where only the machine matters
 
-PROGRAM_NUMBERS = (*range(1, 100), *range(1000, 1004))
-"""Motion programs that are searched for: a controller does not list its program numbers."""
-
-BUFFERS_OPEN = ("motion_buffer_open", "plc_buffer_open", "rotary_open")
-"""Bits of the controller status: a program is being entered."""
-
+PROGRAM_NUMBERS = (*range(1, 100), *range(1000, 1004))  # a controller does not list its program numbers
+BUFFERS_OPEN = ("motion_buffer_open", "plc_buffer_open", "rotary_open")  # a program is being entered
 _SYSTEM_SHIFT = 20
 _FORM = re.compile(r"M\d+->")
 

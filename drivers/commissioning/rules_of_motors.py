@@ -13,12 +13,8 @@ from drivers.pmac.dialect import Setting
 from drivers.pmac.settings import PARTS_PER_COUNT
 from profiles.findings import Severity
 
-NEVER_ZERO = (11, 12, 15, 16, 17, 19, 22, 28, 69)
-"""Ixnn of which 0 means no limit, no motion or no force at all."""
-
-LOBE_AMPLITUDE_UM, LOBE_FREQUENCY_HZ = 27.5, 50.0
-"""The fastest lobe that the tool is made for: half of 55 um, three times per turn at 1000 rpm."""
-
+NEVER_ZERO = (11, 12, 15, 16, 17, 19, 22, 28, 69)  # Ixnn of which 0 means no limit, no motion or no force
+LOBE_AMPLITUDE_UM, LOBE_FREQUENCY_HZ = 27.5, 50.0  # the fastest lobe: half of 55 um, three per turn at 1000 rpm
 LEAST_PROGRAM_SPEED = 200.0
 """counts/ms, of tool and spindle: what a program segment needs so as not to be stretched."""
 

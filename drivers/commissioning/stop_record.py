@@ -18,9 +18,7 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD
 from profiles.machine import MachineProfile
 
-MOTION_SETTINGS, FILTER_SETTINGS = range(15, 26), range(30, 36)
-"""Ix15 to Ix25, which determine stops, ramps and flags of a motor; Ix30 to Ix35, its gains."""
-
+MOTION_SETTINGS, FILTER_SETTINGS = range(15, 26), range(30, 36)  # Ix15-25: stops, ramps and flags; Ix30-35: gains
 OUTPUT_SETTINGS = range(68, 70)  # Ix68 and Ix69: the available braking force
 
 

@@ -19,15 +19,9 @@ from profiles.files import printable
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-VALID_DAYS = 180
-"""Validity of a record: drives, brakes and friction change. Half a year is a usual inspection interval."""
-
-LATE_S = 0.5
-"""The distance is counted from the last poll before the stop, which is no older than this on the slowest line."""
-
-FASTER = 1.1
-"""Factor by which an axis may exceed its set speed: ripple, and the 10 % uncertainty of two polls."""
-
+VALID_DAYS = 180  # drives, brakes and friction change; half a year is a usual inspection interval
+LATE_S = 0.5  # age of the last poll before a stop, from which its distance counts, on the slowest line
+FASTER = 1.1  # factor by which an axis may exceed its set speed: ripple, and the 10 % uncertainty of two polls
 LONGEST_S = {Way.ABORT: 20.0, Way.KILL: 70.0, Way.WATCHDOG: 20.0}
 """Longest possible waits for rest (`REST_LIMIT_S` of the tests, plus the time until the stop is obeyed)."""
 

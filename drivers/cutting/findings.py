@@ -57,9 +57,7 @@ def stroke(loop: tuple[CheckedMove, ...], checked: CheckedProgram, machine: Mach
     return motion_of([piece for move in loop[1:] for piece in move.pieces], index).extent()
 
 
-LEAVING_STEP_DEG = 0.5
-"""Step in which a path is sampled round the part: it sees at least 97 % of the highest harmonic, 50 UPR."""
-
+LEAVING_STEP_DEG = 0.5  # sampling round the part: sees at least 97 % of the highest harmonic, 50 UPR
 LEAST_TURNS = 3.0
 LEAST_CUT_S = 0.2  # the shortest cut, in turns and in time, so that the machine can be polled during it
 

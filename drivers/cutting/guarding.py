@@ -16,8 +16,7 @@ from profiles.problem import Problem
 TOOL_MARGIN_UM = 30.0  # margin beyond the planned extent: a trim within the cut, and the rounding of a table
 CARRIAGE_MARGIN_MM = 0.1
 SPINDLE_MARGIN_DEG = 5.0
-LENGTH_MARGIN_MM = 0.2
-"""By this much less than planned the carriage may be seen to travel: it stops between two polls."""
+LENGTH_MARGIN_MM = 0.2  # how much less travel may be seen than planned: the carriage stops between two polls
 
 
 def cut_guard(plan: CutPlan, machine: MachineProfile) -> ProgramGuard:

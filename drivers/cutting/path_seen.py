@@ -21,15 +21,9 @@ from profiles.problem import Problem
 
 LEAST_TOOL_UM = 4.0  # deviations below this do not stand out in any real cut
 LEAST_CARRIAGE_MM = 0.02
-LEAST_SPINDLE_S = 0.1
-"""Time is that of the host; a delayed host, or a delayed simulated controller, loses some of it."""
-
-MOST_OF_LOBE = 0.5
-"""Fraction of the lobe by which a following tool may deviate throughout: half as large, or 29 degrees late."""
-
-TIMES_USUAL = 12.0
-"""Multiple of the median deviation that stands out even where tool and spindle are read separately."""
-
+LEAST_SPINDLE_S = 0.1  # in time of the host; a delayed host, or a delayed simulated controller, loses some of it
+MOST_OF_LOBE = 0.5  # fraction of the lobe by which a following tool may deviate: half as large, or 29 degrees late
+TIMES_USUAL = 12.0  # times the median deviation: stands out even where tool and spindle are read separately
 LATE = 1.5  # a poll that took this many times the usual was interrupted: its values are not of one instant
 LEAST_POLLS = 16
 POLLS_A_TERM = 6

@@ -31,9 +31,7 @@ from profiles.problem import Problem
 Floats = NDArray[np.float64]
 _Result = TypeVar("_Result")
 
-PIECE_LONG_WORDS = 24
-"""Fetched between two polls at most: 80 ms of a serial line at 38 400 baud; the watchdog timeout is 300 ms."""
-
+PIECE_LONG_WORDS = 24  # between two polls at most: 80 ms at 38 400 baud, of a watchdog timeout of 300 ms
 POLL_OF_PIECE_S = 0.06  # how long a poll may take for whole pieces; pieces are shorter on a slower line
 LEAST_PIECE_LONG_WORDS = 4
 

@@ -147,5 +147,4 @@ TURNED_BY_OTHERS = tuple(each for each in Strategy if each.traits.counts_from is
 """Strategies that cut on a spindle which the program does not turn."""
 
 TAKING_TS = tuple(each for each in Strategy if each.traits.takes_ts)
-TRIMMED = tuple(each for each in Strategy if each.traits.trims)
-"""Strategies that the host may correct within the cut."""
+TRIMMED = tuple(each for each in Strategy if each.traits.trims)  # may be corrected by the host within the cut

@@ -22,9 +22,7 @@ from drivers.pmac.programs.setup import END_FLAG
 from profiles.machine import MachineProfile
 
 COLUMNS = 40  # linear segments per period: within 0.3 % of the amplitude
-WAVE_COUNTS = 400
-"""Travel per period where speeds leave the choice: a count of the carriage is then a hundredth of the swing."""
-
+WAVE_COUNTS = 400  # travel per period where speeds leave the choice: a count is a hundredth of the swing
 SHARE_OF_SPEED = 0.5  # fraction of Ix16 of the carriage, for the highest frequency
 RAMP_MS, STEP_MS, HOME_IN_MS = 200, 50, 400
 

@@ -34,8 +34,7 @@ from profiles.problem import Problem, ProblemError
 GAINS = range(30, 36)  # Ix30 to Ix35
 SERVO_TIME = 10
 
-MOST_STEP_COUNTS = 10.0
-"""The step that switching the table may cause: the carriage rests within counts of the table's zero."""
+MOST_STEP_COUNTS = 10.0  # by switching the table: the carriage rests within counts of its zero
 
 Tell = Callable[[IdentifiedPoint], None]
 """Called with each point of the result as soon as it is measured."""

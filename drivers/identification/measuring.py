@@ -22,8 +22,7 @@ from profiles.problem import Problem
 SPARE_SAMPLES = 2  # samples beyond the whole periods
 GATHER_MARGIN_S = 0.05  # how much longer than its samples the gathering is waited for
 END_S = 5.0  # how long after its program the tool may take to be in position
-STEADY_FRACTION = 0.02
-"""Relative variation of the reference amplitude above which the record is not of a steady sine."""
+STEADY_FRACTION = 0.02  # relative variation of the reference amplitude above which it is no steady sine
 
 
 @dataclass(kw_only=True)

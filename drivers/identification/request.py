@@ -14,12 +14,8 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 MOST_AMPLITUDE_UM = 50.0
-LEAST_AMPLITUDE_COUNTS = 25.0
-"""Below this the encoder's resolution is too coarse, and a stuck tool cannot be told from a swinging one."""
-
-FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
-"""The frequencies of Table 5 (10, 30, 50 and 70 Hz) and around them."""
-
+LEAST_AMPLITUDE_COUNTS = 25.0  # encoder resolution; below it a stuck tool looks like a swinging one
+FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)  # 10, 30, 50, 70 Hz: Table 5
 AMPLITUDE_UM = 25.0  # the amplitude of Table 5: 50 um peak to peak
 PERIODS = 20
 
@@ -27,9 +23,7 @@ LEAST_HZ = 1.0
 CYCLES_A_PERIOD = 10.0  # minimum servo cycles per period
 LEAST_PERIODS, MOST_PERIODS = 4, 200
 MOST_FREQUENCIES = 40
-MOST_SINE_S = 10.0
-"""Maximum gathering time per sine: limited like the amplitude, and by the controller's memory."""
-
+MOST_SINE_S = 10.0  # gathering time per sine: limited like the amplitude, and by the controller's memory
 CLEAR_MM = 5.0  # minimum clearance of the tool from everything
 
 

@@ -17,8 +17,7 @@ from profiles.problem import Problem
 
 SCHEMA = 1
 
-MEASURED, COMPOSED = "measured", "composed"
-"""A path driven as in a cut, or another path combined with the delay of its source."""
+MEASURED, COMPOSED = "measured", "composed"  # driven as in a cut; combined with the delay of its source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

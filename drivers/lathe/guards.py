@@ -22,8 +22,7 @@ and a program that waits for its spindle sees the spindle turn."""
 STIRRED_COUNTS = 2.0  # an axis that moves by less is at a standstill
 OVERRIDE_BAND_PERCENT = 0.5
 
-OTHERS_COUNTS = 50.0
-"""Tolerance for an axis that is not being moved: position and following error are not sampled simultaneously."""
+OTHERS_COUNTS = 50.0  # of an axis at rest: position and following error are not sampled simultaneously
 
 
 def unguarded(_: Snapshot) -> tuple[Problem, ...]:

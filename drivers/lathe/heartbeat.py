@@ -37,8 +37,7 @@ PULSE_TIMEOUT_S, PULSE_POLL_S = 0.3, 0.01
 """How long the PLC may take to show that it counts, and the polling interval, before anything moves."""
 
 END_MARGIN_S = 1.0  # allowance for the controller beyond the times that it waits for
-RATE_READINGS = 3
-"""How often the watchdog rate is read before a busy controller counts as one with other settings."""
+RATE_READINGS = 3  # of the watchdog, before a busy controller counts as one with other settings
 
 
 def cut_condition(machine: MachineProfile) -> str:

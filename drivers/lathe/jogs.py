@@ -15,11 +15,8 @@ from drivers.pmac.language.text import format_number
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-READ_S = 0.01
-"""Time skew within one poll: position and following error of an axis are not sampled simultaneously."""
-
-SHIFTED_COUNTS = 5.0
-"""Tolerance at rest: a resting axis has one commanded position, reported to a tenth of a count."""
+READ_S = 0.01  # time skew within one poll: position and following error are not sampled simultaneously
+SHIFTED_COUNTS = 5.0  # a resting axis has one commanded position, reported to a tenth of a count
 
 
 def band_counts(machine: MachineProfile, axis: AxisName) -> float:

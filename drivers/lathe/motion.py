@@ -17,12 +17,8 @@ from drivers.pmac.heartbeat.plc import Policy
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-CUT_POLL_S = 0.023
-"""Polling interval during a cut: not an integer fraction of any usual turn, so that every angle is sampled."""
-
-WAY_HOME_S = 10.0
-"""How long a program ended early may run after its retract: a table is left in its row of zeros."""
-
+CUT_POLL_S = 0.023  # not an integer fraction of any usual turn, so that every angle is sampled
+WAY_HOME_S = 10.0  # of a program ended early, after its retract: a table is left in its row of zeros
 JOG_POLL_S = 0.05  # polling interval for an axis in motion
 LINK_LATENCY_MS = 50.0  # allowance for a stop from the key to the controller
 

@@ -25,8 +25,7 @@ being proven: the next repetition of the stop must not wait."""
 
 POLLS_A_READING, CONSTANTS_A_READING = 4, 4  # polls between two readings, and constants per reading
 
-SLOW_LINE_S = 0.05
-"""Where a poll takes longer than this, a reading is one constant: watchdog and polls come first."""
+SLOW_LINE_S = 0.05  # where a poll takes longer, a reading is one constant: watchdog and polls come first
 
 
 class Poller:

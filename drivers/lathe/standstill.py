@@ -17,12 +17,8 @@ COAST_TIMEOUT_S = 60.0
 STOP_REPEAT_S = 0.2
 POLLS_AT_REST = 3
 REST_BAND_COUNTS = 1.0  # rest is this many polls in a row between which no axis has moved further than this
-ARRIVED_COUNTS = 2.0
-"""How far from its target a jog may be commanded to rest; positions are reported in tenths of a count."""
-
-SETTLE_S = 15.0
-"""Time for an axis at rest near its target to come in position: three times the servo's time constant."""
-
+ARRIVED_COUNTS = 2.0  # commanded rest of a jog beside its target; positions are reported in tenths of a count
+SETTLE_S = 15.0  # for an axis at rest near its target to come in position: three servo time constants
 REST_S = 2.0  # the same where nothing depends on it
 
 

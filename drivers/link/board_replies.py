@@ -16,9 +16,7 @@ from enum import Enum, auto
 from drivers.pmac.ethernet import NOTHING, REPLY_LIMIT, TAKEN, buffer_length
 
 ACK, LF, BELL = b"\x06", b"\n", b"\x07"
-FLUSHED = (TAKEN[0], 0x18)
-"""What a board sends after a flush: the manual's control-X, or what real boards send."""
-
+FLUSHED = (TAKEN[0], 0x18)  # after a flush: the manual's control-X, or what real boards send
 _STOP_ANSWERS = (ACK, LF, NOTHING)
 
 

@@ -13,9 +13,7 @@ from profiles.problem import Problem
 CONNECT_TIMEOUT_S = 5.0
 CHUNK = 65_536
 
-IDLE_S, PROBE_S, PROBES = 5, 2, 3
-"""Idle time after which TCP keep-alive probes the connection; without an answer it is closed."""
-
+IDLE_S, PROBE_S, PROBES = 5, 2, 3  # TCP keep-alive: idle time, then probes; unanswered, it is closed
 _REFUSALS = {
     errno.ECONNREFUSED: "link.refused",
     errno.ETIMEDOUT: "link.no_answer",

@@ -15,12 +15,8 @@ from drivers.link.stop_connection import StopConnection
 from drivers.pmac.ethernet import REPLY_LIMIT, Direction, Request, RequestCode
 from profiles.problem import Problem
 
-REPLY_WAIT_S = 2.0
-"""How long a line waits for the previous reply: the board mixes up the replies to two lines at a time."""
-
-URGENT_WAIT_S = 0.02
-"""How long a stop waits for another thread that is handing over a request, which takes next to no time."""
-
+REPLY_WAIT_S = 2.0  # for the previous reply: the board mixes up the replies to two lines at a time
+URGENT_WAIT_S = 0.02  # of a stop, for another thread that is handing over a request
 FLUSH = b"\x18"
 
 _PARTS = re.compile(rb"[\r\n\x18]|[^\r\n\x18]+")

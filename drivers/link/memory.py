@@ -10,8 +10,7 @@ from typing import Protocol
 from drivers.clock import Clock
 from drivers.link.base import StopWay
 
-POLL_S = 0.001
-"""Simulated time between two polls: well below the background cycle in which the other end answers."""
+POLL_S = 0.001  # simulated time: well below the background cycle in which the other end answers
 
 
 class Peer(Protocol):

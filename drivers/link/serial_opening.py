@@ -20,9 +20,7 @@ from drivers.errors import LinkError
 from drivers.link.address import SerialAddress
 from profiles.problem import Problem
 
-BAUD_TOLERANCE = 0.02
-"""Permitted deviation of the actual line speed; characters are still received correctly within it."""
-
+BAUD_TOLERANCE = 0.02  # of the actual line speed; characters are still received correctly within it
 _REFUSALS = {
     errno.ENOENT: "link.no_device",
     errno.ENOTDIR: "link.no_device",

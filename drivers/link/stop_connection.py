@@ -9,9 +9,7 @@ from drivers.link.connection import Connection
 from drivers.pmac.ethernet import Direction, Request, RequestCode
 from profiles.problem import Problem
 
-OPENING_S = 2.0
-"""How long the board may take to answer a new connection; a network accepts connections that no board serves."""
-
+OPENING_S = 2.0  # for the first answer; a network accepts connections that no board serves
 ANSWER_S = 1.0  # how long the board may take to answer a stop; after that the stop may not have been received
 _READY = Request(direction=Direction.UPLOAD, code=RequestCode.READREADY, length=2)
 

@@ -19,12 +19,9 @@ from drivers.link.base import Link, StopWay
 from profiles.problem import Problem
 
 CR, ACK, NUL = 0x0D, 0x06, 0x00
-LONGEST_LINE = 4096
-"""Byte count that forces a new line of the trace: input that never sends CR is not buffered for ever."""
-
+LONGEST_LINE = 4096  # bytes; input that never sends CR is not buffered for ever
 _NAMES = {NUL: "NUL", 0x02: "STX", ACK: "ACK", 0x07: "BEL", 0x0A: "LF", CR: "CR"}
-_ALONE = frozenset(range(0x20)) - {0x02, 0x07, 0x09, 0x0A, CR}
-"""Bytes that end a line of the trace as a CR does, but are shown in it."""
+_ALONE = frozenset(range(0x20)) - {0x02, 0x07, 0x09, 0x0A, CR}  # end a line as a CR does, but are shown in it
 
 
 class Sink(Protocol):

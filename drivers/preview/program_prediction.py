@@ -24,8 +24,7 @@ from profiles.machine import MachineProfile
 FloatArray = NDArray[np.float64]
 
 TURN_POINTS = 720  # points per turn at which a path is computed: 120 in each move of the paper's program
-_STEADY_FROM = 0.4
-"""Fraction of the feed after which the examined turn begins: far from the start and end of the cut."""
+_STEADY_FROM = 0.4  # fraction of the feed: the examined turn is far from the start and end of the cut
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

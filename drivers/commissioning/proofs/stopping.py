@@ -51,16 +51,10 @@ def _past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
 
 
 AT_SPEED_S = 0.1  # how long a motion continues at full speed before it is stopped
-REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.WATCHDOG: 15.0}
-"""Timeout for rest; after a control-K the spindle coasts."""
-
-ORDER = (Way.WATCHDOG, Way.ABORT, Way.KILL)
-"""Watchdog first: it ends what does not obey a control character not yet tested on this controller."""
-
+REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.WATCHDOG: 15.0}  # after a control-K the spindle coasts
+ORDER = (Way.WATCHDOG, Way.ABORT, Way.KILL)  # watchdog first: it ends what does not obey a control character
 OBEY_LIMIT_S = 0.6  # timeout for a motion to obey; by then its watchdog, which still guards it, has expired
-LEAST_SPEED = 0.75
-"""Fraction of its speed at which a motion counts as being at speed, from two polls over a slow line."""
-
+LEAST_SPEED = 0.75  # fraction of its speed at which a motion is at speed, from two polls over a slow line
 LOOKS_FOR_SPEED = 5  # polls to reach speed: a delayed host or controller gets a little longer
 RUNNING_OUT_S, SELDOM_S = 1.0, 0.02  # what still moves after this time is polled less often
 
