@@ -8,7 +8,7 @@ from itertools import zip_longest
 from typing import TypeVar
 
 from drivers.commissioning.amounts import amount
-from drivers.commissioning.backup_text import setting_text
+from drivers.commissioning.backup import setting_text
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.judged import Judged, same, stated_settings_of

@@ -46,7 +46,7 @@ class Made:
     `axis_definitions` are those of the controller once the program is loaded; `restore` are the lines that
     restore the machine profile's settings once the cut is over, however it ended, and everything is at rest.
     `table` is the compensation table that the program switches on. Before it is loaded, and once it has ended,
-    `Loading.tables_left` finds nothing. After a stop the tool retracts, the carriage moves to `zero_row_z`
+    `Tables.left` finds nothing. After a stop the tool retracts, the carriage moves to `zero_row_z`
     (counts), and the table is switched off there. `clock` is the spindle where it is the program's time base.
     """
 

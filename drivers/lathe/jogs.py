@@ -29,7 +29,7 @@ class Jogs:
 
     def __init__(self, wiring: Wiring, motion: Motion) -> None:
         self._machine, self._poller, self._stop = wiring.machine, wiring.poller, wiring.stop
-        self._motion, self._loading, self._send = motion, wiring.loading, wiring.sending.jog
+        self._motion, self._tables, self._send = motion, wiring.tables, wiring.sending.jog
         self._lengths = Lengths(wiring.machine)
         self._left: tuple[Snapshot, object] | None = None
 
@@ -128,7 +128,7 @@ class Jogs:
 
     def _others(self, axis: AxisName, begun: Snapshot) -> OthersStill:
         """Return the guard of the axes that do not jog; with a table on, the tool follows another axis."""
-        follows = axis is not AxisName.TOOL and self._loading.tables_on()
+        follows = axis is not AxisName.TOOL and self._tables.are_on()
         return OthersStill({axis, AxisName.TOOL} if follows else {axis}, begun, self._lengths)
 
     def by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
@@ -137,7 +137,7 @@ class Jogs:
         Raises DriverError: `machine.moving`, `machine.not_enabled`, `machine.beyond_travel`, and those of `to`.
         """
         state = self._ready_to_jog(axis)
-        held = self._loading.correction_counts() if axis is AxisName.TOOL else 0.0
+        held = self._tables.correction_counts() if axis is AxisName.TOOL else 0.0
         end = state.commanded - held + counts
         refuse_beyond_travel(self._machine, axis, end)
         self.to(axis, end, timeout_s, settle=False, held_counts=held)
@@ -159,7 +159,7 @@ class Jogs:
             raise RefusedError(
                 Problem(code="machine.retract_direction", key=AxisName.TOOL, value=value, limit=f"< {limit}")
             )
-        self.to(AxisName.TOOL, to_counts, timeout_s, held_counts=self._loading.correction_counts())
+        self.to(AxisName.TOOL, to_counts, timeout_s, held_counts=self._tables.correction_counts())
 
     def _ready_to_jog(self, axis: AxisName) -> AxisState:
         """Return the position of an axis; its loop must be closed, because a jog would close an open one."""

@@ -13,16 +13,15 @@ from dataclasses import replace
 from drivers.clock import Clock
 from drivers.commissioning.comparison import profile_problems
 from drivers.controller import Controller
-from drivers.cutting.loading import STOPPED_BY, Loading
+from drivers.cutting.cut_program import STOPPED_BY_ITEM, CutProgram
+from drivers.cutting.tables import Tables
 from drivers.errors import DriverError, RefusedError
 from drivers.lathe.commands import Sending
-from drivers.lathe.control_state import NOBODY, Standing
-from drivers.lathe.cut_program import CutProgram
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.jogs import Jogs
 from drivers.lathe.lengths import motor_of
 from drivers.lathe.motion import Motion
-from drivers.lathe.ownership import Ownership
+from drivers.lathe.ownership import NOBODY, Ownership, Standing
 from drivers.lathe.polling import POLL_TIMEOUT_S, Poller
 from drivers.lathe.snapshot import AxisName, Snapshot, SnapshotItems, driven_axes
 from drivers.lathe.standstill import prove_rest
@@ -74,7 +73,7 @@ class Lathe:
             ownership=ownership,
             poller=self._poller,
             sending=self._sending,
-            loading=Loading(client, machine, clock),
+            tables=Tables(client, machine),
         )
         motion = Motion(wiring, lambda: self.program.end_after_turn())
         self._jogs = jogs = Jogs(wiring, motion)
@@ -188,7 +187,7 @@ class Lathe:
     def say_stopped(self) -> None:
         """Tell the controlling console who stopped the machine; the only write that an observer may send."""
         if self.ownership is not None:
-            self._client.request(f"{STOPPED_BY}={self.ownership.number}", POLL_TIMEOUT_S)
+            self._client.request(f"{STOPPED_BY_ITEM}={self.ownership.number}", POLL_TIMEOUT_S)
 
     def wait_for_rest(self) -> Snapshot:
         """Repeat a stop until the controller proves that nothing moves, see `prove_rest`.

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers.errors import DriverError, RefusedError
-from drivers.lathe.control_state import Standing
 from drivers.lathe.guards import Guard, open_loop_problem, reset_problem, unguarded
 from drivers.lathe.heartbeat import LAPSED, Heartbeat
 from drivers.lathe.left_behind import left_behind
 from drivers.lathe.lengths import Lengths, settings_of
+from drivers.lathe.ownership import Standing
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.wiring import Wiring

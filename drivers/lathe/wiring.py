@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from drivers.clock import Clock
 from drivers.controller import Controller
-from drivers.cutting.loading import Loading
+from drivers.cutting.tables import Tables
 from drivers.lathe.commands import Sending
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.ownership import Ownership
@@ -27,4 +27,4 @@ class Wiring:
     ownership: Ownership | None
     poller: Poller
     sending: Sending
-    loading: Loading
+    tables: Tables

@@ -242,7 +242,7 @@ def test_backup_then_diff(console: Console, card: Commissioned, tmp_path: Path) 
 
 
 def test_a_backup_of_another_family_is_refused(console: Console, card: Commissioned, tmp_path: Path) -> None:
-    from drivers.commissioning.backup_text import backup_text
+    from drivers.commissioning.backup import backup_text
     from drivers.commissioning.configuration import Configuration
 
     other = "turbo" if card.dialect.name == "pmac" else "pmac"

@@ -17,8 +17,7 @@ from console.cli.output import print_json
 from console.session.data.kept_files import make_folder
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
-from drivers.commissioning.backup_reading import CAP_BYTES, read_backup
-from drivers.commissioning.backup_text import backup_text
+from drivers.commissioning.backup import CAP_BYTES, backup_text, read_backup
 from drivers.commissioning.comparison import differences
 from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.gains import Write, apply, gain_writes, refuse_unready

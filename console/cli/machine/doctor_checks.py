@@ -15,8 +15,7 @@ from console.text.catalogue import Catalogue
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.verification import Verification
 from drivers.errors import DriverError
-from drivers.lathe.control_state import Standing
-from drivers.lathe.ownership import Ownership
+from drivers.lathe.ownership import Ownership, Standing
 from drivers.pmac.checksums import LineCheck
 from profiles.findings import Severity
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from drivers.cutting.guarding import ProgramEnd
 from drivers.cutting.sampling import BatchGather
-from drivers.errors import LinkTimeoutError
+from drivers.errors import DriverError, LinkTimeoutError
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.jogs import band_counts
 from drivers.lathe.motion import Motion
@@ -14,10 +14,16 @@ from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
 from drivers.lathe.standstill import REST_S, Settling
 from drivers.lathe.wiring import Wiring
+from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.program_load import LoadedProgram, load_program, verify_loaded
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.cam_trim import trim_line
-from drivers.pmac.programs.setup import END_FLAG
+from drivers.pmac.programs.setup import END_FLAG, FINISHED, TURNS_CUT
+from drivers.pmac.reserved import STOPPED_BY
 from profiles.problem import Problem
+
+REPORTED_WITHIN_S = 0.4  # a console that stops the machine reports it shortly after its stop
+STOPPED_BY_ITEM = f"P{STOPPED_BY}"
 
 
 class CutProgram:
@@ -32,9 +38,10 @@ class CutProgram:
         self.held = False
         self.definitions = wiring.machine.controller.axis_definitions
         self._to_restore: tuple[str, ...] = ()
+        self._loaded: LoadedProgram | None = None
         self._client, self._machine, self._clock = wiring.client, wiring.machine, wiring.clock
         self._stop, self._heartbeat, self._poller = wiring.stop, wiring.heartbeat, wiring.poller
-        self._sending, self._motion, self._loading = wiring.sending, motion, wiring.loading
+        self._sending, self._motion, self._tables = wiring.sending, motion, wiring.tables
         self._forget_jogs = forget_jogs
 
     @property
@@ -56,8 +63,9 @@ class CutProgram:
         self._stop.check()
         self._sending.refuse_unless_owner()
         self.definitions = axis_definitions or self._machine.controller.axis_definitions
-        self._to_restore = restore
-        self._loading.load(program)
+        self._to_restore, self._loaded = restore, None
+        self._client.request(f"{STOPPED_BY_ITEM}=0")
+        self._loaded = load_program(self._client, program, DIALECTS[self._machine.controller.family])
         self.held = False
 
     def put_back(self) -> None:
@@ -68,13 +76,14 @@ class CutProgram:
         if self._to_restore:
             self._sending.refuse_unless_owner()
             self._sending.refuse_moving()
-            self._loading.restore(self._to_restore)
+            for line in self._to_restore:
+                self._client.request(line)
         self._to_restore, self.definitions = (), self._machine.controller.axis_definitions
 
     def tables_left(self) -> tuple[Problem, ...]:
         """Return what tables still add to the tool, or would add; expected empty before and after a cut."""
         self._sending.refuse_unless_owner()  # needs to write a pointer of the console
-        return self._loading.tables_left()
+        return self._tables.left()
 
     def switch_tables_off(self) -> tuple[Problem, ...]:
         """Switch off compensation tables that add nothing to the tool, at rest; return what is left to fix.
@@ -84,7 +93,7 @@ class CutProgram:
         self._sending.refuse_unless_owner()
         self._sending.refuse_moving()
         self._forget_jogs()
-        return self._loading.switch_tables_off()
+        return self._tables.switch_off()
 
     def holds(self, program: ProgramText, *, ended: bool = False, tables: bool = True) -> None:
         """Make sure that the controller still holds a program as it was loaded; nothing is written.
@@ -96,11 +105,19 @@ class CutProgram:
             DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`;
                 a program is missing.
         """
-        self._loading.verify(program, ended=ended, tables=tables)
+        if self._loaded is None or self._loaded.program is not program:
+            where, key = f"PROG {program.number}", "program"
+            raise DriverError(Problem(code="controller.program_differs", where=where, key=key))
+        verify_loaded(self._client, self._loaded, ended=ended, tables=tables)
 
     def end(self) -> ProgramEnd:
-        """Query how the last program ended."""
-        return self._loading.end()
+        """Query how the last program ended and, if it was stopped, after a moment, by whom."""
+        items = (TURNS_CUT, FINISHED, END_FLAG, STOPPED_BY_ITEM)
+        turns, finished, hold, by = self._client.numbers(*items, again=True)
+        if not finished and not by:
+            self._clock.wait(REPORTED_WITHIN_S)
+            (by,) = self._client.numbers(STOPPED_BY_ITEM, again=True)
+        return ProgramEnd(turns=turns, finished=finished == 1.0, end_asked=hold != 0.0, stopped_by=int(by))
 
     def start(self, number: int, retracted_counts: float) -> None:
         """Run a loaded program. This moves the machine; at `retracted_counts` the tool is clear of the part."""
@@ -158,7 +175,8 @@ class CutProgram:
             StoppedError: somebody stopped the machine.
         """
         settling = Settling(driven_axes(self._machine), band_counts(self._machine, AxisName.TOOL), REST_S)
-        self._poller.watched, self._poller.changed = self._loading.watch(), None
+        self._poller.watched = None if self._loaded is None else self._loaded.watch()
+        self._poller.changed = None
         try:
             return self._motion.until(
                 lambda seen: not seen.program_running and settling.is_over(seen),
