@@ -7,7 +7,7 @@ tables are listed with the hash of their entries and not restored: each job make
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest
@@ -109,7 +109,6 @@ def _setting_lines(settings: Mapping[int, float], dialect: Dialect) -> Iterator[
 
 
 def _no_limit(index: int, value: float, dialect: Dialect) -> bool:
-    """Whether a setting is a disabled limit: it gets a line of its own."""
     return value == 0.0 and named(index, dialect).name.key in LIMITS_OFF_AT_ZERO
 
 
@@ -129,7 +128,6 @@ def _continues(settings: Mapping[int, float], dialect: Dialect, kept: list[int],
 
 
 def _title(index: int, dialect: Dialect) -> str:
-    """Return the title line of a hundred settings."""
     block = index // 100
     system = block - dialect.system_index(0, 0) // 100
     if block == 0:
@@ -224,20 +222,23 @@ class _Gathered:
             elif line != "CLEAR" or self._open:
                 self._open.append(line)
             return
-        readers: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], None]], ...] = (
-            (_SETTING, self._setting),
-            (_POINTER, self._pointer),
-            (_AXIS, self._axis),
-            (_WORDS, self._words),
-            (_TABLE, self._table),
-            (_LOCKED, lambda found: self.locked.append(found[1])),
-            (_OPEN, self._begin),
-        )
-        for pattern, read in readers:
-            if found := pattern.fullmatch(line):
-                read(found)
-                return
-        if line and not line.startswith(";"):
+        if found := _SETTING.fullmatch(line):
+            self._setting(found)
+        elif found := _POINTER.fullmatch(line):
+            self.highest = max(self.highest, int(found[1]))
+            if found[2] is None:
+                self.pointers[int(found[1])] = found[3]
+        elif found := _AXIS.fullmatch(line):
+            self.axes[int(found[2])] = AxisEntry(int(found[1]), found[3])
+        elif found := _WORDS.fullmatch(line):
+            self.conversion += [int(word.removeprefix("$"), 16) for word in found[1].split(",")]
+        elif found := _TABLE.fullmatch(line):
+            self.tables[int(found[1])] = TableEntry(found[2], int(found[3]), found[4])
+        elif found := _LOCKED.fullmatch(line):
+            self.locked.append(found[1])
+        elif found := _OPEN.fullmatch(line):
+            self._open = self.buffers[found[1]][int(found[2])] = []
+        elif line and not line.startswith(";"):
             raise ValueError(line)
 
     def configuration(self, header: dict[str, str]) -> Configuration:
@@ -262,20 +263,3 @@ class _Gathered:
         self.highest = max(self.highest, last)
         if last <= self.highest_index:
             self.settings.update(dict.fromkeys(range(first, last + 1), value))
-
-    def _pointer(self, found: re.Match[str]) -> None:
-        self.highest = max(self.highest, int(found[1]))
-        if found[2] is None:
-            self.pointers[int(found[1])] = found[3]
-
-    def _axis(self, found: re.Match[str]) -> None:
-        self.axes[int(found[2])] = AxisEntry(int(found[1]), found[3])
-
-    def _words(self, found: re.Match[str]) -> None:
-        self.conversion += [int(word.removeprefix("$"), 16) for word in found[1].split(",")]
-
-    def _table(self, found: re.Match[str]) -> None:
-        self.tables[int(found[1])] = TableEntry(found[2], int(found[3]), found[4])
-
-    def _begin(self, found: re.Match[str]) -> None:
-        self._open = self.buffers[found[1]][int(found[2])] = []

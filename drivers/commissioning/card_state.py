@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 from drivers.commissioning.check import Check, Group, severity
 from drivers.commissioning.judged import Judged
+from drivers.commissioning.reading import out_of_step
 from drivers.controller import Controller
-from drivers.errors import LinkError
 from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.status import BitTable, decode
 from profiles.findings import Severity
-from profiles.problem import Problem
 
 STATUS_A_LINE = 8
 
@@ -107,6 +106,5 @@ def _flags(client: Controller, questions: Sequence[str], table: BitTable) -> lis
             try:
                 found.append(decode(digits.strip(), table))
             except ValueError as error:
-                where, value = client.link.address, str(error)
-                raise LinkError(Problem(code="link.out_of_step", where=where, key="?", value=value)) from error
+                raise out_of_step(client.link.address, "?", str(error)) from error
     return found

@@ -90,7 +90,6 @@ def _axis_lines(judged: Judged) -> Iterator[Write]:
 
 
 def _gains_found(judged: Judged) -> PidGains | None:
-    """Return what the controller's settings mean for the tool; None where some are missing."""
     machine, settings = judged.machine, judged.configuration.settings
     indices = (100 * machine.tool.motor + number for number in (8, 9, *GAIN_NUMBERS))
     variables = {f"I{index}": settings[index] for index in indices if index in settings}

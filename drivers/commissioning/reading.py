@@ -100,7 +100,7 @@ def _refuse_open_buffer(client: Controller, dialect: Dialect) -> None:
     try:
         status = decode(client.query("???", again=True)[0], dialect.global_bits)
     except ValueError as error:
-        raise _out_of_step(client.link.address, "???", str(error)) from error
+        raise out_of_step(client.link.address, "???", str(error)) from error
     if not status.isdisjoint(BUFFERS_OPEN):
         raise RefusedError(Problem(code="controller.entering", where=client.link.address))
 
@@ -123,7 +123,7 @@ def number_in(text: str, where: str) -> float:
     try:
         return number_of(text)
     except ValueError as error:
-        raise _out_of_step(where, "I", text[:40]) from error
+        raise out_of_step(where, "I", text[:40]) from error
 
 
 def read_settings(client: Controller, numbers: Iterable[int]) -> Mapping[int, float]:
@@ -134,6 +134,12 @@ def read_settings(client: Controller, numbers: Iterable[int]) -> Mapping[int, fl
         texts = client.query(*(f"I{index}" for index in part), again=True)
         found.update({index: number_in(text, where) for index, text in zip(part, texts, strict=True)})
     return found
+
+
+def read_gathering(client: Controller, dialect: Dialect) -> Mapping[int, float]:
+    """Return the settings that gathering two channels changes, by number."""
+    gather = dialect.gathering
+    return read_settings(client, (gather.period, *gather.masks, gather.first_source, gather.first_source + 1))
 
 
 def read_ranges(client: Controller, dialect: Dialect, ranges: Iterable[range]) -> dict[int, float]:
@@ -183,7 +189,7 @@ def _system_of(status: str, dialect: Dialect, where: str) -> int:
         assigned = "assigned" in decode(status, dialect.motor_bits)
         second = int(status[6:12], 16)
     except ValueError as error:
-        raise _out_of_step(where, "?", str(error)) from error
+        raise out_of_step(where, "?", str(error)) from error
     return (second >> _SYSTEM_SHIFT) % dialect.system_count + 1 if assigned else 1
 
 
@@ -223,9 +229,10 @@ def _conversion(client: Controller, dialect: Dialect) -> tuple[int, ...]:
         try:
             words += [int(word, 16) for word in text.split()]
         except ValueError as error:
-            raise _out_of_step(client.link.address, "RHY", str(error)) from error
+            raise out_of_step(client.link.address, "RHY", str(error)) from error
     return tuple(words)
 
 
-def _out_of_step(where: str, key: str, value: str) -> LinkError:
+def out_of_step(where: str, key: str, value: str) -> LinkError:
+    """Return the error for an answer that does not match its query."""
     return LinkError(Problem(code="link.out_of_step", where=where, key=key, value=value))

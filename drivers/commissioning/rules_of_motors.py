@@ -116,7 +116,6 @@ def _power(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
 
 
 def _tool(judged: Judged) -> Iterator[Check]:
-    """Check what lobe, thrust and current of the tool require."""
     axis, tool = judged.axes[0], judged.machine.tool
     radians_per_ms = math.tau * LOBE_FREQUENCY_HZ / 1000.0
     needed = LOBE_AMPLITUDE_UM / tool.count_um * radians_per_ms**2

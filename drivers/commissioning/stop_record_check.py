@@ -84,7 +84,6 @@ def _measured(record: StopRecord, now: StopsNow) -> Iterator[Problem]:
 
 
 def _number_problems(entries: Iterable[StopEntry], machine: MachineProfile) -> Iterator[Problem]:
-    """Yield `stops.impossible` for each impossible entry, with the first reason."""
     seen: set[tuple[Way, Origin, str]] = set()
     for entry in entries:
         name = (entry.way, entry.origin, entry.axis)

@@ -95,7 +95,6 @@ class _Adder:
         return counts.tolist(), parts, motion
 
     def _counts(self, motors: Floats, duration_ms: Floats) -> Whole:
-        """Return the number of parts of each piece."""
         most = np.ones_like(duration_ms)
         for place, (source, size) in enumerate(zip(self.table.definition.sources, self._sizes, strict=False)):
             motion = Motion(cubics=motors[self.sources[place]], duration_ms=duration_ms)
@@ -179,7 +178,6 @@ def with_spindle(
 
 
 def _beside(piece: Piece, place: int, turning: Cubic, stretch: float) -> Piece:
-    """Return a piece stretched in time by `stretch`, with the motion of the spindle added."""
     cubics = piece.cubics
     if stretch != 1.0:
         square, cube = stretch**2, stretch**3

@@ -162,10 +162,7 @@ def _jaw_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Find
 
 
 def _servo_findings(machine: MachineProfile, job: Job, speed_rpm: float, stroke_um: float) -> list[Finding]:
-    """Refuse a path whose following error alone would trip its limit.
-
-    Whatever its shape, the path is taken as a sine of its own stroke at the lobe frequency.
-    """
+    """Judge the following error of the path, taken as a sine of its own stroke at the lobe frequency."""
     error_um = following_error_um(machine, 0.5 * stroke_um, job.jaws * speed_rpm / 60.0)
     key = f"I{machine.tool.motor}11"
     limit_um = MotorSettings(machine, machine.tool.motor).error_limit_counts * machine.tool.count_um

@@ -88,15 +88,12 @@ class PathSeen:
         left_um, lobe_um = np.abs(left), float(np.hypot(*found[harmonic_slice(0, trends=1)]))
         most_um = MOST_OF_LOBE * target.amplitude_um + LEAST_TOOL_UM
         if plan.strategy.traits.inverts and lobe_um > most_um:
-            value, limit = f"{lobe_um:.1f} um", f"{most_um:.1f} um"
-            yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
+            yield from _off_path(AxisName.TOOL, lobe_um, most_um, "{:.1f} um")
             return
-        # A trim within the cut goes from none to at most its largest wave, and may reverse.
+        # A trim within the cut goes from none to at most its largest amplitude, and may reverse.
         trim_um = 2.0 * MOST_TRIM_UM if plan.trimmed else 0.0
         limit_um = max(LEAST_TOOL_UM, TIMES_USUAL * float(np.median(left_um))) + trim_um
-        if left_um.max() > limit_um:
-            value, limit = f"{left_um.max():.1f} um", f"{limit_um:.1f} um"
-            yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
+        yield from _off_path(AxisName.TOOL, left_um.max(), limit_um, "{:.1f} um")
 
     def _carriage(self, turns: Floats, carriage: Floats) -> Iterator[Problem]:
         """Model the carriage: feed in proportion to turns; an external spindle may turn slower or faster."""
@@ -105,18 +102,19 @@ class PathSeen:
         trends = [turns - turns[0]] if self._machine.spindle.followed else []
         left_mm = np.abs(_left(off_mm, harmonic_columns(turns, (), *trends))[0])
         limit_mm = max(LEAST_CARRIAGE_MM, TIMES_USUAL * float(np.median(left_mm)))
-        if left_mm.max() > limit_mm:
-            value, limit = f"{left_mm.max():.3f} mm", f"{limit_mm:.3f} mm"
-            yield Problem(code="cut.off_path", key=AxisName.CARRIAGE, value=value, limit=limit)
+        yield from _off_path(AxisName.CARRIAGE, left_mm.max(), limit_mm, "{:.3f} mm")
 
     def _spindle(self, turns: Floats, at_s: Floats) -> Iterator[Problem]:
         """Model the spindle: constant speed, unless the program was held or continued elsewhere."""
         off, (_, slope) = _left(turns, harmonic_columns(turns, (), at_s - at_s[0]))
         left, turns_a_second = np.abs(off), abs(float(slope))
         limit = max(LEAST_SPINDLE_S * turns_a_second, TIMES_USUAL * float(np.median(left)))
-        if left.max() > limit:
-            value, allowed = f"{left.max():.2f} rev", f"{limit:.2f} rev"
-            yield Problem(code="cut.off_path", key=AxisName.SPINDLE, value=value, limit=allowed)
+        yield from _off_path(AxisName.SPINDLE, left.max(), limit, "{:.2f} rev")
+
+
+def _off_path(axis: AxisName, value: float, limit: float, form: str) -> Iterator[Problem]:
+    if value > limit:
+        yield Problem(code="cut.off_path", key=axis, value=form.format(value), limit=form.format(limit))
 
 
 def _left(values: Floats, columns: Floats) -> tuple[Floats, Floats]:

@@ -98,7 +98,6 @@ def _judged(
     *,
     in_air: bool,
 ) -> CutPlan:
-    """Return the plan with all its findings."""
     job, machine = planning.job, planning.machine
     loop = steady_moves(program, checked, machine)
     rpm = speed_rpm(loop, checked, machine)
@@ -144,7 +143,6 @@ def nominal_command(
 def _command(
     job: Job, machine: MachineProfile, strategy: Strategy, path: CutPath | None, response: ServoResponse | None
 ) -> LobedPath:
-    """Return the tool command: learned with the path, or the inverse of the target path."""
     if not strategy.traits.inverts:
         return target_path(job) if path is None else path.target
     command = nominal_command(job, machine, strategy, response) if path is None else path.command
@@ -154,14 +152,12 @@ def _command(
 
 
 def _refuse_followed(machine: MachineProfile, strategy: Strategy) -> None:
-    """Refuse a strategy that turns the spindle itself where the controller cannot."""
     if machine.spindle.drive != SERVO and strategy not in TURNED_BY_OTHERS:
         value, limit = machine.spindle.drive, ", ".join(TURNED_BY_OTHERS)
         raise DriverError(Problem(code="program.not_turned", key="spindle.drive", value=value, limit=limit))
 
 
 def _read(text: str, dialect: Dialect) -> ProgramText:
-    """Parse a program as the controller would."""
     try:
         return read_program(text, motor_count=dialect.motor_count)
     except PmacError as error:
@@ -169,7 +165,6 @@ def _read(text: str, dialect: Dialect) -> ProgramText:
 
 
 def _checked(made: Made, program: ProgramText, planning: Planning) -> CheckedProgram:
-    """Simulate a program, with its compensation table and external spindle."""
     machine, setup, dialect = planning.machine, planning.setup, planning.dialect
     start = {
         machine.tool.motor: made.tool_start,
@@ -210,7 +205,6 @@ def _refuse_unsegmented(command: LobedPath, job: Job, machine: MachineProfile, s
 
 
 def _fits_at(job: Job, machine: MachineProfile, speed_rpm: float) -> bool:
-    """Whether segments would be short enough at another speed, by the profile's response."""
     frequency_hz = job.jaws * speed_rpm / 60.0
     response = complex(sampled_response(machine, frequency_hz))
     if abs(response) * AMPLIFICATION_LIMIT < 1.0:

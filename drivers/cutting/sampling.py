@@ -131,7 +131,6 @@ class BatchGather:
         return _Fetching(plan=plan, middle_counts=0.5 * (state.from_counts + snapshot.carriage.position))
 
     def _fetched(self, state: _Fetching) -> _Fetching | None:
-        """Fetch a piece; after the last one, deliver the batch."""
         if state.complete:
             self._deliver(state)
             return None
@@ -173,7 +172,6 @@ class BatchGather:
         return snapshot.program_running and fed and snapshot.tool.position > setup.surface
 
     def _tried(self, work: Callable[[], _Result]) -> _Result:
-        """Perform a gathering step; a refusal by the controller counts as a failure to gather."""
         try:
             return work()
         except (GatherError, ControllerError) as error:

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
-from drivers.commissioning.reading import read_settings
+from drivers.commissioning.reading import read_gathering, read_settings
 from drivers.errors import DriverError, RefusedError
 from drivers.identification.cam_path import CamPath
 from drivers.identification.excitation import Excitation
@@ -22,7 +22,7 @@ from drivers.identification.measuring import measure
 from drivers.identification.pvt_path import PvtPath
 from drivers.identification.request import IdentificationRequest, request_problems
 from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, Origin
-from drivers.identification.rig import Before, Rig, card_problems, homed, standing_problems
+from drivers.identification.rig import Rig, card_problems, homed, put_back, standing_problems
 from drivers.identification.standstill import link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.compensation.table import step_counts
@@ -93,7 +93,7 @@ def identify(
         excitation = CamPath(rig.machine, request.amplitude_um, max(request.frequencies_hz))
     # By how many servo cycles the path's reference is later than the one measured here.
     cycles = request.path.traits.late_cycles(rig.machine) - excitation.late_cycles
-    before = Before.read(rig)
+    gathering = read_gathering(rig.client, rig.dialect)
     table = excitation.table is not None
     points = []
     try:
@@ -107,9 +107,9 @@ def identify(
         if table:  # at the zero of the table switching it off causes next to no step
             rig.lathe.jog_to(AxisName.CARRIAGE, 0.0)
             _refuse_step(rig, excitation)
-        before.put_back(rig, table=table)
+        put_back(rig, gathering, table=table)
     except BaseException as error:
-        _end(rig, before, error, table=table)
+        _end(rig, gathering, error, table=table)
         raise
     return IdentifiedResponse(
         origin=origin,
@@ -137,10 +137,7 @@ def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> Origin:
 
 
 def _place(rig: Rig, excitation: Excitation) -> None:
-    """Bring the tool to its zero, clear of everything; with a table the carriage too, and switch it on there.
-
-    Raises DriverError: `identify.table_steps`, the tool would jump; those of the jogs.
-    """
+    """Bring the tool to its zero, clear of everything; with a table the carriage too, and switch it on there."""
     rig.lathe.jog_to(AxisName.TOOL, 0.0, settle=False)
     if excitation.table is None:
         return
@@ -160,11 +157,8 @@ def _refuse_step(rig: Rig, excitation: Excitation) -> None:
         raise DriverError(Problem(code="identify.table_steps", key="carriage", value=value, limit=limit))
 
 
-def _end(rig: Rig, before: Before, error: BaseException, *, table: bool) -> None:
-    """Leave the machine at rest, and restore what was used, as far as it is ours and causes no step.
-
-    Raises DriverError: the error, with what could not be proven.
-    """
+def _end(rig: Rig, gathering: Mapping[int, float], error: BaseException, *, table: bool) -> None:
+    """Leave the machine at rest, and restore what was used, as far as it is ours and causes no step."""
     off = False
     try:
         _leave_at_rest(rig, error)
@@ -172,14 +166,11 @@ def _end(rig: Rig, before: Before, error: BaseException, *, table: bool) -> None
     finally:
         if not rig.lathe.anothers:
             with suppress(DriverError):  # the first error matters more
-                before.put_back(rig, table=table and off)
+                put_back(rig, gathering, table=table and off)
 
 
 def _leave_at_rest(rig: Rig, error: BaseException) -> None:
-    """Stop, wait for rest and disable the drives; another console's machine is left once nothing of ours moves.
-
-    Raises DriverError: the error, with what could not be proven.
-    """
+    """Stop, wait for rest and disable the drives; another console's machine is left once nothing of ours moves."""
     lathe = rig.lathe
     code = error.problems[0].code if isinstance(error, ProblemError) and error.problems else type(error).__name__
     if lathe.anothers:
@@ -196,7 +187,6 @@ def _leave_at_rest(rig: Rig, error: BaseException) -> None:
 
 
 def _later(point: IdentifiedPoint, delay_s: float) -> IdentifiedPoint:
-    """Return the response of a path whose reference is delayed by a constant time."""
     if not delay_s:
         return point
     measured = cmath.rect(1.0, math.radians(point.phase_deg))

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from drivers.clock import Clock
-from drivers.commissioning.reading import ask_or_none, read_settings
+from drivers.commissioning.reading import ask_or_none
 from drivers.errors import ControllerError
 from drivers.identification.excitation import PROGRAM
 from drivers.lathe.lathe import Lathe
@@ -20,7 +20,6 @@ from drivers.pmac.status import decode
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-CHANNELS = 2  # channels gathered simultaneously
 STANDING_S = 0.2  # interval between two polls of a spindle that must stand still
 STANDS_COUNTS = 2.0  # tolerance for a spindle at standstill meanwhile: encoder dither
 
@@ -99,30 +98,16 @@ def _spindle_turns(rig: Rig) -> Iterator[Problem]:
         yield Problem(code="identify.spindle_turns", key="spindle", value=value, limit=limit)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Before:
-    """What identification uses and restores: the gather settings of the controller."""
+def put_back(rig: Rig, gathering: Mapping[int, float], *, table: bool) -> None:
+    """Delete the program, the gather buffer and the table, and restore the gather settings.
 
-    settings: Mapping[int, float]
-
-    @classmethod
-    def read(cls, rig: Rig) -> Before:
-        """Read the present settings. Raises DriverError: the link broke."""
-        gather = rig.dialect.gathering
-        sources = range(gather.first_source, gather.first_source + CHANNELS)
-        return cls(settings=read_settings(rig.client, (gather.period, *gather.masks, *sources)))
-
-    def put_back(self, rig: Rig, *, table: bool) -> None:
-        """Delete the program, the gather buffer and the table; what the controller refuses is left.
-
-        With a `table` the correction is set to 0: at its zero, or with the drives killed.
-        Raises LinkError: the link broke.
-        """
-        lines = ["ENDGATHER", "DELETE GATHER", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"]
-        if table:
-            correction = f"{correction_register(rig.machine)}=0"
-            lines += ["I51=0", correction, f"#{rig.machine.tool.motor}DELETE COMP"]
-        lines += [f"I{index}={format_constant(value)}" for index, value in self.settings.items()]
-        for line in lines:
-            with suppress(ControllerError):
-                rig.client.request(line, lines=0)
+    What the controller refuses is left. With a `table` the correction is set to 0: at its zero, or with the drives
+    killed. Raises LinkError: the link broke.
+    """
+    lines = ["ENDGATHER", "DELETE GATHER", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"]
+    if table:
+        lines += ["I51=0", f"{correction_register(rig.machine)}=0", f"#{rig.machine.tool.motor}DELETE COMP"]
+    lines += [f"I{index}={format_constant(value)}" for index, value in gathering.items()]
+    for line in lines:
+        with suppress(ControllerError):
+            rig.client.request(line, lines=0)

@@ -5,7 +5,7 @@ Pure: a snapshot goes in, problems come out. The code that waits for the motion 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Set
+from collections.abc import Callable, Iterable, Iterator, Set
 from dataclasses import dataclass
 
 from drivers.lathe.lengths import Lengths
@@ -62,8 +62,7 @@ class OthersStill:
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge one poll."""
-        found = (_outside(each, snapshot, "machine.unexpected_motion", self._lengths) for each in self._ranges)
-        return tuple(problem for problem in found if problem is not None)
+        return tuple(_outside(self._ranges, snapshot, "machine.unexpected_motion", self._lengths))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +109,7 @@ class ProgramGuard:
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge one poll."""
-        outside = (_outside(each, snapshot, "cut.outside_plan", self._lengths) for each in self._ranges)
+        outside = _outside(self._ranges, snapshot, "cut.outside_plan", self._lengths)
         problems = (self._override(snapshot), *outside, self._stalled(snapshot))
         return tuple(problem for problem in problems if problem is not None)
 
@@ -135,10 +134,10 @@ class ProgramGuard:
         return Problem(code="cut.stalled", value=f"{still_s:.1f} s", limit=f"{STALLED_S:g} s")
 
 
-def _outside(planned: AxisRange, snapshot: Snapshot, code: str, lengths: Lengths) -> Problem | None:
-    """Report an axis commanded outside its range; an axis in open loop has no command."""
-    axis, at = planned.axis, snapshot.axis(planned.axis).commanded
-    if not snapshot.axis(axis).closed or planned.low <= at <= planned.high:
-        return None
-    value, limit = lengths.at(axis, at), lengths.between(axis, planned.low, planned.high)
-    return Problem(code=code, key=axis, value=value, limit=limit)
+def _outside(ranges: Iterable[AxisRange], snapshot: Snapshot, code: str, lengths: Lengths) -> Iterator[Problem]:
+    """Report each axis commanded outside its range; an axis in open loop has no command."""
+    for planned in ranges:
+        axis, state = planned.axis, snapshot.axis(planned.axis)
+        if state.closed and not planned.low <= state.commanded <= planned.high:
+            value, limit = lengths.at(axis, state.commanded), lengths.between(axis, planned.low, planned.high)
+            yield Problem(code=code, key=axis, value=value, limit=limit)

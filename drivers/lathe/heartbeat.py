@@ -191,10 +191,7 @@ class Heartbeat:
         return self._keeper
 
     def _refuse_silent(self) -> None:
-        """Make sure that the PLC runs now: it may have been disabled since it was prepared.
-
-        Raises RefusedError: `heartbeat.plcs_forbidden`, `heartbeat.plc_silent`.
-        """
+        """Make sure that the PLC runs now: it may have been disabled since it was prepared."""
         items, end_s = (f"I{PERMISSION}", f"P{ECHO}", f"P{OWNER}"), self._clock.now_s() + PULSE_TIMEOUT_S
         permission, first, self._owner = self._client.numbers(*items, again=True)
         self._owner_seen(self._owner)
@@ -205,22 +202,20 @@ class Heartbeat:
                 raise RefusedError(silent(first, first))
             self._clock.wait(PULSE_POLL_S)
 
-    def _watchdog_left(self) -> bool:
-        """Query whether the watchdog is still armed, with enough time left for a renewal.
-
-        Under another owner the watchdog is not ours, whatever is left of it.
-        """
-        items = (f"P{LOST}", f"P{OWNER}", watchdog_timer(self._dialect).name)
-        lost, owner, watchdog = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
-        return not lost and owner == self._owner and watchdog > cycles_of(PERIOD_MS, self._i10)
-
     def _kept(self) -> Keeper | None:
-        """Return the keeper of what is guarded now, None when nothing is; raise when that has lapsed."""
+        """Return the keeper of what is guarded now, None when nothing is; raise when that has lapsed.
+
+        A late host queries whether the watchdog is still armed, with enough time left for a renewal. Under another
+        owner the watchdog is not ours, whatever is left of it.
+        """
         keeper = self._keeper
         if not self.guarding or keeper is None:
             return None
-        if keeper.lapsed(self._clock.now_s()) and not self._watchdog_left():
-            raise self.lapse()
+        if keeper.lapsed(self._clock.now_s()):
+            items = (f"P{LOST}", f"P{OWNER}", watchdog_timer(self._dialect).name)
+            lost, owner, watchdog = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
+            if lost or owner != self._owner or watchdog <= cycles_of(PERIOD_MS, self._i10):
+                raise self.lapse()
         return keeper
 
     def _send(self, line: str, timeout_s: float) -> None:
@@ -238,7 +233,6 @@ class Heartbeat:
                 raise
 
     def _renewed(self, timeout_s: float) -> float:
-        """Renew the watchdog if it or the echo is due; return when the next renewal is due."""
         keeper = self._kept()
         if keeper is None:
             return math.inf

@@ -82,10 +82,7 @@ class Motion:
                 raise DriverError(*alone, Problem(code="machine.timeout", key=what, value=f"{timeout_s:g} s"))
 
     def _refuse_faults(self, before: Snapshot | None, snapshot: Snapshot, what: str, faults: list[str]) -> None:
-        """Stop on a fault; a safety device that has ended the motion itself is reported first.
-
-        Raises DriverError: `safety.not_good`, `machine.fault`, `machine.left_behind`, `machine.tool_left_behind`.
-        """
+        """Stop on a fault; a safety device that has ended the motion itself is reported first."""
         problems = device_problems(snapshot.inputs)
         if faults:
             problems = (*problems, Problem(code="machine.fault", key=what, value=", ".join(faults)))
@@ -98,10 +95,6 @@ class Motion:
         """Stop a motion that deviates from its command, at the poll that shows it.
 
         What our own stop has opened or moved since the last poll does not count.
-
-        Raises:
-            StoppedError: the machine was stopped meanwhile.
-            DriverError: `machine.loop_open`, those of the guard, `controller.constant_differs` of the program.
         """
         self._stop.check()
         found = (open_loop_problem(snapshot), self._poller.changed, *guard(snapshot))
@@ -114,7 +107,6 @@ class Motion:
         """End what the controller would no longer end, as it would; return when it must be over.
 
         A cut that may continue without a host continues: it is as safe as before.
-        Raises DriverError: the problem; what moved is stopped.
         """
         if not in_cut or heartbeat.policy is Policy.STOP:
             self._stop.stop(problem.code)

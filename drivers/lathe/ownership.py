@@ -124,12 +124,7 @@ class Ownership:
         return held
 
     def _become_owner(self, before: float) -> None:
-        """Replace `before` by this console's number, and verify that it is there.
-
-        Raises:
-            RefusedError: `owner.held`, another console was there by then.
-            LinkError: `owner.not_kept`; the link broke, and the result is unknown.
-        """
+        """Replace `before` by this console's number, and verify that it is there."""
         self.standing, self._unanswered = Standing.CHANGING, True
         held = None
         try:

@@ -100,7 +100,6 @@ class SerialLink:
             self._line.close()
 
     def _hand_over(self, data: memoryview) -> int:
-        """Write as much as the stop delay allows; return how many bytes that was."""
         with self._handing:
             line, now_s = self._line.fileno(), time.monotonic()
             room = min(self._pace.room(now_s), self._pace.ahead - _queued(line))

@@ -105,7 +105,6 @@ def _refusal(address: SerialAddress, error: OSError) -> LinkError:
 
 
 def _not_permitted(address: SerialAddress) -> LinkError:
-    """Name who may open the device: a group to join, or its owner alone."""
     try:
         owned = os.stat(address.device)
     except OSError as error:  # not even the directory may be read
@@ -117,7 +116,6 @@ def _not_permitted(address: SerialAddress) -> LinkError:
 
 
 def _name(look_up: Callable[[int], Sequence[object]], number: int) -> str:
-    """Return the name of a group or user; the number where it has none."""
     try:
         return str(look_up(number)[0])
     except KeyError:

@@ -77,16 +77,3 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
         response=response,
         shares=shares_of(machine, drive_need(machine, command.amplitude_um, job.lobe_frequency_hz)),
     )
-
-
-def _answer(seen: Outlook, strategy: Strategy, lobes: int) -> complex:
-    """Return the axis response at this order (UPR), along this strategy's command path."""
-    frequency_hz = lobes * seen.job.spindle_speed_rpm / 60.0
-    if lobes == seen.job.jaws and _identified(seen, strategy):
-        return seen.response.at(frequency_hz)
-    return nominal_response(strategy, seen.machine, frequency_hz)
-
-
-def _identified(seen: Outlook, strategy: Strategy) -> bool:
-    """Whether the axis was identified on the path of this strategy."""
-    return strategy is seen.strategy and seen.response.source is Source.IDENTIFIED

@@ -18,20 +18,7 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
 
-__all__ = [
-    "Asked",
-    "Prediction",
-    "Preview",
-    "Program",
-    "Response",
-    "Share",
-    "Underway",
-    "all_asked",
-    "preview",
-    "program_of",
-    "underway",
-    "whole",
-]
+__all__ = ["Prediction", "Response", "Share"]  # beside what is defined here
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

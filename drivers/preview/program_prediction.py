@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from drivers.cutting.planning import CutPlan
 from drivers.identification.nominal import loop_response
-from drivers.pmac.check import CheckedProgram
-from drivers.pmac.trajectory.pieces import Piece, position_at
+from drivers.pmac.trajectory.pieces import position_at
 from drivers.preview.outlook import Response, Share, response_of, shares_of
 from profiles.axis.response import ServoResponse, Source
 from profiles.axis.servo import drive_need, sampled_response
@@ -125,23 +124,18 @@ def _steady_turn(machine: MachineProfile, plan: CutPlan) -> tuple[FloatArray, Fl
     begins = plan.carriage_start + _STEADY_FROM * plan.setup.carriage_counts
     first = next(i for i, piece in enumerate(pieces) if piece.cubics[carriage][0] >= begins)
     instants_ms = ends_ms[first] + 60_000.0 / plan.spindle_speed_rpm * np.arange(TURN_POINTS) / TURN_POINTS
-    places = [_at(pieces, ends_ms, float(instant)) for instant in instants_ms]
-    spindle, tool = (_positions(checked, places, motor) for motor in (machine.spindle.motor, machine.tool.motor))
+    running = [min(bisect_right(ends_ms, instant), len(pieces) - 1) for instant in instants_ms.tolist()]
+
+    def positions(motor: int) -> FloatArray:
+        index = checked.motors.index(motor)
+        since_ms = (t - (ends_ms[i] - pieces[i].duration_ms) for i, t in zip(running, instants_ms, strict=True))
+        return np.array([position_at(pieces[i].cubics[index], t) for i, t in zip(running, since_ms, strict=True)])
+
+    spindle, tool = positions(machine.spindle.motor), positions(machine.tool.motor)
     return (
         np.mod(360.0 * spindle / machine.spindle.counts_per_rev, 360.0),
         (tool - plan.setup.surface) * machine.tool.count_um,
     )
-
-
-def _at(pieces: Sequence[Piece], ends_ms: Sequence[float], instant_ms: float) -> tuple[Piece, float]:
-    """Return the piece that runs at a given time, and the time since it began, ms."""
-    place = min(bisect_right(ends_ms, instant_ms), len(pieces) - 1)
-    return pieces[place], instant_ms - (ends_ms[place] - pieces[place].duration_ms)
-
-
-def _positions(checked: CheckedProgram, places: Sequence[tuple[Piece, float]], motor: int) -> FloatArray:
-    index = checked.motors.index(motor)
-    return np.array([position_at(piece.cubics[index], time_ms) for piece, time_ms in places])
 
 
 def _kept(values: FloatArray) -> FloatArray:

@@ -42,9 +42,6 @@ SETTLE_S = 0.05  # some background cycles, after which settings take effect
 POLL_S = 0.01
 
 
-CHANNELS = 2  # channels gathered simultaneously
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Before:
     """What is used and restored: the definition of the spare M-variable, and the gather settings."""

@@ -109,7 +109,6 @@ def _best(data: GatheredData, table: CompensationTable, spindle: int, target: in
 
 
 def _load(bench: ProofRig) -> None:
-    """Enter the oscillating program; the motors are closed already."""
     carriage = bench.motor("carriage")
     definitions = read_definitions(bench.judged.machine.controller.axis_definitions)
     axis = next(each for each in definitions if each.motor == carriage)
@@ -138,7 +137,6 @@ def _arrived(bench: ProofRig) -> bool:
 
 
 def _rest(bench: ProofRig, motor: int) -> None:
-    """Wait until a motor is commanded to rest."""
     end = bench.clock.now_s() + REST_TIMEOUT_S
     while bench.clock.now_s() < end:
         flags = bench.flags(motor)

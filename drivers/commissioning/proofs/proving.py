@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from drivers.clock import Clock
 from drivers.commissioning.amounts import digits
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.proofs.bench import CHANNELS, SETTLE_S, Before, ProofRig, names_of, proof, unproven
+from drivers.commissioning.proofs.bench import SETTLE_S, Before, ProofRig, names_of, proof, unproven
 from drivers.commissioning.proofs.motion import pvt_rounding, source_delay
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.proofs.tables import compensation_edge, delete_order, fails, roll_over, table_zero
-from drivers.commissioning.reading import Extent, read_configuration, read_settings
+from drivers.commissioning.reading import Extent, read_configuration, read_gathering
 from drivers.commissioning.stop_record import StopEntry
 from drivers.commissioning.verification import Verification
 from drivers.controller import Controller
@@ -139,7 +139,6 @@ def _stage(bench: ProofRig, proofs: Iterable[Proof]) -> list[Check]:
 
 
 def _closed(bench: ProofRig) -> list[Check]:
-    """Run what needs every loop closed, and open them again."""
     for axis in bench.judged.axes:
         bench.move(f"#{axis.motor}J/")
     bench.settle()
@@ -162,9 +161,7 @@ def _leave(bench: ProofRig, before: Before) -> None:
 
 def _before(bench: ProofRig) -> Before:
     """Read what the tests use of the controller: the spare M-variable, and the gather set-up."""
-    spare, gather = bench.spare, bench.dialect.gathering
+    client, dialect, spare = bench.client, bench.dialect, bench.spare
     extent = Extent(settings=(), pointers=(range(spare, spare + 1),), motors=(), programs=())
-    pointers = read_configuration(bench.client, bench.dialect, extent).pointers
-    sources = range(gather.first_source, gather.first_source + CHANNELS)
-    numbers = (gather.period, *gather.masks, *sources)
-    return Before(pointer=pointers.get(spare, "*"), settings=read_settings(bench.client, numbers))
+    pointers = read_configuration(client, dialect, extent).pointers
+    return Before(pointer=pointers.get(spare, "*"), settings=read_gathering(client, dialect))

@@ -34,10 +34,7 @@ QUESTION = "P0..99"  # it changes nothing, and takes a controller longer to answ
 
 
 def _past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
-    """Press; return whether the board kept its two connections apart. With one connection no query is pending.
-
-    Raises LinkError: the query could not be sent; nothing was pressed.
-    """
+    """Press; return whether the board kept its two connections apart. With one connection no query is pending."""
     if bench.stop.way is not StopWay.RESERVED:
         press(REASON)
         return bench.stop.way is StopWay.DIRECT
@@ -118,10 +115,7 @@ def _load(bench: ProofRig, axes: Guarded) -> bool:
 
 
 def _measured(bench: ProofRig, axes: Guarded, way: Way, origin: Origin) -> SeenStop:
-    """Move, stop and record; repeat when this host was delayed and the controller ended the motion before.
-
-    Raises DriverError: `heartbeat.lapsed`, this host is too slow; somebody has stopped; the link broke.
-    """
+    """Move, stop and record; repeat when this host was delayed and the controller ended the motion before."""
     for _ in range(TRIES):
         line, kept_s = _begin(bench, axes, origin)
         bench.move(line)
@@ -200,7 +194,6 @@ def _press(bench: ProofRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
 
 
 def _until_obeyed(axes: Guarded, way: Way, before: Look) -> tuple[tuple[Look, ...], bool]:
-    """Poll until every motor obeys the stop; return the polls, and whether all motors did."""
     wanted = {"open_loop"} if way is Way.KILL else {"abort_deceleration", "desired_velocity_zero"}
     watch, looks = axes.watch, [before]
     end_s = watch.clock.now_s() + OBEY_LIMIT_S

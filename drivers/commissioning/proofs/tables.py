@@ -79,7 +79,6 @@ def delete_order(bench: ProofRig) -> Check:
 
 
 def _correction(bench: ProofRig, table: CompensationTable) -> float:
-    """Return the correction of a table that is switched on only for this."""
     target = table.definition.target
     bench.define(table)
     bench.tell("I51=1")
