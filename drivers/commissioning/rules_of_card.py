@@ -21,23 +21,15 @@ _SHOWN = (8, 52)
 
 def card_rules(judged: Judged) -> list[Check]:
     """Return the checks of the controller, its coordinate system and its buffers."""
-    return [
-        _family(judged),
-        *_clocks(judged),
-        *_permissions(judged),
-        _unexpected_motors(judged),
-        *_axes(judged),
-        *_system(judged),
-        *_conversion(judged),
-        *_buffers(judged),
-        *_pointers(judged),
-    ]
+    of_card = (_family, _clocks, _permissions, _unexpected_motors)
+    rules = (*of_card, _axes, _system, _conversion, _buffers, _pointers)
+    return [check for rule in rules for check in rule(judged)]
 
 
-def _family(judged: Judged) -> Check:
+def _family(judged: Judged) -> Iterator[Check]:
     card, wanted = judged.configuration, judged.machine.controller.family
     found = f"{card.kind}, {card.version}"
-    return Check(Group.CARD, "family", severity(card.family == wanted), found=found, wanted=wanted)
+    yield Check(Group.CARD, "family", severity(card.family == wanted), found=found, wanted=wanted)
 
 
 def _clocks(judged: Judged) -> Iterator[Check]:
@@ -66,11 +58,11 @@ def _permissions(judged: Judged) -> Iterator[Check]:
     yield judged.about("segments", severity(not judged.value(index)), index, "0 ms")
 
 
-def _unexpected_motors(judged: Judged) -> Check:
+def _unexpected_motors(judged: Judged) -> Iterator[Check]:
     ours, dialect = {axis.motor for axis in judged.axes}, judged.dialect
     others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in ours]
     active = ", ".join(f"I{index}" for index in others if judged.value(index))
-    return Check(Group.CARD, "strange_motors", severity(not active), found=active or "0", wanted="0")
+    yield Check(Group.CARD, "strange_motors", severity(not active), found=active or "0", wanted="0")
 
 
 def _axes(judged: Judged) -> Iterator[Check]:

@@ -54,7 +54,10 @@ class Batch:
 
 
 class BatchGather:
-    """Gathers the batches of a cut in turn; `take` receives each after it is fetched, between two polls."""
+    """Gathers the batches of a cut in turn; `take` receives each after it is fetched, between two polls.
+
+    Every method raises DriverError: `gather.failed`, the controller does not gather what it should; the link broke.
+    """
 
     def __init__(
         self, client: Controller, machine: MachineProfile, clock: Clock, round_trip: Callable[[], float]
@@ -71,10 +74,7 @@ class BatchGather:
         self._take: Callable[[Batch], None] = lambda _: None
 
     def prepare(self, cut: CutPlan, lobes: int, seconds: float, take: Callable[[Batch], None]) -> None:
-        """Set up the controller, at rest and after the program is loaded: defining a table deletes buffers.
-
-        Raises DriverError: `gather.failed`, the controller does not gather what it should; the link broke.
-        """
+        """Set up the controller, at rest and after the program is loaded: defining a table deletes buffers."""
         cycle_s = self._machine.controller.servo_period_ms / 1000.0
         lobe_s = 60.0 / (lobes * cut.spindle_speed_rpm)
         period = max(1, math.floor(lobe_s / (LEAST_SAMPLES_A_LOBE * cycle_s)))
@@ -100,10 +100,7 @@ class BatchGather:
             self._state = None
 
     def finish(self) -> None:
-        """Fetch the rest of a batch in progress, once the machine rests and nothing waits.
-
-        Raises DriverError: `gather.failed`; the link broke.
-        """
+        """Fetch the rest of a batch in progress, once the machine rests and nothing waits."""
         while isinstance(state := self._state, _Fetching):
             self._state = self._tried(partial(self._fetched, state))
 

@@ -110,18 +110,12 @@ class Jogs:
         )
 
     def _refuse_shifted(self, now: Snapshot) -> None:
-        """Refuse if an axis is not where the last jog left it, and this console has moved nothing since.
-
-        Raises RefusedError: `controller.home_lost`: another host has changed its zero or moved it.
-        """
+        """Refuse if an axis is not where the last jog left it: another host has changed its zero or moved it."""
         left, mark = self._left or (now, self._stop.mark)
-        if mark != self._stop.mark:
+        if mark != self._stop.mark:  # this console has moved something since
             return
-        shifted = [
-            axis
-            for axis in now.driven
-            if abs(now.axis(axis).commanded - left.axis(axis).commanded) > SHIFTED_COUNTS
-        ]
+        moved = {axis: abs(now.axis(axis).commanded - left.axis(axis).commanded) for axis in now.driven}
+        shifted = [axis for axis, counts in moved.items() if counts > SHIFTED_COUNTS]
         if shifted:
             self.forget()
             raise RefusedError(Problem(code="controller.home_lost", key=", ".join(shifted)))

@@ -1,7 +1,7 @@
 """Parse link addresses as an operator writes them; `str` of an address gives the shortest equivalent text.
 
 `serial:/dev/NAME[?baud=RATE]`, `tcp:HOST:PORT`, `ethernet:HOST[:PORT][?stop=reserved]`, and `sim:` for the
-simulated lathe.
+simulated lathe. What cannot be parsed raises LinkError: `link.bad_address`.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def without_options(address: str) -> str:
 
 
 def parse_address(text: str) -> LinkAddress:
-    """Parse a link address. Raises LinkError: `link.bad_address`."""
+    """Parse a link address."""
     kind, _, rest = text.partition(":")
     match kind:
         case "serial":

@@ -201,7 +201,7 @@ def test_a_proven_machine_of_iron_has_a_stop_record_until_it_stops_otherwise(
     assert stop_lines(said) == {"stops_other_settings": "warned"}
     card.tell("I219=0.1")
     # Ramps of the card that are longer than what was read back makes of them.
-    bounds = "drivers.commissioning.proofs.stop_results.after_abort"
+    bounds = "drivers.commissioning.proofs.stopping.after_abort"
     monkeypatch.setattr(bounds, lambda speed, rate, late_ms: StoppingDistance(0.0, 0.0))
     assert console("doctor", "--prove", "--yes").code == 1
     assert not file.exists()

@@ -6,31 +6,153 @@ that is the purpose of such a connection, and each board must show that it works
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 
+from drivers.commissioning.amounts import digits, length
 from drivers.commissioning.check import Check, Group
+from drivers.commissioning.judged import Judged, JudgedAxis
 from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, air_cut, air_cut_lines, lobe_ends
-from drivers.commissioning.proofs.bench import REASON, ProofRig
+from drivers.commissioning.proofs.bench import REASON, ProofRig, proof, stop_name
 from drivers.commissioning.proofs.guarded import TRIES, Guarded
-from drivers.commissioning.proofs.stop_results import SeenStop, seen_speed, speed_of, stop_checks, stop_entries
 from drivers.commissioning.reading import ask_or_none
 from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
-from drivers.commissioning.stops import after_jog_stop, jog_settings_of
+from drivers.commissioning.stops import after_abort, after_jog_stop, jog_settings_of
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.motion import LINK_LATENCY_MS
 from drivers.link.base import StopWay
+from drivers.pmac.analysis.units import unit_of
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED
 from drivers.pmac.heartbeat.plc import Policy
-from drivers.pmac.heartbeat.proof import kept, withhold
-from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, rests
-from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD, SYSTEM
+from drivers.pmac.heartbeat.proof import WatchdogProof, kept, proof_problems, withhold
+from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, rest_s, rests
+from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD, SYSTEM, WATCHDOG_MS
 from drivers.pmac.language.text import format_number
 from profiles.findings import Severity
 from profiles.problem import Problem
 
+MOVED_COUNTS = 1.0  # an axis that moves less than this after a stop was not moving before
 QUESTION = "P0..99"  # it changes nothing, and takes a controller longer to answer than a stop takes to arrive
+
+AT_SPEED_S = 0.1  # how long a motion continues at full speed before it is stopped
+REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.WATCHDOG: 15.0}  # after a control-K the spindle coasts
+ORDER = (Way.WATCHDOG, Way.ABORT, Way.KILL)  # watchdog first: it ends what does not obey a control character
+OBEY_LIMIT_S = 0.6  # timeout for a motion to obey; by then its watchdog, which still guards it, has expired
+LEAST_SPEED = 0.75  # fraction of its speed at which a motion is at speed, from two polls over a slow line
+LOOKS_FOR_SPEED = 5  # polls to reach speed: a delayed host or controller gets a little longer
+RUNNING_OUT_S, SELDOM_S = 1.0, 0.02  # what still moves after this time is polled less often
+
+
+@dataclass(frozen=True, slots=True)
+class SeenStop:
+    """The polls from just before a stop up to rest.
+
+    `pressed_s` is when it, or the last watchdog renewal, was sent; `late_ms` is how old the first poll was
+    then. `as_meant` is whether all came to rest by the intended stop. `lobe` are the two ends of the tool's
+    lobe in a cut, counts: between two polls it oscillates, so its distance is counted from the further end.
+    """
+
+    way: Way
+    pressed_s: float
+    late_ms: float
+    looks: tuple[Look, ...]
+    _: KW_ONLY
+    as_meant: bool
+    origin: Origin = Origin.JOG
+    lobe: tuple[float, float] | None = None
+    watchdog: WatchdogProof | None = None
+
+    def counts(self, axis: JudgedAxis) -> float:
+        """Return how far an axis travelled from its position before the stop."""
+        if axis.name == "tool" and self.lobe is not None:
+            rest = self.looks[-1].positions[axis.motor]
+            return max(abs(rest - end) for end in self.lobe)
+        begun = self.looks[0].positions[axis.motor]
+        return max(abs(look.positions[axis.motor] - begun) for look in self.looks)
+
+    def time_s(self, axis: JudgedAxis) -> float:
+        """Return the time to rest, infinite when it did not come to rest."""
+        found = rest_s(self.looks, axis.motor)
+        return math.inf if found is None else found - self.pressed_s
+
+
+def stop_entries(judged: Judged, seen: SeenStop) -> tuple[StopEntry, ...]:
+    """Return the record entries of a correct stop."""
+    return tuple(_entry(judged, axis, seen) for axis in judged.driven_axes)
+
+
+def stop_checks(judged: Judged, seen: SeenStop) -> Iterator[Check]:
+    """Check stopping distances against the computed ones; for the first watchdog timeout, also its delay."""
+    if seen.watchdog is not None and seen.origin is Origin.JOG:
+        ended = "-" if seen.watchdog.ended_s is None else f"{digits(seen.watchdog.ended_s)} s"
+        holds = not proof_problems(seen.watchdog)
+        yield proof("lease", holds=holds, found=ended, wanted=f"<= {WATCHDOG_MS / 1000.0:g} s")
+    machine, found, wanted, holds = judged.machine, [], [], seen.as_meant
+    for axis in judged.driven_axes:
+        counts = seen.counts(axis)
+        bound = _bound_counts(judged, axis, seen.way, seen.origin, seen.late_ms)
+        time = "∞" if math.isinf(seen.time_s(axis)) else digits(seen.time_s(axis))
+        found.append(f"{axis.name} {length(counts, axis.motor, machine)} {time} s")
+        if math.isfinite(bound):
+            wanted.append(f"{axis.name} <= {length(bound, axis.motor, machine)}")
+        holds = holds and MOVED_COUNTS < counts <= bound
+    name = stop_name(seen.way, seen.origin)
+    yield proof(name, holds=holds, found=", ".join(found), wanted=", ".join(wanted) or "-")
+
+
+def _bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, late_ms: float) -> float:
+    """Return the longest stopping distance, counts, infinite where settings do not determine it.
+
+    `late_ms` is the age of the poll from which the distance is counted, when the stop was sent. Coasting after
+    a control-K, and the end of a cut without a host, are only measured.
+    """
+    late_ms += judged.machine.controller.background_ms + LINK_LATENCY_MS
+    match way, origin:
+        case Way.ABORT, Origin.JOG:
+            return after_abort(jog_settings_of(judged, axis).speed, judged.of_motor(axis, 15), late_ms).counts
+        case Way.ABORT, Origin.CUT if axis.name == "tool":
+            # From one end of its lobe to the other, and the stop.
+            cut = air_cut(judged.machine)
+            return 2.0 * cut.amplitude + after_abort(cut.tool, judged.of_motor(axis, 15), 0.0).counts
+        case Way.ABORT, Origin.CUT:
+            return after_abort(speed_of(judged, axis, origin), judged.of_motor(axis, 15), late_ms).counts
+        case Way.WATCHDOG, Origin.JOG:
+            return after_jog_stop(jog_settings_of(judged, axis), WATCHDOG_MS + late_ms).counts
+        case _:
+            return math.inf
+
+
+def _entry(judged: Judged, axis: JudgedAxis, seen: SeenStop) -> StopEntry:
+    unit = unit_of(judged.machine, axis.motor)
+    assert unit is not None  # every axis of the machine has one
+    distance, speed = seen.counts(axis) * unit.per_count, speed_of(judged, axis, seen.origin) * unit.velocity
+    linear = unit.name == "mm"
+    return StopEntry(
+        way=seen.way,
+        origin=seen.origin,
+        axis=axis.name,
+        time_s=seen.time_s(axis),
+        distance_mm=distance if linear else None,
+        distance_deg=None if linear else distance,
+        speed_mm_per_s=speed if linear else None,
+        speed_rpm=None if linear else speed,
+    )
+
+
+def seen_speed(axis: JudgedAxis, earlier: Look, later: Look) -> float:
+    """Return the speed between two polls, counts/ms."""
+    passed_ms = (later.answered_s - earlier.answered_s) * 1000.0
+    return abs(later.positions[axis.motor] - earlier.positions[axis.motor]) / passed_ms
+
+
+def speed_of(judged: Judged, axis: JudgedAxis, origin: Origin) -> float:
+    """Return the speed before the stop, counts/ms; for the tool in a cut, the maximum of its lobe."""
+    if origin is Origin.CUT:
+        return air_cut(judged.machine).speeds[axis.name]
+    return jog_settings_of(judged, axis).speed
 
 
 def _past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
@@ -45,15 +167,6 @@ def _past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
     except LinkError:
         return False  # the stop was sent; whether it was obeyed is checked, back in step
     return True
-
-
-AT_SPEED_S = 0.1  # how long a motion continues at full speed before it is stopped
-REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.WATCHDOG: 15.0}  # after a control-K the spindle coasts
-ORDER = (Way.WATCHDOG, Way.ABORT, Way.KILL)  # watchdog first: it ends what does not obey a control character
-OBEY_LIMIT_S = 0.6  # timeout for a motion to obey; by then its watchdog, which still guards it, has expired
-LEAST_SPEED = 0.75  # fraction of its speed at which a motion is at speed, from two polls over a slow line
-LOOKS_FOR_SPEED = 5  # polls to reach speed: a delayed host or controller gets a little longer
-RUNNING_OUT_S, SELDOM_S = 1.0, 0.02  # what still moves after this time is polled less often
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
