@@ -34,31 +34,26 @@ def profile_problems(
     TA, TS and F of the coordinate system are left out: they are what the last program left behind.
     Raises DriverError: the link broke, or the controller refused to answer.
     """
-
-    def differs(key: str, value: str, limit: str) -> Problem:
-        return Problem(code="controller.setting", key=key, value=value, limit=limit)
-
     stated, definitions = stated_settings_of(wanted, dialect), read_definitions(wanted.axis_definitions)
     settings = read_settings(client, stated)
     found = client.query(*(f"#{each.motor}->" for each in definitions), again=True)
     others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in motors]
     active = {index: value for index, value in read_settings(client, others).items() if value != 0.0}
-    return (
-        *(
-            differs(f"I{index}", format_number(value), format_number(stated[index]))
-            for index, value in settings.items()
-            if not same(value, stated[index])
-        ),
-        *(
-            differs(f"#{definition.motor}->", text, str(definition))
-            for definition, text in zip(definitions, found, strict=True)
-            if text.strip() != str(definition)
-        ),
-        *(
-            Problem(code="controller.strange_motor", key=f"I{index}", value=format_number(value), limit="0")
-            for index, value in active.items()
-        ),
-    )
+    differing = [
+        (f"I{index}", format_number(value), format_number(stated[index]))
+        for index, value in settings.items()
+        if not same(value, stated[index])
+    ]
+    for each, text in zip(definitions, found, strict=True):
+        if text.strip() != str(each):
+            differing.append((f"#{each.motor}->", text, str(each)))
+    problems = [
+        Problem(code="controller.setting", key=key, value=now, limit=target) for key, now, target in differing
+    ]
+    for index, value in active.items():
+        text = format_number(value)
+        problems.append(Problem(code="controller.strange_motor", key=f"I{index}", value=text, limit="0"))
+    return tuple(problems)
 
 
 def stated_settings(judged: Judged) -> list[Check]:

@@ -15,8 +15,7 @@ from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.gains import gain_checks
 from drivers.commissioning.judged import Judged
 from drivers.commissioning.reading import number_in, of_motors, read_configuration
-from drivers.commissioning.rules_of_card import card_rules
-from drivers.commissioning.rules_of_motors import motor_rules
+from drivers.commissioning.rules import card_rules, motor_rules
 from drivers.commissioning.stops import overruns
 from drivers.controller import Controller
 from drivers.errors import DriverError

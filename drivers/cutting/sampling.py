@@ -56,7 +56,7 @@ class Batch:
 class BatchGather:
     """Gathers the batches of a cut in turn; `take` receives each after it is fetched, between two polls.
 
-    Every method raises DriverError: `gather.failed`, the controller does not gather what it should; the link broke.
+    Every method raises DriverError: `gather.failed`, the controller does not gather as it should; the link broke.
     """
 
     def __init__(

@@ -139,12 +139,8 @@ class Strategy(StrEnum):
 DEFAULT_STRATEGY = Strategy.PVT
 UNCOMPENSATED = Strategy.NONE  # the reference cut, to show the benefit of a compensation
 
-INVERTING = tuple(each for each in Strategy if each.traits.inverts)
-"""Strategies whose command is the inverse of a response: they follow the path that they are given."""
-
+INVERTING = tuple(each for each in Strategy if each.traits.inverts)  # follow the path that they are given
 BY_TABLE = tuple(each for each in Strategy if each.traits.by_table)
-TURNED_BY_OTHERS = tuple(each for each in Strategy if each.traits.counts_from is not None)
-"""Strategies that cut on a spindle which the program does not turn."""
-
+TURNED_BY_OTHERS = tuple(each for each in Strategy if each.traits.counts_from is not None)  # the spindle
 TAKING_TS = tuple(each for each in Strategy if each.traits.takes_ts)
 TRIMMED = tuple(each for each in Strategy if each.traits.trims)  # may be corrected by the host within the cut

@@ -49,18 +49,12 @@ class Rig:
 
 
 def card_problems(rig: Rig) -> tuple[Problem, ...]:
-    """Return why this controller cannot be used, whether its drives are enabled or not; nothing moves.
-
-    Raises DriverError: the link broke, or another console controls the machine.
-    """
+    """Return why this controller cannot be used, whether its drives are enabled or not; nothing moves."""
     return (*rig.lathe.verify(), *rig.lathe.program.tables_left(), *_in_use(rig), *_spindle_turns(rig))
 
 
 def standing_problems(rig: Rig) -> tuple[Problem, ...]:
-    """Return why the first motion is refused: drives disabled, not homed, something moving, a fault.
-
-    Raises DriverError: the link broke.
-    """
+    """Return why the first motion is refused: drives disabled, not homed, something moving, a fault."""
     snapshot = rig.lathe.snapshot()
     required = {
         "machine.not_enabled": snapshot.loops_closed,
@@ -102,7 +96,7 @@ def put_back(rig: Rig, gathering: Mapping[int, float], *, table: bool) -> None:
     """Delete the program, the gather buffer and the table, and restore the gather settings.
 
     What the controller refuses is left. With a `table` the correction is set to 0: at its zero, or with the drives
-    killed. Raises LinkError: the link broke.
+    killed.
     """
     lines = ["ENDGATHER", "DELETE GATHER", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"]
     if table:

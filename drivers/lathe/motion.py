@@ -28,13 +28,9 @@ class Motion:
 
     def __init__(self, wiring: Wiring, hold: Callable[[], None]) -> None:
         """`hold` asks the running program to end early, with its tool retracted."""
-        self._machine, self._poller, self._stop, self._clock = (
-            wiring.machine,
-            wiring.poller,
-            wiring.stop,
-            wiring.clock,
-        )
-        self._heartbeat, self._ownership, self._hold = wiring.heartbeat, wiring.ownership, hold
+        self._machine, self._clock, self._stop = wiring.machine, wiring.clock, wiring.stop
+        self._poller, self._heartbeat, self._ownership = wiring.poller, wiring.heartbeat, wiring.ownership
+        self._hold = hold
 
     def until(
         self,

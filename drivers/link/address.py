@@ -115,19 +115,13 @@ def parse_address(text: str) -> LinkAddress:
 
 
 def parse_host_port(text: str) -> TcpAddress:
-    """Parse `HOST:PORT` of a listener, with brackets round an IPv6 address; port 0 lets it choose.
-
-    Raises LinkError: `link.bad_address`.
-    """
+    """Parse `HOST:PORT` of a listener, with brackets round an IPv6 address; port 0 lets it choose."""
     host, port = _host_and_port(text, text, _HOST_FORM, lowest_port=0)
     return TcpAddress(host=host, port=port)
 
 
 def parse_device(text: str) -> SerialAddress:
-    """Parse `/dev/NAME` or `/dev/NAME?baud=RATE`; names by bus position contain colons themselves.
-
-    Raises LinkError: `link.bad_address`; `/dev/NAME:RATE` is refused, too.
-    """
+    """Parse `/dev/NAME` or `/dev/NAME?baud=RATE`, not `/dev/NAME:RATE`: names by bus position contain colons."""
     device, asked, query = text.rpartition("?")
     name, _, rate = query.partition("=") if asked else ("baud", "=", str(DEFAULT_BAUD_RATE))
     device = device if asked else text

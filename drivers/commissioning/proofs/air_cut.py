@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from drivers.commissioning.judged import Judged
-from drivers.commissioning.rules_of_motors import LOBE_AMPLITUDE_UM, LOBE_FREQUENCY_HZ
+from drivers.commissioning.rules import LOBE_AMPLITUDE_UM, LOBE_FREQUENCY_HZ
 from drivers.pmac import reserved
 from drivers.pmac.axes import AxisDefinition, read_definitions
 from drivers.pmac.heartbeat.plc import Policy
