@@ -25,7 +25,7 @@ LEFT_OUT = (
     "; Limits, kill mode, commutation and addresses are among these lines: read them before you send them.",
 )
 NO_LIMIT = "; no limit"
-LIMITS_OFF_AT_ZERO = frozenset(
+LIMITS_OFF_AT_ZERO = frozenset(  # the limits that a 0 disables, by the keys of their names
     (
         "fatal_error",
         "positive_limit",
@@ -36,8 +36,6 @@ LIMITS_OFF_AT_ZERO = frozenset(
         "jog_acceleration",
     )
 )
-"""The limits that a 0 disables, by the keys of their names."""
-
 _WORDS_A_LINE = 8
 
 CAP_BYTES = 16_000_000

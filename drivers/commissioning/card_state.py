@@ -60,10 +60,7 @@ class CardState:
 
 
 def read_state(client: Controller, dialect: Dialect) -> CardState:
-    """Query the status of the controller, of every system and of every motor.
-
-    Raises LinkError: the link broke, or the reply is no status.
-    """
+    """Query the status of the controller, of every system and of every motor; raises LinkError."""
     (card,) = _flags(client, ["???"], dialect.global_bits)
     systems, motors = list(dialect.numbers(Scope.SYSTEM)), list(dialect.numbers(Scope.MOTOR))
     of_systems = _flags(client, [f"&{number}??" for number in systems], dialect.system_bits)

@@ -116,9 +116,7 @@ def _near(first: float, second: float) -> bool:
 def refuse_unready(client: Controller, dialect: Dialect) -> None:
     """Make sure that no motor of the controller is enabled and no program runs.
 
-    Raises:
-        RefusedError: `controller.drives_on`, `controller.program_running`.
-        LinkError: the link broke.
+    Raises RefusedError: `controller.drives_on`, `controller.program_running`; LinkError: the link broke.
     """
     state = read_state(client, dialect)
     motors = ", ".join(f"#{number}" for number in state.enabled)

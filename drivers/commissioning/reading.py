@@ -116,10 +116,7 @@ def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> 
 
 
 def number_in(text: str, where: str) -> float:
-    """Parse the reported value of an I-variable, in any format that I9 selects.
-
-    Raises LinkError: `link.out_of_step`, it is not a number.
-    """
+    """Parse an I-variable as reported, in any format of I9. Raises LinkError: `link.out_of_step`."""
     try:
         return number_of(text)
     except ValueError as error:

@@ -156,10 +156,7 @@ def _row(grid: Floats, row: Whole, left: Whole, fraction: Floats) -> Floats:
 def with_spindle(
     checked: CheckedProgram, motor: int, counts_per_ms: float, first_counts: float = 0.0, stretch: float = 1.0
 ) -> CheckedProgram:
-    """Add a spindle that turns at `counts_per_ms` from `first_counts` on.
-
-    Every move takes `stretch` times its programmed time.
-    """
+    """Add a spindle at `counts_per_ms` from `first_counts` on; moves take `stretch` times as long."""
     motors = tuple(sorted((*checked.motors, motor)))
     place = motors.index(motor)
     moves = []

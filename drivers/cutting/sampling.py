@@ -193,5 +193,4 @@ class _Fetching:
     complete: bool = False
 
 
-_State = _Running | _Fetching | None
-"""What a batch is at; None while nothing is gathered."""
+_State = _Running | _Fetching | None  # of a batch; None while nothing is gathered

@@ -13,12 +13,9 @@ import math
 import numpy as np
 
 from drivers.cutting.corrected import source_is_late
-from drivers.identification.excitation import PROGRAM, SETTLE_S, SLACK_S, Floats, Sweep, axis_word, go_on
+from drivers.identification.excitation import SETTLE_S, SLACK_S, Floats, Sweep, axis_word, program_text
 from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
-from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gathered_data import GatheredData
-from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import END_FLAG
 from profiles.machine import MachineProfile
 
 COLUMNS = 40  # linear segments per period: within 0.3 % of the amplitude
@@ -82,32 +79,28 @@ class CamPath:
 
     def __init__(self, machine: MachineProfile, amplitude_um: float, most_hz: float) -> None:
         """Raises ProfileError: `identify.axis`."""
-        self._wave = wave_counts(machine, most_hz)
+        self._machine, self._wave = machine, wave_counts(machine, most_hz)
         self._word = axis_word(machine, machine.carriage.motor)
-        self._dialect = DIALECTS[machine.controller.family]
         self.table: CompensationTable | None = _sine_table(machine, self._wave, amplitude_um)
         self.channels = (f"#{machine.carriage.motor} actual", f"#{machine.tool.motor} actual")
 
     def sweep(self, frequency_hz: float, periods: int) -> Sweep:
         """Return the program for one frequency."""
-        speed = self._word.length(self._wave * frequency_hz)
-        steady_s = periods / frequency_hz + SETTLE_S + SLACK_S
+        word, steady_s = self._word, periods / frequency_hz + SETTLE_S + SLACK_S
         steps = math.ceil(steady_s * 1000.0 / STEP_MS)
-        number = format_number
-        text = _TEXT.format(
-            hz=number(frequency_hz),
+        text = program_text(
+            _TEXT,
+            self._machine,
+            word,
+            hz=frequency_hz,
             wave=self._wave,
-            speed=number(speed),
-            start=number(self._word.position(0.0)),
-            period=number(self._word.length(self._wave)),
+            speed=word.length(self._wave * frequency_hz),
+            start=word.position(0.0),
+            period=word.length(self._wave),
             most=steps,
             ramp=RAMP_MS,
             step=STEP_MS,
             home_in=HOME_IN_MS,
-            letter=self._word.letter,
-            program=PROGRAM,
-            flag=END_FLAG,
-            go_on=go_on(self._dialect),
         )
         longest_s = (2 * RAMP_MS + HOME_IN_MS + steps * STEP_MS) / 1000.0
         return Sweep(text=text, steady_s=RAMP_MS / 1000.0 + SETTLE_S, longest_s=longest_s)

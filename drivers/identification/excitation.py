@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import CompensationTable
-from drivers.pmac.dialect import Dialect
+from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gathered_data import GatheredData
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
+from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.setup import END_FLAG
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
@@ -54,9 +55,15 @@ class Excitation(Protocol):
         """Return the commanded tool positions, in counts, at the gathered instants."""
 
 
-def go_on(dialect: Dialect) -> str:
-    """Return what a program checks in each segment between its ramps: not ended, and the watchdog alive."""
-    return f"{END_FLAG}=0 AND {watchdog_condition(dialect)}"
+def program_text(form: str, machine: MachineProfile, word: AxisWord, **values: float) -> str:
+    """Fill in a program; `go_on` is checked in each segment between its ramps: not ended, the watchdog alive."""
+    return form.format(
+        letter=word.letter,
+        program=PROGRAM,
+        flag=END_FLAG,
+        go_on=f"{END_FLAG}=0 AND {watchdog_condition(DIALECTS[machine.controller.family])}",
+        **{name: format_number(value) for name, value in values.items()},
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,16 +36,13 @@ SERVO_TIME = 10
 
 MOST_STEP_COUNTS = 10.0  # by switching the table: the carriage rests within counts of its zero
 
-Tell = Callable[[IdentifiedPoint], None]
-"""Called with each point of the result as soon as it is measured."""
+Tell = Callable[[IdentifiedPoint], None]  # called with each point of the result as soon as it is measured
 
 
 def refuse_before(rig: Rig, request: IdentificationRequest) -> None:
     """Make sure that everything but the drives is ready.
 
-    Raises:
-        RefusedError: every reason why not; nothing has moved.
-        DriverError: the link broke.
+    Raises RefusedError: every reason why not; nothing has moved; DriverError: the link broke.
     """
     problems = request_problems(request, rig.machine) or card_problems(rig)
     if problems:
@@ -56,10 +53,7 @@ def take_up(rig: Rig) -> None:
     """Enable the drives and home the axes that are not homed; the axes move.
 
     On any error the machine is brought to rest, drives disabled, before the error is raised.
-
-    Raises:
-        RefusedError: `identify.drives_on`, nothing was sent.
-        ProblemError: what went wrong, or who stopped it.
+    Raises RefusedError: `identify.drives_on`, nothing was sent; ProblemError: what went wrong, or who stopped it.
     """
     snapshot = rig.lathe.snapshot()
     if not snapshot.loops_open:
@@ -80,10 +74,7 @@ def identify(
 
     On any error or stop the machine is brought to rest, drives disabled, and the controller restored before the
     error is raised. A machine of which another console has taken control is left as it is.
-
-    Raises:
-        RefusedError: nothing has moved.
-        ProblemError: what went wrong, or who stopped it.
+    Raises RefusedError: nothing has moved; ProblemError: what went wrong, or who stopped it.
     """
     refuse_before(rig, request)
     if problems := (*standing_problems(rig), *link_problems(rig, request.amplitude_um)):

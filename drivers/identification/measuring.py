@@ -37,10 +37,7 @@ class Watch:
     ended: bool = False
 
     def see(self, snapshot: Snapshot) -> None:
-        """Process a poll of the machine.
-
-        Raises DriverError: `identify.no_motion`, no response of the tool; nothing is gathered; the link broke.
-        """
+        """Process a poll of the machine. Raises DriverError: `identify.no_motion`; the link broke."""
         self.standstill.see(snapshot)
         if math.isinf(self.enough_at_s):
             if snapshot.at_s >= self.steady_at_s and snapshot.program_running:

@@ -87,10 +87,7 @@ def _judge(identified: IdentifiedResponse) -> None:
 
 
 def as_response(identified: IdentifiedResponse, name: str) -> ServoResponse:
-    """Return the points as a curve that can be inverted; `name` identifies the measurement.
-
-    Raises ProfileError: `response.bad_points`.
-    """
+    """Return the curve through the points, with a name. Raises ProfileError: `response.bad_points`."""
     points = identified.points
     curve = ("frequency_hz", "gain", "phase_deg", "gain_ci", "phase_ci_deg")
     return identified_response(

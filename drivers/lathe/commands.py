@@ -18,8 +18,7 @@ from drivers.lathe.stop import StopPath
 from profiles.problem import Problem
 
 IN_PART = "link.line_in_part"  # code: a line did not arrive as it was sent, and part of it was executed
-UNEXECUTED = frozenset(("link.line_differs", "link.line_unproven"))
-"""Codes: a line did not arrive as it was sent, and none of it was executed."""
+UNEXECUTED = frozenset(("link.line_differs", "link.line_unproven"))  # the same, and none of it was executed
 
 
 class Sending:
@@ -42,18 +41,12 @@ class Sending:
         self._heartbeat, self._ownership = heartbeat, ownership
 
     def refuse_unless_owner(self) -> None:
-        """Make sure that this console may command the machine.
-
-        Raises RefusedError: `owner.held`, `owner.observer`.
-        """
+        """Make sure that this console may command. Raises RefusedError: `owner.held`, `owner.observer`."""
         if self._ownership is not None:
             self._ownership.refuse_unless_owner()
 
     def refuse_unsafe(self) -> None:
-        """Check the safety devices that the controller sees, if it sees any.
-
-        Raises RefusedError: `safety.not_good`, with each device in the wrong state.
-        """
+        """Check the safety devices that the controller sees. Raises RefusedError: `safety.not_good`, with each."""
         if self._poller.sees_devices and (problems := device_problems(self._poller.look().inputs)):
             raise RefusedError(*problems)
 

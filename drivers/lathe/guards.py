@@ -12,8 +12,7 @@ from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import REAL_TIME_PERCENT, AxisName, Snapshot
 from profiles.problem import Problem
 
-Guard = Callable[[Snapshot], tuple[Problem, ...]]
-"""Returns what is wrong with a motion in progress; one guard belongs to one motion."""
+Guard = Callable[[Snapshot], tuple[Problem, ...]]  # returns what is wrong with the one motion that it belongs to
 
 STALLED_S = 1.0
 """A running program that moves nothing for this long is being held: the longest DWELL of a cut is half of it,

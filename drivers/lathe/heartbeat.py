@@ -99,10 +99,7 @@ class Heartbeat:
         return f"{self._begin().cut_line(retracted_counts, self._machine.heartbeat.grace_ms)} {line}"
 
     def renewal(self) -> str:
-        """Return the watchdog renewal to prefix to a line sent at once; "" when nothing is guarded.
-
-        Raises DriverError: `heartbeat.lapsed`, as for `pause`.
-        """
+        """Return the renewal to prefix to a line sent at once; "" when nothing is guarded. Raises as `pause`."""
         keeper = self._kept()
         if keeper is None:
             return ""

@@ -190,10 +190,7 @@ class Lathe:
             self._client.request(f"{STOPPED_BY_ITEM}={self.ownership.number}", POLL_TIMEOUT_S)
 
     def wait_for_rest(self) -> Snapshot:
-        """Repeat a stop until the controller proves that nothing moves, see `prove_rest`.
-
-        Raises DriverError: `machine.not_at_rest`.
-        """
+        """Repeat a stop until nothing moves, see `prove_rest`. Raises DriverError: `machine.not_at_rest`."""
         return prove_rest(self._poller, self.stop, self._clock, self._sending.end_watchdog)
 
     def acknowledge_loss(self) -> None:

@@ -165,10 +165,7 @@ class Motion:
 
 
 def refuse_beyond_travel(machine: MachineProfile, axis: AxisName, counts: float) -> None:
-    """Refuse a position outside the software limits of an axis, if it has any.
-
-    Raises RefusedError: `machine.beyond_travel`.
-    """
+    """Refuse a position outside the software limits. Raises RefusedError: `machine.beyond_travel`."""
     settings, lengths, limit = settings_of(machine, axis), Lengths(machine), ""
     high, low = settings.highest_counts, settings.lowest_counts
     if high is not None and counts > high:

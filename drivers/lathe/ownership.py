@@ -101,10 +101,7 @@ class Ownership:
             self.standing, self.holder, self._unanswered = Standing.OBSERVER, NOBODY, False
 
     def refuse_ousted(self) -> None:
-        """Make sure that this console still controls the motion.
-
-        Raises DriverError: `owner.ousted`, another console has overwritten our number.
-        """
+        """Make sure that this console still controls the motion. Raises DriverError: `owner.ousted`."""
         if self.standing is Standing.OUSTED:
             raise DriverError(self._problem("owner.ousted", str(self.holder), str(self.number)))
 

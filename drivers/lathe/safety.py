@@ -38,10 +38,7 @@ class SafetyInput:
 
 
 def inputs_of(safety: Safety) -> tuple[SafetyInput, ...]:
-    """Return the safety devices that the controller sees.
-
-    Raises DriverError: `safety.bad_input`, with every malformed entry.
-    """
+    """Return the safety devices that the controller sees. Raises DriverError: `safety.bad_input`, all of them."""
     found = [_read(text) for text in safety.inputs]
     problems = [each for each in found if isinstance(each, Problem)]
     if problems:

@@ -190,10 +190,7 @@ class SnapshotItems:
         )
 
     def read(self, replies: Sequence[str], asked_s: float, at_s: float, where: str) -> Snapshot:
-        """Make a snapshot of the replies to `items`.
-
-        Raises LinkError: `link.out_of_step`, a reply does not match its query.
-        """
+        """Make a snapshot of the replies to `items`. Raises LinkError: `link.out_of_step`."""
         try:
             tool, spindle, carriage = (self._axis(replies[start : start + 3]) for start in (0, 3, 6))
             status, override, owner, lost, *words = replies[9:]

@@ -28,10 +28,7 @@ def prove_rest(poller: Poller, stop: StopPath, clock: Clock, end_watchdog: Calla
     After control-K every loop must be open as well, and the spindle gets time to coast down. A failed poll
     proves nothing: the stop is sent again, then the next poll is tried. Another stop meanwhile restarts the
     proof. `end_watchdog` must not raise. When this process has to exit, the wait ends at `leave_by_s` of the stop.
-
-    Raises:
-        DriverError: `machine.not_at_rest`.
-        LinkError: `link.lost`, the link is gone.
+    Raises DriverError: `machine.not_at_rest`; LinkError: `link.lost`, the link is gone.
     """
     began_s = clock.now_s()
     before: Snapshot | None = None

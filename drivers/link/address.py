@@ -40,10 +40,7 @@ class TcpAddress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EthernetAddress:
-    """The Ethernet board of a controller, which speaks a request protocol.
-
-    With `reserves_stop` a second connection is opened for stops alone.
-    """
+    """The Ethernet board of a controller; `reserves_stop` opens a second connection for stops alone."""
 
     host: str
     port: int = ETHERNET_PORT
@@ -83,9 +80,7 @@ class SimulatedAddress:
         return "sim:"
 
 
-WiredAddress = TcpAddress | EthernetAddress | SerialAddress
-"""An address that can be connected to."""
-
+WiredAddress = TcpAddress | EthernetAddress | SerialAddress  # can be connected to
 LinkAddress = WiredAddress | SimulatedAddress
 
 

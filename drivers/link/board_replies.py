@@ -38,7 +38,7 @@ class BoardReplies:
         self._pieces = 0
         self._flushes = 0
         self._piece = bytearray()
-        self._told = 0
+        self._passed_on = 0
 
     def asked(self, what: Asked) -> None:
         """Record a request, in the order of sending."""
@@ -100,8 +100,8 @@ class BoardReplies:
         piece, rest = bytes(self._piece[:end]), bytes(self._piece[end:])
         of_stop = bool(self._owed) and self._owed[0] is Asked.STOP
         if not of_stop:
-            said += piece[self._told :]
-            self._told = end
+            said += piece[self._passed_on :]
+            self._passed_on = end
         if length:
             self._end_piece(piece, said, of_stop=of_stop)
         return rest
@@ -118,4 +118,4 @@ class BoardReplies:
 
     def _begin_piece(self) -> None:
         self._piece.clear()
-        self._told = 0
+        self._passed_on = 0

@@ -51,10 +51,7 @@ class Connection:
             self._socket.setsockopt(level, option, value)
 
     def write(self, data: bytes, wait_s: float) -> None:
-        """Send all of it, waiting at most `wait_s` at a time for room.
-
-        Raises LinkError: `link.lost`; part of it may have been sent.
-        """
+        """Send all, waiting at most `wait_s` at a time. Raises LinkError: `link.lost`, perhaps after a part."""
         left = memoryview(data)
         try:
             while left:
@@ -68,10 +65,7 @@ class Connection:
             raise self._error("link.lost", _reason(error)) from error
 
     def write_whole(self, frame: bytes) -> None:
-        """Send all of it at once, or end the connection: nothing may follow half a frame.
-
-        Raises LinkError: `link.lost`.
-        """
+        """Send all at once, or end the connection (`link.lost`): nothing may follow half a frame."""
         try:
             if self._socket.send(frame) < len(frame):
                 raise BlockingIOError(errno.EAGAIN, "nobody takes what is sent")
@@ -82,10 +76,7 @@ class Connection:
             raise self._error("link.lost", _reason(error)) from error
 
     def receive(self, timeout_s: float = 0.0) -> bytes:
-        """Return the bytes received within `timeout_s`; empty on timeout.
-
-        Raises LinkError: `link.lost`, or `link.closed` by the other end.
-        """
+        """Return the bytes within `timeout_s`; empty on timeout. Raises LinkError: `link.lost`, `link.closed`."""
         try:
             ready, _, _ = select.select([self._socket], [], [], max(timeout_s, 0.0))
             if not ready:

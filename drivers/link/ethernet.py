@@ -132,19 +132,13 @@ class EthernetLink:
                 self._line += part
 
     def send_urgent(self, data: bytes) -> None:
-        """Send a stop now: on its own connection, or directly after the request in flight.
-
-        Raises LinkError: `link.lost`, the board accepts nothing.
-        """
+        """Send a stop on its own connection, or after the request in flight. Raises LinkError: `link.lost`."""
         stop = _get_response(data)
         if self._stops is None or not self._stops.send(stop.encode()):
             self._request(stop, Asked.STOP)
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return the reply text received within `timeout_s`.
-
-        Raises LinkError: `link.lost`, or `link.closed` by the controller.
-        """
+        """Return the reply text within `timeout_s`. Raises LinkError: `link.lost`, `link.closed`."""
         deadline = time.monotonic() + timeout_s
         while not self._said:
             left_s = deadline - time.monotonic()

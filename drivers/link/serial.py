@@ -64,9 +64,7 @@ class SerialLink:
     def send_urgent(self, data: bytes) -> None:
         """Send now: after what the line has accepted already, before whatever still waits in `send`.
 
-        Raises:
-            LinkError: `link.lost`; also when the line accepts nothing within `URGENT_WAIT_S`, nothing is sent
-            then.
+        Raises LinkError: `link.lost`; also when the line accepts nothing within `URGENT_WAIT_S`: nothing was sent.
         """
         deadline = time.monotonic() + URGENT_WAIT_S
         held = self._handing.acquire(timeout=URGENT_WAIT_S)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
 from drivers.cutting.planning import CutPlan, plan_cut
@@ -102,26 +101,17 @@ def all_asked(
 def program_of(asked: Asked) -> Program:
     """Plan one program, simulate it, and predict what it leaves."""
     job, machine, response = asked.job, asked.machine, asked.response
-    with _no_collections():
-        try:
-            plan = plan_cut(job, machine, asked.strategy, path=asked.path, response=response, air_mm=asked.air_mm)
-        except ProblemError as error:
-            return Program(plan=error, prediction=None)
-        prediction = predict(job, machine, plan, response)
-        return Program(plan=replace(plan, checked=replace(plan.checked, moves=())), prediction=prediction)
-
-
-@contextmanager
-def _no_collections() -> Iterator[None]:
-    """Suspend garbage collection while a program is simulated.
-
-    Its moves would trigger one full collection after the other, during which no key is handled. They need none:
-    they contain no reference cycles.
-    """
+    # The moves would trigger one full garbage collection after the other, during which no key is handled. They
+    # need none: they contain no reference cycles.
     collected = gc.isenabled()
     gc.disable()
     try:
-        yield
+        plan = plan_cut(job, machine, asked.strategy, path=asked.path, response=response, air_mm=asked.air_mm)
+    except ProblemError as error:
+        return Program(plan=error, prediction=None)
+    else:
+        prediction = predict(job, machine, plan, response)
+        return Program(plan=replace(plan, checked=replace(plan.checked, moves=())), prediction=prediction)
     finally:
         if collected:
             gc.enable()

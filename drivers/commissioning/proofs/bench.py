@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -17,7 +17,6 @@ from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.compensation.table_text import table_lines
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import ErrorCode
-from drivers.pmac.language.text import format_constant
 from drivers.pmac.reserved import OWNER
 from drivers.pmac.status import decode
 from profiles.findings import Severity
@@ -26,7 +25,7 @@ from profiles.problem import Problem
 
 REASON = "doctor"  # the reason recorded for a stop
 PARTS = 32  # positions in registers are in 1/(Ix08 x 32) count
-RULES = (
+RULES = (  # what can be tested on the controller alone
     "servo_rate",
     "compensation_edge",
     "table_zero",
@@ -36,18 +35,8 @@ RULES = (
     "pvt_rounding",
     "lease",
 )
-"""What can be tested on the controller alone."""
-
 SETTLE_S = 0.05  # some background cycles, after which settings take effect
 POLL_S = 0.01
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Before:
-    """What is used and restored: the definition of the spare M-variable, and the gather settings."""
-
-    pointer: str
-    settings: Mapping[int, float]
 
 
 @dataclass(kw_only=True)
@@ -84,10 +73,7 @@ class ProofRig:
         return next(axis.motor for axis in self.judged.axes if axis.name == name)
 
     def see_owner(self, held: float) -> None:
-        """Process the owner that was read.
-
-        Raises DriverError: `owner.ousted`; what the rig moves was stopped before.
-        """
+        """Process the owner that was read; after a stop of what the rig moves, raises `owner.ousted`."""
         if self.owner is None or held == self.owner:
             return
         self.ousted = True
@@ -181,8 +167,8 @@ class ProofRig:
         for motor in sorted(motors):
             self.client.request(f"#{motor}DELETE COMP", lines=0)
 
-    def put_back(self, before: Before) -> None:
-        """Restore the controller as it was found, unless it is another console's; what it refuses is skipped."""
+    def put_back(self, restoring: Iterable[str]) -> None:
+        """Restore the controller, at last by lines, unless it is another console's; what it refuses is skipped."""
         if self.ousted:
             return
         self.give_back("I51=0", "ENDGATHER", "DELETE GATHER")
@@ -190,9 +176,8 @@ class ProofRig:
             with suppress(ControllerError):
                 self.clear_correction(motor)
                 self.client.request(f"#{motor}DELETE COMP", lines=0)
-        self.client.request(f"M{self.spare}->{before.pointer}", lines=0)
-        for index, value in before.settings.items():
-            self.client.request(f"I{index}={format_constant(value)}", lines=0)
+        for line in restoring:
+            self.client.request(line, lines=0)
 
     def _point_at_correction(self, motor: int) -> None:
         register = self.dialect.registers["compensation"]

@@ -93,19 +93,19 @@ class Guarded:
     def _once(self, line: str, axis: JudgedAxis, done: Callable[[Look], bool]) -> Look | None:
         """Move, and renew the watchdog until done; None when the controller has ended the motion."""
         bench, watch, keeper = self.bench, self.watch, self.keeper
-        looks: list[Look] = []
+        polls: list[Look] = []
         end_s = bench.clock.now_s() + TIMEOUT_S
         bench.move(f"{keeper.jog_line()} {line}")
-        while not (looks and (looks[-1].lost or (rests(looks) and done(looks[-1])))):
+        while not (polls and (polls[-1].lost or (rests(polls) and done(polls[-1])))):
             bench.clock.wait(PERIOD_MS / 1000.0)
             bench.stop.check()
             watch.renew(keeper)
-            looks.append(watch.look())
+            polls.append(watch.look())
             if bench.clock.now_s() > end_s:
                 raise self._timeout(axis)
         watch.client.request(f"{NOTHING_GUARDED} {LOSS_SEEN}")
-        bench.moving = looks[-1].lost  # ended by the controller, it may not rest yet
-        return None if looks[-1].lost else looks[-1]
+        bench.moving = polls[-1].lost  # ended by the controller, it may not rest yet
+        return None if polls[-1].lost else polls[-1]
 
     def _timeout(self, axis: JudgedAxis) -> DriverError:
         self.bench.stop.stop(REASON)

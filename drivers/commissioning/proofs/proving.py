@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from drivers.clock import Clock
 from drivers.commissioning.amounts import digits
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.proofs.bench import SETTLE_S, Before, ProofRig, names_of, proof, unproven
+from drivers.commissioning.proofs.bench import SETTLE_S, ProofRig, names_of, proof, unproven
 from drivers.commissioning.proofs.motion import pvt_rounding, source_delay
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.proofs.tables import compensation_edge, delete_order, fails, roll_over, table_zero
@@ -25,6 +25,7 @@ from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError
 from drivers.lathe.stop import StopPath
 from drivers.pmac.gathering.gather import GatherError
+from drivers.pmac.language.text import format_constant
 from drivers.pmac.reserved import OWNER
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.findings import Severity, worst
@@ -106,7 +107,7 @@ def prove(
     if owner is None:
         (owner,) = client.numbers(f"P{OWNER}", again=True)
     bench = ProofRig(client=client, stop=stop, clock=clock, judged=judged, owner=owner, owner_seen=owner_seen)
-    before = _before(bench)
+    restoring = _restoring_lines(bench)
     checks: list[Check] = []
     stops = MeasuredStops()
     try:
@@ -118,7 +119,7 @@ def prove(
             stops = prove_stops(bench)
             checks += stops.checks
     finally:
-        _leave(bench, before)
+        _leave(bench, restoring)
     done = {check.code.removeprefix("proof_").removeprefix("unproven_") for check in checks}
     missing = [name for name in names if name not in done]
     return Proven(checks=(*checks, *unproven(missing)), stops=stops.entries)
@@ -149,19 +150,20 @@ def _closed(bench: ProofRig) -> list[Check]:
     return checks
 
 
-def _leave(bench: ProofRig, before: Before) -> None:
+def _leave(bench: ProofRig, restoring: Iterable[str]) -> None:
     """Kill every drive and restore what can be restored; another console's machine is left as it is."""
     if bench.ousted:
         return
     with suppress(LinkError):
         bench.stop.switch_off()
     bench.clock.wait(SETTLE_S)
-    bench.put_back(before)
+    bench.put_back(restoring)
 
 
-def _before(bench: ProofRig) -> Before:
+def _restoring_lines(bench: ProofRig) -> tuple[str, ...]:
     """Read what the tests use of the controller: the spare M-variable, and the gather set-up."""
     client, dialect, spare = bench.client, bench.dialect, bench.spare
     extent = Extent(settings=(), pointers=(range(spare, spare + 1),), motors=(), programs=())
-    pointers = read_configuration(client, dialect, extent).pointers
-    return Before(pointer=pointers.get(spare, "*"), settings=read_gathering(client, dialect))
+    pointer = read_configuration(client, dialect, extent).pointers.get(spare, "*")
+    settings = read_gathering(client, dialect).items()
+    return (f"M{spare}->{pointer}", *(f"I{index}={format_constant(value)}" for index, value in settings))

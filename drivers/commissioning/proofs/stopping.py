@@ -42,7 +42,7 @@ REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.WATCHDOG: 15.0}  # after a 
 ORDER = (Way.WATCHDOG, Way.ABORT, Way.KILL)  # watchdog first: it ends what does not obey a control character
 OBEY_LIMIT_S = 0.6  # timeout for a motion to obey; by then its watchdog, which still guards it, has expired
 LEAST_SPEED = 0.75  # fraction of its speed at which a motion is at speed, from two polls over a slow line
-LOOKS_FOR_SPEED = 5  # polls to reach speed: a delayed host or controller gets a little longer
+POLLS_FOR_SPEED = 5  # polls to reach speed: a delayed host or controller gets a little longer
 RUNNING_OUT_S, SELDOM_S = 1.0, 0.02  # what still moves after this time is polled less often
 
 
@@ -58,7 +58,7 @@ class SeenStop:
     way: Way
     pressed_s: float
     late_ms: float
-    looks: tuple[Look, ...]
+    polls: tuple[Look, ...]
     _: KW_ONLY
     as_meant: bool
     origin: Origin = Origin.JOG
@@ -68,14 +68,14 @@ class SeenStop:
     def counts(self, axis: JudgedAxis) -> float:
         """Return how far an axis travelled from its position before the stop."""
         if axis.name == "tool" and self.lobe is not None:
-            rest = self.looks[-1].positions[axis.motor]
+            rest = self.polls[-1].positions[axis.motor]
             return max(abs(rest - end) for end in self.lobe)
-        begun = self.looks[0].positions[axis.motor]
-        return max(abs(look.positions[axis.motor] - begun) for look in self.looks)
+        begun = self.polls[0].positions[axis.motor]
+        return max(abs(look.positions[axis.motor] - begun) for look in self.polls)
 
     def time_s(self, axis: JudgedAxis) -> float:
         """Return the time to rest, infinite when it did not come to rest."""
-        found = rest_s(self.looks, axis.motor)
+        found = rest_s(self.polls, axis.motor)
         return math.inf if found is None else found - self.pressed_s
 
 
@@ -261,17 +261,17 @@ def _begin(bench: ProofRig, axes: Guarded, origin: Origin) -> tuple[str, float]:
 
 def _at_speed(bench: ProofRig, axes: Guarded, origin: Origin, kept_s: float) -> tuple[Look, bool]:
     """Keep a motion up until it is seen at speed; return the last poll, and whether it was."""
-    for _ in range(LOOKS_FOR_SPEED):
-        looks = kept(axes.watch, axes.keeper, kept_s, bench.stop.check)
+    for _ in range(POLLS_FOR_SPEED):
+        polls = kept(axes.watch, axes.keeper, kept_s, bench.stop.check)
         at_speed = all(
-            seen_speed(axis, *looks) >= LEAST_SPEED * speed_of(bench.judged, axis, origin)
+            seen_speed(axis, *polls) >= LEAST_SPEED * speed_of(bench.judged, axis, origin)
             for axis in axes.axes
             if origin is Origin.JOG or axis.name != "tool"  # in a cut it oscillates
         )
-        if at_speed or looks[-1].lost:
+        if at_speed or polls[-1].lost:
             break
         kept_s = AT_SPEED_S
-    return looks[-1], at_speed
+    return polls[-1], at_speed
 
 
 def _silence(bench: ProofRig, axes: Guarded, before: Look) -> SeenStop:
@@ -292,39 +292,39 @@ def _press(bench: ProofRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
     )
     pressed_s = bench.clock.now_s()
     answered = _past_a_question(bench, stop.stop if way is Way.ABORT else stop.kill)
-    looks, obeyed = _until_obeyed(axes, way, before)
+    polls, obeyed = _until_obeyed(axes, way, before)
     if obeyed:
         bench.client.request(NOTHING_GUARDED)  # not before: what does not obey is ended by its watchdog
-    looks = _until_rest(axes, looks, REST_LIMIT_S[way])
-    killed, rested = stop.killed, rests(looks)
+    polls = _until_rest(axes, polls, REST_LIMIT_S[way])
+    killed, rested = stop.killed, rests(polls)
     if rested and obeyed:
         stop.rest_proven(earlier + 1)
         with suppress(RefusedError):
             stop.release()
         stop.check()  # what was not released is somebody else's stop
     as_meant = answered and obeyed and rested and killed == (way is Way.KILL)
-    return SeenStop(way, pressed_s, (pressed_s - before.asked_s) * 1000.0, looks, as_meant=as_meant)
+    return SeenStop(way, pressed_s, (pressed_s - before.asked_s) * 1000.0, polls, as_meant=as_meant)
 
 
 def _until_obeyed(axes: Guarded, way: Way, before: Look) -> tuple[tuple[Look, ...], bool]:
     wanted = {"open_loop"} if way is Way.KILL else {"abort_deceleration", "desired_velocity_zero"}
-    watch, looks = axes.watch, [before]
+    watch, polls = axes.watch, [before]
     end_s = watch.clock.now_s() + OBEY_LIMIT_S
     while watch.clock.now_s() < end_s:
-        looks.append(watch.look())
-        if looks[-1].lost:
+        polls.append(watch.look())
+        if polls[-1].lost:
             break
-        if all(wanted & flags for flags in looks[-1].flags.values()):
-            return tuple(looks), True
+        if all(wanted & flags for flags in polls[-1].flags.values()):
+            return tuple(polls), True
         watch.clock.wait(LOOK_EVERY_S)
-    return tuple(looks), False
+    return tuple(polls), False
 
 
 def _until_rest(axes: Guarded, before: tuple[Look, ...], limit_s: float) -> tuple[Look, ...]:
-    watch, looks = axes.watch, list(before)
+    watch, polls = axes.watch, list(before)
     began_s = watch.clock.now_s()
-    while not rests(looks) and (passed_s := watch.clock.now_s() - began_s) < limit_s:
+    while not rests(polls) and (passed_s := watch.clock.now_s() - began_s) < limit_s:
         watch.clock.wait(LOOK_EVERY_S if passed_s < RUNNING_OUT_S else SELDOM_S)
-        looks.append(watch.look())
-    axes.bench.moving = not rests(looks)
-    return tuple(looks)
+        polls.append(watch.look())
+    axes.bench.moving = not rests(polls)
+    return tuple(polls)
