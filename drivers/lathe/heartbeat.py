@@ -211,7 +211,8 @@ class Heartbeat:
         if keeper.lapsed(self._clock.now_s()):
             items = (f"P{LOST}", f"P{OWNER}", watchdog_timer(self._dialect).name)
             lost, owner, watchdog = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
-            if lost or owner != self._owner or watchdog <= cycles_of(PERIOD_MS, self._i10):
+            armed = not lost and owner == self._owner and watchdog > cycles_of(PERIOD_MS, self._i10)
+            if not armed:
                 raise self.lapse()
         return keeper
 

@@ -9,7 +9,7 @@ from drivers.errors import DriverError
 from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import StopPath
-from drivers.link.base import is_gone
+from drivers.link.base import GONE
 from profiles.problem import Problem
 
 REST_TIMEOUT_S = 15.0
@@ -40,7 +40,7 @@ def prove_rest(poller: Poller, stop: StopPath, clock: Clock, end_watchdog: Calla
         try:
             snapshot = poller.poll_once(poller.quick_timeout_s)
         except DriverError as error:
-            if is_gone(error):
+            if error.problems[0].code in GONE:
                 stop.given_up = True
                 raise
         if snapshot is not None:

@@ -45,7 +45,8 @@ class ProofRig:
 
     `owner` is the number of the testing console, None where nobody else can reach the controller. Once another
     one is read, `ousted` is set: what moves by command of the rig (`moving`) is stopped, and nothing else is
-    sent. `owner_seen` is called with the new owner.
+    sent. `owner_seen` is called with the new owner. What is sent "unless stopped" raises StoppedError, or
+    `owner.ousted`, before; every method raises DriverError when the link breaks or the controller refuses.
     """
 
     client: Controller
