@@ -15,7 +15,7 @@ import numpy as np
 from drivers.cutting.corrected import source_is_late
 from drivers.identification.excitation import SETTLE_S, SLACK_S, Floats, Sweep, axis_word, program_text
 from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import GatheredData
 from profiles.machine import MachineProfile
 
 COLUMNS = 40  # linear segments per period: within 0.3 % of the amplitude

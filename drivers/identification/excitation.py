@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.setup import END_FLAG

@@ -10,7 +10,7 @@ import math
 
 from drivers.identification.excitation import RAMP_MS, SETTLE_S, SLACK_S, Floats, Sweep, axis_word, program_text
 from drivers.pmac.compensation.table import CompensationTable
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.programs.pvt import longest_segment_ms, point_scales
 from profiles.compensations.path import LobedPath
 from profiles.machine import MachineProfile

@@ -89,11 +89,7 @@ class EthernetLink:
     checks_bytes = True
 
     def __init__(self, address: EthernetAddress) -> None:
-        """Connect.
-
-        Raises:
-            LinkError: as for `Connection`; `link.no_stop_connection`, the second was refused or is not answered.
-        """
+        """Connect; errors as for `Connection`, and `link.no_stop_connection`: the second one was refused."""
         self.address = str(address)
         self._replies = BoardReplies()
         # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not block.

@@ -27,8 +27,16 @@ from drivers.link.base import StopWay
 from drivers.pmac.analysis.units import unit_of
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED
 from drivers.pmac.heartbeat.plc import Policy
-from drivers.pmac.heartbeat.proof import WatchdogProof, kept, proof_problems, withhold
-from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, rest_s, rests
+from drivers.pmac.heartbeat.watch import (
+    LOOK_EVERY_S,
+    Look,
+    WatchdogProof,
+    kept,
+    proof_problems,
+    rest_s,
+    rests,
+    withhold,
+)
 from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD, SYSTEM, WATCHDOG_MS
 from drivers.pmac.language.text import format_number
 from profiles.findings import Severity
