@@ -87,7 +87,7 @@ class Standstill:
     def _confirmed(self) -> float:
         """Poll the tool alone, and return its velocity in that servo cycle, counts.
 
-        A controller answers once per background cycle; where that is half a period, every poll sees one position.
+        A controller answers once per background cycle; where that is half a period, every poll sees the same.
         """
         motor, dialect = self._rig.machine.tool.motor, self._rig.dialect
         register = dialect.registers["velocity"]

@@ -181,7 +181,7 @@ class TraceFile:
             raise OSError("no room for a whole line")
 
     def close(self) -> None:
-        """Write nothing more; the descriptor stays reserved, for a stop in another thread may be about to write."""
+        """Write nothing more; the descriptor stays reserved: a stop in another thread may be about to write."""
         self._become(os.open(os.devnull, os.O_WRONLY | os.O_CLOEXEC))
 
     def _begin_anew(self) -> None:
