@@ -25,11 +25,8 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 
-NORMAL_95 = 1.959964
-"""Standard deviations that contain 95 % of a normal distribution."""
-
-ASSUMED_SPINDLE_UM_PP = 2.0
-"""Assumed radial error of an unmeasured spindle, copied to the part: 1 to 2 um are usual."""
+NORMAL_95 = 1.959964  # standard deviations that contain 95 % of a normal distribution
+ASSUMED_SPINDLE_UM_PP = 2.0  # of an unmeasured spindle, copied to the part: 1 to 2 um are usual
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,7 +34,7 @@ from console.session.station.handlers import HANDLERS
 from console.session.station.link_thread import LinkThread, Opened
 from console.session.station.state import Activity, Armed
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.lathe.control_state import Standing
+from drivers.lathe.ownership import Standing
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine

@@ -23,7 +23,7 @@ from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
-from drivers.link.trace import TracedLink
+from drivers.link.tracing import TracedLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from profiles.roundness import evaluate

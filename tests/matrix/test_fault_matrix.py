@@ -14,7 +14,7 @@ import pytest
 from console.session.cut import planning
 from console.session.data import records
 from drivers.lathe import standstill
-from drivers.lathe.lathe import Lathe
+from drivers.lathe.jogs import Jogs
 from drivers.simulator.faults.catalogue import CATALOGUE
 from tests.matrix.cell import run_cell
 from tests.matrix.expected import TABLE, tried
@@ -38,7 +38,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(planning, "plan_cut", planned_once)
     monkeypatch.setattr(records, "opened", record_in_memory)
     monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", PATIENCE_S)
-    monkeypatch.setattr(Lathe.home, "__defaults__", (PATIENCE_S,))
+    monkeypatch.setattr(Jogs.home, "__defaults__", (PATIENCE_S,))
 
 
 CELLS = [(row, situation) for row in ROWS for situation in Situation if tried(row.name, situation)]

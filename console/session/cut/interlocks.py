@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 from console.session.errors import SessionError
 from drivers.cutting.planning import CutPlan
-from drivers.cutting.strategies.traits import AngleZero
 from drivers.cutting.strategy import Strategy
+from drivers.cutting.traits import AngleZero
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, Snapshot

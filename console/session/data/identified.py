@@ -7,8 +7,7 @@ from pathlib import Path
 from console.session.data.kept_files import folder_name, keep, kept, stamp
 from console.session.errors import SessionError
 from drivers.cutting.strategy import Strategy
-from drivers.identification.fit import unfit_problems
-from drivers.identification.result import IdentifiedResponse, as_response, as_table, from_table
+from drivers.identification.result import IdentifiedResponse, as_response, as_table, from_table, unfit_problems
 from profiles.axis.response import ServoResponse
 from profiles.files import printable
 from profiles.machine import MachineProfile

@@ -21,8 +21,8 @@ from console.session.station.owning import Owning
 from console.session.station.state import Armed, StationState
 from drivers.clock import Clock
 from drivers.cutting.planning import CutPlan
-from drivers.lathe.control_state import Standing
 from drivers.lathe.lathe import Lathe
+from drivers.lathe.ownership import Standing
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import way_problems
 from profiles.machine import MachineProfile

@@ -13,10 +13,9 @@ from console.session.signals import Interruption
 from console.session.station.commissioned import Commissioned
 from console.session.station.owning import Owning, take_lock
 from drivers.clock import Clock, RealClock
-from drivers.lathe.control_state import Standing
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
-from drivers.lathe.ownership import Ownership
+from drivers.lathe.ownership import Ownership, Standing
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.address import LinkAddress, SimulatedAddress

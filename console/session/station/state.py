@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
-from drivers.lathe.control_state import NOBODY, Standing
+from drivers.lathe.ownership import NOBODY, Standing
 from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.problem import Problem

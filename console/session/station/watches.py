@@ -7,7 +7,7 @@ from console.session.station.alarms import HOME_LOST, Priority, with_faults
 from console.session.station.context import StationContext
 from console.session.station.progress import CutStage
 from console.session.station.state import MOVING
-from drivers.lathe.control_state import Standing
+from drivers.lathe.ownership import Standing
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.heartbeat.arming import lost_problem
