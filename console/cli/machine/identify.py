@@ -19,7 +19,7 @@ from console.cli.arguments import (
     whole_number,
 )
 from console.cli.parser import Parser
-from console.session.data.dates import utc_now
+from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue

@@ -7,14 +7,13 @@ from pathlib import Path
 
 from console.cli.machine.run_request import RunRequest
 from console.cli.machine.stopping import Stopping
-from console.session.cut.context import CutContext
+from console.session.cut.engine import CutContext
 from console.session.cut.in_process import simulated_context
 from console.session.cut.run import RunResult, TellPart, run, run_once
 from console.session.errors import SessionError
 from console.session.learning.learning import LearnResult, learn
 from console.session.signals import Interruption
-from console.session.station.commissioned import Commissioned
-from console.session.station.reaching import Reached, guard, leave, machine_context, reach
+from console.session.station.reaching import Commissioned, Reached, guard, leave, machine_context, reach
 from console.text.catalogue import Catalogue
 from drivers.link.address import LinkAddress
 from drivers.link.tracing import Tracing

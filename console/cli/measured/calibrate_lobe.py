@@ -12,7 +12,7 @@ from console.cli.library import data_of, job_of, machine_of
 from console.cli.lobe_lines import lobe_place_line
 from console.cli.output import print_json, tell
 from console.session.data.calibrations import Calibration, keep_job, store
-from console.session.data.dates import utc_now
+from console.session.data.kept_files import utc_now
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.lobe import FoundLobe, find_lobe, with_lobe

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from console.cli.measured.learn_fields import arrival, still_holds
-from console.session.data.dates import is_ahead
+from console.session.data.kept_files import is_ahead
 from console.session.learning.learning_steps import Taught
 from console.text.catalogue import Catalogue
 from console.text.columns import table

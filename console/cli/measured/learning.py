@@ -11,7 +11,7 @@ from console.cli.measured.learn_fields import lesson_fields, version_fields
 from console.cli.measured.learn_lines import kept_lines, lesson_lines, version_lines
 from console.cli.output import print_json, tell
 from console.session.data.calibrated_chuck import CalibratedMachine
-from console.session.data.dates import utc_now
+from console.session.data.kept_files import utc_now
 from console.session.data.learned_store import asked_for, store, versions
 from console.session.data.made_parts import KEYS
 from console.session.errors import SessionError

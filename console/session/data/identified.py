@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from console.session.data.kept_files import folder_name, keep, kept, stamp
-from console.session.errors import SessionError
+from console.session.errors import refuse
 from drivers.cutting.strategy import Strategy
 from drivers.identification.fit import unfit_problems
 from drivers.identification.result import IdentifiedResponse, as_response, as_table, from_table
@@ -17,11 +17,7 @@ FOLDER = "identified"
 
 
 def store(data: Path, identified: IdentifiedResponse) -> Path:
-    """Keep a response in the data folder, and return its file; nothing is ever overwritten.
-
-    Raises:
-        ProfileError: `file.exists`, `file.not_writable`.
-    """
+    """Keep a response in the data folder, and return its file; ProfileError as `keep`."""
     folder = data / FOLDER / folder_name(identified.origin.machine)
     path = folder / f"{identified.path}-{stamp(identified.date)}.json"
     keep(path, as_table(identified))
@@ -29,11 +25,7 @@ def store(data: Path, identified: IdentifiedResponse) -> Path:
 
 
 def load(file: Path) -> IdentifiedResponse:
-    """Read one file.
-
-    Raises:
-        ProfileError: `file.unreadable`, `file.too_large`, `identify.file`.
-    """
+    """Read one file. Raises `ProfileError`: `file.unreadable`, `file.too_large`, `identify.file`."""
     return from_table(kept(file, "identify.file"), printable(str(file)))
 
 
@@ -47,6 +39,5 @@ def response_in(
         SessionError: `response.of_another`, every reason why it does not apply here.
     """
     identified = load(file)
-    if problems := unfit_problems(identified, machine, path, simulated=simulated, where=printable(str(file))):
-        raise SessionError(*problems)
+    refuse(unfit_problems(identified, machine, path, simulated=simulated, where=printable(str(file))))
     return as_response(identified, printable(file.name))

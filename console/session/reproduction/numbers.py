@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from console.session.reproduction.bench import part_of
-from console.session.reproduction.passes import learned_passes
+from console.session.reproduction.bench import learned_passes, part_of
 from drivers.cutting.findings import steady_moves, stroke
 from drivers.cutting.strategy import Strategy
 from drivers.simulator.plant.true_parameters import ideal
@@ -20,8 +19,7 @@ from profiles.paper.table_5 import with_measured_servo
 FULL_S_CURVE_MS, LINEAR_MS = 5, 0
 """TS at which the acceleration time of Prog. 1 is its 10 ms, all of it curved or none."""
 
-CUT_N = 6.0
-"""Steady radial force of the cut; a force in proportion to the depth is then lobed by 1.65 N."""
+CUT_N = 6.0  # steady radial force of the cut; a force in proportion to the depth is then lobed by 1.65 N
 
 AIR, PART = True, False
 

@@ -18,7 +18,7 @@ from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from console.session.data.made_parts import MadeWith
-    from console.session.learning.part_learning import PartLearning
+    from console.session.learning.learning_steps import PartLearning
     from console.session.station.progress import CutProgress
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
@@ -65,8 +65,7 @@ MOVING = frozenset(
 IDLE = frozenset({Activity.READY, Activity.STOPPED, Activity.LOST})
 """Activities in which the link thread accepts a command."""
 
-STALE_S = 1.0
-"""A state older than this is no longer current."""
+STALE_S = 1.0  # a state older than this is no longer current
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
