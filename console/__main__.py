@@ -29,7 +29,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return the exit code: 0 done, 1 refused or failed, 2 wrong usage."""
     text: Catalogue | None = None
     try:
-        _replace_closed_streams()
+        for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+            if getattr(sys, name) is None:  # closed by the caller: no other file may take its number
+                setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))
         from console.cli.escaped_output import escape_streams
         from console.text.catalogue import choose_language, load
 
@@ -143,13 +145,6 @@ def _forget_output() -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-
-
-def _replace_closed_streams() -> None:
-    """Put the null device where the caller closed a stream, so that no other file takes its number."""
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))
 
 
 if __name__ == "__main__":

@@ -128,7 +128,10 @@ def saved_as(work: Work, name: str, folder: Path) -> Work:
 
 def _number(text: str, field_: Field) -> float | int | str:
     """Parse an entry; a text that is no number is returned unchanged, for the refusal to quote."""
-    if _ambiguous(text):
+    before, comma, after = text.partition(",")
+    # A separator could mean thousands: more than one of them, or a comma before exactly three digits.
+    thousands = bool(comma) and len(after) == 3 and before.lstrip("+-")[:1] not in ("0", "")
+    if thousands or text.count(".") + text.count(",") > 1:
         raise ProfileError(Problem(code="value.ambiguous", key=field_.key, value=text, limit=field_.limit))
     plain = text.replace(",", ".")
     if not _NUMBER.fullmatch(plain):
@@ -137,11 +140,3 @@ def _number(text: str, field_: Field) -> float | int | str:
         return int(plain) if field_.kind is Kind.WHOLE else float(plain)
     except ValueError:
         return text
-
-
-def _ambiguous(text: str) -> bool:
-    """Whether a separator could mean thousands: more than one of them, or a comma before exactly three digits."""
-    before, comma, after = text.partition(",")
-    return text.count(".") + text.count(",") > 1 or (
-        bool(comma) and len(after) == 3 and before.lstrip("+-")[:1] not in ("0", "")
-    )

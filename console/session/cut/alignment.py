@@ -24,13 +24,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.rules import force_as_measured, same_force
 
-_BLANK = (
-    ("jaws", ""),
-    ("material", ""),
-    ("diameter_mm", "mm"),
-    ("wall_thickness_mm", "mm"),
-    ("overhang_mm", "mm"),
-)
+_BLANK = {"jaws": "", "material": "", "diameter_mm": "mm", "wall_thickness_mm": "mm", "overhang_mm": "mm"}
 """Properties of a clamping besides its force, with their units."""
 
 
@@ -111,7 +105,7 @@ def mounted_on(machine: MachineProfile) -> Mounted:
 
 def clamping_of(job: Job, at: str) -> Clamping:
     """Return the clamping stamp for the blank of a job."""
-    return Clamping(force_n=job.chucking_force_n, at=at, **{key: getattr(job, key) for key, _ in _BLANK})
+    return Clamping(force_n=job.chucking_force_n, at=at, **{key: getattr(job, key) for key in _BLANK})
 
 
 def observed(
@@ -230,7 +224,7 @@ def _clamp(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
     if not same_force(clamping.force_n, job.chucking_force_n):
         value, limit = f"{clamping.force_n:g} N", f"{job.chucking_force_n:g} N"
         return (Problem(code="alignment.clamped_otherwise", key="chucking_force_n", value=value, limit=limit),)
-    for key, unit in _BLANK:
+    for key, unit in _BLANK.items():
         stamped, target = getattr(clamping, key), getattr(job, key)
         if stamped != target:
             value, limit = (f"{each:g} {unit}" if unit else str(each) for each in (stamped, target))

@@ -118,7 +118,7 @@ def load(context: CutContext, plan: CutPlan, tell: Tell, *, aligned: bool) -> No
     start. Raises SessionError: what forbids the cut; DriverError: a line was refused, or something else is held.
     """
     lathe = context.lathe
-    _refuse_tables(lathe)
+    refuse(lathe.program.tables_left())  # none may add to the tool position, or have left an offset
     lathe.program.load(plan.program, plan.axis_definitions, plan.restore)
     tell(Step.CHECK, f"PROG {plan.program.number}")
     refuse(_unready(lathe, plan, at_start=False) if aligned else lathe.verify())
@@ -147,7 +147,7 @@ def cut(context: CutContext, job: Job, plan: CutPlan, tell: Tell, see: See, *, s
     figures = _run(lathe, job, plan, see)
     if figures is None and not lathe.program.held:
         raise SessionError(nothing_seen(job))
-    _refuse_tables(lathe)
+    refuse(lathe.program.tables_left())  # none may add to the tool position, or have left an offset
     tell(Step.RETRACT, "")
     last = lathe.snapshot()
     if not last.at_rest or not tool_clear(last, plan):
@@ -212,11 +212,6 @@ def _changes(lathe: Lathe, plan: CutPlan, *, tables: bool = True, ended: bool = 
 def _unready(lathe: Lathe, plan: CutPlan, *, at_start: bool) -> tuple[Problem, ...]:
     snapshot = lathe.snapshot()
     return (*lathe.verify(), *of_machine(snapshot, plan, lathe.machine, at_start=at_start))
-
-
-def _refuse_tables(lathe: Lathe) -> None:
-    """Refuse to continue while a compensation table adds to the tool position, or has left an offset there."""
-    refuse(lathe.program.tables_left())
 
 
 def _go_to_start(lathe: Lathe, plan: CutPlan, *, settle_tool: bool) -> None:

@@ -32,7 +32,6 @@ from profiles.traces import Trace
 FILTER_UPR = 50.0  # cut-off of the roundness filter for the comparison of before and after
 _PARTS = {Stage.AIR: "air", Stage.PARTIAL: "partial", Stage.FULL: "after"}
 
-
 TellPart = Callable[[str, Step, str], None]
 """Called at each step with the part, the step, and a detail that needs no translation."""
 
@@ -66,9 +65,8 @@ class RunPlan:
 class RunResult:
     """Result of a run: `before` is the same job cut without compensation, `after` with the strategy.
 
-    A part that was not cut or not measured is None. `trace` is that of the part of `after`.
-
-    `collisions` are those of the tool in either cut, each kind once.
+    A part that was not cut or not measured is None. `trace` is that of the part of `after`; `collisions` are those
+    of the tool in either cut, each kind once.
     """
 
     plan: RunPlan

@@ -183,25 +183,23 @@ def _other_chuck(kept: Calibration, machine: MachineProfile) -> Problem:
 
 
 def _contradictions(kept: Calibration, stated: Mapping[str, float | None], file: Path) -> list[Problem]:
-    """Return `calibration.differs` for each key of [chuck] whose profile value a calibration contradicts.
-
-    Raises:
-        ProfileError: `calibration.record`, the file has no fit of its kind.
-    """
+    """Return `calibration.differs` for each key of [chuck] whose profile value a calibration contradicts."""
     from profiles.calibration.deflection import DeflectionFit
     from profiles.calibration.wrench import WrenchFit
 
     kind: type[DeflectionFit] | type[WrenchFit] = DeflectionFit if kept.kind == JAWS else WrenchFit
     try:
         fit = record(kind, {f.name: kept.found[f.name] for f in fields(kind) if f.name in kept.found})
-        if isinstance(fit, DeflectionFit):
-            return list(_jaws_differ(fit, stated, kept.date))
-        return list(_line_differs(fit, stated, kept.date))
+        differ = _jaws_differ(fit, stated) if isinstance(fit, DeflectionFit) else _line_differs(fit, stated)
+        return [
+            Problem(code="calibration.differs", where=kept.date, key=f"chuck.{key}", value=value, limit=limit)
+            for key, value, limit in differ
+        ]
     except (KeyError, TypeError, ValueError, ArithmeticError) as error:
         raise record_problem(file, str(error)) from error
 
 
-def _line_differs(line: WrenchFit, stated: Mapping[str, float | None], date: str) -> Iterator[Problem]:
+def _line_differs(line: WrenchFit, stated: Mapping[str, float | None]) -> Iterator[tuple[str, str, str]]:
     """Compare two lines at both ends of the measured force range."""
     slope = stated.get(LINE[0])
     if slope is None:
@@ -211,11 +209,11 @@ def _line_differs(line: WrenchFit, stated: Mapping[str, float | None], date: str
         said_n = (stated.get(LINE[1]) or 0.0) + slope * torque_n_m
         if not band.low <= said_n <= band.high:
             limit = f"{band.value:.4g} ± {band.high - band.value:.2g} N"
-            yield _differs(f"{LINE[0]} ({torque_n_m:g} N m)", f"{said_n:.4g} N", limit, date)
+            yield f"{LINE[0]} ({torque_n_m:g} N m)", f"{said_n:.4g} N", limit
             return
 
 
-def _jaws_differ(fit: DeflectionFit, stated: Mapping[str, float | None], date: str) -> Iterator[Problem]:
+def _jaws_differ(fit: DeflectionFit, stated: Mapping[str, float | None]) -> Iterator[tuple[str, str, str]]:
     """Compare each key that is stated with its half-width."""
     found = {
         "jaw_stiffness_n_per_um": (fit.stiffness_n_per_um, fit.stiffness_ci),
@@ -225,8 +223,4 @@ def _jaws_differ(fit: DeflectionFit, stated: Mapping[str, float | None], date: s
     for key, said in stated.items():
         value, half = found[key]
         if said is not None and abs(said - value) > half:
-            yield _differs(key, f"{said:.4g}", f"{value:.4g} ± {half:.2g}", date)
-
-
-def _differs(key: str, value: str, limit: str, date: str) -> Problem:
-    return Problem(code="calibration.differs", where=date, key=f"chuck.{key}", value=value, limit=limit)
+            yield key, f"{said:.4g}", f"{value:.4g} ± {half:.2g}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from console.session.data.kept_files import folder_name, keep, kept, stamp
+from console.session.data.kept_files import folder_name, keep, kept
 from console.session.errors import refuse
 from drivers.cutting.strategy import Strategy
 from drivers.identification.fit import unfit_problems
@@ -19,7 +19,8 @@ FOLDER = "identified"
 def store(data: Path, identified: IdentifiedResponse) -> Path:
     """Keep a response in the data folder, and return its file; ProfileError as `keep`."""
     folder = data / FOLDER / folder_name(identified.origin.machine)
-    path = folder / f"{identified.path}-{stamp(identified.date)}.json"
+    date = "".join(c for c in identified.date if c.isalnum())  # valid on any file system, and sorted by date
+    path = folder / f"{identified.path}-{date}.json"
     keep(path, as_table(identified))
     return path
 

@@ -26,11 +26,6 @@ def folder_name(name: str) -> str:
     return quote(name, safe=" ").replace(".", "%2E")
 
 
-def stamp(date: str) -> str:
-    """Return a date without punctuation: valid on any file system, and sorted by date."""
-    return "".join(c for c in date if c.isalnum())
-
-
 def make_folder(folder: Path) -> None:
     """Create a folder for its owner alone where it is missing; ProfileError `file.not_writable` if it cannot."""
     try:

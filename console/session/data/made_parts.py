@@ -23,7 +23,6 @@ ORDER BY events.rowid DESC
 """
 """By row, the order in which they were added: a clock may have been set back meanwhile."""
 
-
 Cut = tuple[str, str, str]
 """Kind, data and date of a cut, as in the run record."""
 

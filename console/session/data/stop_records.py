@@ -134,9 +134,6 @@ def stop_record_problems(
     """Return why the machine's stopping-performance record forbids arming. `data` is the data folder, None: none.
 
     The settings that the record was measured with are read from the controller, eleven short lines.
-
-    Raises:
-        DriverError: the link broke, or the controller sent an unexpected reply.
     """
     key, link = stop_key(client, machine, dialect), client.link
     record: StopRecord | None

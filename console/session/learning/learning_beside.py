@@ -17,9 +17,7 @@ from profiles.compensations.learning import Deviation, HarmonicFit, trimmed
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 
-AIR_BATCH_S = 1.0
-CUT_BATCH_S = 0.25
-
+AIR_BATCH_S, CUT_BATCH_S = 1.0, 0.25
 TRIM_GAIN = 0.7
 
 HELD_FOR = ("learning.trim_limit", "learning.few_samples", "gather.failed")

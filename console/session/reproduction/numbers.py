@@ -40,20 +40,17 @@ def uncompensated(paper: Experiments) -> tuple[Record, ...]:
 def printed_program(paper: Experiments) -> tuple[Record, ...]:
     """Number 5: Prog. 1 on the controller, with the loop of Table 5 at 50 Hz, and literally with that of Eq 9."""
     measured = with_measured_servo(paper.machine, paper.jobs[0].lobe_frequency_hz)
-    told = (("s_curve", FULL_S_CURVE_MS, (25.2, 15.1)), ("linear", LINEAR_MS, (31.4, 18.8)))
+    curves = (("s_curve", FULL_S_CURVE_MS, (25.2, 15.1)), ("linear", LINEAR_MS, (31.4, 18.8)))
     records = []
-    for name, ts_ms, left in told:
+    for name, ts_ms, left in curves:
         for number, (job, expected) in enumerate(zip(paper.jobs, left, strict=True), start=1):
             part = part_of(job, measured, Strategy.PAPER, ts_ms)
             records.append(_near(5, f"lathe.{name}", f"{number}", part.roundness.ront_um, expected, 0.3, "um"))
     for number, (job, expected) in enumerate(zip(paper.jobs, COMPENSATED_UM, strict=True), start=1):
         part = part_of(job, paper.machine, Strategy.PAPER)
         speed_rpm = part.spindle_speed_rpm
-        facts = {
-            "segment_ms": part.plan.segment_ms,
-            "speed_rpm": speed_rpm,
-            "lobe_hz": job.jaws * speed_rpm / 60.0,
-        }
+        lobe_hz = job.jaws * speed_rpm / 60.0
+        facts = {"segment_ms": part.plan.segment_ms, "speed_rpm": speed_rpm, "lobe_hz": lobe_hz}
         record = _near(5, "lathe.literal", f"{number}", part.roundness.ront_um, expected, WITHIN_UM, "um")
         records.append(replace(record, why="literal", facts=facts))
     return tuple(records)

@@ -38,7 +38,14 @@ def arm(place: StationContext, command: Arm) -> None:
     refuse_unplannable(job, place.machine, strategy, *also, jaw_found=True, simulated=context.simulated)
     plan = _planned(place, command, job)
     load(context, plan, lambda *_: None, aligned=True)
-    made = _made_with(place, command)
+    jaw, learned = place.state.alignment.jaw, command.compensation
+    made = MadeWith(
+        compensation=NONE if learned is None else str(learned.version),
+        strategy=strategy.value,
+        stage=Stage(command.stage).value,
+        inverted=MODEL,
+        cut_jaw_1_deg=AS_FILED if jaw is None else str(jaw.angle_deg),
+    )
     _open_record(place, command, plan, made)
     place.plan = plan
     armed = Armed(
@@ -79,17 +86,6 @@ def _planned(place: StationContext, command: Arm, job: Job) -> CutPlan:
         return planned(job, machine, strategy, stage, path, watchdog=watchdog, from_turn=turn)
     except ProblemError as refused:
         raise SessionError(*refused.problems) from refused
-
-
-def _made_with(place: StationContext, command: Arm) -> MadeWith:
-    jaw, learned = place.state.alignment.jaw, command.compensation
-    return MadeWith(
-        compensation=NONE if learned is None else str(learned.version),
-        strategy=command.strategy.value,
-        stage=Stage(command.stage).value,
-        inverted=MODEL,
-        cut_jaw_1_deg=AS_FILED if jaw is None else str(jaw.angle_deg),
-    )
 
 
 def disarm(place: StationContext, _: Disarm) -> None:

@@ -128,10 +128,8 @@ def take_jaw(place: StationContext, _: commands.TakeJaw) -> None:
     _refuse_unless_homed(place)
     snapshot = place.lathe.snapshot()
     _require(snapshot.at_rest, "machine.moving")
-    angle_deg = math.fmod(
-        snapshot.spindle.position / jogging.counts_per_unit(place.machine, AxisName.SPINDLE), 360.0
-    )
-    alignment = place.state.alignment
+    alignment, counts_per_deg = place.state.alignment, jogging.counts_per_unit(place.machine, AxisName.SPINDLE)
+    angle_deg = math.fmod(snapshot.spindle.position / counts_per_deg, 360.0)
     jaws = place.machine.chuck.jaws if alignment.clamping is None else alignment.clamping.jaws
     place.tell(alignment=jaw_found(alignment, angle_deg, jaws, place.local_time()))
 

@@ -80,9 +80,8 @@ class Steps:
 
     def changed(self, axis: AxisName, by: int) -> Steps:
         """Return the selection with the ladder of an axis moved by so many rungs, within its ends."""
-        if axis is AxisName.SPINDLE:
-            return replace(self, deg=min(max(self.deg + by, 0), len(STEPS_DEG) - 1))
-        return replace(self, mm=min(max(self.mm + by, 0), len(STEPS_MM) - 1))
+        name, ladder = ("deg", STEPS_DEG) if axis is AxisName.SPINDLE else ("mm", STEPS_MM)
+        return replace(self, **{name: min(max(getattr(self, name) + by, 0), len(ladder) - 1)})
 
 
 def tool_radius_mm(position_counts: float, machine: MachineProfile, alignment: Alignment) -> float:

@@ -133,7 +133,11 @@ class LinkThread:
             if self._ending is None:
                 self._work(self._open())
         except Exception as error:
-            self._unopened, self._opened = _failed(self.state, error), None
+            state, alarms = self.state, self.state.alarms
+            for problem in error.problems if isinstance(error, ProblemError) else (fault_problem(error),):
+                alarms = raised(alarms, problem, Priority.HIGH, time.monotonic())
+            self._unopened = replace(state, activity=Activity.LOST, alarms=alarms)
+            self._opened = None
             self._wait_until(lambda: self._ending is not None)
         self._finished.set()
         self._wait_until(lambda: self._must_leave)
@@ -172,10 +176,3 @@ class LinkThread:
     def _wait_until(self, condition: Callable[[], bool]) -> None:
         while not condition():
             self._wait(None)
-
-
-def _failed(state: StationState, error: Exception) -> StationState:
-    alarms = state.alarms
-    for problem in error.problems if isinstance(error, ProblemError) else (fault_problem(error),):
-        alarms = raised(alarms, problem, Priority.HIGH, time.monotonic())
-    return replace(state, activity=Activity.LOST, alarms=alarms)

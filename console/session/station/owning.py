@@ -16,6 +16,7 @@ import re
 import stat
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -109,13 +110,12 @@ class Owning:
                 log.write(f"{at} {self._address} {what}: console {before} -> console {self._number}\n")
 
 
+@dataclass(frozen=True, slots=True)
 class ConsoleLock:
     """A lock that was taken. `last_number` is that of the console that had it before, 0 for none."""
 
-    def __init__(self, descriptor: int, last_number: int) -> None:
-        """Use `take_lock`."""
-        self.last_number = last_number
-        self._descriptor = descriptor
+    _descriptor: int
+    last_number: int
 
     def keep(self, number: int) -> None:
         """Write the number of this console for the next one, if there is disk space."""

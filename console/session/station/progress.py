@@ -10,17 +10,8 @@ from statistics import linear_regression
 import numpy as np
 from numpy.typing import NDArray
 
+from console.session.cut import telemetry
 from console.session.cut.interlocks import SPEED_BAND
-from console.session.cut.telemetry import (
-    CutFigures,
-    Phase,
-    SpindleRipple,
-    is_in_phase,
-    is_leaving,
-    phase_limit_deg,
-    phase_of,
-    spindle_ripple,
-)
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -78,24 +69,24 @@ class CutProgress:
     tool_error_um: float
     tool_error_peak_um: float
     following_error_um: float
-    phase: Phase | None
+    phase: telemetry.Phase | None
     angles_deg: NDArray[np.float64]
     errors_um: NDArray[np.float64]
     phase_limit_deg: float | None
-    figures: CutFigures | None = None
+    figures: telemetry.CutFigures | None = None
     judged: bool = True
     synchronisation: Synchronisation | None = None
-    ripple: SpindleRipple | None = None
+    ripple: telemetry.SpindleRipple | None = None
     in_air: bool = False
 
     @property
     def in_phase(self) -> bool | None:
         """Whether the phase error is within its limit, as far as it is known; None while it is not."""
-        return is_in_phase(self.phase, self.phase_limit_deg)
+        return telemetry.is_in_phase(self.phase, self.phase_limit_deg)
 
     @property
     def phase_error_deg(self) -> float | None:
-        """Phase lag of the tool behind the target path, spindle degrees, None while it is not known."""
+        """telemetry.Phase lag of the tool behind the target path, spindle degrees, None while it is not known."""
         return None if self.phase is None else self.phase.error_deg
 
     @property
@@ -159,7 +150,7 @@ class CutWatch:
         self._peak_um = self._reached_mm = 0.0
         self._held = self._over = False
         self._judged = plan.strategy.traits.follows_lobe
-        self._phase_limit_deg = phase_limit_deg(plan.target, job.roundness_tolerance_um)
+        self._phase_limit_deg = telemetry.phase_limit_deg(plan.target, job.roundness_tolerance_um)
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
         """Take a poll and return the progress at that moment, including the spindle speed."""
@@ -168,7 +159,7 @@ class CutWatch:
         target_um = float(self._plan.target.at_um(angle_deg))
         error_um = infeed_um - target_um
         # A hold retracts the tool while the carriage is still over the part: what it leaves is not judged.
-        self._held = self._held or (holding and is_leaving(error_um, self._peak_um))
+        self._held = self._held or (holding and telemetry.is_leaving(error_um, self._peak_um))
         cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
         self._over = self._over or (bool(self._errors) and infeed_um < 0.0)
         cutting = cutting and not self._held and not self._over
@@ -198,7 +189,7 @@ class CutWatch:
         z_mm = min(max(self._done_mm(snapshot, stage), 0.0), job.cut_length_mm)
         per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
         angles, errors = _samples(self._errors).T
-        phase = phase_of(_samples(self._infeeds), self._plan.target) if self._judged else None
+        phase = telemetry.phase_of(_samples(self._infeeds), self._plan.target) if self._judged else None
         return CutProgress(
             stage=stage,
             holding=holding,
@@ -216,7 +207,7 @@ class CutWatch:
             phase=phase,
             judged=self._judged,
             synchronisation=self._synchronisation(snapshot, stage, speed_rpm, phase),
-            ripple=spindle_ripple(_samples(self._turning), machine.spindle.counts_per_rev),
+            ripple=telemetry.spindle_ripple(_samples(self._turning), machine.spindle.counts_per_rev),
             in_air=self._in_air,
             angles_deg=angles,
             errors_um=errors,
@@ -239,11 +230,11 @@ class CutWatch:
         return (snapshot.carriage.position - self._face) / self._machine.carriage.counts_per_mm
 
     def _synchronisation(
-        self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: Phase | None
+        self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: telemetry.Phase | None
     ) -> Synchronisation | None:
         strategy, target_rpm = self._plan.strategy, self._plan.spindle_speed_rpm
         if stage is CutStage.CUT:
-            in_phase = is_in_phase(phase, self._phase_limit_deg)
+            in_phase = telemetry.is_in_phase(phase, self._phase_limit_deg)
             return in_part(strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, in_phase=in_phase)
         if stage is not CutStage.RUN_UP or not snapshot.program_running:
             return None

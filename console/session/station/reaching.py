@@ -33,10 +33,7 @@ from profiles.store import LoadedMachine
 
 
 class Commissioned:
-    """Commissioning checks of one machine before each arm: who writes to it, how it stops, how people are guarded.
-
-    `data` is the folder with the stopping-performance records.
-    """
+    """Commissioning checks of one machine before each arm: who writes to it, its stops, how people are guarded."""
 
     def __init__(
         self, client: PmacClient, heartbeat: Heartbeat, machine: MachineProfile, data: Path, *, simulated: bool
@@ -48,8 +45,7 @@ class Commissioned:
     def take_fingerprint(self) -> None:
         """Read the controller's settings once; changes by somebody else from then on are reported before each arm.
 
-        A change is accepted by connecting again, not by reading it again. Raises `DriverError`: the link broke, or
-        the controller sent an unexpected reply.
+        A change is accepted by connecting again, not by reading it again.
         """
         if self._fingerprint is None:
             self._fingerprint = read_fingerprint(self._client, self._machine, self._client.dialect)

@@ -72,11 +72,10 @@ STALE_S = 1.0  # a state older than this is no longer current
 class StopState:
     """A stop that was sent: why, when (machine time), as which character, and when rest was proven.
 
-    `taken_s` is when a poll first showed that the controller obeys it.
-
-    `delivered` is False when the link did not take it. `tool_in_part` is None while it is not known;
-    `can_retract` is whether every loop is closed. `of_cut` is whether it ended a cut, `mark_mm` where the tool
-    then came to rest in the part, mm behind its face; None where it did not.
+    `taken_s` is when a poll first showed that the controller obeys it. `delivered` is False when the link did not
+    take it. `tool_in_part` is None while it is not known; `can_retract` is whether every loop is closed. `of_cut`
+    is whether it ended a cut, `mark_mm` where the tool then came to rest in the part, mm behind its face; None
+    where it did not.
     """
 
     reason: str

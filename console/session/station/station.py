@@ -85,8 +85,11 @@ class Station:
             watch_phase(place)
         else:
             place.end_alarms(*OF_A_CUT)
-        self._sight.look()
-        self._watch_screen()
+        self._sight.sample()
+        silent = self._beat_s is not None and place.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
+        if silent and place.state.activity in MOVING and place.lathe.stop.reason is None:
+            place.lathe.stop.stop("screen")
+            place.alarm(Problem(code="session.screen_silent", limit=f"{SCREEN_TIMEOUT_S:g} s"))
 
     def connect(self) -> bool:
         """Set up the link and compare the controller with its profile; False when nothing like a PMAC answers."""
@@ -195,7 +198,7 @@ class Station:
 
         def worked() -> None:
             work(place, command)
-            self._sight.look_now()
+            self._sight.sample_now()
 
         self._guarded(worked)
 
@@ -254,13 +257,6 @@ class Station:
         for problem in error.problems:
             place.alarm(problem)
         self._stops.settle(lost=lost)
-
-    def _watch_screen(self) -> None:
-        place = self._place
-        silent = self._beat_s is not None and place.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
-        if silent and place.state.activity in MOVING and place.lathe.stop.reason is None:
-            place.lathe.stop.stop("screen")
-            place.alarm(Problem(code="session.screen_silent", limit=f"{SCREEN_TIMEOUT_S:g} s"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -142,12 +142,12 @@ class ChuckSight:
         self._place, self._seen_s = place, float("-inf")
         self._collisions: tuple[str, ...] = ()
 
-    def look_now(self) -> None:
+    def sample_now(self) -> None:
         """Sample at once: what is seen belongs to the end of a command, not to a moment before."""
         self._seen_s = float("-inf")
-        self.look()
+        self.sample()
 
-    def look(self) -> None:
+    def sample(self) -> None:
         """Sample, unless that was done a moment ago."""
         place = self._place
         now_s = place.clock.now_s()
