@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
             if getattr(sys, name) is None:  # closed by the caller: no other file may take its number
                 setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))
-        from console.cli.escaped_output import escape_streams
+        from console.cli.output import escape_streams
         from console.text.catalogue import choose_language, load
 
         escape_streams()
