@@ -114,8 +114,7 @@ def taught_by(
 ) -> Taught:
     """Return the learning step from a part `made` in this way; the other arguments as for `taught`.
 
-    Versions are kept with jaw 1 where the file of the job has it. A part that was cut with jaw 1 elsewhere is
-    turned there before anything is learned from it.
+    Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
     """
     simulated, filed = _simulated(trace), job.job
     strategy, stage = _followed(made)
