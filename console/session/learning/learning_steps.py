@@ -116,11 +116,10 @@ def taught_by(
 
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
     """
-    simulated, filed = _simulated(trace), job.job
-    strategy, stage = _followed(made)
-    asked = asked_for(job, machine, strategy, simulated=simulated)
+    filed, (strategy, stage) = job.job, _followed(made)
+    asked = asked_for(job, machine, strategy, simulated=_simulated(trace))
     known = versions(data, asked)
-    inverted = _inverted(made, machine.machine, identified, simulated=simulated)
+    inverted = _inverted(made, machine.machine, identified, simulated=asked.simulated)
     version = chosen(made.compensation, known, asked)
     path = nominal_path(filed, machine.machine, strategy, inverted) if version is None else version.path
     part = _part(trace, filed, made, extra, robust=robust)
