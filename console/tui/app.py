@@ -15,7 +15,7 @@ from textual.app import App, ComposeResult
 from textual.containers import Container
 from textual.driver import Driver
 
-from console.session.station.control import Control
+from console.session.station.commands import Control
 from console.session.station.state import Activity
 from console.text.catalogue import Catalogue
 from console.tui.driver import StopSent, TooFast, Written

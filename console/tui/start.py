@@ -12,12 +12,13 @@ from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
 from console.cli.library import data_of, machine_of, simulated_address
 from console.session.data.calibrated_chuck import calibrated_or_stated
 from console.session.errors import SessionError
 from console.session.signals import ENDING_SIGNALS
-from console.session.station.link_thread import LinkThread, Opened
+from console.session.station.link_thread import LinkThread
 from console.session.station.whereabouts import address_of
 from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
@@ -28,6 +29,9 @@ from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.tracing import Tracing
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
+
+if TYPE_CHECKING:
+    from console.session.station.station import Opened
 
 WRONG_USAGE = 2
 
@@ -95,7 +99,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _open(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
     """Open the machine in the link thread: its imports take longer than the first paint."""
-    from console.session.station.opening import open_machine
+    from console.session.station.station import open_machine
 
     return open_machine(machine, address, data, tracing)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.session.station.control import Control
+from console.session.station.commands import Control
 from console.session.station.state import Activity, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue

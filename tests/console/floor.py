@@ -131,7 +131,7 @@ def open_floor(
     place = StationContext(
         lathe=lathe,
         owning=Owning(lathe, link.address, records),
-        machine=machine,
+        loaded_machine=machine,
         clock=sim,
         shop=sim,
         records=records,

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.cut.context import CutContext
-from console.session.cut.engine import Step
+from console.session.cut.engine import CutContext, Step
 from console.session.cut.run import plan_run
 from console.session.learning import learning
 from console.session.learning.learning import learn

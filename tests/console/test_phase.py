@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.cut.phase import Phase, is_in_phase, phase_limit_deg
+from console.session.cut.telemetry import Phase, is_in_phase, phase_limit_deg
 from console.session.station.commands import Acknowledge, DisableDrives, Recover, Retract, Start
 from console.session.station.progress import CutStage
 from drivers.cutting.planning import Strategy

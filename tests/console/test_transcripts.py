@@ -15,8 +15,8 @@ from random import Random
 
 import pytest
 
-from console.session.cut.context import CutContext
-from console.session.cut.headless import CutOutcome, cut_part
+from console.session.cut.engine import CutContext
+from console.session.cut.run import CutOutcome, cut_part
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe

@@ -10,10 +10,8 @@ from typing import Any
 
 import pytest
 
-from console.session.cut.context import CutContext
-from console.session.cut.engine import Step
-from console.session.cut.headless import cut_part
-from console.session.cut.run import plan_run
+from console.session.cut.engine import CutContext, Step
+from console.session.cut.run import cut_part, plan_run
 from console.session.data.records import RunRecord
 from console.session.errors import SessionError
 from console.text.catalogue import load

@@ -9,7 +9,7 @@ from typing import cast
 
 import pytest
 
-from console.session.cut.context import Workshop
+from console.session.cut.engine import Workshop
 from console.session.errors import SessionError
 from console.session.station.commands import Measure
 from console.session.station.handlers import measure

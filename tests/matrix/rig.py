@@ -108,7 +108,7 @@ def build_rig(records: Path) -> Rig:
     place = StationContext(
         lathe=watched.lathe,
         owning=Owning(watched.lathe, watched.wire.address, records),
-        machine=compact_machine(),
+        loaded_machine=compact_machine(),
         clock=watched.sim,
         shop=None,
         records=records,

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.cut import planning
+from console.session.cut import run
 from console.session.data import records
 from drivers.lathe import standstill
 from drivers.lathe.jogs import Jogs
@@ -35,7 +35,7 @@ PATIENCE_S = 20.0
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan once for all cells, wait no longer than that for spindle or zero, and keep records nowhere."""
-    monkeypatch.setattr(planning, "plan_cut", planned_once)
+    monkeypatch.setattr(run, "plan_cut", planned_once)
     monkeypatch.setattr(records, "opened", record_in_memory)
     monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", PATIENCE_S)
     monkeypatch.setattr(Jogs.home, "__defaults__", (PATIENCE_S,))

@@ -15,14 +15,12 @@ import pytest
 from textual.pilot import Pilot
 
 from console.session.cut.alignment import Alignment, JawAngle, TouchOff, aligned_job, clamping_of
-from console.session.cut.phase import Phase
+from console.session.cut.telemetry import Phase, SpindleRipple
 from console.session.data import records
 from console.session.data.kept_files import jobs_folder
 from console.session.data.made_parts import MadeWith
-from console.session.learning.learning_steps import taught_by
-from console.session.learning.part_learning import PartLearning
+from console.session.learning.learning_steps import PartLearning, taught_by
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
-from console.session.station.ripple import SpindleRipple
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited
 from console.text.catalogue import load
@@ -145,7 +143,6 @@ def cut() -> CutProgress:
         speed_rpm=1000.31,
         tool_radius_mm=25.92713,
         infeed_um=72.87,
-        target_um=73.46,
         tool_error_um=-0.587,
         tool_error_peak_um=1.423,
         following_error_um=12.34,

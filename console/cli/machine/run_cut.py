@@ -17,8 +17,7 @@ from console.cli.machine.run_request import RunRequest
 from console.cli.machine.stopping import Stopping
 from console.cli.output import agreed, show
 from console.cli.output import tell as tell_problems
-from console.session.cut.context import CutContext
-from console.session.cut.engine import Step
+from console.session.cut.engine import CutContext, Step
 from console.session.cut.in_process import simulated_context
 from console.session.cut.run import RunResult, TellPart, run, run_once
 from console.session.data.learned_store import NONE
@@ -28,8 +27,7 @@ from console.session.errors import SessionError
 from console.session.learning.learning import LearnResult, learn
 from console.session.signals import Interruption
 from console.session.stages import Stage
-from console.session.station.commissioned import Commissioned
-from console.session.station.reaching import Reached, guard, leave, machine_context, reach
+from console.session.station.reaching import Commissioned, Reached, guard, leave, machine_context, reach
 from console.text.catalogue import Catalogue
 from drivers.link.tracing import Tracing
 from profiles.problem import Problem

@@ -13,7 +13,7 @@ from pathlib import Path
 from console.cli.library import data_of, naming
 from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import CalibratedMachine
-from console.session.data.dates import is_ahead, utc_now
+from console.session.data.kept_files import is_ahead, utc_now
 from console.session.data.learned_store import asked_for, store, versions
 from console.session.data.made_parts import KEYS
 from console.session.errors import SessionError

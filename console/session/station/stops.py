@@ -6,7 +6,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
-from console.session.station.alarms import Priority
 from console.session.station.context import StationContext
 from console.session.station.jogging import behind_face_mm, tool_in_part
 from console.session.station.progress import RUNNING, CutStage
@@ -33,10 +32,10 @@ class Stops:
         place, stop = self._place, self._place.lathe.stop
         before = place.state.stop
         if before is not None and before.rest_s is not None and stop.proven:
-            self._guarded_look()
+            self._poll_stopped()
             return
         under_way = before is not None and before.rest_s is None
-        told = replace(
+        current = replace(
             before or self._begun_stop(),
             reason=stop.reason or "",
             killed=stop.killed,
@@ -47,13 +46,21 @@ class Stops:
             tool_in_part=None,
             can_retract=False,
         )
-        place.tell(stop=told, armed=None, activity=Activity.LOST if lost else Activity.STOPPING)
+        place.tell(stop=current, armed=None, activity=Activity.LOST if lost else Activity.STOPPING)
         try:
             snapshot = place.lathe.wait_for_rest()
         except ProblemError as unproven:
-            self._not_rested(told, unproven)
+            # A lost link stays lost; a silent one is asked again.
+            self.gone = any(problem.code in GONE for problem in unproven.problems)
+            known = {alarm.problem.code for alarm in place.state.alarms}
+            for problem in unproven.problems:
+                if problem.code not in known:
+                    place.alarm(problem)
+            self._keep(current, proven=False)
+            current = replace(current, killed=stop.killed, delivered=stop.delivered)
+            place.tell(stop=current, activity=Activity.LOST)
         else:
-            self._rested(told, snapshot)
+            self._rested(current, snapshot)
 
     def _begun_stop(self) -> StopState:
         """Return the state of a stop that has just come; what it ended stays with it until F2.
@@ -67,9 +74,8 @@ class Stops:
         cut = state.cut if state.activity is Activity.CUTTING else None
         in_part = cut is not None and cut.stage is CutStage.CUT and not cut.in_air
         mark_mm = self._behind_face_mm() if in_part else None
-        marks_mm = state.marks_mm if mark_mm is None else (*state.marks_mm, mark_mm)
         self._noted = None
-        place.tell(stops=state.stops + 1, marks_mm=marks_mm)
+        place.tell(stops=state.stops + 1, marks_mm=(*state.marks_mm, *(() if mark_mm is None else (mark_mm,))))
         of_cut = cut is not None and cut.stage in RUNNING
         return StopState(reason="", killed=False, sent_s=0.0, of_cut=of_cut, mark_mm=mark_mm)
 
@@ -80,26 +86,14 @@ class Stops:
             return None
         return behind_face_mm(place.state.snapshot, place.loaded_machine.machine, clamping.overhang_mm)
 
-    def _not_rested(self, told: StopState, unproven: ProblemError) -> None:
-        """Report that rest is unproven. A lost link stays lost; a silent one is asked again."""
+    def _rested(self, current: StopState, snapshot: Snapshot) -> None:
         place = self._place
-        self.gone = any(problem.code in GONE for problem in unproven.problems)
-        known = {alarm.problem.code for alarm in place.state.alarms}
-        for problem in unproven.problems:
-            if problem.code not in known:
-                place.alarm(problem)
-        self._keep(told, proven=False)
-        told = replace(told, killed=place.lathe.stop.killed, delivered=place.lathe.stop.delivered)
-        place.tell(stop=told, activity=Activity.LOST)
-
-    def _rested(self, told: StopState, snapshot: Snapshot) -> None:
-        place = self._place
-        mark_mm = None if told.mark_mm is None else self._behind_face_mm()
+        mark_mm = None if current.mark_mm is None else self._behind_face_mm()
         if mark_mm is not None:
             place.tell(marks_mm=(*place.state.marks_mm[:-1], mark_mm))
         self._forget_speed()
         rest = replace(
-            place.state.stop or told,
+            place.state.stop or current,
             mark_mm=mark_mm,
             killed=place.lathe.stop.killed,
             delivered=True,
@@ -107,38 +101,35 @@ class Stops:
             tool_in_part=tool_in_part(snapshot, place.loaded_machine.machine, place.state.alignment),
             can_retract=snapshot.loops_closed,
         )
-        taken = None if rest.taken_s is None else rest.taken_s - rest.sent_s
-        self._keep(told, proven=True, taken_after_s=taken)
+        taken_after_s = None if rest.taken_s is None else rest.taken_s - rest.sent_s
+        self._keep(current, proven=True, taken_after_s=taken_after_s)
         watch_axes(place, snapshot)
         place.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
 
-    def _guarded_look(self) -> None:
-        """Poll a stopped machine; it stays stopped."""
+    def _poll_stopped(self) -> None:
         place = self._place
         try:
             snapshot = place.lathe.snapshot()
         except DriverError as error:
             for problem in error.problems:
-                place.alarm(problem, Priority.HIGH)
+                place.alarm(problem)
             place.tell(activity=Activity.LOST)
         else:
             watch_axes(place, snapshot)
             place.tell(activity=Activity.STOPPED)
 
-    def _keep(self, told: StopState, *, proven: bool, taken_after_s: float | None = None) -> None:
+    def _keep(self, stop: StopState, *, proven: bool, taken_after_s: float | None = None) -> None:
         """Record a stop once, and later its outcome: rest proven, drives off."""
-        before, killed = self._noted, self._place.lathe.stop.killed
+        place, before, killed = self._place, self._noted, self._place.lathe.stop.killed
         self._noted = (proven, killed)
         if before is None:
-            self._place.note_anyway(
-                "stopped", reason=told.reason, proven=proven, killed=killed, taken_after_s=taken_after_s
+            place.note_anyway(
+                "stopped", reason=stop.reason, proven=proven, killed=killed, taken_after_s=taken_after_s
             )
-            return
-        was_proven, was_killed = before
-        if killed and not was_killed:
-            self._place.note_anyway("killed", proven=proven)
-        elif proven and not was_proven:
-            self._place.note_anyway("at_rest")
+        elif killed and not before[1]:
+            place.note_anyway("killed", proven=proven)
+        elif proven and not before[0]:
+            place.note_anyway("at_rest")
 
     def watch(self, snapshot: Snapshot) -> None:
         """Note when the controller first obeys a stop, by a poll that was requested after it."""

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from console.session.cut.telemetry import SpindleRipple
 from console.session.station.progress import CutProgress, CutStage
-from console.session.station.ripple import SpindleRipple
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, line, ranged, to_the_right, width_of, wrapped
 from console.tui.plot.scale import nice_limits

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from console.session.learning.learning_steps import LeftWave, Taught
-from console.session.learning.part_learning import PartLearning
+from console.session.learning.learning_steps import LeftWave, PartLearning, Taught
 from console.session.stages import Stage
 from console.session.station.state import Armed
 from console.session.work import Work

@@ -10,7 +10,7 @@ from dataclasses import replace
 from console.session.cut.compensated import chosen_problems, using, without_learned
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
-from console.session.learning.part_learning import PartLearning, accept, revert
+from console.session.learning.learning_steps import PartLearning, accept, revert
 from console.session.work import STAGES, Work
 from console.tui.ui_context import UiContext
 from profiles.compensations.learned import HoldsFor
