@@ -43,6 +43,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.settings import settings_with
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.true_parameters import ideal
 from drivers.simulator.plant.workshop import SECTIONS, SimulatedWorkshop
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -108,7 +109,7 @@ class WitnessedLathe(SimulatedLathe):
 
     def __init__(self, machine: MachineProfile) -> None:
         super().__init__(machine)
-        self._floor = self.witness = Witness(machine, self._true, self._drives)
+        self._floor = self.witness = Witness(machine, ideal(machine), self._drives)
         self.enemy: Port = self.connect()
         self.due: list[tuple[float, bytes]] = []
         self.done = 0

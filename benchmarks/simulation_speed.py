@@ -25,10 +25,10 @@ from drivers.pmac.settings import settings_with
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.jog_motion import HomeSensor
 from drivers.simulator.card.registers import CardMemory
-from drivers.simulator.card.servo import Axis
 from drivers.simulator.faults.lines import Lines
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.axis import Axis
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
@@ -196,7 +196,7 @@ def program(machine: MachineProfile, plan: CutPlan) -> Rate:
         bench.advance()
     bench.say("CLOSE", *plan.program.lines, f"&1B{plan.program.number}R")
     rate = bench.measure(lambda: bench.moving)
-    if bench.controller.systems[1].runtime_error:
+    if bench.controller.systems[1].motion.runtime_error:
         raise RuntimeError("the program ended with a run-time error")
     return rate
 

@@ -161,7 +161,7 @@ def _forget_output() -> None:
 
 
 def _escape_streams() -> None:
-    from console.cli.escaped_output import escape_streams
+    from console.cli.output import escape_streams
 
     escape_streams()
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import argparse
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from console.cli.parser import Parser
 from console.text.catalogue import LANGUAGES, Catalogue
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from drivers.cutting.strategy import Strategy
     from drivers.simulator.hosts.control_address import ControlAddress
 
+Value = TypeVar("Value")
+Number = TypeVar("Number", int, float)
+
+WRONG_USAGE = 2
 STAGES = ("air", "partial", "full")
 TS_LIMIT_MS = 1000
 PLANTS = ("ideal", "mounted", "paper", "realistic")
@@ -22,6 +25,11 @@ PLANT_FILE = "FILE.toml"
 DEFAULT_PLANT = "ideal"
 MOST_CLAMPING_SD_PERCENT = 50.0
 SEED_LIMIT = 2**32 - 1
+
+LINK = ("link", "trace")
+HARDWARE = ("plant", "seed")
+PLANT = (*HARDWARE, "clamping-sd")
+"""Options for the actual plant of a simulated lathe, and its clamping."""
 
 BEFORE = argparse.SUPPRESS
 """Default of an option that may also stand before the command: if absent after it, the earlier value stays."""
@@ -39,95 +47,80 @@ def contradiction(options: argparse.Namespace, text: Catalogue) -> str:
     return ""
 
 
-def add_data(parser: Parser, text: Catalogue, absent: str | None = BEFORE) -> None:
-    """Add the option for the data folder."""
-    parser.add_argument("--data", metavar="FOLDER", default=absent, help=text("help.data"))
-
-
-def add_language(parser: Parser, text: Catalogue) -> None:
-    """Add the language option, which was evaluated before the parser existed."""
-    parser.add_argument("--lang", choices=LANGUAGES, default=BEFORE, help=text("help.lang"))
+def add_shared(
+    parser: Parser, text: Catalogue, *names: str, absent: str | None = BEFORE, command: str = ""
+) -> None:
+    """Add options that several commands have; their help is that of the `command` where it has its own."""
+    for name in names:
+        key = ".".join(filter(None, ("help", command, name.replace("-", "_"))))
+        parser.add_argument(f"--{name}", default=absent, help=text(key), **_SHARED[name])
 
 
 def add_job(parser: Parser, text: Catalogue) -> None:
-    """Add the job as the first argument."""
+    """Add the job as the first argument, and the machine."""
     parser.add_argument("job", metavar="JOB", help=text("help.job"))
-
-
-def add_machine(parser: Parser, text: Catalogue, absent: str | None = BEFORE) -> None:
-    """Add the machine profile."""
-    parser.add_argument("--machine", metavar="NAME", default=absent, help=text("help.machine"))
-
-
-def add_sim(parser: Parser, text: Catalogue, key: str) -> None:
-    """Add `--sim`, whose meaning depends on the command: `key` is that of its help."""
-    parser.add_argument("--sim", action="store_true", default=BEFORE, help=text(key))
-
-
-def add_link(parser: Parser, text: Catalogue, absent: str | None = BEFORE) -> None:
-    """Add the address of the controller, and the trace file of its communication."""
-    parser.add_argument("--link", metavar="ADDRESS", default=absent, help=text("help.link"))
-    parser.add_argument("--trace", metavar="FILE", default=absent, help=text("help.trace"))
-
-
-def add_plant(parser: Parser, text: Catalogue, absent: str | None = BEFORE) -> None:
-    """Add the options for the actual plant of a simulated lathe, and its clamping."""
-    add_hardware(parser, text, absent)
-    parser.add_argument(
-        "--clamping-sd", metavar="PERCENT", type=_clamping_sd, default=absent, help=text("help.clamping_sd")
-    )
-
-
-def add_hardware(parser: Parser, text: Catalogue, absent: str | None = BEFORE) -> None:
-    """Add the options for the actual plant of a simulated lathe."""
-    parser.add_argument("--plant", metavar="PLANT", type=_plant, default=absent, help=text("help.plant"))
-    parser.add_argument("--seed", metavar="N", type=_seed, default=absent, help=text("help.seed"))
+    add_shared(parser, text, "machine")
 
 
 def add_strategy(parser: Parser, text: Catalogue) -> None:
     """Add the strategy of the program, with the TS of those that take one."""
     from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 
-    told = ", ".join(text(f"strategy.{each}.help") for each in Strategy)
-    strategy_help = text("help.strategy", default=DEFAULT_STRATEGY, strategies=told)
-    names = strategy_names(Strategy)
+    each_in_words = ", ".join(text(f"strategy.{each}.help") for each in Strategy)
+    strategy_help = text("help.strategy", default=DEFAULT_STRATEGY, strategies=each_in_words)
+    names = [*map(str, Strategy)]
     parser.add_argument("--strategy", choices=names, default=DEFAULT_STRATEGY.value, help=strategy_help)
     parser.add_argument("--ts", metavar="MS", type=milliseconds, help=text("help.ts"))
 
 
-def strategy_names(strategies: Iterable[Strategy]) -> tuple[str, ...]:
-    """Return the available strategy names."""
-    return tuple(each.value for each in strategies)
-
-
-def milliseconds(word: str) -> int:
-    """Parse a time as TA and TS accept it."""
-    if not (word.isascii() and word.isdigit()) or int(word) > TS_LIMIT_MS:
-        raise argparse.ArgumentTypeError(Parser.text("usage.ts", value=word, limit=TS_LIMIT_MS))
-    return int(word)
-
-
 def number(word: str) -> float:
     """Parse a finite number."""
-    try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
+    value = number_or_nan(word)
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(Parser.text("usage.number", value=word))
     return value
 
 
+def number_or_nan(word: str) -> float:
+    """Return the number; NaN, which is in no range, for any other word."""
+    try:
+        return float(word)
+    except ValueError:
+        return math.nan
+
+
 def whole_number(word: str) -> int:
     """Parse a whole number of nine digits at most."""
-    if not (word.isascii() and word.isdigit()) or len(word) > 9:
+    if len(word) > 9 or _digits(word) < 0:
         raise argparse.ArgumentTypeError(Parser.text("usage.whole", value=word))
     return int(word)
 
 
-def whole_numbers(words: str) -> tuple[int, ...]:
-    """Parse whole numbers separated by commas."""
-    return tuple(whole_number(word) for word in words.split(","))
+def _digits(word: str) -> int:
+    return int(word) if word.isascii() and word.isdigit() else -1
+
+
+def within(
+    parse: Callable[[str], Number], least: float, most: float, key: str, limit: object
+) -> Callable[[str], Number]:
+    """Return the parser of numbers in a range; `key` is the sentence for others, with the `limit`."""
+
+    def parsed(word: str) -> Number:
+        value = parse(word)
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(Parser.text(key, value=word, limit=limit))
+        return value
+
+    return parsed
+
+
+milliseconds = within(_digits, 0, TS_LIMIT_MS, "usage.ts", TS_LIMIT_MS)
+"""Parser of a time as TA and TS accept it."""
+
+
+def listed(parse: Callable[[str], Value]) -> Callable[[str], tuple[Value, ...]]:
+    """Return the parser of a list with commas."""
+    return lambda words: tuple(parse(word) for word in words.split(","))
 
 
 def compensation(word: str) -> str:
@@ -135,21 +128,23 @@ def compensation(word: str) -> str:
     return word if word in ("none", "newest") else str(whole_number(word))
 
 
-def control_address(word: str) -> ControlAddress:
-    """Parse the address at which a simulator accepts fault requests."""
-    from drivers.simulator.hosts.control_address import parse_control_address
+@contextmanager
+def problems_as_usage() -> Iterator[None]:
+    """Report what is wrong with an argument as a usage error."""
     from profiles.problem import ProblemError
 
     try:
-        return parse_control_address(word)
+        yield
     except ProblemError as error:
         raise argparse.ArgumentTypeError(Parser.text.problem(error.problems[0])) from error
 
 
-def _seed(word: str) -> int:
-    if not (word.isascii() and word.isdigit()) or int(word) > SEED_LIMIT:
-        raise argparse.ArgumentTypeError(Parser.text("usage.seed", value=word, limit=SEED_LIMIT))
-    return int(word)
+def control_address(word: str) -> ControlAddress:
+    """Parse the address at which a simulator accepts fault requests."""
+    from drivers.simulator.hosts.control_address import parse_control_address
+
+    with problems_as_usage():
+        return parse_control_address(word)
 
 
 def _plant(word: str) -> str:
@@ -159,9 +154,19 @@ def _plant(word: str) -> str:
     return word
 
 
-def _clamping_sd(word: str) -> float:
-    percent = number(word)
-    if not 0.0 <= percent <= MOST_CLAMPING_SD_PERCENT:
-        limit = f"{MOST_CLAMPING_SD_PERCENT:g}"
-        raise argparse.ArgumentTypeError(Parser.text("usage.clamping_sd", value=word, limit=limit))
-    return percent
+_seed = within(_digits, 0, SEED_LIMIT, "usage.seed", SEED_LIMIT)
+_sd_percent = within(number, 0.0, MOST_CLAMPING_SD_PERCENT, "usage.clamping_sd", f"{MOST_CLAMPING_SD_PERCENT:g}")
+
+_SHARED: dict[str, dict[str, Any]] = {
+    "json": {"action": "store_true"},
+    "sim": {"action": "store_true"},
+    "data": {"metavar": "FOLDER"},
+    "lang": {"choices": LANGUAGES},
+    "machine": {"metavar": "NAME"},
+    "link": {"metavar": "ADDRESS"},
+    "trace": {"metavar": "FILE"},
+    "plant": {"metavar": "PLANT", "type": _plant},
+    "seed": {"metavar": "N", "type": _seed},
+    "clamping-sd": {"metavar": "PERCENT", "type": _sd_percent},
+}
+"""Shared options; the help of each is `help.NAME`. The language was evaluated before the parser existed."""

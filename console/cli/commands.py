@@ -1,17 +1,17 @@
 """Commands of the console, in the order of its help, as a tree of parsers.
 
 A command is a module with two functions: `add(parser, text)` adds its arguments, `main(options, text)` does the
-work and returns the exit code. Its help is in the text catalogues as `help.NAME` and `help.NAME.long`. The
+work and returns the exit code. What it refuses, or what ends a motion, is a `ProblemError`, which the entry point
+reports; by then a machine is at rest. Its help is in the text catalogues as `help.NAME` and `help.NAME.long`. The
 module is imported when the command is called; slow imports happen in `main`; `--help` needs none.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable
-from typing import TypeAlias
+from typing import Any
 
-from console.cli.arguments import BEFORE, add_data, add_language, add_link, add_machine, add_plant
+from console.cli.arguments import LINK, PLANT, add_shared
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
@@ -33,9 +33,6 @@ COMMANDS = {
     "reproduce": "console.cli.measured.reproduce",
 }
 
-# argparse has no public name for what add_subparsers returns.
-_Commands: TypeAlias = "argparse._SubParsersAction[Parser]"  # noqa: SLF001
-
 
 def build(text: Catalogue) -> Parser:
     """Return the parser of the whole command line."""
@@ -44,11 +41,7 @@ def build(text: Catalogue) -> Parser:
     parser.add_argument("--version", action="store_true", help=text("help.version"))
     parser.add_argument("--json", action="store_true", help=text("help.json"))
     parser.add_argument("--sim", action="store_true", help=text("help.screen"))
-    add_machine(parser, text, absent=None)
-    add_link(parser, text, absent=None)
-    add_data(parser, text, absent=None)
-    add_plant(parser, text, absent=None)
-    add_language(parser, text)
+    add_shared(parser, text, "machine", *LINK, "data", *PLANT, "lang", absent=None)
     title = text("help.commands")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title=title, parser_class=Parser)
     for name, module in COMMANDS.items():
@@ -58,17 +51,14 @@ def build(text: Catalogue) -> Parser:
 
 def add_actions(parser: Parser, command: str, names: Iterable[str], text: Catalogue) -> dict[str, Parser]:
     """Add the actions of a command; return the parser of each."""
-    title = text(f"help.{command}.actions")
     actions = parser.add_subparsers(
-        dest="action", metavar="ACTION", title=title, required=True, parser_class=Parser
+        dest="action", metavar="ACTION", title=text(f"help.{command}.actions"), required=True, parser_class=Parser
     )
     return {name: _command(actions, name, f"{command}.{name}", text) for name in names}
 
 
-def _command(commands: _Commands, name: str, key: str, text: Catalogue) -> Parser:
+def _command(commands: Any, name: str, key: str, text: Catalogue) -> Parser:
     """Return the parser of a command with the common options; its help is under `key`."""
     parser: Parser = commands.add_parser(name, help=text(f"help.{key}"), description=text(f"help.{key}.long"))
-    parser.add_argument("--json", action="store_true", default=BEFORE, help=text("help.json"))
-    add_data(parser, text)
-    add_language(parser, text)
+    add_shared(parser, text, "json", "data", "lang")
     return parser

@@ -1,8 +1,11 @@
-"""Loading what the arguments name: the data folder, the job and the machine, real or simulated."""
+"""Loading what the arguments name: data folder, job, machine. A file raises `ProfileError` with every problem."""
 
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,8 +22,6 @@ if TYPE_CHECKING:
     from drivers.simulator.plant.true_parameters import TrueParameters
 
 DEFAULT_MACHINE = "lee-2001-lathe"
-OF_A_SIMULATION = ("plant", "seed", "clamping_sd")
-"""Options that describe the actual plant of a simulated lathe."""
 
 
 def data_of(options: Namespace) -> Path:
@@ -29,81 +30,47 @@ def data_of(options: Namespace) -> Path:
 
 
 def job_of(options: Namespace) -> LoadedJob:
-    """Load the job named on the command line.
-
-    Raises:
-        ProfileError: with every problem of it.
-    """
+    """Load the job named on the command line."""
     return load_job(options.job, jobs_folder(data_of(options)))
 
 
 def profile_of(options: Namespace) -> LoadedMachine:
-    """Load the machine named on the command line, for reading and calculating only.
-
-    Raises:
-        ProfileError: with every problem of it.
-    """
+    """Load the machine named on the command line, for reading and calculating only."""
     return load_machine(options.machine or DEFAULT_MACHINE, machines_folder(data_of(options)))
 
 
 def machine_of(options: Namespace) -> LoadedMachine:
-    """Load the machine named on the command line, for a command that moves it.
-
-    Raises:
-        ProfileError: with every problem of it; `safety.signed_for_simulator`, it is not for a real link.
-        LinkError: `link.bad_address`.
-    """
+    """Load the machine named on the command line, for a command that moves it; as `refuse_unsigned`."""
     loaded = profile_of(options)
-    if is_real(link_address(options, loaded)):
+    if not isinstance(link_address(options, loaded), SimulatedAddress):
         refuse_unsigned(loaded.machine)
     return loaded
 
 
 def judged_of(options: Namespace) -> CalibratedMachine:
-    """Load the machine named on the command line with its newest calibrations, to judge a job on it.
-
-    Raises:
-        ProfileError: with every problem of it; see `calibrated`.
-    """
+    """Load the machine named on the command line with its newest calibrations, to judge a job on it."""
     return calibrated(profile_of(options), data_of(options))
 
 
 def link_address(options: Namespace, machine: LoadedMachine) -> LinkAddress:
-    """Return the machine's address from --link or its profile; a simulated one where neither gives one.
-
-    Raises:
-        LinkError: `link.bad_address`.
-    """
-    told = options.link or machine.machine.link
-    return parse_address(told) if told and not options.sim else SimulatedAddress()
-
-
-def is_real(address: LinkAddress) -> bool:
-    """Whether the console must assume a real machine."""
-    return not isinstance(address, SimulatedAddress)
+    """Return the machine's address from --link or its profile, else a simulated one; `LinkError` for a bad one."""
+    given = options.link or machine.machine.link
+    return parse_address(given) if given and not options.sim else SimulatedAddress()
 
 
 def refuse_unsigned(machine: MachineProfile) -> None:
-    """Refuse a machine on a real link whose profile was signed for the simulator.
-
-    Raises:
-        ProfileError: `safety.signed_for_simulator`.
-    """
+    """Refuse a machine on a real link with `safety.signed_for_simulator` where its profile was signed for that."""
     if problems := real_machine_problems(machine):
         raise ProfileError(*problems)
 
 
 def plant_given(options: Namespace) -> bool:
-    """Whether the command line describes a simulated plant."""
-    return any(getattr(options, name) is not None for name in OF_A_SIMULATION)
+    """Whether the command line describes the actual plant of a simulated lathe."""
+    return any(each is not None for each in (options.plant, options.seed, options.clamping_sd))
 
 
 def simulated_address(options: Namespace, machine: MachineProfile) -> SimulatedAddress | None:
-    """Return the simulated lathe that --plant, --seed and --clamping-sd describe, None without these.
-
-    Raises:
-        ProfileError: no such plant, or its file cannot be used.
-    """
+    """Return the simulated lathe that --plant, --seed and --clamping-sd describe, None without these."""
     if not plant_given(options):
         return None
     plant, sd_percent = options.plant or SimulatedAddress().plant, options.clamping_sd or 0.0
@@ -116,11 +83,8 @@ def simulated_address(options: Namespace, machine: MachineProfile) -> SimulatedA
 def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParameters | None:
     """Return the actual plant that a command without screens cuts on, None where it is not specified.
 
-    Without screens there is no alignment, so the plant must be set up as profile and job say: `ideal` by default.
-
-    Raises:
-        SessionError: `session.nobody_aligns`, the plant `mounted`.
-        ProfileError: no such plant, or its file cannot be used.
+    Without screens there is no alignment, so the plant must be set up as profile and job say: `ideal` by default,
+    and `session.nobody_aligns` for the plant `mounted`.
     """
     if not plant_given(options):
         return None
@@ -130,3 +94,17 @@ def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParam
     if plant == MOUNTED:
         raise SessionError(Problem(code="session.nobody_aligns", key="--plant", value=plant))
     return plant_named(plant, machine, options.seed, options.clamping_sd or 0.0)
+
+
+def named(problems: Iterable[Problem], where: str) -> tuple[Problem, ...]:
+    """Return the problems, with the file in those that name no place."""
+    return tuple(replace(problem, where=problem.where or where) for problem in problems)
+
+
+@contextmanager
+def naming(where: str) -> Iterator[None]:
+    """Name the file in every problem of its contents."""
+    try:
+        yield
+    except ProfileError as error:
+        raise ProfileError(*named(error.problems, where)) from error

@@ -1,14 +1,59 @@
-"""Output of results: JSON with unrounded numbers on stdout, warnings on stderr."""
+"""What a command exchanges with the operator: results as text or JSON, warnings, consent; streams escaped."""
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from argparse import Namespace
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TextIO
 
 from console.text.catalogue import Catalogue
 from console.text.escaping import encodable, escaped
 from profiles.problem import Problem
+
+
+class EscapedOutput:
+    """Stream in any encoding that escapes what would control the terminal; otherwise the wrapped stream."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text; return its unescaped length, as streams do."""
+        self._stream.write(encodable(escaped(text), self._stream.encoding))
+        return len(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        """Write several texts."""
+        for line in lines:
+            self.write(line)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def escape_streams() -> None:
+    """Wrap both output streams, once."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if not isinstance(stream, EscapedOutput):
+            setattr(sys, name, EscapedOutput(stream))
+
+
+def show(
+    options: Namespace, fields: Callable[[], Mapping[str, object]], lines: Callable[[], Iterable[str]]
+) -> None:
+    """Print a result for people, or with --json as an object; only the form that is printed is worked out."""
+    if options.json:
+        print_json(fields())
+    else:
+        print("\n".join(lines()))
+
+
+def fields_of(source: object, *names: str) -> dict[str, Any]:
+    """Return attributes under their own names, for JSON."""
+    return {name: getattr(source, name) for name in names}
 
 
 def print_json(value: Mapping[str, object]) -> None:
@@ -27,3 +72,25 @@ def tell(problems: Iterable[Problem], text: Catalogue) -> list[str]:
         print(f"console: {text('warning')}: {warning}", file=sys.stderr)
     sys.stderr.flush()
     return warnings
+
+
+def agreed(options: Namespace, machine_name: str, simulated: bool, text: Catalogue) -> bool:
+    """Return whether the machine may be moved: with --yes, simulated, or when its name was typed.
+
+    `agreement.ask.COMMAND` is the text of what the command is about to move.
+    """
+    if options.yes or simulated:
+        return True
+    command = options.command
+    if not sys.stdin.isatty():
+        print(f"console {command}: {text('agreement.nobody_to_ask')}", file=sys.stderr)
+        return False
+    print(text(f"agreement.ask.{command}", machine=machine_name), end="", file=sys.stderr, flush=True)
+    try:
+        typed = sys.stdin.readline().strip()
+    except UnicodeDecodeError:  # not decodable in the terminal's declared encoding
+        typed = ""
+    if typed == machine_name:
+        return True
+    print(f"console {command}: {text('agreement.not_typed')}", file=sys.stderr)
+    return False

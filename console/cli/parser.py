@@ -10,17 +10,14 @@ from typing import Any, NoReturn
 
 from console.text.catalogue import Catalogue
 
-_WORDING = (
-    (re.compile(r"the following arguments are required: (?P<value>.*)"), "usage.required"),
-    (re.compile(r"one of the arguments (?P<value>.*) is required"), "usage.required"),
-    (re.compile(r"unrecognized arguments: (?P<value>.*)"), "usage.unrecognized"),
-    (
-        re.compile(r"argument (?P<key>.*?): invalid choice: (?P<value>.*?) \(choose from (?P<limit>.*)\)"),
-        "usage.choice",
-    ),
-    (re.compile(r"argument (?P<key>.*?): expected one argument"), "usage.value_missing"),
-    (re.compile(r"argument (?P<key>.*?): (?P<value>.*)"), "usage.argument"),
-)
+_WORDING = {
+    r"the following arguments are required: (?P<value>.*)": "usage.required",
+    r"one of the arguments (?P<value>.*) is required": "usage.required",
+    r"unrecognized arguments: (?P<value>.*)": "usage.unrecognized",
+    r"argument (?P<key>.*?): invalid choice: (?P<value>.*?) \(choose from (?P<limit>.*)\)": "usage.choice",
+    r"argument (?P<key>.*?): expected one argument": "usage.value_missing",
+    r"argument (?P<key>.*?): (?P<value>.*)": "usage.argument",
+}
 """Messages of argparse, and our sentence for each."""
 
 
@@ -59,11 +56,10 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Report the usage error, and exit with 2."""
-        said = " ".join(message.split())
-        for pattern, key in _WORDING:
-            match = pattern.fullmatch(said)
-            if match:
-                said = self.text(key, **match.groupdict())
+        sentence = " ".join(message.split())
+        for pattern, key in _WORDING.items():
+            if match := re.fullmatch(pattern, sentence):
+                sentence = self.text(key, **match.groupdict())
                 break
-        print(f"{self.prog}: {said}", file=sys.stderr)
+        print(f"{self.prog}: {sentence}", file=sys.stderr)
         raise SystemExit(2)

@@ -13,7 +13,7 @@ import time
 
 from drivers.simulator.hosts.channel import converse
 from drivers.simulator.hosts.pty import PtyHost
-from drivers.simulator.hosts.real_time import PatientTime, ending_signals, keep_time
+from drivers.simulator.hosts.real_time import ending_signals, keep_time, patient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import MOUNTED, plant_named
 from profiles.store import load_machine
@@ -39,8 +39,8 @@ async def _serve(lathe: SimulatedLathe, channel: socket.socket) -> None:
     reader, writer = await asyncio.open_connection(sock=channel)
     host = PtyHost(lathe)
     try:
-        patient = PatientTime(lathe, lambda: None if lathe.lines.cut else host.heard_s, time.monotonic)
-        await keep_time(patient, (host,), ended.wait(), converse(lathe, host.device, reader, writer))
+        advance = patient(lathe.wait, lambda: None if lathe.lines.cut else host.heard_s, time.monotonic)
+        await keep_time(advance, (host,), ended.wait(), converse(lathe, host.device, reader, writer))
     finally:
         host.close()
         writer.transport.abort()

@@ -1,7 +1,8 @@
-"""The addressing of one host, and its pending data; each port has its own."""
+"""The addressing of one host with its pending data, and the form of a command that acts for it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from drivers.pmac.dialect import Dialect
@@ -14,11 +15,9 @@ from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.motor import Motor
 
-ALL_CARDS = -1
-"""`@@`: every controller on the line is addressed."""
-
-HIGHEST_CARD = 15
-"""Controllers on one line are numbered from 0."""
+ALL_CARDS = -1  # `@@`: every controller on the line is addressed
+HIGHEST_CARD = 15  # controllers on one line are numbered from 0
+LINE_WORK = 16  # cost of writing or storing a program line, in variables read
 
 
 @dataclass(slots=True, eq=False)
@@ -42,12 +41,7 @@ class Context:
     @property
     def dialect(self) -> Dialect:
         """The family of the controller."""
-        return self.controller.variables.dialect
-
-    @property
-    def all_cards(self) -> bool:
-        """Whether the host addresses every controller on its line."""
-        return self.card_number == ALL_CARDS
+        return self.controller.dialect
 
     @property
     def motor(self) -> Motor:
@@ -56,11 +50,7 @@ class Context:
 
     @property
     def active_motor(self) -> Motor:
-        """The addressed motor, checked to be movable.
-
-        Raises:
-            PmacError: 013, it is not activated.
-        """
+        """The addressed motor, checked to be movable. Raises PmacError: 013, it is not activated."""
         motor = self.motor
         if not motor.activated:
             raise PmacError(ErrorCode.NOT_ACTIVATED, f"motor {self.motor_number}")
@@ -83,10 +73,39 @@ class Context:
         return opened is not None and opened.owner is self
 
     def expression(self, scanner: Scanner) -> float:
-        """Parse an expression and return its value.
-
-        Raises:
-            PmacError: 003, not an expression, or one without a value.
-        """
+        """Parse an expression; return its value. Raises PmacError: 003, no expression, or one without a value."""
         degrees = self.controller.variables.i(15) == 0
         return evaluate(parse_expression(scanner), self.variables, degrees, strict=False)
+
+    def list_lines(self, lines: list[str]) -> None:
+        """Reply with lines of a listing."""
+        self.work += len(lines) * LINE_WORK
+        self.lines += lines
+
+
+Handler = Callable[[Scanner, Context], None]  # a command: parses its own arguments, acts for its host
+
+
+def say(report: Callable[[Context], str]) -> Handler:
+    """Return a command that replies one line."""
+    return lambda _, context: context.lines.append(report(context))
+
+
+def act(action: Callable[[Context], object]) -> Handler:
+    """Return a command without arguments."""
+
+    def command(_: Scanner, context: Context) -> None:
+        action(context)
+
+    return command
+
+
+def signed_constant(scanner: Scanner) -> float | None:
+    """Consume a constant, negative or not; None, with nothing consumed, when there is none at the cursor."""
+    start = scanner.mark()
+    negative = scanner.accept("-")
+    value = scanner.take_number()
+    if value is None:
+        scanner.reset(start)
+        return None
+    return -value if negative else value

@@ -9,17 +9,18 @@ from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.settings import settings_with
 from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.motor import Motor
 from drivers.simulator.card.registers import CardMemory
 from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.card.watchdog import Background
 from drivers.simulator.faults.board import FaultBoard
+from drivers.simulator.faults.catalogue import AXES
 from drivers.simulator.faults.effects import FaultTarget
 from drivers.simulator.faults.lines import Lines
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.hosts.program_voice import speak
 from drivers.simulator.plant.collision import Collision
 from drivers.simulator.plant.drives import build_drives
-from drivers.simulator.plant.inverter import InverterSpindle
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workshop import SimulatedWorkshop
 from drivers.simulator.plant.workshop_view import WorkshopView
@@ -44,11 +45,10 @@ class SimulatedLathe:
         `dialect` is the family of the controller, by default that of the profile. `saved` is the file that SAVE
         writes; an earlier saved state in it is restored.
 
-        Raises:
-            ProfileError: `file.unreadable`, there is something else in that file.
+        Raises ProfileError: `file.unreadable`, there is something else in that file.
         """
         self._machine = machine
-        self._true = true = true or ideal(machine)
+        true = true or ideal(machine)
         dialect = dialect or DIALECTS[machine.controller.family]
         variables = settings_with(machine.controller.variables, dialect)
         self._drives = build_drives(machine, true, variables)
@@ -62,22 +62,21 @@ class SimulatedLathe:
             Flash(saved),
         )
         self._block = max(1, round(machine.controller.background_ms / machine.controller.servo_period_ms))
-        self._wire_up()
+        tool, spindle, carriage = self._motors()
+        tool.scale = self.tool.scale
+        if self._drives.load is not None:
+            self._drives.load.watch(tool, spindle, carriage)
         self._gains_revision = -1  # the saved gains may differ from the profile's
         self.controller.variables.memory = CardMemory(self.controller)
         self._ports: list[Port] = []
         self.lines = Lines(now_s=self.now_s)
         self._background = Background(self.controller, self.lines)
-        self.faults = FaultBoard(self._site())
+        self.faults = FaultBoard(self._fault_target())
         self._floor = SimulatedWorkshop(machine, true, self._drives)
         self._debt_cycles = 0.0
 
     def connect(self) -> Port:
-        """Connect a host.
-
-        Raises:
-            LinkError: `link.refused`, the cable is cut.
-        """
+        """Connect a host. Raises LinkError: `link.refused`, the cable is cut."""
         if self.lines.cut:
             raise LinkError(Problem(code="link.refused", where="memory", value="the cable is cut"))
         port = Port(self.controller, self.lines)
@@ -127,75 +126,49 @@ class SimulatedLathe:
         self._floor.mount(job)
 
     def measure(self, past_middle_mm: float = 0.0) -> Trace:
-        """Release the part and measure its trace; repeatable until another is clamped.
-
-        The trace is taken this far past the middle of the cut, towards the jaws; see `SimulatedWorkshop.measure`.
-
-        Raises:
-            ValueError: there is no section at `past_middle_mm`.
-            RuntimeError: no part is mounted.
-        """
+        """Release the part and measure its trace, see `SimulatedWorkshop.measure`."""
         return self._floor.measure(past_middle_mm)
 
     def measure_clamped(self) -> Trace:
-        """Measure the trace of the part in the chuck, as cut, including the error of the spindle.
-
-        Raises:
-            RuntimeError: no part is mounted.
-        """
+        """Measure the part in the chuck, see `SimulatedWorkshop.measure_clamped`."""
         return self._floor.measure_clamped()
 
     def look(self) -> WorkshopView:
         """Return what an operator sees at the chuck, without counts and zeros."""
-        machine, motors = self._machine, self.controller.motors
-        axes = (machine.tool, machine.spindle, machine.carriage)
-        tool, spindle, carriage = (motors[axis.motor].true_position for axis in axes)
-        return self._floor.look(tool, spindle, carriage)
+        return self._floor.look(*(motor.true_position for motor in self._motors()))
 
     @property
     def collisions(self) -> tuple[Collision, ...]:
         """The collisions since the last blank was clamped, each kind once."""
-        return self._floor.collisions
+        return self._floor.watch.found
 
     def set_spindle(self, rpm: float | None) -> None:
         """Set a spindle on an inverter at the lathe: it ramps to `rpm`, positive in the direction of the cut.
 
         None disables it: it coasts.
 
-        Raises:
-            RuntimeError: the controller drives this spindle, or it is not made for that speed.
+        Raises RuntimeError: the controller drives this spindle, or it is not made for that speed.
         """
-        if rpm is None:
-            self._inverter().switch_off()
-            return
         most_rpm = self._machine.spindle.max_speed_rpm
-        if not abs(rpm) <= most_rpm:
+        if rpm is not None and not abs(rpm) <= most_rpm:
             raise RuntimeError(f"the spindle turns at most {most_rpm:g} rpm, not {rpm:g}")
-        self._inverter().set_rpm(rpm)
-
-    def _wire_up(self) -> None:
-        """Connect the motor of the tool to the scale of its axis, and the cut to the axis positions."""
-        machine, motors = self._machine, self.controller.motors
-        tool = motors[machine.tool.motor]
-        tool.scale = self.tool.scale
-        if self._drives.load is not None:
-            self._drives.load.watch(tool, motors[machine.spindle.motor], motors[machine.carriage.motor])
-
-    def _inverter(self) -> InverterSpindle:
-        if self._drives.inverter is None:
+        inverter = self._drives.inverter
+        if inverter is None:
             raise RuntimeError("the controller drives this spindle: there is no inverter")
-        return self._drives.inverter
+        if rpm is None:
+            inverter.switch_off()
+        else:
+            inverter.set_rpm(rpm)
 
-    def _site(self) -> FaultTarget:
-        """Return the targets of faults."""
-        machine = self._machine
+    def _motors(self) -> tuple[Motor, Motor, Motor]:
+        """Return the motors of tool, spindle and carriage."""
+        machine, motors = self._machine, self.controller.motors
+        return motors[machine.tool.motor], motors[machine.spindle.motor], motors[machine.carriage.motor]
+
+    def _fault_target(self) -> FaultTarget:
         return FaultTarget(
             controller=self.controller,
-            motors={
-                "tool": machine.tool.motor,
-                "spindle": machine.spindle.motor,
-                "carriage": machine.carriage.motor,
-            },
+            motors=dict(zip(AXES, self._motors(), strict=True)),
             lines=self.lines,
             background=self._background,
             cut=self._cut_off_all,
@@ -219,11 +192,8 @@ class SimulatedLathe:
         tracks = controller.run_block(self._block)
         self._floor.pass_along(tracks, controller.now_ms)
         self.faults.follow()
-        if self._background.comes():
-            self._run_background()
-
-    def _run_background(self) -> None:
-        controller = self.controller
+        if not self._background.comes():
+            return
         controller.background()
         # Program and PLC commands first: a host's stop in the same cycle takes precedence.
         speak(controller, self._ports)

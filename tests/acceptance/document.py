@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from console.cli.measured.reproduce_lines import Row, reason_lines, rows
+from console.cli.measured.comparison import Row, reason_lines, rows
 from console.text.catalogue import load
 from profiles.paper.record import Record
 from tests.golden_text import writing

@@ -9,7 +9,7 @@ from functools import cache
 
 import pytest
 
-from console.cli.measured.reproduce_lines import ACCEPTANCE, head, title
+from console.cli.measured.comparison import ACCEPTANCE, head, title
 from console.tui.plot.paper_figures import figure_lines
 from profiles.paper.experiments import lee_2001
 from profiles.paper.record import Section

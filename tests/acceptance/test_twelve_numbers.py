@@ -11,7 +11,7 @@ from functools import cache
 
 import pytest
 
-from console.cli.measured.reproduce_lines import head, rows
+from console.cli.measured.comparison import head, rows
 from console.session.reproduction.numbers import NUMBERS
 from profiles.paper import acceptance
 from profiles.paper.experiments import Experiments, lee_2001

@@ -19,8 +19,7 @@ from hypothesis import strategies as st
 
 import console.tui as tui
 from console.__main__ import main
-from console.cli.escaped_output import EscapedOutput
-from console.cli.output import print_json
+from console.cli.output import EscapedOutput, print_json
 from console.text.columns import cell_width
 from console.text.escaping import encodable, escaped, escaped_line
 from console.tui.lines import Sheet, plain

@@ -14,8 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.cli.clamping_fields import span_fields
-from console.cli.clamping_lines import span_line
+from console.cli.judgement import span_fields, span_line
 from console.session.data.calibrated_chuck import calibrated
 from console.session.data.kept_files import machines_folder
 from console.session.work import opened

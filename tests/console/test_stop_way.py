@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from console.cli.machine.card_access import Card
-from console.cli.machine.stop_checks import keep_stops, stop_checks
+from console.cli.machine.doctor_checks import keep_stops, stop_checks
 from console.session.data.stop_records import load
 from console.session.station.commands import Start
 from drivers.commissioning.proofs.proving import Proven

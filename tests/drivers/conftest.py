@@ -13,9 +13,9 @@ from drivers.lathe.snapshot import AxisName
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from drivers.simulator.card.servo import Axis
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.axis import Axis
 from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.job import Job
 from profiles.machine import MachineProfile

@@ -17,7 +17,6 @@ from drivers.pmac.settings import settings_with
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.motor import Motor
-from drivers.simulator.card.program_buffer import ProgramBuffer
 
 CYCLE_MS = 3_713_707 / 8_388_608
 """The factory's servo cycle."""
@@ -71,7 +70,7 @@ class IdealCard:
         self.system.point(number)
 
     def store(self, *lines: str, number: int) -> None:
-        self.controller.programs[number] = ProgramBuffer([parse_line(line) for line in lines])
+        self.controller.programs[number] = [parse_line(line) for line in lines]
 
     def wait(self, ms: float) -> None:
         """Advance by whole background cycles."""

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.pmac.language.errors import PmacError
+from drivers.simulator.card.coordinate import CoordinateSystem
 from tests.drivers.ideal_card import CYCLE_MS, IdealCard
 
 PROGRAMS = (
@@ -48,7 +49,7 @@ ACTS: dict[str, Act] = {
     "PMATCH": lambda card: card.system.match_positions(),
     "Z": lambda card: card.system.zero_axes(),
     "^A": lambda card: card.controller.abort_all(),
-    "^R": lambda card: card.controller.run_all(),
+    "^R": lambda card: card.controller.each_system(CoordinateSystem.run),
     **{f"B{number}": lambda card, number=number: card.system.point(number) for number in range(1, 6)},  # type: ignore[misc]
 }
 JOGS: dict[str, Act] = {

@@ -32,7 +32,7 @@ def test_the_lathe_is_behind_the_first_three_and_what_is_not_activated_is_off(
     controller = SimulatedLathe(machine, dialect=dialect).controller
     assert [motor.number for motor in controller.motors.values() if motor.activated] == [1, 2, 3]
     assert set(controller.run_block(11)) == {1, 2, 3}
-    assert set(controller.systems[1].definitions) == {1, 2, 3}
+    assert set(controller.systems[1].frame.definitions) == {1, 2, 3}
 
 
 @FAMILIES

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from drivers.simulator.ethernet.board import Board
-from drivers.simulator.ethernet.session import EthernetSession
 from drivers.simulator.hosts.connection import SLOW_READER, UNREAD_LIMIT, Begin, Connection, PlainStream
+from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.hosts.port import INBOX_LIMIT
 from drivers.simulator.hosts.real_time import Host
 
@@ -137,7 +136,7 @@ def test_a_stop_acts_as_it_comes(closed: Bench, stop: bytes) -> None:
 
     async def scene(hall: Hall) -> None:
         hall.plain(Network()).data_received(b"P1..99\r" * 50 + stop)
-        assert motor.aborting if stop == b"\x01" else not motor.enabled
+        assert motor.jog.aborting if stop == b"\x01" else not motor.enabled
 
     play(closed, scene)
 

@@ -168,7 +168,7 @@ def test_a_servo_that_runs_at_another_rate_is_found(machine: MachineProfile) -> 
 def test_a_card_whose_correction_vanishes_with_the_switch_is_found(
     machine: MachineProfile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    look = Leads.look
+    look = Leads.refresh
 
     def forgetful(self: Leads) -> bool:
         if not self._variables.i(51):
@@ -176,7 +176,7 @@ def test_a_card_whose_correction_vanishes_with_the_switch_is_found(
                 motor.correction = 0.0
         return look(self)
 
-    monkeypatch.setattr(Leads, "look", forgetful)
+    monkeypatch.setattr(Leads, "refresh", forgetful)
     check = compensation_edge(commissioned(machine).bench())
     assert (check.severity, check.found) == (Severity.REFUSAL, "10, 0, 0")
 

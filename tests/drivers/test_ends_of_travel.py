@@ -56,7 +56,7 @@ def test_a_loop_that_is_told_to_go_further_pushes_against_it_and_comes_back(
     track = [place for at in range(0, 4000, block) for place in tool.follow(there[at : at + block])]
     assert max(track) + tool.origin == pytest.approx(TOOL_MM[1] * 5000.0)
     assert track[-1] == max(track)
-    assert tool.output_fraction > 0.1
+    assert tool.output_bits / tool.limit_bits > 0.1
     back = np.maximum(there[-1] - np.arange(1, 4001) * speed, 60.0 * 5000.0).tolist()
     track = [place for at in range(0, 4000, block) for place in tool.follow(back[at : at + block])]
     # What its integrator has taken up at the end, it lets go in seconds.

@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.ethernet import Direction, MalformedRequestError, Request, RequestCode
-from drivers.simulator.ethernet.board import Board
-from drivers.simulator.ethernet.session import EthernetSession
+from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine
 
@@ -296,7 +295,7 @@ def test_a_client_that_never_fetches_costs_no_more_than_so_much_memory(
     client: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An answer of 2003 bytes is still kept whole when it is the one that goes beyond the limit."""
-    monkeypatch.setattr("drivers.simulator.ethernet.session.UNREAD_LIMIT", 10_000)
+    monkeypatch.setattr("drivers.simulator.hosts.ethernet.UNREAD_LIMIT", 10_000)
     kept = b""
     for _ in range(30):
         client.ask(RequestCode.SENDLINE, b"P0..1000")

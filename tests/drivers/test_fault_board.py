@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import RefusedError
-from drivers.simulator.faults.catalogue import CATALOGUE, Fault
-from drivers.simulator.faults.parameter import Parameter, Value
+from drivers.simulator.faults.catalogue import CATALOGUE, Fault, Parameter, Value
 from drivers.simulator.hosts.channel import answer as answer_on_channel
 from drivers.simulator.hosts.control_line import answer
 from drivers.simulator.machine import SimulatedLathe
@@ -34,7 +33,7 @@ def lathe(machine: MachineProfile) -> SimulatedLathe:
 
 
 def names(lathe: SimulatedLathe) -> list[str]:
-    return [injected.name for injected in lathe.faults.active()]
+    return [injected.fault.name for injected in lathe.faults.active()]
 
 
 def problem_of(action: Callable[[], object]) -> tuple[str, str, str, str]:

@@ -6,12 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.simulator.faults.carrying import Piece, combine, late, schedule, slow, split
-from drivers.simulator.faults.spoiling import (
+from drivers.simulator.faults.line_effects import (
     SPOILERS,
+    Piece,
     Reply,
     as_bare_bell,
     as_nul,
+    combine,
+    late,
+    schedule,
+    slow,
+    split,
     with_empty_line,
     with_wrong_checksums,
     without_acknowledgement,

@@ -193,7 +193,7 @@ def test_a_hanging_card_hears_no_stop_while_its_motors_go_on(closed: Bench) -> N
     assert motor.jogging
     assert abs(motor.actual - where) > 1000, "10 counts/ms, for most of half a second"
     closed.sim.wait(0.05)
-    assert not motor.jogging or motor.aborting, "it is heard as soon as the card reads again"
+    assert not motor.jogging or motor.jog.aborting, "it is heard as soon as the card reads again"
 
 
 def test_the_client_is_silent_about_nothing_while_the_card_hangs(bench: Bench) -> None:

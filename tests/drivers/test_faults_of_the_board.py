@@ -8,9 +8,8 @@ from functools import partial
 
 import pytest
 
-from drivers.simulator.ethernet.board import Board
-from drivers.simulator.ethernet.session import EthernetSession
 from drivers.simulator.hosts.connection import Connection, PlainStream
+from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.drivers.test_connections import GETRESPONSE, Hall, Network, pass_time

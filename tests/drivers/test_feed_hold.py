@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.drivers.ideal_card import CYCLE_MS, IdealCard, moving_time_ms, refused, said
+from drivers.simulator.card.coordinate import CoordinateSystem
+from tests.drivers.ideal_card import CYCLE_MS, IdealCard, moving_time_ms, refused
 
 LONG = ("INC", "TA20 TS0 TM500", "X10000 Y5000", "X5000 Y2500", "P1=P1+1")
 
@@ -17,7 +18,7 @@ def held(card: IdealCard, *lines: str) -> None:
     card.wait(100)
     card.system.hold()
     card.wait(50)
-    assert card.system.held
+    assert card.system.motion.held_at is not None
 
 
 @pytest.fixture
@@ -61,7 +62,7 @@ def test_both_the_stop_and_the_start_slew_at_ix95_and_not_at_ix94() -> None:
 def test_a_held_program_still_runs_and_is_not_in_position(card: IdealCard) -> None:
     held(card, *LONG)
     assert card.system.running
-    assert card.system.override_percent == 0
+    assert card.system.time_base.percent == 0
     assert card.motor().velocity == 0
     assert not card.motor().in_position
 
@@ -101,7 +102,7 @@ def test_s_goes_on_to_the_end_of_the_move_and_rests(card: IdealCard) -> None:
     card.settle()
     # The second move was calculated when the first began, the third is the one that S asks for.
     assert card.x == 3000
-    assert card.system.single_step
+    assert card.system.motion.single_step
     card.system.run()
     card.settle()
     assert card.x == 5000
@@ -114,10 +115,10 @@ def test_a_run_before_the_hold_is_complete_turns_it_round() -> None:
     card.wait(100)
     card.system.hold()
     card.wait(300)
-    assert card.system.override_percent == pytest.approx(70, abs=2)
+    assert card.system.time_base.percent == pytest.approx(70, abs=2)
     card.system.run()
     card.wait(350)
-    assert card.system.override_percent == 100
+    assert card.system.time_base.percent == 100
 
 
 def test_a_dwell_ends_in_its_own_time_and_then_nothing_moves(card: IdealCard) -> None:
@@ -148,20 +149,20 @@ def test_a_program_hold_without_segments_is_a_feed_hold(card: IdealCard) -> None
     card.wait(100)
     card.system.quick_hold()
     card.wait(50)
-    assert said(card.system, "held", "program_hold") == ["held", "program_hold"]
+    assert (card.system.program_hold, card.system.motion.held_at is None) == (True, False)
     card.system.run()
     card.settle()
-    assert said(card.system, "held", "program_hold") == []
+    assert (card.system.program_hold, card.system.motion.held_at is None) == (False, True)
     assert card.x == pytest.approx(15_000)
 
 
 def test_all_systems_are_held_and_run_together(card: IdealCard) -> None:
     card.program(*LONG)
-    card.controller.run_all()
+    card.controller.each_system(CoordinateSystem.run)
     card.wait(100)
-    card.controller.hold_all()
+    card.controller.each_system(CoordinateSystem.hold)
     card.wait(50)
-    assert card.system.held
-    card.controller.run_all()
+    assert card.system.motion.held_at is not None
+    card.controller.each_system(CoordinateSystem.run)
     card.settle()
     assert card.x == pytest.approx(15_000)

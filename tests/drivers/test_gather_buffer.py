@@ -135,7 +135,7 @@ def test_data_go_on_behind_those_that_are_there_and_define_begins_anew() -> None
         memory.write(word("D"), value)
         gather.start()
         run(gather, 2)
-        gather.stop()
+        gather.running = False
     assert gather.long_words() == [1, 1, 2, 2]
     gather.define(100)
     gather.start()
@@ -155,7 +155,7 @@ def test_what_is_gathered_is_read_once_when_it_starts(dialect: Dialect) -> None:
     gather.start()  # it runs: this changes nothing
     run(gather, 1)
     assert gather.long_words() == [1, 1, 1]
-    gather.stop()
+    gather.running = False
     gather.start()
     run(gather, 5)
     assert gather.long_words() == [1, 1, 1, 2]
@@ -190,9 +190,9 @@ def test_while_it_runs_it_is_neither_defined_nor_deleted() -> None:
     run(gather, 3)
     assert refusal(gather.define, 10) == refusal(gather.delete) == 7
     assert len(gather.long_words()) == 3
-    gather.stop()
+    gather.running = False
     gather.delete()
-    assert not gather.defined
+    assert not gather.size
 
 
 def test_nothing_is_listed_before_something_was_gathered() -> None:
@@ -202,7 +202,7 @@ def test_nothing_is_listed_before_something_was_gathered() -> None:
     assert gather.long_words() == []
     run(gather, 2)
     assert len(gather.long_words()) == 2
-    gather.stop()
+    gather.running = False
     gather.define(50)
     assert refusal(gather.long_words) == 3
 

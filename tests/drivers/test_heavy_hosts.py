@@ -11,7 +11,7 @@ import pytest
 from drivers.pmac.dialect import TURBO
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card.controller import Controller
-from drivers.simulator.hosts.share import LINES_PER_TURN, WORK_PER_CYCLE
+from drivers.simulator.hosts.port import LINES_PER_TURN, WORK_PER_CYCLE
 from profiles.machine import MachineProfile
 from tests.drivers.wire_board import BoardWire, wire_board
 from tests.drivers.wire_card import CYCLE_S, Wire, wire
@@ -220,7 +220,7 @@ def test_a_stop_behind_half_a_megabyte_of_heavy_lines_acts_at_once(card: Wire, s
     assert not card.port.crowded
     card.sim.attend(card.port)
     motor = card.card.motors[2]
-    assert (motor.enabled, motor.aborting) == (closed, closed)
+    assert (motor.enabled, motor.jog.aborting) == (closed, closed)
 
 
 def test_control_x_behind_half_a_megabyte_of_heavy_lines_empties_the_queue(card: Wire) -> None:

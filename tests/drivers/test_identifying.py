@@ -265,8 +265,8 @@ def test_where_rest_is_not_proven_all_is_put_back_but_what_would_throw_the_tool(
     with pytest.raises(DriverError) as ended:
         identify(of.rig, asked, of.origin, DATE, ending)
     assert "machine.state_unknown" in [problem.code for problem in ended.value.problems]
-    assert not of.sim.controller.gather.defined
-    assert not of.sim.controller.programs[998].lines
+    assert not of.sim.controller.gather.size
+    assert not of.sim.controller.programs[998]
     assert of.sim.controller.tables.tables and of.sim.controller.variables.i(51) == 1.0
 
 
@@ -327,8 +327,8 @@ def _left_safe(of: Stand) -> None:
     assert all(motor.correction == 0.0 for motor in of.sim.controller.motors.values())
     assert not of.sim.controller.tables.tables
     assert of.sim.controller.variables.i(51) == 0.0
-    assert not of.sim.controller.gather.defined
-    assert not of.sim.controller.programs[998].lines
+    assert not of.sim.controller.gather.size
+    assert not of.sim.controller.programs[998]
 
 
 @ON_ONE

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from drivers.pmac.dialect import PMAC, TURBO
+from drivers.simulator.card.jog_motion import Stage
 from tests.drivers.conftest import Bench
 from tests.drivers.ideal_card import BLOCK, CYCLE_MS, IdealCard, refused, said
 
@@ -71,26 +72,25 @@ def test_a_jog_until_a_trigger_ends_so_many_counts_past_it(card: IdealCard) -> N
     motor = card.motor()
     motor.jog_to(5000, past_trigger=-20.0)
     card.wait(10)
-    names = ("searching", "trigger_move", "homing", "home_complete")
-    assert said(motor, *names) == ["searching", "trigger_move"]
+    assert (motor.jog.stage, motor.jog.homes, motor.home_complete) == (Stage.SEARCHING, False, False)
     assert jogged(card) == pytest.approx(1500 - 20)
-    assert said(motor, *names) == []
+    assert (motor.jog.stage, motor.home_complete) == (None, False)
 
 
 def test_without_a_trigger_it_ends_where_it_was_told_and_the_bit_stays(card: IdealCard) -> None:
     motor = card.motor()
     motor.jog_to(1000, past_trigger=0.0)
     assert jogged(card) == 1000
-    assert motor.trigger_move and not motor.searching
+    assert motor.jog.stage not in (None, Stage.SEARCHING)
     motor.jog_by(1.0)
-    assert not motor.trigger_move
+    assert motor.jog.stage is None
 
 
 def test_the_search_bit_ends_with_the_trigger_and_home_complete_comes_with_it(card: IdealCard) -> None:
     card.set(I123=-5)
     motor = card.motor()
     motor.home()
-    while motor.searching:
+    while motor.jog.stage is Stage.SEARCHING:
         assert not motor.home_complete
         card.block()
     assert motor.home_complete
@@ -198,7 +198,7 @@ def test_001_an_absolute_position_is_not_read_while_a_program_is_held(card: Idea
     card.wait(100)
     card.system.hold()
     card.wait(50)
-    assert card.system.held
+    assert card.system.motion.held_at is not None
     assert refused(lambda: card.controller.read_absolute_position(1)) == 1
     card.system.run()
     card.settle()

@@ -40,7 +40,7 @@ def test_a_motor_that_follows_stops_at_its_limit_and_says_so(
     card.sim.wait(2.0)
     # What it goes in one background cycle more: 10 counts/ms for some 5 ms, once to see it and once to stop.
     assert 1000.0 < actual(card) < 1000.0 + 2 * 10.0 * 5.0
-    assert card.card.motors[CARRIAGE].stopped_on_limit
+    assert card.card.motors[CARRIAGE].travel.stopped
     card.tell("#2J-")
     card.sim.wait(0.5)
     assert actual(card) < 1000.0, "back it goes"
@@ -52,7 +52,7 @@ def test_a_cam_that_leads_beyond_a_limit_sets_the_bit_and_ends_the_program(machi
     card.tell(*table_lines(table), "#1J/#2J/#3J/", "&1#2->0", "I313=1000", "I222=10")
     card.tell("OPEN PROG 1 CLEAR", "LINEAR INC TA10 TM60000 X1", "CLOSE", "I51=1", "&1B1R", "#2J+")
     card.sim.wait(0.5)
-    assert card.card.motors[CARRIAGE].stopped_on_limit
+    assert card.card.motors[CARRIAGE].travel.stopped
     assert not card.card.systems[1].running
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import PMAC, TURBO, Setting
+from drivers.simulator.card.coordinate import CoordinateSystem
 from tests.drivers.ideal_card import IdealCard, said
 
 ALL, SYSTEM, ITSELF, ITSELF_TOO = 0, 1 << 21, 1 << 22, 3 << 21
@@ -58,7 +59,7 @@ def test_a_fault_that_kills_all_motors_ends_every_program(card: IdealCard) -> No
     set_mode(card, ALL)
     card.program("INC", "TA20 TS0 TM1000", "X1000")
     card.controller.systems[2].point(1)
-    card.controller.run_all()
+    card.controller.each_system(CoordinateSystem.run)
     card.wait(100)
     amplifier_off(card)
     assert not any(system.running or system.moving for system in card.controller.systems.values())
@@ -68,7 +69,7 @@ def test_the_program_of_the_motor_ends_and_others_go_on(card: IdealCard) -> None
     set_mode(card, ITSELF)
     card.program("INC", "TA20 TS0 TM1000", "X1000 Y1000")
     card.controller.systems[2].point(1)
-    card.controller.run_all()
+    card.controller.each_system(CoordinateSystem.run)
     card.wait(100)
     amplifier_off(card)
     assert not card.system.moving
@@ -153,5 +154,5 @@ def test_a_reset_starts_from_nothing(card: IdealCard) -> None:
     card.controller.reset()
     motor = card.motor()
     assert (motor.position, motor.home_complete, motor.home_capture) == (0, False, 0)
-    assert card.system.override_percent == 100
+    assert card.system.time_base.percent == 100
     assert card.system.program_number is None

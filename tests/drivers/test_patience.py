@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drivers.pmac.heartbeat.watchdog import MARGIN_MS, PERIOD_MS, WATCHDOG_MS
-from drivers.simulator.hosts.real_time import HEARD_S, PATIENCE_S, PatientTime
+from drivers.simulator.hosts.real_time import HEARD_S, PATIENCE_S, patient
 
 TICK_S = 0.005
 
@@ -23,10 +23,10 @@ class Elapsed:
 def silence(real_s: float) -> float:
     """Return the simulated time of a host's silence."""
     lathe, now_s = Elapsed(), [0.0]
-    patient = PatientTime(lathe, lambda: 0.0, lambda: now_s[0])
+    wait = patient(lathe.wait, lambda: 0.0, lambda: now_s[0])
     while now_s[0] < real_s:
         now_s[0] += TICK_S
-        patient.wait(TICK_S)
+        wait(TICK_S)
     return lathe.simulated_s
 
 
@@ -41,5 +41,5 @@ def test_a_host_that_is_gone_is_not_waited_for() -> None:
 
 def test_before_the_first_word_time_runs() -> None:
     lathe = Elapsed()
-    PatientTime(lathe, lambda: None, lambda: 1000.0).wait(TICK_S)
+    patient(lathe.wait, lambda: None, lambda: 1000.0)(TICK_S)
     assert lathe.simulated_s == TICK_S

@@ -74,8 +74,8 @@ def test_a_plc_that_is_typed_without_its_open_moves_and_stops_nothing(card: Wire
     assert card.refusal(text) == 5
     run_for(card, 5)
     system = card.card.systems[1]
-    assert (system.running, system.single_step) == (True, False)
-    assert not any(motor.aborting for motor in card.card.motors.values())
+    assert (system.running, system.motion.single_step) == (True, False)
+    assert not any(motor.jog.aborting for motor in card.card.motors.values())
     card.tell("&1A", "OPEN PROG 2 CLEAR")
     assert card.refusal("AND(P1=1)") == 3
 
@@ -105,7 +105,7 @@ def test_a_program_that_switches_on_one_that_is_not_well_formed_ends_with_a_run_
     store(card, 2, "ENDIF", on=False)
     card.tell("#1J/ #2J/ #3J/", "OPEN PROG 1 CLEAR", "P1=1", "ENABLE PLC 2", "P1=2", "CLOSE", "&1B1R")
     run_for(card, 3)
-    assert card.card.systems[1].runtime_error
+    assert card.card.systems[1].motion.runtime_error
     assert values(card, "P1") == [1]
 
 
@@ -227,7 +227,7 @@ def test_a_file_with_a_line_that_no_plc_can_hold_is_refused_and_left_alone(
 def test_a_full_plc_takes_no_more(card: Wire) -> None:
     """20 000 lines; a condition with something behind it is two."""
     card.tell("OPEN PLC 1 CLEAR", "P1=1")
-    lines = card.card.plcs.buffers[1].lines
+    lines = card.card.plcs.buffers[1]
     lines *= 19_999
     assert card.refusal("IF(P1=1) P2=1") == 6
     card.tell("P1=1")

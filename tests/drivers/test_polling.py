@@ -75,7 +75,7 @@ def told(machine: MachineProfile, dialect: Dialect, clients: int, program: tuple
         elif tick == 80:
             say("&1%70")
         sim.wait(0.01)
-    assert not sim.controller.systems[1].runtime_error
+    assert not sim.controller.systems[1].motion.runtime_error
     return [recorder.commands for recorder in recorders], [recorder.positions for recorder in recorders]
 
 

@@ -43,7 +43,7 @@ def test_a_stop_behind_a_flood_acts_within_one_background_cycle(closed: Bench, s
     assert motor.velocity == pytest.approx(10.0)
     closed.port.receive(FLOOD + stop)
     closed.sim.wait(CYCLE_S)
-    assert motor.aborting if stop == b"\x01" else not motor.enabled
+    assert motor.jog.aborting if stop == b"\x01" else not motor.enabled
 
 
 def test_a_stop_of_another_host_acts_before_the_lines_of_the_first(closed: Bench) -> None:

@@ -7,6 +7,7 @@ import pytest
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.plcs.plc import Addressed
+from drivers.simulator.card.coordinate import CoordinateSystem
 from tests.drivers.ideal_card import CYCLE_MS, IdealCard, refused
 
 
@@ -22,7 +23,7 @@ def test_home_waits_until_every_motor_is_home_and_the_program_goes_on_from_there
     card.set(I123=-5, I223=-5)
     card.system.run()
     card.wait(200)
-    assert card.motor(1).homing
+    assert card.motor(1).jog.homes and card.motor(1).jog.stage
     assert card.get("P1") == 0
     assert card.system.running
     card.settle()
@@ -45,7 +46,7 @@ def test_a_home_that_cannot_be_is_a_run_time_error(card: IdealCard, motor: int) 
     card.program(f"HOME{motor}", "X1000")
     card.system.run()
     card.settle()
-    assert card.system.runtime_error
+    assert card.system.motion.runtime_error
     assert card.x == 0
 
 
@@ -55,9 +56,9 @@ def test_a_home_of_a_motor_that_another_program_moves_is_a_run_time_error(card: 
     card.store("INC", "TA20 TS0 TM1000", "X5000", number=2)
     card.controller.systems[2].point(2)
     card.program("HOME2")
-    card.controller.run_all()
+    card.controller.each_system(CoordinateSystem.run)
     card.wait(100)
-    assert card.system.runtime_error
+    assert card.system.motion.runtime_error
     card.settle()
     assert card.motor(2).desired == pytest.approx(5000), "the other program goes on"
 
@@ -66,10 +67,10 @@ def test_a_home_search_that_is_killed_ends_the_program(card: IdealCard) -> None:
     card.program("HOME1", "X1000")
     card.system.run()
     card.wait(20)
-    assert card.motor().homing
+    assert card.motor().jog.homes and card.motor().jog.stage
     card.motor().kill()
     card.wait(20)
-    assert card.system.runtime_error
+    assert card.system.motion.runtime_error
     assert not card.system.running
 
 
@@ -114,7 +115,7 @@ def test_the_axes_are_not_redefined_while_a_program_runs(card: IdealCard) -> Non
 
 def test_a_definition_begins_to_count_anew(card: IdealCard) -> None:
     card.run("ABS", "TA20 TS0 TM100", "X1000", "PSET X0")
-    definition = card.system.definitions[1]
+    definition = card.system.frame.definitions[1]
     card.controller.define_axis(1, 1, definition)
     assert card.motor().position == 1000
     assert card.system.frame.positions()["X"] == 1000
@@ -150,15 +151,15 @@ def test_a_called_program_that_is_not_well_formed_is_a_run_time_error(card: Idea
     card.program("INC TA20 TS0 TM100", "X10", "CALL 500", "X1")
     card.system.run()
     card.settle()
-    assert card.system.runtime_error
+    assert card.system.motion.runtime_error
     assert card.x == 10
 
 
 def test_what_a_program_says_waits_for_the_ports(card: IdealCard) -> None:
     card.run('SEND"READY"', 'CMD"#2J+"', "ENABLE PLC 1,3", "DISABLE PLC 1")
-    assert [text for text, _ in card.controller.host_messages] == ["READY"]
-    assert list(card.controller.pending_commands) == [("#2J+", "", Addressed(motor=1, system=1))]
+    assert [text for text, _ in card.controller.host.host_messages] == ["READY"]
+    assert list(card.controller.host.pending_commands) == [("#2J+", "", Addressed(motor=1, system=1))]
     assert card.controller.plcs.switches.enabled == {3}
     card.controller.reset()
-    assert not card.controller.host_messages
-    assert not card.controller.pending_commands
+    assert not card.controller.host.host_messages
+    assert not card.controller.host.pending_commands

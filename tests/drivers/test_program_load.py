@@ -53,7 +53,7 @@ def codes(error: DriverError) -> list[str]:
 
 def stored(bench: Recorded) -> dict[int, int]:
     """The programs on the card, and how many lines each has."""
-    return {number: len(buffer.lines) for number, buffer in bench.sim.controller.programs.items()}
+    return {number: len(buffer) for number, buffer in bench.sim.controller.programs.items()}
 
 
 def test_a_program_is_loaded_with_its_subprogram_and_listed(bench: Recorded) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from drivers.simulator.card.coordinate import CoordinateSystem
 from tests.drivers.ideal_card import CYCLE_MS, IdealCard, refused, rests, said
 
 THREE = ("INC", "TA20 TS0 TM100", "X1000", "P1=P1+1", "X1000", "P1=P1+1", "X1000", "P1=P1+1")
@@ -35,12 +36,12 @@ def test_q_plays_what_is_calculated_and_r_goes_on_with_the_next_move(card: Ideal
 
 def test_q_sets_the_single_step_bit_and_r_clears_it(card: IdealCard) -> None:
     started(card, *THREE)
-    assert said(card.system, "single_step", "running") == ["running"]
+    assert said(card.system.motion, "single_step", "running") == ["running"]
     card.system.quit()
-    assert said(card.system, "single_step", "running") == ["single_step"]
+    assert said(card.system.motion, "single_step", "running") == ["single_step"]
     card.settle()
     card.system.run()
-    assert said(card.system, "single_step", "running") == ["running"]
+    assert said(card.system.motion, "single_step", "running") == ["running"]
 
 
 def test_011_until_the_stop_is_done(card: IdealCard) -> None:
@@ -68,7 +69,7 @@ def test_s_makes_one_move_at_a_time(card: IdealCard) -> None:
     card.program(*THREE)
     for count in (1, 2, 3):
         card.system.step()
-        assert card.system.single_step
+        assert card.system.motion.single_step
         card.settle()
         assert card.x == 1000 * count
         assert card.get("P1") == count - 1
@@ -271,10 +272,10 @@ def test_a_runtime_error_is_not_gone_on_from(card: IdealCard) -> None:
     card.program("INC", "TA20 TS0 TM100", "X1000", "GOTO99", "X5000")
     card.system.run()
     card.settle()
-    assert said(card.system, "runtime_error")
+    assert said(card.system.motion, "runtime_error")
     assert card.x == 1000
     card.system.run()
-    assert not said(card.system, "runtime_error")
+    assert not said(card.system.motion, "runtime_error")
     card.settle()
     assert card.x == 2000
 
@@ -303,11 +304,11 @@ def test_both_look_into_a_called_program(card: IdealCard) -> None:
 
 def test_all_systems_at_once(card: IdealCard) -> None:
     card.program(*THREE)
-    card.controller.step_all()
+    card.controller.each_system(CoordinateSystem.step)
     card.settle()
     assert card.x == 1000
-    card.controller.run_all()
+    card.controller.each_system(CoordinateSystem.run)
     card.wait(50)
-    card.controller.quit_all()
+    card.controller.each_system(CoordinateSystem.quit)
     card.settle()
     assert card.x == 3000

@@ -34,7 +34,7 @@ def test_what_it_is_told_is_the_answer(card: Wire) -> None:
     assert told(card, "inject stranger-writes line=P6=1") == "the stranger was told: <ACK>"
     assert card.port.take_output() == b""
     injected = card.sim.faults.inject("stranger-writes", line="P5")
-    assert injected.outcome() == "the stranger was told: 7<CR><ACK>"
+    assert injected.effect.outcome() == "the stranger was told: 7<CR><ACK>"
 
 
 @pytest.mark.parametrize("line", ["UUU", "P1=" + "1" * 260], ids=["garbage", "too long"])
@@ -59,10 +59,10 @@ def test_a_hanging_card_obeys_when_it_reads_again(card: Wire) -> None:
     card.sim.faults.inject("hang", for_s=0.2)
     injected = card.sim.faults.inject("stranger-writes", line="P5=7 P5")
     card.sim.wait(0.19)
-    assert (p5(card.sim), injected.outcome()) == (0, "")
-    assert [fault.name for fault in card.sim.faults.active()] == ["hang", "stranger-writes"]
+    assert (p5(card.sim), injected.effect.outcome()) == (0, "")
+    assert [fault.fault.name for fault in card.sim.faults.active()] == ["hang", "stranger-writes"]
     card.sim.wait(5 * CYCLE_S)
-    assert (p5(card.sim), injected.outcome()) == (7, "the stranger was told: 7<CR><ACK>")
+    assert (p5(card.sim), injected.effect.outcome()) == (7, "the stranger was told: 7<CR><ACK>")
     assert card.sim.faults.active() == ()
 
 
@@ -80,7 +80,7 @@ def test_a_cut_cable_is_cut_for_strangers_too(card: Wire) -> None:
     card.sim.faults.inject("hang", for_s=0.1)
     waiting = card.sim.faults.inject("stranger-writes", line="P5=7")
     card.sim.wait(0.07)
-    assert waiting.outcome() == "the stranger is cut off"
+    assert waiting.effect.outcome() == "the stranger is cut off"
     assert told(card, WRITE) == "the stranger cannot be connected: the cable is cut"
     card.sim.wait(0.2)
     assert p5(card.sim) == 0

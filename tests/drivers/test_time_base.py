@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.trajectory.pieces import Piece, position_at
+from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.player import Player
 from tests.drivers.ideal_card import BLOCK, CYCLE_MS, IdealCard, moving_time_ms, refused, rests
 
@@ -63,7 +64,7 @@ def test_each_coordinate_system_has_its_own() -> None:
     card.program("INC", "TA20 TS0 TM200", "X1000")
     card.controller.systems[2].point(1)
     card.wait(20)
-    card.controller.run_all()
+    card.controller.each_system(CoordinateSystem.run)
     card.wait(230)
     assert third.desired == 1000
     assert card.x < 600
@@ -91,7 +92,7 @@ def test_the_card_takes_the_most_that_it_can() -> None:
     card = IdealCard()
     card.system.set_override(500)
     card.wait(20)
-    assert round(card.system.override_percent, 8) == 225.88230574
+    assert round(card.system.time_base.percent, 8) == 225.88230574
     track = card.run("INC", "TA20 TS0 TM500", "X10000")
     assert moving_time_ms(track) == pytest.approx(520 / 2.2588230574, abs=2 * CYCLE_MS)
 
@@ -100,7 +101,7 @@ def test_the_card_takes_the_most_that_it_can() -> None:
 def test_what_is_no_rate_is_refused(percent: float) -> None:
     card = IdealCard()
     assert refused(lambda: card.system.set_override(percent)) == 3
-    assert card.system.override_percent == 100
+    assert card.system.time_base.percent == 100
 
 
 def test_nothing_passes_at_zero_and_the_program_goes_on_from_there() -> None:

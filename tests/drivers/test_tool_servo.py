@@ -66,7 +66,7 @@ def test_proportional_gain_is_the_one_of_the_published_loop() -> None:
     """1 um is 5 counts; 147.6 V/m makes 147.6e-6 V of it. Output acts one cycle late on mass and damping."""
     axis = held(ix31=0.0, ix32=0.0, ix33=0.0)
     axis.follow([5.0])
-    volts = axis.output_fraction * 10_531 / BITS_PER_V
+    volts = axis.output_bits / axis.limit_bits * 10_531 / BITS_PER_V
     assert volts == pytest.approx(147.6e-6, rel=1e-3)
 
 
@@ -101,7 +101,7 @@ def test_a_step_settles_with_a_small_overshoot() -> None:
 def test_the_output_limit_bounds_the_force(ix69: float, limit_n: float) -> None:
     axis = held(ix69=ix69)
     axis.follow([1e6])
-    assert axis.output_fraction == 1.0
+    assert axis.output_bits / axis.limit_bits == 1.0
     positions = np.array(axis.follow([1e6] * 60))
     acceleration = np.diff(positions, 2).max() / CYCLE_S**2 / 5e6
     assert acceleration <= limit_n / MASS * 1.001
@@ -156,7 +156,7 @@ def test_a_killed_slide_runs_out_against_its_damping() -> None:
     speed = (positions[-1] - positions[-2]) / CYCLE_S
     way = axis.coast(2000)[-1] - positions[-1]
     assert way == pytest.approx(speed * MASS / DAMPING, rel=0.03)
-    assert axis.output_fraction == 0.0
+    assert axis.output_bits / axis.limit_bits == 0.0
 
 
 def test_an_axis_that_is_switched_on_holds_where_it_stands() -> None:

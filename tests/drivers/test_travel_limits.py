@@ -37,8 +37,8 @@ def test_a_jog_beyond_ix13_or_ix14_ramps_down_at_ix15(card: IdealCard, direction
     card.settle()
     beyond = direction * (card.x - limit)
     assert RAMP - 0.5 * JOG <= beyond <= RAMP + LATE + JOG
-    assert (motor.positive_limit, motor.negative_limit) == (direction > 0, direction < 0)
-    assert motor.stopped_on_limit
+    assert (motor.travel.positive, motor.travel.negative) == (direction > 0, direction < 0)
+    assert motor.travel.stopped
     assert motor.enabled, "it is held where it stands"
 
 
@@ -56,12 +56,12 @@ def test_there_is_no_way_further_out_and_the_way_back_is_free(card: IdealCard) -
         jog()
         card.wait(50)
         assert card.x == there
-        assert motor.stopped_on_limit
+        assert motor.travel.stopped
     motor.jog_to(1500)
-    assert not motor.stopped_on_limit
+    assert not motor.travel.stopped
     card.settle()
     assert card.x == 1500
-    assert not motor.positive_limit
+    assert not motor.travel.positive
 
 
 def test_zero_is_no_limit(dialect: Dialect) -> None:
@@ -69,7 +69,7 @@ def test_zero_is_no_limit(dialect: Dialect) -> None:
     card.motor().jog_to(1e6)
     card.wait(500)
     assert card.motor().velocity == pytest.approx(JOG)
-    assert not card.motor().positive_limit
+    assert not card.motor().travel.positive
 
 
 @pytest.mark.parametrize(("off", "direction"), [("I113", 1), ("I114", -1)])
@@ -80,7 +80,7 @@ def test_zero_switches_one_limit_off_and_not_the_other(card: IdealCard, off: str
     assert card.x == direction * 1e4
     card.motor().jog_to(-direction * 1e4)
     card.settle()
-    assert card.motor().stopped_on_limit
+    assert card.motor().travel.stopped
     assert -direction * card.x < 5000
 
 
@@ -89,7 +89,7 @@ def test_one_count_is_a_limit(card: IdealCard) -> None:
     card.set(I113=1.0)
     card.motor().jog_speed(1)
     card.settle()
-    assert card.motor().positive_limit
+    assert card.motor().travel.positive
     assert 1 < card.x < 1 + RAMP + LATE, "stopped while it gathered speed"
 
 
@@ -101,8 +101,8 @@ def test_a_program_is_aborted_with_all_of_its_motors(card: IdealCard) -> None:
     # 10 counts/ms ramp down in 50 counts, 5 in 12.5: each motor by itself, and no longer on the path.
     assert 2050 <= card.x <= 2050 + 10 * (BLOCK + 1) * CYCLE_MS
     assert card.motor(2).desired < card.x / 2
-    assert card.motor(1).stopped_on_limit
-    assert not card.motor(2).stopped_on_limit
+    assert card.motor(1).travel.stopped
+    assert not card.motor(2).travel.stopped
     assert all(card.motor(number).enabled for number in (1, 2))
 
 
@@ -123,7 +123,7 @@ def test_a_program_that_goes_further_out_is_stopped_at_once(card: IdealCard) -> 
     card.system.run()
     card.settle()
     assert card.x - there < 10 * BLOCK * CYCLE_MS
-    assert card.motor().stopped_on_limit
+    assert card.motor().travel.stopped
 
 
 def test_they_mean_nothing_until_the_home_trigger_is_found(dialect: Dialect) -> None:
@@ -135,7 +135,7 @@ def test_they_mean_nothing_until_the_home_trigger_is_found(dialect: Dialect) -> 
     assert card.motor().axis.origin == pytest.approx(0)
     card.motor().jog_speed(-1)
     card.settle()
-    assert card.motor().negative_limit, "then they count from the new zero"
+    assert card.motor().travel.negative, "then they count from the new zero"
     assert card.x == pytest.approx(-300 - RAMP, abs=LATE + JOG)
 
 
@@ -159,8 +159,8 @@ def test_the_switch_stops_the_direction_that_its_name_does_not_say(
     card.wait(5)
     setattr(motor.travel, pin, True)
     card.settle()
-    assert (motor.positive_limit, motor.negative_limit) == (direction > 0, direction < 0)
-    assert motor.stopped_on_limit
+    assert (motor.travel.positive, motor.travel.negative) == (direction > 0, direction < 0)
+    assert motor.travel.stopped
     there = card.x
     motor.jog_speed(direction)
     card.wait(50)
@@ -176,10 +176,10 @@ def test_bit_17_of_the_flag_mode_takes_the_switches_away_but_not_ix13(card: Idea
     card.motor().jog_to(1000)
     card.settle()
     assert card.x == 1000
-    assert not card.motor().positive_limit
+    assert not card.motor().travel.positive
     card.motor().jog_speed(1)
     card.settle()
-    assert card.motor().positive_limit
+    assert card.motor().travel.positive
 
 
 def test_010_both_limits_set_for_a_motor_of_the_system(card: IdealCard) -> None:
@@ -199,7 +199,7 @@ def test_a_home_search_ends_on_a_switch(dialect: Dialect) -> None:
     card.motor().travel.plus_pin = True
     card.settle()
     assert not card.motor().home_complete
-    assert card.motor().stopped_on_limit
+    assert card.motor().travel.stopped
 
 
 def test_a_killed_motor_is_not_looked_at(card: IdealCard) -> None:
@@ -209,17 +209,17 @@ def test_a_killed_motor_is_not_looked_at(card: IdealCard) -> None:
     motor.kill()
     card.motor().travel.plus_pin = True
     card.wait(10)
-    assert motor.positive_limit
-    assert not motor.negative_limit
+    assert motor.travel.positive
+    assert not motor.travel.negative
     motor.jog_speed(0)
-    assert motor.negative_limit
+    assert motor.travel.negative
 
 
 def test_an_open_loop_output_ends_at_the_limit(card: IdealCard) -> None:
     motor = card.motor()
     motor.open_loop(10)
     card.wait(2000)
-    assert motor.positive_limit and motor.stopped_on_limit
+    assert motor.travel.positive and motor.travel.stopped
     there = card.x
     card.wait(500)
     assert card.x == pytest.approx(there, abs=1)

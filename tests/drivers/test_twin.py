@@ -20,11 +20,10 @@ from drivers.pmac.settings import settings_with
 from drivers.simulator.card.servo import ServoAxis, ServoGains
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.axis import NoisyScale
-from drivers.simulator.plant.driven_mass import linear_motor
+from drivers.simulator.plant.driven_mass import DrySlide, linear_motor
 from drivers.simulator.plant.drives import build_drives
-from drivers.simulator.plant.friction import DrySlide
 from drivers.simulator.plant.presets import plant_named
-from drivers.simulator.plant.radial_error import RadialError
+from drivers.simulator.plant.spindle import RadialError
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workshop import SimulatedWorkshop
 from profiles.axis.servo import sampled_response
@@ -152,7 +151,7 @@ def test_the_noise_goes_through_the_derivative_into_the_current(machine: Machine
     forces, places = [], []
     for _ in range(6000):
         places += tool.follow([0.0])
-        forces.append(tool.output_fraction * 36.8 * 54.5)
+        forces.append(tool.output_bits / tool.limit_bits * 36.8 * 54.5)
     assert np.std(forces) == pytest.approx(1.5, rel=0.1)
     assert np.std(places) / COUNTS_PER_UM < 0.3
 

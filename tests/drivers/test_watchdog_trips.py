@@ -105,7 +105,7 @@ def test_a_card_whose_watchdog_has_tripped_is_dead_until_it_is_switched_off_and_
     assert before == (False, True, True)
     card.sim.faults.clear()
     assert silent(card), "nothing but the mains switch helps"
-    assert [fault.name for fault in card.sim.faults.active()] == ["watchdog"]
+    assert [fault.fault.name for fault in card.sim.faults.active()] == ["watchdog"]
     card.sim.power_cycle()
     assert card.sim.faults.active() == ()
     assert settings.i(5) != 3, "as at power-up"
@@ -169,4 +169,4 @@ def test_a_fault_of_the_line_outlives_a_power_cycle(machine: MachineProfile) -> 
     sim = SimulatedLathe(machine)
     sim.faults.inject("nul")
     sim.power_cycle()
-    assert [fault.name for fault in sim.faults.active()] == ["nul"]
+    assert [fault.fault.name for fault in sim.faults.active()] == ["nul"]

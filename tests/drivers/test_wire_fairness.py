@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.simulator.hosts.share import LINES_PER_CYCLE, LINES_PER_TURN
+from drivers.simulator.hosts.port import LINES_PER_CYCLE, LINES_PER_TURN
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import CYCLE_S, Wire, wire
 

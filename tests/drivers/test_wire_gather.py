@@ -9,7 +9,7 @@ import pytest
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.status import decode
 from drivers.simulator.card import buffers
-from drivers.simulator.commands.line import execute
+from drivers.simulator.commands.line import commands
 from drivers.simulator.context import Context
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
@@ -105,7 +105,8 @@ def test_a_listing_costs_its_host_as_much_as_one_of_a_program(card: Wire) -> Non
     card.tell("OPEN PROG 1 CLEAR", *(f"X{n}" for n in range(20)), "CLOSE")
     contexts = [Context(card.card), Context(card.card)]
     for context, line in zip(contexts, ("LIST PROG 1", "LIST GATHER"), strict=True):
-        execute(line, context)
+        for _ in commands(line, context):
+            pass
         assert len(context.lines) == 20
     assert contexts[0].work == contexts[1].work
 

@@ -6,8 +6,7 @@ import struct
 from dataclasses import dataclass
 
 from drivers.pmac.dialect import Dialect
-from drivers.simulator.ethernet.board import Board
-from drivers.simulator.ethernet.session import EthernetSession
+from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 

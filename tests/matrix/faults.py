@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
-from drivers.simulator.faults.parameter import Value
+from drivers.simulator.faults.catalogue import Value
 from drivers.simulator.machine import SimulatedLathe
 
 AXES = tuple(AxisName)

@@ -141,7 +141,7 @@ class PatientCard:
         card = self.lathe.controller
         # The host knows how long an axis takes to come to rest behind the trigger of its zero, and a hurried step
         # of time may have all of that in it.
-        homing = any(each._jog.homing for each in card.motors.values())
+        homing = any(each.jog.homes and each.jog.stage for each in card.motors.values())
         return 1.0 if homing or card.systems[1].running else HURRY
 
     def until(self, reached: Callable[[], bool]) -> None:

@@ -7,23 +7,19 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from console.cli.library import is_real, link_address, profile_of
+from console.cli.library import link_address, profile_of
 from console.cli.output import tell
 from console.text.catalogue import Catalogue
 from drivers.clock import Clock, RealClock
 from drivers.lathe.stop import StopPath
 from drivers.link.address import SimulatedAddress
+from drivers.link.base import Link
 from drivers.link.opening import open_link
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
-from drivers.pmac.dialect import Dialect
-
-if TYPE_CHECKING:
-    from drivers.link.base import Link
-    from profiles.machine import MachineProfile
-    from profiles.store import LoadedMachine
+from profiles.machine import MachineProfile
+from profiles.store import LoadedMachine
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,29 +35,49 @@ class Card:
     version: str
     kind: str
 
-    @property
-    def dialect(self) -> Dialect:
-        """Family of the controller, by its identification."""
-        return self.client.dialect
+
+def card_line(card: Card, text: Catalogue) -> str:
+    """Return the line that identifies the controller."""
+    mark = f"{text('sim')}  " if card.simulated else ""
+    return mark + text(
+        "card.head", machine=card.machine.name, address=card.address, kind=card.kind, version=card.version
+    )
+
+
+def card_fields(card: Card) -> dict[str, object]:
+    """Return the machine with its controller, for JSON."""
+    return {
+        "machine": card.machine.name,
+        "address": card.address,
+        "simulated": card.simulated,
+        "type": card.kind,
+        "version": card.version,
+    }
 
 
 @contextmanager
 def opened_card(options: Namespace, text: Catalogue) -> Iterator[Card]:
-    """Connect, with a trace if requested, and close the connection at the end.
-
-    Raises:
-        ProfileError: the machine profile.
-        LinkError: it cannot be reached, or is no PMAC.
-        DriverError: `link.trace_unwritable`; nothing was opened.
-    """
-    machine = profile_of(options)
-    address = link_address(options, machine)
-    title = f"{options.command} {machine.machine.name}"
+    """Connect, with a trace if requested (an unwritable one is refused first); close the connection at the end."""
+    loaded, clock = profile_of(options), RealClock()
+    address = link_address(options, loaded)
+    title = f"{options.command} {loaded.machine.name}"
     tracing = Tracing(None if options.trace is None else Path(options.trace), title)
     try:
-        opening = _simulated(machine) if isinstance(address, SimulatedAddress) else closing(open_link(address))
-        with opening as link:
-            yield _connected(link, machine.machine, tracing, simulated=not is_real(address))
+        opening = _simulated(loaded) if isinstance(address, SimulatedAddress) else closing(open_link(address))
+        with opening as plain:
+            link = tracing.of(plain, clock.now_s)
+            client = PmacClient(link, clock)
+            version, kind = client.connect()
+            yield Card(
+                client=client,
+                stop=StopPath(link),
+                clock=clock,
+                machine=loaded.machine,
+                address=link.address,
+                simulated=isinstance(address, SimulatedAddress),
+                version=version,
+                kind=kind,
+            )
     finally:
         tell(tracing.problems, text)
 
@@ -76,20 +92,3 @@ def _simulated(machine: LoadedMachine) -> Iterator[Link]:
             yield link
     finally:
         process.close()
-
-
-def _connected(link: Link, machine: MachineProfile, tracing: Tracing, *, simulated: bool) -> Card:
-    clock = RealClock()
-    link = tracing.of(link, clock.now_s)
-    client = PmacClient(link, clock)
-    version, kind = client.connect()
-    return Card(
-        client=client,
-        stop=StopPath(link),
-        clock=clock,
-        machine=machine,
-        address=link.address,
-        simulated=simulated,
-        version=version,
-        kind=kind,
-    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 
-from console.cli.arguments import add_link, add_machine
+from console.cli.arguments import LINK, add_shared
 from console.cli.commands import add_actions
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
@@ -18,8 +18,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     for name, action in add_actions(parser, "controller", ACTIONS, text).items():
         if name in WITH_A_FILE:
             action.add_argument("file", metavar="FILE", help=text("help.backup_file"))
-        add_machine(action, text)
-        add_link(action, text)
+        add_shared(action, text, "machine", *LINK)
         if name == "apply":
             action.add_argument("--yes", action="store_true", help=text("help.controller.yes"))
 

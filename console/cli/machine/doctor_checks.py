@@ -1,27 +1,51 @@
-"""Checks of `console doctor` besides those of the configuration: of the link, and by moving."""
+"""Checks of `console doctor` besides those of the configuration: signature, link, stops, and by moving."""
 
 from __future__ import annotations
 
 from argparse import Namespace
 from contextlib import suppress
-from datetime import date
+from datetime import date, timedelta
 from importlib.metadata import entry_points
 
+from console.cli.library import data_of
 from console.cli.machine.card_access import Card
-from console.cli.machine.stop_checks import keep_stops
 from console.cli.machine.stopping import Stopping
+from console.session.data.stop_records import load, store, withdraw
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 from drivers.commissioning.check import Check, Group
+from drivers.commissioning.proofs.proving import Proven, prove
+from drivers.commissioning.stop_record import StopRecord, stop_key
+from drivers.commissioning.stop_record_check import VALID_DAYS, StopsNow, record_problems
 from drivers.commissioning.verification import Verification
 from drivers.errors import DriverError
 from drivers.lathe.control_state import Standing
 from drivers.lathe.ownership import Ownership
+from drivers.link.base import StopWay
 from drivers.pmac.checksums import LineCheck
 from profiles.findings import Severity
+from profiles.machine import real_machine_problems
+from profiles.problem import Problem, ProfileError
+
+STOPS = ("proof_lease", "proof_stop_")
+"""Codes of the commissioning tests that a record rests on."""
 
 DISTRIBUTION = "trilobe"
 """Name of this distribution, and of the command that no other one claims."""
+
+
+def signature_checks(card: Card) -> list[Check]:
+    """Return a failure where the profile of a simulated lathe meets a real link; otherwise nothing."""
+    return [
+        Check(
+            group=Group.SAFETY,
+            code=problem.code.partition(".")[2],
+            severity=Severity.REFUSAL,
+            found=problem.value,
+            wanted=problem.limit,
+        )
+        for problem in (() if card.simulated else real_machine_problems(card.machine))
+    ]
 
 
 def arrival_check(line_check: LineCheck) -> Check:
@@ -47,9 +71,6 @@ def proven_checks(
     options: Namespace, card: Card, verification: Verification, text: Catalogue
 ) -> tuple[Check, ...]:
     """Run the commissioning tests with control of the machine; every ending signal becomes a stop."""
-    # Gathering loads numerics, which are needed only for these tests.
-    from drivers.commissioning.proofs.proving import prove
-
     interruption = Interruption()
     ownership = Ownership(card.client)
     interruption.guard(
@@ -68,3 +89,76 @@ def proven_checks(
                 ownership.release()
     keep_stops(options, card, proven, date.today())
     return proven.checks
+
+
+def stop_checks(options: Namespace, card: Card, today: date) -> list[Check]:
+    """Check that the stopping-performance record allows arming; a simulated machine measures its own then."""
+    if card.simulated:
+        return []
+    checks, stop_way = _record_checks(options, card, today), card.stop.way
+    if stop_way is not StopWay.DIRECT:  # a connection for stops was requested
+        severity = Severity.OK if stop_way is StopWay.RESERVED else Severity.REFUSAL
+        checks.insert(0, Check(group=Group.STOPS, code="stop_connection", severity=severity))
+    return checks
+
+
+def _record_checks(options: Namespace, card: Card, today: date) -> list[Check]:
+    try:
+        record = load(data_of(options), card.machine)
+    except ProfileError as error:
+        return [_warned(problem) for problem in error.problems]
+    problems = record_problems(record, _now(card, today))
+    if record is None or problems:
+        return [_warned(problem) for problem in problems]
+    until = record.measured_at + timedelta(days=VALID_DAYS)
+    return [
+        Check(
+            group=Group.STOPS,
+            code="stop_record",
+            severity=Severity.OK,
+            found=record.measured_at.isoformat(),
+            wanted=until.isoformat(),
+            facts={"address": record.address},
+        )
+    ]
+
+
+def keep_stops(options: Namespace, card: Card, proven: Proven, today: date) -> None:
+    """Store the measured stopping performance; a stop out of specification removes the record."""
+    if card.simulated:
+        return
+    failed = any(check.severity is Severity.REFUSAL and check.code.startswith(STOPS) for check in proven.checks)
+    if failed or card.stop.way is StopWay.LOST:
+        withdraw(data_of(options), card.machine)
+        return
+    now = _now(card, today)
+    record = StopRecord(
+        machine=card.machine.name,
+        kind=card.kind,
+        version=card.version,
+        key=now.key,
+        measured_at=today,
+        address=card.address,
+        stop_way=card.stop.way,
+        entries=proven.stops,
+    )
+    if not record_problems(record, now):
+        store(data_of(options), card.machine, record)
+
+
+def _now(card: Card, today: date) -> StopsNow:
+    key = stop_key(card.client, card.machine, card.client.dialect)
+    return StopsNow(machine=card.machine, key=key, today=today, stop_way=card.stop.way, address=card.address)
+
+
+def _warned(problem: Problem) -> Check:
+    """Return a warning: such a machine may be moved, or its stops could not be tested; it cannot be armed."""
+    area, _, name = problem.code.partition(".")
+    return Check(
+        group=Group.STOPS,
+        code=f"stops_{name}" if area == "stops" else "stops_unreadable",
+        severity=Severity.WARNING,
+        found=problem.value,
+        wanted=problem.limit,
+        facts={"machine": problem.key},
+    )

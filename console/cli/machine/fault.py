@@ -8,16 +8,15 @@ import socket
 import sys
 from argparse import Namespace
 from contextlib import closing
-from typing import TYPE_CHECKING
 
-from console.cli.arguments import control_address
+from console.cli.arguments import WRONG_USAGE, control_address
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
+from drivers.errors import LinkError
+from drivers.link.address import TcpAddress
+from drivers.simulator.hosts.control_address import REFUSED, ControlAddress
+from profiles.problem import Problem
 
-if TYPE_CHECKING:
-    from drivers.simulator.hosts.control_address import ControlAddress
-
-DONE, FAILED, WRONG_USAGE = 0, 1, 2
 TIMEOUT_S = 5.0
 CHUNK = 65_536
 
@@ -30,47 +29,38 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Send one line and print the reply; 1 when it is refused."""
-    from drivers.simulator.hosts.control_address import REFUSED
-
     if any("\n" in word for word in options.words):
         print(f"console fault: {text('usage.line_feed')}", file=sys.stderr)
         return WRONG_USAGE
     *lines, last = _answer(options.address, shlex.join(options.words))
-    refused = last.startswith(REFUSED)
+    reason = last.removeprefix(REFUSED) if last.startswith(REFUSED) else None
     if options.json:
-        reason = last.removeprefix(REFUSED) if refused else None
         print(json.dumps({"answer": lines, "refused": reason, "simulated": True}, indent=2))
-    for line in () if options.json else lines:
-        print(line)
-    if refused:
-        print(f"console: {text('fault.refused', value=last.removeprefix(REFUSED))}", file=sys.stderr)
-    return FAILED if refused else DONE
+    else:
+        print("".join(f"{line}\n" for line in lines), end="")
+    if reason is not None:
+        print(f"console: {text('fault.refused', value=reason)}", file=sys.stderr)
+    return 0 if reason is None else 1
 
 
 def _answer(address: ControlAddress, line: str) -> list[str]:
     """Return the lines of the reply, the verdict last."""
-    from drivers.errors import LinkError
-    from profiles.problem import Problem
-
     try:
         with closing(_connected(address)) as link:
             link.sendall(line.encode("utf-8") + b"\n")
             link.shutdown(socket.SHUT_WR)
-            said = b"".join(iter(lambda: link.recv(CHUNK), b""))
-    except ConnectionRefusedError as error:
-        raise LinkError(Problem(code="link.refused", where=str(address), value=_reason(error))) from error
-    except TimeoutError as error:
-        raise LinkError(Problem(code="link.no_answer", where=str(address), value=_reason(error))) from error
+            reply = b"".join(iter(lambda: link.recv(CHUNK), b""))
     except OSError as error:
-        raise LinkError(Problem(code="link.failed", where=str(address), value=_reason(error))) from error
-    if not said.endswith(b"\n"):
+        codes = {ConnectionRefusedError: "link.refused", TimeoutError: "link.no_answer"}
+        code = next((code for kind, code in codes.items() if isinstance(error, kind)), "link.failed")
+        value = error.strerror or str(error)
+        raise LinkError(Problem(code=code, where=str(address), value=value)) from error
+    if not reply.endswith(b"\n"):
         raise LinkError(Problem(code="link.lost", where=str(address), value="EOF"))
-    return said.decode("utf-8", "replace").splitlines()
+    return reply.decode("utf-8", "replace").splitlines()
 
 
 def _connected(address: ControlAddress) -> socket.socket:
-    from drivers.link.address import TcpAddress
-
     if isinstance(address, TcpAddress):
         return socket.create_connection((address.host, address.port), timeout=TIMEOUT_S)
     link = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -81,7 +71,3 @@ def _connected(address: ControlAddress) -> socket.socket:
         link.close()
         raise
     return link
-
-
-def _reason(error: OSError) -> str:
-    return error.strerror or str(error)

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import sys
-from argparse import ArgumentTypeError, Namespace
+from argparse import Namespace
 
 from console.cli.arguments import (
+    LINK,
+    PLANT,
     STAGES,
+    WRONG_USAGE,
     add_job,
-    add_link,
-    add_machine,
-    add_plant,
-    add_sim,
+    add_shared,
     add_strategy,
     compensation,
     whole_number,
+    within,
 )
 from console.cli.parser import Parser
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 
-WRONG_USAGE = 2
 MOST_PARTS = 20
 """Largest number of parts in a learning series."""
 
@@ -28,13 +28,12 @@ MOST_PARTS = 20
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the job, the machine (simulated or real), how it is cut, and the file of its trace."""
     add_job(parser, text)
-    add_machine(parser, text)
-    add_sim(parser, text, "help.sim")
-    add_link(parser, text)
+    add_shared(parser, text, "sim", *LINK)
     add_strategy(parser, text)
-    add_plant(parser, text)
+    add_shared(parser, text, *PLANT)
     parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
-    parser.add_argument("--learn", metavar="PARTS", type=_parts, help=text("help.run.learn"))
+    parts = within(whole_number, 1, MOST_PARTS, "usage.parts", MOST_PARTS)
+    parser.add_argument("--learn", metavar="PARTS", type=parts, help=text("help.run.learn"))
     parser.add_argument("--stage", choices=STAGES, default="full", help=text("help.stage"))
     version_help = text("help.compensation")
     parser.add_argument("--compensation", metavar="VERSION", type=compensation, default="none", help=version_help)
@@ -46,9 +45,6 @@ def main(options: Namespace, text: Catalogue) -> int:
     """Run a job on a real or simulated machine, and print the result.
 
     The exit code is 1 without consent to move a machine, 2 for options that belong to a simulated one alone.
-
-    Raises:
-        ProblemError: a refusal before anything moved, or what ended the cut; the machine is at rest.
     """
     interruption = Interruption()
     interruption.install()
@@ -73,10 +69,3 @@ def main(options: Namespace, text: Catalogue) -> int:
         return 1
     cut_requested(options, request, interruption, warnings, text)
     return 0
-
-
-def _parts(word: str) -> int:
-    parts = whole_number(word)
-    if not 1 <= parts <= MOST_PARTS:
-        raise ArgumentTypeError(Parser.text("usage.parts", value=word, limit=MOST_PARTS))
-    return parts

@@ -1,4 +1,4 @@
-"""Output and records of `console run` around the cut."""
+"""Cut of `console run`, on a machine behind a link or a simulated one in this process: its output and records."""
 
 from __future__ import annotations
 
@@ -8,34 +8,32 @@ from argparse import Namespace
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
-from console.cli.agreement import agreed
-from console.cli.clamping_lines import force_line
+from console.cli.judgement import force_line
 from console.cli.library import data_of
-from console.cli.machine.learning_fields import learning_fields
-from console.cli.machine.learning_lines import learning_lines
-from console.cli.machine.run_fields import run_fields
-from console.cli.machine.run_lines import run_lines
-from console.cli.machine.run_places import cut, cut_learning
+from console.cli.machine.run_report import result_fields, result_lines
 from console.cli.machine.run_request import RunRequest
-from console.cli.output import print_json
+from console.cli.machine.stopping import Stopping
+from console.cli.output import agreed, show
 from console.cli.output import tell as tell_problems
+from console.session.cut.context import CutContext
 from console.session.cut.engine import Step
-from console.session.cut.run import RunResult, TellPart
+from console.session.cut.in_process import simulated_context
+from console.session.cut.run import RunResult, TellPart, run, run_once
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MODEL
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunRecord, begin_record
 from console.session.errors import SessionError
+from console.session.learning.learning import LearnResult, learn
 from console.session.signals import Interruption
 from console.session.stages import Stage
+from console.session.station.commissioned import Commissioned
+from console.session.station.reaching import Reached, guard, leave, machine_context, reach
 from console.text.catalogue import Catalogue
 from drivers.link.tracing import Tracing
+from profiles.problem import Problem
 from profiles.traces import write_trace
-
-Result = TypeVar("Result")
 
 
 def agreed_to(options: Namespace, request: RunRequest, text: Catalogue) -> bool:
@@ -50,58 +48,53 @@ def agreed_to(options: Namespace, request: RunRequest, text: Catalogue) -> bool:
         force=f"{job.chucking_force_n:.0f}",
     )
     print(f"{rests_on}\n{force_line(job, machine, text)}", file=sys.stderr)
-    return agreed(options, machine.name, request.simulated, text, "run")
+    return agreed(options, machine.name, request.simulated, text)
 
 
 def cut_requested(
     options: Namespace, request: RunRequest, interruption: Interruption, warnings: list[str], text: Catalogue
 ) -> None:
-    """Cut with a record and, if requested, a trace, and print the result.
-
-    A reason why the trace ended early is added to the warnings.
-    """
+    """Cut with a record and, if requested, a trace, whose early end is added to the warnings; print the result."""
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {request.job.job.name}")
-    data, parts = data_of(options), request.parts
-    record = _record(data, request)
+    data = data_of(options)
+    record = begin_record(
+        data,
+        request.job.job.name,
+        request.job.sha256,
+        request.machine,
+        request.plan.cut,
+        simulated=request.simulated,
+        open_timeout_s=OPEN_TIMEOUT_S,
+        # On a lathe in this process, a wait for other writers keeps no real drive enabled.
+        patience_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
+    )
     tell_cut_with(options, request, text)
-    tell = _teller(options, text, interruption, record.add, request)
+    tell = _teller(options, text, interruption, record, simulated=request.simulated)
     try:
-        if parts is None:
-            there = partial(cut, request, data, interruption, tracing, tell, text)
-            result = _recorded(record, warnings, request, there, run_fields)
-        else:
-            row = partial(cut_learning, request, parts, interruption, tracing, tell)
-            learned = _recorded(record, warnings, request, row, learning_fields)
+        result = _recorded(
+            record, warnings, request, lambda: _cut(request, data, interruption, tracing, tell, text)
+        )
     finally:
         warnings += tell_problems(tracing.problems, text)
-    if parts is not None:
-        warnings += tell_problems(learned.warnings, text)
-        _print(options, learning_fields(learned, warnings), learning_lines(learned, text))
-        return
-    lines = [*run_lines(result, text), *learn_hint(options, request, text)]
-    _print(options, run_fields(result, warnings), lines)
-    _save_part(request, result)
-
-
-def _print(options: Namespace, fields: dict[str, object], lines: list[str]) -> None:
-    if options.json:
-        print_json(fields)
-    else:
-        print("\n".join(lines))
+    if isinstance(result, LearnResult):
+        warnings += tell_problems(result.warnings, text)
+    show(
+        options,
+        lambda: result_fields(result, warnings),
+        lambda: [*result_lines(result, text), *learn_hint(options, request, text)],
+    )
+    if isinstance(result, RunResult):
+        _save_part(request, result)
 
 
 def _teller(
-    options: Namespace,
-    text: Catalogue,
-    interruption: Interruption,
-    keep: Callable[[str, dict[str, object]], None],
-    request: RunRequest,
+    options: Namespace, text: Catalogue, interruption: Interruption, record: RunRecord, *, simulated: bool
 ) -> TellPart:
     """Return the callback for each step: a line for people, an event for the record."""
-    sim = f"{text('sim')}  " if request.simulated else ""
+    sim = f"{text('sim')}  " if simulated else ""
 
     def tell(part: str, step: Step, detail: str) -> None:
-        keep("step", {"part": part, "step": step.value, "detail": detail})
+        record.add("step", {"part": part, "step": step.value, "detail": detail})
         if options.json:
             return
         if step.value == "cut":
@@ -125,18 +118,15 @@ def tell_cut_with(options: Namespace, request: RunRequest, text: Catalogue) -> N
         return
     plan = request.plan
     which = "run.cut_with_none" if plan.compensation is None else "run.cut_with"
-    said = text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)
-    lines = [said] if request.address else [said, force_line(request.job.job, request.machine.machine, text)]
+    lines = [text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)]
+    if not request.address:
+        lines.append(force_line(request.job.job, request.machine.machine, text))
     # In one piece: a reader that closes after the first line is noticed at the first step, which stops the cut.
     print("".join(f"{text('sim')}  {line}\n" if request.simulated else f"{line}\n" for line in lines), end="")
 
 
 def _save_part(request: RunRequest, result: RunResult) -> None:
-    """Write the trace of the part if requested, with header lines that state how it was cut.
-
-    Raises:
-        ProfileError: `file.exists`, `file.not_writable`.
-    """
+    """Write the trace of the part if requested, with header lines that state how it was cut."""
     if request.part_file is None or result.trace is None:
         return
     plan = request.plan
@@ -164,32 +154,10 @@ def learn_hint(options: Namespace, request: RunRequest, text: Catalogue) -> list
     return [text("run.learn_from_it", command=shlex.join(words))]
 
 
-def _record(data: Path, request: RunRequest) -> RunRecord:
-    """Begin the record of a run. On a lathe in this process, a wait for other writers keeps no real drive enabled.
-
-    Raises:
-        SessionError: as `RunRecord`; nothing was started.
-    """
-    return begin_record(
-        data,
-        request.job.job.name,
-        request.job.sha256,
-        request.machine,
-        request.plan.cut,
-        simulated=request.simulated,
-        open_timeout_s=OPEN_TIMEOUT_S,
-        patience_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
-    )
-
-
 def _recorded(
-    record: RunRecord,
-    warnings: list[str],
-    request: RunRequest,
-    work: Callable[[], Result],
-    told: Callable[[Result, list[str]], dict[str, object]],
-) -> Result:
-    """Run, and record the course as `told`, however it ends.
+    record: RunRecord, warnings: list[str], request: RunRequest, work: Callable[[], RunResult | LearnResult]
+) -> RunResult | LearnResult:
+    """Run, and record the course however it ends.
 
     With the plan it records the dates of the calibrations with which the job was judged.
     """
@@ -197,7 +165,7 @@ def _recorded(
         duration_s, used = request.plan.cut.duration_s, request.machine.used
         record.add("planned", {"warnings": warnings, "duration_s": duration_s, "calibrations": used})
         result = work()
-        record.add("result", told(result, warnings))
+        record.add("result", result_fields(result, warnings))
     except BaseException as error:
         # What ended the run matters more than a record that cannot be written.
         with suppress(SessionError):
@@ -206,3 +174,45 @@ def _recorded(
     finally:
         record.close()
     return result
+
+
+def _cut(
+    request: RunRequest, data: Path, interruption: Interruption, tracing: Tracing, tell: TellPart, text: Catalogue
+) -> RunResult | LearnResult:
+    """Cut the requested job, or its series of parts, each corrected by the ones before, at the requested place.
+
+    On a machine behind a link, print on stderr how to stop it; leave its drives off.
+    """
+    if request.address is None:
+
+        def open_machine() -> CutContext:
+            """Open a new simulated machine for each part."""
+            context, _ = simulated_context(request.machine.machine, request.true, tracing)
+            interruption.guard(context.lathe.stop)
+            return context
+
+        if request.parts is None:
+            return run(request.plan, open_machine, tell)
+        return learn(request.plan, open_machine, tell, request.parts)
+    stopping = Stopping(interruption, text)
+    reached = reach(request.machine, request.address, data, tracing, stopping.seen)
+    try:
+        guard(interruption, reached.lathe, reached.clock.now_s)
+        with stopping.watching(reached.stop):
+            return _cut_there(request, reached, data, tell)
+    finally:
+        reached.close()
+
+
+def _cut_there(request: RunRequest, reached: Reached, data: Path, tell: TellPart) -> RunResult:
+    try:
+        commissioned = Commissioned(
+            reached.client, reached.heartbeat, request.machine.machine, data, simulated=reached.simulated
+        )
+        result = run_once(request.plan, machine_context(reached, commissioned), tell)
+        if not leave(reached.lathe, reached.owning):
+            raise SessionError(Problem(code="machine.state_unknown"))
+        return result
+    except BaseException:
+        leave(reached.lathe, reached.owning)
+        raise

@@ -19,7 +19,6 @@ from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import cut_condition
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.simulator.plant.true_parameters import TrueParameters
-from profiles.axis.response import ServoResponse
 from profiles.compensations.learned import LearnedCompensation, differences
 from profiles.compensations.path import CutPath
 from profiles.files import printable
@@ -42,59 +41,52 @@ class RunRequest:
     machine: CalibratedMachine
     plan: RunPlan
     address: LinkAddress | None
-    true: TrueParameters | None = None
-    parts: int | None = None
-    part_file: Path | None = None
-    warnings: tuple[Problem, ...] = ()
-
-    @property
-    def simulated(self) -> bool:
-        """Whether it is simulated."""
-        return self.address is None or isinstance(self.address, SimulatedAddress)
+    simulated: bool
+    true: TrueParameters | None
+    parts: int | None
+    part_file: Path | None
+    warnings: tuple[Problem, ...]
 
 
 def requested(options: Namespace) -> RunRequest:
-    """Load and plan what the command line requests.
-
-    Raises:
-        ProblemError: everything that forbids it; nothing was opened.
-    """
-    job, machine = job_of(options), calibrated(machine_of(options), data_of(options))
-    address = None if options.sim else address_of(machine.machine, options.link, simulated=False)
+    """Load and plan what the command line requests; nothing is opened."""
+    job, loaded = job_of(options), calibrated(machine_of(options), data_of(options))
+    machine = loaded.machine
+    address = None if options.sim else address_of(machine, options.link, simulated=False)
     simulated = address is None or isinstance(address, SimulatedAddress)
     part_file = _part_file(options, simulated=simulated)
-    asked = asked_for(job, machine, options.strategy, simulated=simulated)
+    asked = asked_for(job, loaded, options.strategy, simulated=simulated)
     known = () if options.compensation == NONE else versions(data_of(options), asked)
     learned = chosen(options.compensation, known, asked)
-    inverted = _inverted(options, machine.machine, simulated=simulated)
-    path = _path(job.job, machine.machine, options, learned, inverted)
+    path, inverted = _path(options, job.job, machine, learned, simulated=simulated)
     plan = plan_run(
         job.job,
-        machine.machine,
+        machine,
         Strategy(options.strategy),
         options.ts,
         str(job.path),
-        watchdog=cut_condition(machine.machine),
+        watchdog=cut_condition(machine),
         stage=Stage(options.stage),
         path=path,
-        inverted="" if inverted is None else inverted.name,
+        inverted=inverted,
         compensation=None if learned is None else learned.version,
         simulated=simulated,
     )
-    unused = _unused(options, job, machine, simulated=simulated)
-    true = None if address is not None else true_parameters_of(options, machine.machine)
+    unused = _unused(options, job, loaded, simulated=simulated)
+    true = None if address is not None else true_parameters_of(options, machine)
     if options.learn is not None:
         _refuse_beside_learning(options)
         refuse_unlearnable(plan, measured=address is None)
     return RunRequest(
         job=job,
-        machine=machine,
+        machine=loaded,
         plan=plan,
         address=address,
+        simulated=simulated,
         true=true,
         parts=options.learn,
         part_file=part_file,
-        warnings=(*machine.warnings, *date_problems(learned), *unused, *plan.warnings),
+        warnings=(*loaded.warnings, *date_problems(learned), *unused, *plan.warnings),
     )
 
 
@@ -114,38 +106,21 @@ def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simul
     return (Problem(code="learned.not_used", key=str(newest.version), value=strategy),)
 
 
-def _inverted(options: Namespace, machine: MachineProfile, *, simulated: bool) -> ServoResponse | None:
-    """Return the identified response to invert, None for the model's."""
-    if options.identified is None:
-        return None
-    return response_in(Path(options.identified), machine, Strategy(options.strategy), simulated=simulated)
-
-
 def _path(
-    job: Job,
-    machine: MachineProfile,
-    options: Namespace,
-    learned: LearnedCompensation | None,
-    inverted: ServoResponse | None,
-) -> CutPath | None:
-    """Return the learned path, or the inverse of the identified response; None where neither was requested.
-
-    Raises:
-        SessionError: `run.two_inverses`, both were.
-    """
-    if inverted is None:
-        return None if learned is None else learned.path
+    options: Namespace, job: Job, machine: MachineProfile, learned: LearnedCompensation | None, *, simulated: bool
+) -> tuple[CutPath | None, str]:
+    """Return the learned path, or the inverse of the identified response with its name; None for the model's."""
+    if options.identified is None:
+        return None if learned is None else learned.path, ""
+    strategy = Strategy(options.strategy)
+    response = response_in(Path(options.identified), machine, strategy, simulated=simulated)
     if learned is not None:
         raise SessionError(Problem(code="run.two_inverses", key="--compensation", value="--identified"))
-    return nominal_path(job, machine, Strategy(options.strategy), inverted)
+    return nominal_path(job, machine, strategy, response), response.name
 
 
 def _part_file(options: Namespace, *, simulated: bool) -> Path | None:
-    """Return the file for the trace of the part; refuse it now rather than after the cut.
-
-    Raises:
-        SessionError: `run.no_part`, nobody measures it here; `file.exists`.
-    """
+    """Return the file for the trace of the part; refuse it now rather than after the cut."""
     if options.part is None:
         return None
     if not simulated or options.stage == Stage.AIR:
@@ -157,17 +132,12 @@ def _part_file(options: Namespace, *, simulated: bool) -> Path | None:
 
 
 def _refuse_beside_learning(options: Namespace) -> None:
-    """Refuse options that a learning series sets by itself.
-
-    Raises:
-        SessionError: `learning.alone`.
-    """
+    """Refuse options that a learning series sets by itself."""
     given = {
         "--compensation": options.compensation != NONE,
         "--stage": options.stage != Stage.FULL,
         "--part": options.part is not None,
         "--identified": options.identified is not None,
     }
-    if any(given.values()):
-        value = ", ".join(option for option, there in given.items() if there)
+    if value := ", ".join(option for option, there in given.items() if there):
         raise SessionError(Problem(code="learning.alone", key="--learn", value=value))

@@ -29,8 +29,6 @@ SILENT_S = 1.0
 END_WITHIN_S = 8.5
 """Time from a signal to the end of the process, whatever blocks it: a supervisor kills it after ten seconds."""
 
-FAILED = 1
-
 
 class Stopping:
     """Monitor one stop path. All its times are real, in seconds of `time.monotonic`."""
@@ -50,7 +48,7 @@ class Stopping:
         self._seen_s = self._sent_s = now_s()
         self._began_s: float | None = None
         self._first = self._count = 0
-        self._told_s = 0.0
+        self._reported_s = 0.0
 
     def seen(self, _: Snapshot) -> None:
         """Note a reply of the controller; called from the thread that operates the machine."""
@@ -78,37 +76,27 @@ class Stopping:
             self._began_s = None
         elif not ends_only:
             if self._began_s is None:
-                self._begin(stop, now_s)
+                self._began_s = self._reported_s = self._sent_s = now_s
+                self._first, self._count = stop.count - 1, stop.count
+                self._say(self._text("stopping.begun", stop=self._named(stop)))
             self._repeat(stop, now_s)
-            self._tell(stop, now_s)
+            if now_s - self._reported_s >= TELL_S - 0.5 * TICK_S:
+                self._reported_s = max(self._reported_s + TELL_S, now_s - TELL_S)
+                self._tell(stop, now_s - self._began_s, now_s - self._seen_s)
         hurried_s = self._interruption.hurried_s
         if hurried_s is not None and now_s - hurried_s > END_WITHIN_S:
             self._end(stop, now_s - hurried_s)
 
-    def _begin(self, stop: StopPath, now_s: float) -> None:
-        self._began_s = self._told_s = self._sent_s = now_s
-        self._first, self._count = stop.count - 1, stop.count
-        self._say(self._text("stopping.begun", stop=self._named(stop)))
-
     def _repeat(self, stop: StopPath, now_s: float) -> None:
         """Repeat the stop where nothing else does; arriving polls prove rest, and must not be disturbed."""
-        if stop.count != self._count:
-            self._sent_s, self._count = now_s, stop.count
-        elif now_s - self._seen_s > SILENT_S and now_s - self._sent_s >= REPEAT_S:
+        if stop.count == self._count:
+            if now_s - self._seen_s <= SILENT_S or now_s - self._sent_s < REPEAT_S:
+                return
             stop.repeat()
-            self._sent_s, self._count = now_s, stop.count
+        self._sent_s, self._count = now_s, stop.count
 
-    def _tell(self, stop: StopPath, now_s: float) -> None:
-        if now_s - self._told_s < TELL_S - 0.5 * TICK_S:
-            return
-        assert self._began_s is not None
-        self._told_s = max(self._told_s + TELL_S, now_s - TELL_S)
-        facts: dict[str, object] = {
-            "seconds": int(now_s - self._began_s),
-            "count": stop.count - self._first,
-            "stop": self._named(stop),
-        }
-        silent_s = now_s - self._seen_s
+    def _tell(self, stop: StopPath, since_s: float, silent_s: float) -> None:
+        facts = {"seconds": int(since_s), "count": stop.count - self._first, "stop": self._named(stop)}
         if not stop.delivered:
             line = self._text("stopping.untaken", **facts)
         elif silent_s > SILENT_S:
@@ -123,7 +111,7 @@ class Stopping:
             stop.repeat()
         key = "stopping.left" if proven else "stopping.abandoned"
         self._say(self._text(key, reason=self._interruption.reason, seconds=int(seconds)))
-        self._give_up(FAILED)
+        self._give_up(1)
 
     def _named(self, stop: StopPath) -> str:
         return self._text("stopping.kill" if stop.killed else "stopping.abort")

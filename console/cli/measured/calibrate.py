@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 
-from console.cli.arguments import add_machine, add_sim, number, whole_numbers
+from console.cli.arguments import add_shared, listed, number, whole_number
 from console.cli.commands import add_actions
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
@@ -15,8 +15,21 @@ KINDS = ("wrench", "deflection")
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the kinds of calibration."""
     actions = add_actions(parser, "calibrate", ("chuck", "lobe"), text)
-    _add_chuck(actions["chuck"], text)
-    _add_lobe(actions["lobe"], text)
+    chuck, lobe = actions["chuck"], actions["lobe"]
+    chuck.add_argument("file", metavar="FILE.csv", help=text("help.calibrate.table"))
+    add_shared(chuck, text, "machine")
+    chuck.add_argument("--kind", choices=KINDS, help=text("help.calibrate.kind"))
+    chuck.add_argument("--affine", action="store_true", help=text("help.calibrate.affine"))
+    chuck.add_argument("--torque", metavar="NM", type=number, help=text("help.calibrate.torque"))
+    chuck.add_argument("--force", metavar="N", type=number, help=text("help.calibrate.force"))
+    chuck.add_argument("--keep", action="store_true", help=text("help.calibrate.chuck.keep"))
+    lobe.add_argument("file", metavar="TRACE", help=text("help.calibrate.trace"))
+    lobe.add_argument("--job", metavar="JOB", required=True, help=text("help.job"))
+    add_shared(lobe, text, "machine")
+    lobe.add_argument("--extra", metavar="N,N", type=listed(whole_number), help=text("help.calibrate.extra"))
+    lobe.add_argument("--robust", action="store_true", help=text("help.calibrate.robust"))
+    lobe.add_argument("--keep", action="store_true", help=text("help.calibrate.lobe.keep"))
+    add_shared(lobe, text, "sim", command="calibrate.lobe")
 
 
 def main(options: Namespace, text: Catalogue) -> int:
@@ -28,23 +41,3 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.measured.calibrate_lobe import calibrate_lobe
 
     return calibrate_lobe(options, text)
-
-
-def _add_chuck(parser: Parser, text: Catalogue) -> None:
-    parser.add_argument("file", metavar="FILE.csv", help=text("help.calibrate.table"))
-    add_machine(parser, text)
-    parser.add_argument("--kind", choices=KINDS, help=text("help.calibrate.kind"))
-    parser.add_argument("--affine", action="store_true", help=text("help.calibrate.affine"))
-    parser.add_argument("--torque", metavar="NM", type=number, help=text("help.calibrate.torque"))
-    parser.add_argument("--force", metavar="N", type=number, help=text("help.calibrate.force"))
-    parser.add_argument("--keep", action="store_true", help=text("help.calibrate.chuck.keep"))
-
-
-def _add_lobe(parser: Parser, text: Catalogue) -> None:
-    parser.add_argument("file", metavar="TRACE", help=text("help.calibrate.trace"))
-    parser.add_argument("--job", metavar="JOB", required=True, help=text("help.job"))
-    add_machine(parser, text)
-    parser.add_argument("--extra", metavar="N,N", type=whole_numbers, help=text("help.calibrate.extra"))
-    parser.add_argument("--robust", action="store_true", help=text("help.calibrate.robust"))
-    parser.add_argument("--keep", action="store_true", help=text("help.calibrate.lobe.keep"))
-    add_sim(parser, text, "help.calibrate.lobe.sim")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
-from dataclasses import asdict, replace
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
-from console.cli.library import data_of, machine_of
-from console.cli.output import print_json, tell
+from console.cli.arguments import number_or_nan
+from console.cli.library import data_of, machine_of, naming
+from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import refuse_unusable
 from console.session.data.calibrations import Calibration, date_problems, newest, store
 from console.session.data.dates import utc_now
@@ -33,24 +34,17 @@ NO_SCATTER = 1e-6
 
 
 def calibrate_chuck(options: Namespace, text: Catalogue) -> int:
-    """Fit a table of measurements of a machine's chuck.
-
-    Raises:
-        ProfileError: what the table, the machine or the fit refuses.
-    """
-    loaded, where = machine_of(options), printable(options.file)
+    """Fit a table of measurements of a machine's chuck."""
+    loaded, where, data = machine_of(options), printable(options.file), data_of(options)
     measured = read_table(Path(options.file), options.kind and CalibrationKind(options.kind))
-    try:
+    with naming(where):
         fit = _fitted(measured, loaded.machine, options.affine)
         rows = _rows(fit, measured, text)
         asked = _asked(fit, options)
+        found = _profile_lines(fit)
         if options.keep:
-            refuse_unusable(_profile_lines(fit), where)
-    except ProfileError as error:
-        raise ProfileError(*(replace(problem, where=where) for problem in error.problems)) from error
-    data = data_of(options)
+            refuse_unusable(found, where)
     before = newest(data, loaded.machine.name, measured.kind, loaded.machine.chuck.name)
-    found = {**asdict(fit), "profile": _profile_lines(fit)}
     calibration = Calibration(
         kind=measured.kind,
         subject=loaded.machine.name,
@@ -58,24 +52,30 @@ def calibrate_chuck(options: Namespace, text: Catalogue) -> int:
         date=utc_now(),
         file=options.file,
         file_sha256=measured.sha256,
-        found=found,
+        found={**asdict(fit), "profile": found},
         chuck=loaded.machine.chuck.name,
     )
     kept = str(store(data, calibration)) if options.keep else None
     dated = () if before is None else date_problems(*before)
     warnings = tell((*_warnings(fit, measured, where), *dated), text)
-    if options.json:
-        bands = {key: asdict(band) for key, band in asked.items()}
-        print_json({**asdict(calibration), "asked": bands, "kept": kept, "warnings": warnings})
-        return 0
-    print(text("calibrate.chuck_head", machine=loaded.machine.name, file=where, rows=fit.points))
-    print("\n".join(table([*rows, *_asked_rows(asked, text)], numeric=(1,))))
-    if before is not None:
-        lines = _spelled(before[1].found.get("profile", {}))
-        print("\n" + text("calibrate.before", date=before[1].date, lines=lines))
-    print("\n" + text("calibrate.profile", lines=_spelled(_profile_lines(fit))))
-    print(text("calibrate.kept", file=kept) if kept else text("calibrate.not_kept"))
+    head = text("calibrate.chuck_head", machine=loaded.machine.name, file=where, rows=fit.points)
+    rows += _asked_rows(asked, text)
+    bands = {key: asdict(band) for key, band in asked.items()}
+    show(
+        options,
+        lambda: {**asdict(calibration), "asked": bands, "kept": kept, "warnings": warnings},
+        lambda: [head, *table(rows, numeric=(1,)), *_end(found, before and before[1], kept, text)],
+    )
     return 0
+
+
+def _end(found: dict[str, float], before: Calibration | None, kept: str | None, text: Catalogue) -> list[str]:
+    """Return what the profile would have, beside what the previous calibration found, and where it was kept."""
+    lines = ["", text("calibrate.profile", lines=_spelled(found))]
+    if before is not None:
+        previous = _spelled(before.found.get("profile", {}))
+        lines = ["", text("calibrate.before", date=before.date, lines=previous), *lines]
+    return [*lines, text("calibrate.kept", file=kept) if kept else text("calibrate.not_kept")]
 
 
 def _fitted(measured: MeasuredTable, machine: MachineProfile, affine: bool) -> WrenchFit | DeflectionFit:
@@ -85,10 +85,9 @@ def _fitted(measured: MeasuredTable, machine: MachineProfile, affine: bool) -> W
     if affine:
         raise ProfileError(Problem(code="calibration.affine", value=measured.kind))
     jaws = machine.chuck.jaws
-    if meta.get("jaws", str(jaws)) != str(jaws):
-        raise ProfileError(
-            Problem(code="calibration.jaws_differ", value=printable(meta["jaws"], 20), limit=str(jaws))
-        )
+    stated = meta.get("jaws", str(jaws))
+    if stated != str(jaws):
+        raise ProfileError(Problem(code="calibration.jaws_differ", value=printable(stated, 20), limit=str(jaws)))
     youngs_gpa = _stated(meta, "youngs_modulus_gpa")
     if youngs_gpa is None:
         if "material" not in meta:
@@ -97,14 +96,11 @@ def _fitted(measured: MeasuredTable, machine: MachineProfile, affine: bool) -> W
     return fit_deflection(columns, jaws=jaws, youngs_gpa=youngs_gpa, jaw_length_mm=_stated(meta, "jaw_length_mm"))
 
 
-def _stated(meta: Any, key: str) -> float | None:
+def _stated(meta: Mapping[str, str], key: str) -> float | None:
     """Return the number in a header line, None where there is none."""
     if key not in meta:
         return None
-    try:
-        value = float(meta[key].replace(",", "."))
-    except ValueError:
-        value = math.nan
+    value = number_or_nan(meta[key].replace(",", "."))
     if not (math.isfinite(value) and value > 0):
         shown = printable(meta[key], 60) or '""'
         raise ProfileError(Problem(code="calibration.not_positive", key=key, value=shown, limit="> 0"))
@@ -113,23 +109,20 @@ def _stated(meta: Any, key: str) -> float | None:
 
 def _asked(fit: WrenchFit | DeflectionFit, options: Namespace) -> dict[str, Band]:
     """Return the force for a torque, and the torque for a force, requested on the command line."""
-    asked: dict[str, Band] = {}
-    for key in ("torque", "force"):
-        value = getattr(options, key)
-        if value is None:
-            continue
-        if not isinstance(fit, WrenchFit):
+    torque_n_m, force_n = options.torque, options.force
+    if not isinstance(fit, WrenchFit):
+        if torque_n_m is not None or force_n is not None:
             raise ProfileError(Problem(code="calibration.affine", value=CalibrationKind.DEFLECTION))
-        asked[f"{key} {value:g}"] = fit.force_n(value) if key == "torque" else fit.torque_n_m(value)
-    return asked
+        return {}
+    asked = {} if torque_n_m is None else {f"torque {torque_n_m:g}": fit.force_n(torque_n_m)}
+    return asked | ({} if force_n is None else {f"force {force_n:g}": fit.torque_n_m(force_n)})
 
 
 def _asked_rows(asked: dict[str, Band], text: Catalogue) -> Rows:
     rows: Rows = []
     for key, band in asked.items():
         kind, _, value = key.partition(" ")
-        unit = "N" if kind == "torque" else "N m"
-        limits = f"{band.low:.4g} … {band.high:.4g} {unit}"
+        limits = f"{band.low:.4g} … {band.high:.4g} {'N' if kind == 'torque' else 'N m'}"
         rows.append((text(f"calibrate.at_{kind}", value=value), f"{band.value:.4g}", limits))
     return rows
 
@@ -163,14 +156,15 @@ def _softest(fit: DeflectionFit, measured: MeasuredTable, text: Catalogue) -> Ro
 
 def _profile_lines(fit: WrenchFit | DeflectionFit) -> dict[str, float]:
     """Return the keys of [chuck] in a machine profile that this calibration determines."""
-    if isinstance(fit, WrenchFit):
-        found = {"force_per_torque_n_per_n_m": fit.slope_n_per_n_m}
-        if fit.intercept_ci:
-            found["force_offset_n"] = fit.intercept_n
-        # A table without any scatter does not predict the next clamping.
-        return found | ({"force_sd_percent": fit.force_sd_percent} if fit.force_sd_percent > NO_SCATTER else {})
-    found = {"jaw_stiffness_n_per_um": fit.stiffness_n_per_um, "jaw_contact_exponent": fit.alpha}
-    return found | ({"jaw_length_mm": fit.jaw_length_mm} if fit.jaw_length_ci else {})
+    if isinstance(fit, DeflectionFit):
+        found = {"jaw_stiffness_n_per_um": fit.stiffness_n_per_um, "jaw_contact_exponent": fit.alpha}
+        return found | ({"jaw_length_mm": fit.jaw_length_mm} if fit.jaw_length_ci else {})
+    found = {"force_per_torque_n_per_n_m": fit.slope_n_per_n_m}
+    if fit.intercept_ci:
+        found["force_offset_n"] = fit.intercept_n
+    if fit.force_sd_percent > NO_SCATTER:  # a table without any does not predict the next clamping
+        found["force_sd_percent"] = fit.force_sd_percent
+    return found
 
 
 def _spelled(lines: dict[str, float]) -> str:
@@ -181,12 +175,15 @@ def _warnings(fit: WrenchFit | DeflectionFit, measured: MeasuredTable, where: st
     found = [
         Problem(code="calibration.outlier", where=f"{where}:{measured.lines[place]}") for place in fit.outliers
     ]
-    if isinstance(fit, WrenchFit) and fit.misses:
-        value = f"{100 * (fit.lack_of_fit_chance or 0.0):.2g} %"
-        found.append(Problem(code="calibration.lack_of_fit", where=where, value=value, limit=">= 5 %"))
-    if isinstance(fit, WrenchFit) and fit.slope_ci > WIDE_SLOPE * fit.slope_n_per_n_m:
-        value, limit = f"{100 * fit.slope_ci / fit.slope_n_per_n_m:.2g} %", f"<= {100 * WIDE_SLOPE:g} %"
-        found.append(Problem(code="calibration.wide_slope", where=where, key="slope", value=value, limit=limit))
+    if isinstance(fit, WrenchFit):
+        if fit.misses:
+            value = f"{100 * (fit.lack_of_fit_chance or 0.0):.2g} %"
+            found.append(Problem(code="calibration.lack_of_fit", where=where, value=value, limit=">= 5 %"))
+        if fit.slope_ci > WIDE_SLOPE * fit.slope_n_per_n_m:
+            value, limit = f"{100 * fit.slope_ci / fit.slope_n_per_n_m:.2g} %", f"<= {100 * WIDE_SLOPE:g} %"
+            found.append(
+                Problem(code="calibration.wide_slope", where=where, key="slope", value=value, limit=limit)
+            )
     if measured.ignored:
         value = printable(", ".join(measured.ignored), 60)
         found.append(Problem(code="calibration.ignored", where=where, value=value))

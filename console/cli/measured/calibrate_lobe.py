@@ -4,58 +4,36 @@ from __future__ import annotations
 
 import hashlib
 from argparse import Namespace
-from collections.abc import Iterable
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
-from console.cli.library import data_of, job_of, machine_of
-from console.cli.lobe_lines import lobe_place_line
-from console.cli.output import print_json, tell
+from console.cli.judgement import lobe_place_line
+from console.cli.library import data_of, job_of, machine_of, named, naming
+from console.cli.output import show, tell
 from console.session.data.calibrations import Calibration, keep_job, store
 from console.session.data.dates import utc_now
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.lobe import FoundLobe, find_lobe, with_lobe
 from profiles.files import printable, read_regular_file
-from profiles.lobe.lobe_fit import LobeFit
-from profiles.problem import Problem, ProfileError
+from profiles.lobe.lobe_conditions import CONDITIONS, NAMES
+from profiles.problem import ProfileError
 from profiles.store import LoadedJob
 from profiles.traces import CAP_BYTES, parse_trace
 
-_STATED = (
-    "lobe_error_um_pp",
-    "lobe_phase_deg",
-    "lobe_past_jaw_deg",
-    "lobe_error_source",
-    "lobe_force_n",
-    "lobe_spindle_speed_rpm",
-    "lobe_overhang_mm",
-    "lobe_wall_thickness_mm",
-    "lobe_diameter_mm",
-    "lobe_material",
-    "lobe_jaws",
-    "lobe_chuck",
-    "lobe_tool",
-)
+_STATED = ("lobe_error_um_pp", "lobe_phase_deg", "lobe_past_jaw_deg", "lobe_error_source", *CONDITIONS, *NAMES)
 
 
 def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
-    """Fit the lobe of a trace; with `--keep` write it to the job, unless something speaks against it.
-
-    Raises:
-        ProfileError: what the trace, the job or the fit refuses; with `--keep` why the job keeps its error.
-    """
+    """Fit the lobe of a trace; with `--keep` write it to the job, unless something speaks against it."""
     loaded, machine, where = job_of(options), machine_of(options).machine, printable(options.file)
     content = read_regular_file(Path(options.file), cap_bytes=CAP_BYTES, area="trace")
-    try:
+    with naming(where):
         trace = parse_trace(content, where=where)
-        found = find_lobe(
-            trace, loaded.job, extra=options.extra or (), robust=options.robust, practice=options.sim
-        )
-    except ProfileError as error:
-        raise ProfileError(*_named(error.problems, where)) from error
-    reasons = _named(found.reasons, where)
-    warnings = tell((*_named(found.warnings, where), *(() if options.keep else reasons)), text)
+        extra = options.extra or ()
+        found = find_lobe(trace, loaded.job, extra=extra, robust=options.robust, practice=options.sim)
+    reasons = named(found.reasons, where)
+    warnings = tell((*named(found.warnings, where), *(() if options.keep else reasons)), text)
     written = kept = None
     if options.keep and not reasons:
         job = with_lobe(loaded.job, found, chuck=machine.chuck.name, tool=machine.tool.name)
@@ -70,11 +48,12 @@ def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
             found=_record(found, loaded, written),
         )
         kept = store(data_of(options), calibration)
-    if options.json:
-        place = {"job": written and str(written.path), "revision": written and written.sha256}
-        print_json({**_fields(found), **place, "kept": kept and str(kept), "warnings": warnings})
-    else:
-        print("\n".join([*_lines(found, text), *_end(written, kept, options.keep, text)]))
+    place = {"job": written and str(written.path), "revision": written and written.sha256}
+    show(
+        options,
+        lambda: {**_fields(found), **place, "kept": kept and str(kept), "warnings": warnings},
+        lambda: [*_lines(found, text), *_end(written, kept, options.keep, text)],
+    )
     if options.keep and reasons:
         raise ProfileError(*reasons)
     return 0
@@ -97,10 +76,6 @@ def _end(written: LoadedJob | None, kept: Path | None, asked: bool, text: Catalo
     return ["", job, text("calibrate.kept", file=printable(str(kept)))]
 
 
-def _named(problems: Iterable[Problem], where: str) -> tuple[Problem, ...]:
-    return tuple(replace(problem, where=problem.where or where) for problem in problems)
-
-
 def _fields(found: FoundLobe) -> dict[str, object]:
     fit, seen = found.fit, found.diagnosis
     return {
@@ -121,28 +96,29 @@ def _fields(found: FoundLobe) -> dict[str, object]:
 def _lines(found: FoundLobe, text: Catalogue) -> list[str]:
     fit = found.fit
     columns = ("n", "amplitude", "confidence", "crest", "confidence", "significant")
-    waves = [tuple(text(f"calibrate.column.{name}") for name in columns)]
-    waves += [
+    harmonics = [tuple(text(f"calibrate.column.{name}") for name in columns)]
+    harmonics += [
         (
-            str(wave.n),
-            f"{wave.amplitude_um:.3f} um",
-            f"{wave.ci_um:.3f}",
-            f"{wave.crest_deg:.2f} deg",
-            f"{wave.ci_deg:.2f}",
-            text("calibrate.yes" if wave.significant else "calibrate.no"),
+            str(each.n),
+            f"{each.amplitude_um:.3f} um",
+            f"{each.ci_um:.3f}",
+            f"{each.crest_deg:.2f} deg",
+            f"{each.ci_deg:.2f}",
+            text("calibrate.yes" if each.significant else "calibrate.no"),
         )
-        for wave in fit.waves
+        for each in fit.waves
     ]
-    head = text("calibrate.lobe_head", jaws=fit.jaws, points=fit.points, turns=fit.turns, left_out=fit.left_out)
-    facts = table(_facts(found, fit, text), numeric=(1,))
-    spoken = [] if found.diagnosis is None else [lobe_place_line(found.diagnosis, text)]
-    return [head, "", *table(waves, numeric=(0, 1, 2, 3, 4)), "", *facts, *spoken]
-
-
-def _facts(found: FoundLobe, fit: LobeFit, text: Catalogue) -> list[tuple[str, str, str]]:
-    rows = [(text("calibrate.error"), f"{fit.error_um_pp:.3f}", f"± {2 * fit.lobe.ci_um:.3f} um p-p")]
+    facts = [(text("calibrate.error"), f"{fit.error_um_pp:.3f}", f"± {2 * fit.lobe.ci_um:.3f} um p-p")]
     if found.crest_deg is not None:
-        rows.append((text("calibrate.crest"), f"{found.crest_deg:.2f}", f"± {fit.lobe.ci_deg:.2f} deg"))
+        facts.append((text("calibrate.crest"), f"{found.crest_deg:.2f}", f"± {fit.lobe.ci_deg:.2f} deg"))
     if found.past_jaw_deg is not None:
-        rows.append((text("calibrate.past_jaw"), f"{found.past_jaw_deg:z.2f}", "deg"))
-    return [*rows, (text("calibrate.noise"), f"{fit.noise_um:.3f}", "um")]
+        facts.append((text("calibrate.past_jaw"), f"{found.past_jaw_deg:z.2f}", "deg"))
+    facts.append((text("calibrate.noise"), f"{fit.noise_um:.3f}", "um"))
+    return [
+        text("calibrate.lobe_head", jaws=fit.jaws, points=fit.points, turns=fit.turns, left_out=fit.left_out),
+        "",
+        *table(harmonics, numeric=(0, 1, 2, 3, 4)),
+        "",
+        *table(facts, numeric=(1,)),
+        *([] if found.diagnosis is None else [lobe_place_line(found.diagnosis, text)]),
+    ]

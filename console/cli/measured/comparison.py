@@ -7,45 +7,49 @@ from argparse import Namespace
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
-from console.cli.measured.reproduce_fields import section_fields
-from console.cli.measured.reproduce_lines import ACCEPTANCE, counted, head, rows, section_lines, title
-from console.cli.output import print_json
+from console.cli.output import fields_of, show
 from console.session.reproduction.numbers import NUMBERS
 from console.text.catalogue import Catalogue
-from console.text.columns import table
+from console.text.columns import broken, table
 from profiles.paper.experiments import Experiments, lee_2001
-from profiles.paper.record import Figure, Record, Section
+from profiles.paper.record import Basis, Figure, Record, Relation, Section
 from profiles.paper.reproduction import sections
 
+ACCEPTANCE = "acceptance"
+YES, NO = "✓", "✗"
+BY_CONSTRUCTION = "≡"
+_SIGNS = {Relation.NEAR: "", Relation.AT_MOST: "≤ ", Relation.ABOVE: "> ", Relation.OTHER: "≠ "}
+_REASON_COLUMNS = 100
+_EXACT = 1e-6
+"""Tolerances up to this are only for rounding, and not shown."""
+
+Row = tuple[str, str, str, str, str]
 Draw = Callable[[Figure], list[str]]
 """Render a figure as lines of text."""
 
 
 def reproduce(options: Namespace, text: Catalogue, draw: Draw | None) -> int:
-    """Print the comparison, with figures where `draw` is given; 1 where an acceptance number is missed.
-
-    Raises:
-        ProblemError: the simulated lathe did not do what was planned.
-    """
+    """Print the comparison, with figures where `draw` is given; 1 where an acceptance number is missed."""
     paper = lee_2001()
-    on_the_lathe = () if options.quick else _on_the_lathe(paper, options, text)
+    on_the_lathe = [] if options.quick else _on_the_lathe(paper, options, text)
     found = [_with(section, on_the_lathe) for section in sections(paper)]
     held = _held(found, NUMBERS if options.quick else ())
-    if options.json:
-        print_json({"sections": [section_fields(each, text) for each in found], "acceptance": held})
-    else:
-        print("\n".join(_lines(found, held, text, draw)))
+    show(
+        options,
+        lambda: {"sections": [_section_fields(each, text) for each in found], "acceptance": held},
+        lambda: _lines(found, held, text, draw),
+    )
     return 0 if all(held.values()) else 1
 
 
-def _on_the_lathe(paper: Experiments, options: Namespace, text: Catalogue) -> tuple[Record, ...]:
+def _on_the_lathe(paper: Experiments, options: Namespace, text: Catalogue) -> list[Record]:
     """Cut what has to be cut; announce each slow number on stderr."""
     records: list[Record] = []
     for number, measure in NUMBERS.items():
         if not options.json:
             print(text("reproduce.cutting", number=number), file=sys.stderr)
         records += measure(paper)
-    return tuple(records)
+    return records
 
 
 def _with(section: Section, further: Sequence[Record]) -> Section:
@@ -57,12 +61,37 @@ def _with(section: Section, further: Sequence[Record]) -> Section:
 
 
 def _held(found: Sequence[Section], incomplete: Collection[int]) -> dict[int, bool]:
-    """Return whether each complete acceptance number is met."""
-    held: dict[int, bool] = {}
-    for record in (record for section in found for record in section.records if record.number):
-        if record.number not in incomplete:
-            held[record.number] = held.get(record.number, True) and record.holds is not False
-    return dict(sorted(held.items()))
+    records = [record for section in found for record in section.records]
+    numbers = sorted({record.number for record in records} - {0, *incomplete})
+    return {n: all(each.holds is not False for each in records if each.number == n) for n in numbers}
+
+
+def _section_fields(section: Section, text: Catalogue) -> dict[str, object]:
+    return {
+        "name": section.name,
+        "records": [_record_fields(each, text) for each in section.records],
+        "figures": [_figure_fields(each) for each in section.figures],
+    }
+
+
+def _record_fields(record: Record, text: Catalogue) -> dict[str, object]:
+    return {
+        "name": record.name,
+        "at": record.at,
+        "number": record.number or None,
+        "expected": record.expected,
+        "relation": record.relation.value,
+        **fields_of(record, "tolerance", "ours", "unit", "difference", "holds"),
+        "basis": record.basis.value,
+        "why": _reason(record, text) if record.why else None,
+    }
+
+
+def _figure_fields(figure: Figure) -> dict[str, object]:
+    return {
+        **fields_of(figure, "name", "at", "x_unit", "y_unit"),
+        "curves": [{"name": c.name, "x": c.x.tolist(), "y": c.y.tolist()} for c in figure.curves],
+    }
 
 
 def _lines(found: Sequence[Section], held: dict[int, bool], text: Catalogue, draw: Draw | None) -> list[str]:
@@ -70,10 +99,90 @@ def _lines(found: Sequence[Section], held: dict[int, bool], text: Catalogue, dra
     for section in found:
         lines += ["", text(f"reproduce.section.{section.name}")]
         lines += table([head(section, text), *rows(section.records, text)], numeric=(1, 2, 3))
-        lines += section_lines(section, text)
-        for figure in section.figures if draw else ():
-            lines += ["", title(figure, text), *(draw(figure) if draw else ())]
+        lines += _reasons(section, text)
+        if draw:
+            for figure in section.figures:
+                lines += ["", title(figure, text), *draw(figure)]
     missing = [str(number) for number in range(1, 13) if number not in held]
-    lines += ["", counted(found, text), text("reproduce.marks")]
+    lines += ["", _counted(found, text), text("reproduce.marks")]
     lines += [text("reproduce.held", held=sum(held.values()), all=len(held))]
     return [*lines, text("reproduce.left_out", numbers=", ".join(missing))] if missing else lines
+
+
+def head(section: Section, text: Catalogue) -> Row:
+    """Return the column titles; for the acceptance numbers the first is the expected value."""
+    said = text("reproduce.head.target" if section.name == ACCEPTANCE else "reproduce.head.paper")
+    what, ours, difference = (text(f"reproduce.head.{name}") for name in ("what", "ours", "difference"))
+    return what, said, ours, difference, ""
+
+
+def rows(records: Sequence[Record], text: Catalogue) -> list[Row]:
+    """Return subject, paper, ours, difference and verdict for each record."""
+    found: list[Row] = []
+    for record in records:
+        unit, off = f" {record.unit}" if record.unit else "", record.difference
+        expected = "–" if record.expected is None else f"{_SIGNS[record.relation]}{record.expected:.4g}{unit}"
+        difference = "" if off is None else _off(off, record.tolerance)
+        found.append((_name(record, text), expected, f"{record.ours:z.4g}{unit}", difference, _mark(record)))
+    return found
+
+
+def reason_lines(records: Sequence[Record], text: Catalogue) -> list[str]:
+    """Return why our number differs, each reason once, with the first row that needs it."""
+    first = {record.why: record for record in reversed(records) if record.why}
+    asked = dict.fromkeys(record.why for record in records if record.why)
+    return [f"{_name(first[why], text).strip()} – {_reason(first[why], text)}" for why in asked]
+
+
+def _reasons(section: Section, text: Catalogue) -> list[str]:
+    lines = []
+    for reason in reason_lines(section.records, text):
+        first, *further = broken(reason, _REASON_COLUMNS)
+        lines += [f"  · {first}", *(f"    {line}" for line in further)]
+    return lines
+
+
+def _name(record: Record, text: Catalogue) -> str:
+    sentence = text(f"reproduce.row.{record.name}", at=word(record.at, text))
+    return f"{record.number:>2}  {sentence}" if record.number else sentence
+
+
+def title(figure: Figure, text: Catalogue) -> str:
+    """Return the title of a figure."""
+    return text(f"reproduce.figure.{figure.name}", at=word(figure.at, text))
+
+
+def word(name: str, text: Catalogue) -> str:
+    """Return a catalogue word in this language; a value such as "10 Hz" stays unchanged."""
+    return text(f"reproduce.word.{name}") if name.isidentifier() else name
+
+
+def _reason(record: Record, text: Catalogue) -> str:
+    return text(f"reproduce.why.{record.why}", **record.facts)
+
+
+def _mark(record: Record) -> str:
+    """Return the mark of a comparison's verdict; a fitted one is in brackets."""
+    if record.holds is None:
+        return ""
+    if not record.holds:
+        return f"({NO})" if record.basis is Basis.FITTED else NO
+    return {Basis.COMPUTED: YES, Basis.FITTED: f"({YES})", Basis.CONSTRUCTION: BY_CONSTRUCTION}[record.basis]
+
+
+def _counted(sections: Sequence[Section], text: Catalogue) -> str:
+    """Return how many comparisons with the paper agree; inconclusive ones are counted apart."""
+    judged = [r for s in sections if s.name != ACCEPTANCE for r in s.records if r.holds is not None]
+    own = [record.holds for record in judged if record.basis is Basis.COMPUTED]
+    return text(
+        "reproduce.compared",
+        held=sum(each is True for each in own),
+        all=len(own),
+        construction=sum(record.basis is Basis.CONSTRUCTION for record in judged),
+        fitted=sum(record.basis is Basis.FITTED for record in judged),
+    )
+
+
+def _off(difference: float, tolerance: float) -> str:
+    shown = "0" if abs(difference) <= 0.01 * max(tolerance, _EXACT) else f"{difference:+.3g}"
+    return f"{shown} (± {tolerance:.2g})" if tolerance > _EXACT else shown

@@ -4,16 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 
-from console.cli.arguments import (
-    STAGES,
-    add_machine,
-    add_sim,
-    compensation,
-    number,
-    strategy_names,
-    whole_number,
-    whole_numbers,
-)
+from console.cli.arguments import STAGES, add_shared, compensation, listed, number, whole_number
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 from drivers.cutting.strategy import INVERTING
@@ -26,29 +17,24 @@ def add(parser: Parser, text: Catalogue) -> None:
     what.add_argument("--list", action="store_true", help=text("help.learn.list"))
     what.add_argument("--revert", metavar="VERSION", type=whole_number, help=text("help.learn.revert"))
     parser.add_argument("--job", metavar="JOB", required=True, help=text("help.job"))
-    add_machine(parser, text)
-    add_sim(parser, text, "help.learn.sim")
+    add_shared(parser, text, "machine")
+    add_shared(parser, text, "sim", command="learn")
     parser.add_argument("--compensation", metavar="VERSION", type=compensation, help=text("help.learn.cut_with"))
-    parser.add_argument("--strategy", choices=strategy_names(INVERTING), help=text("help.learn.strategy"))
+    parser.add_argument("--strategy", choices=[*map(str, INVERTING)], help=text("help.learn.strategy"))
     parser.add_argument("--stage", choices=STAGES[1:], help=text("help.learn.stage"))
     parser.add_argument("--identified", metavar="FILE", help=text("help.learn.identified"))
     parser.add_argument("--gain", metavar="GAIN", type=number, help=text("help.learn.gain"))
-    parser.add_argument("--extra", metavar="N,N", type=whole_numbers, help=text("help.learn.extra"))
+    parser.add_argument("--extra", metavar="N,N", type=listed(whole_number), help=text("help.learn.extra"))
     parser.add_argument("--robust", action="store_true", help=text("help.calibrate.robust"))
     parser.add_argument("--keep", action="store_true", help=text("help.learn.keep"))
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Learn from a part, list the versions, or revert to one of them; keep nothing without `--keep`.
-
-    Raises:
-        ProblemError: why nothing can be learned, or with `--keep` why it must not be kept.
-    """
+    """Learn from a part, list the versions, or revert to one of them; keep nothing without `--keep`."""
     from console.cli.library import job_of, judged_of
-    from console.cli.measured.learning import learn_from, list_versions, refuse_unused, revert
+    from console.cli.measured.learning import learn_from, list_or_revert
 
     job, machine = job_of(options), judged_of(options)
-    if options.file is not None:
-        return learn_from(options, job, machine, text)
-    refuse_unused(options)
-    return list_versions(options, job, machine, text) if options.list else revert(options, job, machine, text)
+    act = list_or_revert if options.file is None else learn_from
+    act(options, job, machine, text)
+    return 0

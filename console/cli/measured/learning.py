@@ -1,109 +1,213 @@
-"""Actions of `console learn`: learn from a part, list the versions, or revert to one."""
+"""Actions of `console learn`: learn from a part, list the versions, or revert to one; for people and for JSON."""
 
 from __future__ import annotations
 
+import cmath
+import math
+import shlex
 from argparse import Namespace
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
-from console.cli.library import data_of
-from console.cli.measured.learn_fields import lesson_fields, version_fields
-from console.cli.measured.learn_lines import kept_lines, lesson_lines, version_lines
-from console.cli.output import print_json, tell
+from console.cli.library import data_of, naming
+from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import CalibratedMachine
-from console.session.data.dates import utc_now
+from console.session.data.dates import is_ahead, utc_now
 from console.session.data.learned_store import asked_for, store, versions
 from console.session.data.made_parts import KEYS
 from console.session.errors import SessionError
-from console.session.learning.learning_steps import SIMULATED, reverted, taught
+from console.session.learning.learning_steps import SIMULATED, Taught, reverted, taught
 from console.text.catalogue import Catalogue
+from console.text.columns import table
+from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table
+from profiles.compensations.next_version import Contraction, LearningStep
 from profiles.files import printable
-from profiles.problem import Problem, ProfileError
-from profiles.store import LoadedJob, LoadedMachine
-from profiles.traces import Trace, read_trace
+from profiles.problem import Problem
+from profiles.store import LoadedJob
+from profiles.traces import read_trace
 
 
-def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, text: Catalogue) -> int:
-    """Learn from the trace of a part; with `--keep` store the next version.
-
-    Raises:
-        ProblemError: why nothing can be learned, or with `--keep` why it must not be kept.
-    """
-    trace, data = read_trace(Path(options.file)), data_of(options)
-    _refuse_real(options, trace)
-    said = {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
-    identified = None if options.identified is None else Path(options.identified)
-    where = printable(options.file)
-    try:
+def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, text: Catalogue) -> None:
+    """Learn from the trace of a part; with `--keep` store the next version."""
+    trace, data, where = read_trace(Path(options.file)), data_of(options), printable(options.file)
+    if options.sim and trace.meta.get(SIMULATED[0]) != SIMULATED[1]:
+        raise SessionError(Problem(code="learned.not_simulated", where=where, limit=": ".join(SIMULATED)))
+    made = {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
+    with naming(where):
         found = taught(
             trace,
             job,
             machine,
             data,
-            said,
-            identified,
+            made,
+            None if options.identified is None else Path(options.identified),
             gain=options.gain,
             robust=options.robust,
             date=utc_now(),
             extra=options.extra or (),
         )
-    except ProfileError as error:
-        raise ProfileError(*(replace(each, where=each.where or where) for each in error.problems)) from error
-    reasons = found.lesson.reasons
+    following, reasons = found.lesson.next, found.lesson.reasons
     warnings = tell((*machine.warnings, *found.warnings, *(() if options.keep else reasons)), text)
-    kept = store(data, found.lesson.next) if options.keep and not reasons else None
-    if options.json:
-        print_json({**lesson_fields(found), "kept": kept and str(kept), "warnings": warnings})
-    else:
-        asked = options.keep or bool(reasons)
-        print("\n".join([*lesson_lines(found, text), *kept_lines(found.lesson.next, kept, asked, options, text)]))
+    kept = store(data, following) if options.keep and not reasons else None
+    asked = options.keep or bool(reasons)
+    show(
+        options,
+        lambda: {**_lesson_fields(found), "kept": kept and str(kept), "warnings": warnings},
+        lambda: [*_lesson_lines(found, text), *_kept_lines(following, kept, asked, options, text)],
+    )
     if options.keep and reasons:
         raise SessionError(*reasons)
-    return 0
 
 
-def list_versions(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Catalogue) -> int:
-    """Print the versions of the job on the machine."""
-    asked = asked_for(job, machine, "", simulated=options.sim)
-    known = versions(data_of(options), asked)
-    if options.json:
-        print_json({"versions": [version_fields(each, asked) for each in known]})
-    else:
-        print("\n".join(version_lines(known, asked, text)))
-    return 0
+def list_or_revert(options: Namespace, job: LoadedJob, machine: CalibratedMachine, text: Catalogue) -> None:
+    """Print the versions of the job on the machine, or make an older one the newest again.
 
-
-def revert(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Catalogue) -> int:
-    """Make an older version the newest again; with `--keep` store it."""
-    data = data_of(options)
+    With `--keep` store that. Options for learning are refused with `learned.unused`.
+    """
+    _refuse_unused(options)
+    data, asked = data_of(options), asked_for(job, machine, "", simulated=options.sim)
+    if options.list:
+        known = versions(data, asked)
+        show(
+            options,
+            lambda: {"versions": [_version_fields(each, asked) for each in known]},
+            lambda: _version_lines(known, asked, text),
+        )
+        return
     back = reverted(options.revert, job, machine, data, simulated=options.sim, date=utc_now())
     kept = store(data, back) if options.keep else None
-    if options.json:
-        asked = asked_for(job, machine, "", simulated=options.sim)
-        print_json({**version_fields(back, asked), "kept": kept and str(kept)})
-    else:
-        head = text("learned.reverts", version=back.version, older=back.reverts, strategy=back.holds_for.strategy)
-        print("\n".join([head, *kept_lines(back, kept, options.keep, options, text)]))
-    return 0
+    head = text("learned.reverts", version=back.version, older=back.reverts, strategy=back.holds_for.strategy)
+    show(
+        options,
+        lambda: {**_version_fields(back, asked), "kept": kept and str(kept)},
+        lambda: [head, *_kept_lines(back, kept, options.keep, options, text)],
+    )
 
 
-def refuse_unused(options: Namespace) -> None:
-    """Refuse learning options where nothing is learned.
-
-    Raises:
-        SessionError: `learned.unused`.
-    """
+def _refuse_unused(options: Namespace) -> None:
     unused = [key for key in (*KEYS, "identified", "gain", "extra") if getattr(options, key) is not None]
     if options.list and options.keep:
         unused.append("keep")
-    if unused:
-        value = ", ".join(f"--{key}" for key in unused)
-        raise SessionError(
-            Problem(code="learned.unused", key="--list" if options.list else "--revert", value=value)
-        )
+    if value := ", ".join(f"--{key}" for key in unused):
+        key = "--list" if options.list else "--revert"
+        raise SessionError(Problem(code="learned.unused", key=key, value=value))
 
 
-def _refuse_real(options: Namespace, trace: Trace) -> None:
-    if options.sim and trace.meta.get(SIMULATED[0]) != SIMULATED[1]:
-        where = printable(options.file)
-        raise SessionError(Problem(code="learned.not_simulated", where=where, limit=": ".join(SIMULATED)))
+def _lesson_fields(found: Taught) -> dict[str, object]:
+    """Return a learning step; what cannot be determined from two parts is null."""
+    lesson = found.lesson
+    lobes = lesson.next.path.target.lobes
+    return {
+        "cut_with": asdict(found.made),
+        "next": as_table(lesson.next),
+        "learned_waves": list(lesson.learned),
+        "expected": {
+            "lobe_um_pp": lesson.expected_lobe_um_pp,
+            "half_width_um_pp": lesson.expected_half_width_um_pp,
+            "RONt_um": lesson.expected_ront_um,
+        },
+        "contraction": None if lesson.contraction is None else _contraction_fields(lesson.contraction, lobes),
+        "contractions": [{"n": n, **_contraction_fields(c, n)} for n, c in sorted(lesson.contractions.items())],
+    }
+
+
+def _version_fields(version: LearnedCompensation, asked: HoldsFor) -> dict[str, object]:
+    return {**as_table(version), "holds": _still_holds(version, asked)}
+
+
+def _contraction_fields(contraction: Contraction, n: int) -> dict[str, object]:
+    fraction, late_deg = _arrival(contraction, n)
+    return {
+        "value": contraction.value,
+        "half_width": contraction.half_width,
+        "verdict": contraction.verdict.value,
+        "arrives_share": fraction,
+        "arrives_late_deg": late_deg,
+    }
+
+
+def _arrival(contraction: Contraction, n: int) -> tuple[float, float]:
+    """Return the fraction of harmonic `n` of the path that reaches the part, and its lag in spindle degrees."""
+    return abs(contraction.arrives), -math.degrees(cmath.phase(contraction.arrives)) / n
+
+
+def _still_holds(version: LearnedCompensation, asked: HoldsFor) -> bool:
+    """Whether job and machine are still those that it was learned for."""
+    holds = version.holds_for
+    return (holds.job_sha256, holds.machine_sha256) == (asked.job_sha256, asked.machine_sha256)
+
+
+def _lesson_lines(found: Taught, text: Catalogue) -> list[str]:
+    lesson, made = found.lesson, found.made
+    holds, part = lesson.next.holds_for, lesson.next.part
+    assert part is not None
+    head = text("learned.head", made=f"{made.compensation} · {made.strategy} · {text(f'stage.{found.stage}')}")
+    expected = f"{lesson.expected_lobe_um_pp:.2f} ± {lesson.expected_half_width_um_pp:.2f}"
+    rows = [
+        ("", text("learned.measured"), text("learned.next"), ""),
+        ("RONt", f"{part.ront_um:.2f}", f"{lesson.expected_ront_um:.2f}", "um"),
+        (text("learned.lobe"), f"{2 * part.lobe.amplitude_um:.2f}", expected, "um"),
+    ]
+    return [f"{_subject(holds, text)}: {head}", "", *table(rows, numeric=(1, 2)), "", *table(_facts(lesson, text))]
+
+
+def _kept_lines(
+    version: LearnedCompensation, kept: Path | None, asked: bool, options: Namespace, text: Catalogue
+) -> list[str]:
+    """Return where a version was kept and how to cut with it; nothing where that was `asked` and failed."""
+    if kept is None:
+        return [] if asked else ["", text("calibrate.not_kept")]
+    words = ["console", "run", options.job, "--strategy", version.holds_for.strategy, "--compensation", "newest"]
+    if options.machine:
+        words += ["--machine", options.machine]
+    if version.holds_for.simulated:
+        words.append("--sim")
+    file = printable(str(kept))
+    return ["", text("learned.kept", version=version.version, file=file, command=shlex.join(words))]
+
+
+def _version_lines(known: Sequence[LearnedCompensation], asked: HoldsFor, text: Catalogue) -> list[str]:
+    head = _subject(asked, text)
+    if not known:
+        return [f"{head}: {text('learned.no_versions')}"]
+    columns = ("version", "date", "strategy", "from", "gain", "ront", "lobe", "now")
+    rows = [tuple(text(f"learned.column.{name}") for name in columns)]
+    rows += [_row(version, asked, text) for version in known]
+    return [head, "", *table(rows, numeric=(0, 4, 5, 6))]
+
+
+def _subject(holds: HoldsFor, text: Catalogue) -> str:
+    sim = f"{text('sim')}  " if holds.simulated else ""
+    return f"{sim}{holds.job} · {holds.machine}"
+
+
+def _row(version: LearnedCompensation, asked: HoldsFor, text: Catalogue) -> tuple[str, ...]:
+    part, reverts = version.part, version.reverts
+    return (
+        str(version.version),
+        f"{version.date} {text('learned.date_ahead')}" if is_ahead(version.date) else version.date,
+        version.holds_for.strategy,
+        str(version.parent) if reverts is None else text("learned.again", version=reverts),
+        f"{version.gain:g}",
+        "" if part is None else f"{part.ront_um:.2f}",
+        "" if part is None else f"{2 * part.lobe.amplitude_um:.2f}",
+        text("learned.holds" if _still_holds(version, asked) else "learned.changed"),
+    )
+
+
+def _facts(lesson: LearningStep, text: Catalogue) -> list[tuple[str, str]]:
+    learned = ", ".join(str(n) for n in lesson.learned) or text("learned.no_waves")
+    rows = [(text("learned.waves"), learned), (text("learned.gain"), f"{lesson.next.gain:g}")]
+    lobes, contraction = lesson.next.path.target.lobes, lesson.contraction
+    if contraction is not None:
+        fraction, late_deg = _arrival(contraction, lobes)
+        late = text("learned.arrives_late", share=f"{100 * fraction:.1f}", late=f"{late_deg:+.2f}")
+        rows += [(text("learned.arrives"), late), (text("learned.factor"), _factor(contraction, text))]
+    others = sorted((n, each) for n, each in lesson.contractions.items() if n != lobes)
+    return [*rows, *((text("learned.factor_of", waves=f"{n}/rev"), _factor(each, text)) for n, each in others)]
+
+
+def _factor(contraction: Contraction, text: Catalogue) -> str:
+    factor = f"{contraction.value:.2f} ± {contraction.half_width:.2f}"
+    return f"{factor}: {text(f'learned.verdict.{contraction.verdict}')}"

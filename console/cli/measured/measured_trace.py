@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from console.cli.library import job_of
+from console.cli.library import job_of, named, naming
 from profiles.files import printable
 from profiles.job import Job
 from profiles.metrology.harmonics import Harmonic
@@ -32,24 +30,20 @@ class MeasuredTrace:
     trace: Trace
     header: TraceHeader
     result: RoundnessResult
-    turns: Turns | None = None
-    jaw_1_deg: float | None = None
-    mean_diameter_mm: float | None = None
-    tool_offset_um: float | None = None
+    turns: Turns | None
+    jaw_1_deg: float | None
+    mean_diameter_mm: float | None
+    tool_offset_um: float | None
 
-    def past_jaw_1_deg(self, wave: Harmonic) -> float | None:
+    def past_jaw_1_deg(self, harmonic: Harmonic) -> float | None:
         """Return the phase of an undulation (its first maximum) from jaw 1, None where that is unknown."""
         if self.jaw_1_deg is None:
             return None
-        return wave.past_jaw_1_deg(self.jaw_1_deg, against_spindle=self.header.against_spindle)
+        return harmonic.past_jaw_1_deg(self.jaw_1_deg, against_spindle=self.header.against_spindle)
 
 
 def measured_trace(options: Namespace) -> MeasuredTrace:
-    """Evaluate a trace and return the results with every warning.
-
-    Raises:
-        ProfileError: every problem of the trace, the job or the arguments; each names the file.
-    """
+    """Evaluate a trace and return the results with every warning; without a V-block for the requested circle."""
     where = printable(options.file)
     job = job_of(options).job if options.job else None
     trace = read_trace(Path(options.file))
@@ -65,10 +59,11 @@ def measured_trace(options: Namespace) -> MeasuredTrace:
         offset_um = tool_offset_um(size_mm, job.diameter_mm - 2.0 * job.depth_of_cut_mm)
     elif job is not None:
         warnings = (*warnings, Problem(code="trace.no_size", key="radius_mm", limit="# radius_mm: R"))
+    shown = result if options.vblock is not None else _of_circle(result, options.circle)
     return MeasuredTrace(
         trace=trace,
         header=header,
-        result=replace(result, warnings=tuple(replace(problem, where=where) for problem in warnings)),
+        result=replace(shown, warnings=named(warnings, where)),
         turns=turns,
         jaw_1_deg=header.jaw_1_of(None if job is None else job.jaw_1_deg),
         mean_diameter_mm=size_mm,
@@ -76,11 +71,11 @@ def measured_trace(options: Namespace) -> MeasuredTrace:
     )
 
 
-def of_circle(result: RoundnessResult, kind: str) -> RoundnessResult:
+def _of_circle(result: RoundnessResult, kind: str) -> RoundnessResult:
     """Return the result with the figures of another reference circle."""
-    circle = result.circle(kind)
     if kind == result.reference_circle:
         return result
+    circle = result.circle(kind)
     return replace(
         result,
         reference_circle=kind,
@@ -91,15 +86,6 @@ def of_circle(result: RoundnessResult, kind: str) -> RoundnessResult:
         centre_x_um=circle.centre_x_um,
         centre_y_um=circle.centre_y_um,
     )
-
-
-@contextmanager
-def naming(where: str) -> Iterator[None]:
-    """Add the file name to every problem."""
-    try:
-        yield
-    except ProfileError as error:
-        raise ProfileError(*(replace(problem, where=where) for problem in error.problems)) from error
 
 
 def _evaluated(

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from argparse import ArgumentTypeError, Namespace
-from dataclasses import replace
 
-from console.cli.arguments import number, whole_number
+from console.cli.arguments import number, number_or_nan, whole_number
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
@@ -28,11 +27,11 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Evaluate a trace and print its roundness; warnings go to stderr."""
-    from console.cli.measured.measured_trace import measured_trace, naming, of_circle
-    from console.cli.measured.roundness_fields import trace_fields
-    from console.cli.measured.roundness_lines import roundness_lines
+    from console.cli.library import naming
+    from console.cli.measured.measured_trace import measured_trace
+    from console.cli.measured.roundness_report import roundness_lines, trace_fields
     from console.cli.measured.v_block import read_v_block, v_block_fields, v_block_lines
-    from console.cli.output import print_json, tell
+    from console.cli.output import show, tell
     from profiles.files import printable
 
     measured = measured_trace(options)
@@ -42,23 +41,16 @@ def main(options: Namespace, text: Catalogue) -> int:
             lobe = read_v_block(measured.result, options.vblock, options.lobes)
         fields, lines = v_block_fields(lobe, measured.header), v_block_lines(lobe, text)
     else:
-        shown = of_circle(measured.result, options.circle)
-        measured = replace(measured, result=shown)
         fields, lines = trace_fields(measured), roundness_lines(measured, text)
-    if options.json:
-        print_json({"file": options.file, **fields, "meta": dict(measured.trace.meta), "warnings": warnings})
-        return 0
-    print("\n".join(lines))
+    more = {"meta": dict(measured.trace.meta), "warnings": warnings}
+    show(options, lambda: {"file": options.file, **fields, **more}, lambda: lines)
     return 0
 
 
 def _filter(word: str) -> float | None:
     if word == "none":
         return None
-    try:
-        value = float(word)
-    except ValueError:
-        value = 0.0
+    value = number_or_nan(word)
     if not LOWEST_UPR <= value <= HIGHEST_UPR:
         raise ArgumentTypeError(Parser.text("usage.filter", value=word))
     return value
@@ -66,10 +58,7 @@ def _filter(word: str) -> float | None:
 
 def _band(word: str) -> tuple[float, float]:
     low, _, high = word.partition(":")
-    try:
-        band = float(low), float(high)
-    except ValueError:
-        band = 0.0, 0.0
+    band = number_or_nan(low), number_or_nan(high)
     if not LOWEST_UPR <= band[0] < band[1] <= HIGHEST_UPR:
         raise ArgumentTypeError(Parser.text("usage.band", value=word))
     return band

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from console.cli.measured.roundness_lines import filter_line, state_line
+from console.cli.measured.roundness_report import filter_line, state_line
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.metrology.filters import gaussian_transmission

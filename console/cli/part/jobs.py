@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from typing import TYPE_CHECKING
+from typing import TypeAlias
 
+from console.cli.library import data_of
+from console.cli.output import fields_of, show
 from console.cli.parser import Parser
+from console.session.data.kept_files import jobs_folder
 from console.text.catalogue import Catalogue
+from console.text.columns import table
+from profiles.files import printable
+from profiles.lobe.lobe_conditions import lobe_source
+from profiles.problem import Problem, ProfileError
+from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 
-if TYPE_CHECKING:
-    from console.cli.part.jobs_lines import Listed
-    from profiles.store import LibraryEntry
+Listed: TypeAlias = tuple[LibraryEntry, LoadedJob | tuple[Problem, ...]]
+"""An entry with its job, or why it is unreadable."""
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -19,26 +26,56 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """List every job by the name that other commands take; an unreadable one with its reason."""
-    from console.cli.library import data_of
-    from console.cli.output import print_json
-    from console.cli.part.jobs_fields import job_fields
-    from console.cli.part.jobs_lines import job_lines
-    from console.session.data.kept_files import jobs_folder
-    from profiles.store import list_jobs
-
     listed = [_loaded(entry) for entry in list_jobs(jobs_folder(data_of(options)))]
-    if options.json:
-        print_json({"jobs": [job_fields(each, text) for each in listed]})
-    else:
-        print("\n".join(job_lines(listed, text)))
+    show(options, lambda: {"jobs": [_fields(each, text) for each in listed]}, lambda: _lines(listed, text))
     return 0
 
 
 def _loaded(entry: LibraryEntry) -> Listed:
-    from profiles.problem import ProfileError
-    from profiles.store import load_job
-
     try:
         return entry, load_job(str(entry.path))
     except ProfileError as error:
         return entry, tuple(error.problems)
+
+
+def _fields(listed: Listed, text: Catalogue) -> dict[str, object]:
+    entry, loaded = listed
+    fields: dict[str, object] = {"name": entry.name, "path": str(entry.path), "bundled": entry.bundled}
+    if not isinstance(loaded, LoadedJob):
+        return {**fields, "problems": [text.problem(problem) for problem in loaded]}
+    job = loaded.job
+    return {
+        **fields,
+        "title": job.name,
+        "sha256": loaded.sha256,
+        **fields_of(job, "material", "diameter_mm", "wall_thickness_mm", "overhang_mm", "jaws"),
+        **fields_of(job, "chucking_force_n", "depth_of_cut_mm", "feed_mm_per_rev", "spindle_speed_rpm"),
+        **fields_of(job, "cut_length_mm", "lobe_error_um_pp", "lobe_phase_deg"),
+        "lobe_error_source": lobe_source(job),
+        **fields_of(job, "roundness_tolerance_um", "lobe_frequency_hz"),
+        "assumed": list(job.assumed),
+        **fields_of(job, "source", "copied_from"),
+    }
+
+
+def _lines(listed: list[Listed], text: Catalogue) -> list[str]:
+    """Return a row for each job, then why some cannot be read."""
+    rows = [tuple(text(f"jobs.{name}") for name in ("name", "material", "size", "lobe", "speed", "source"))]
+    rows += [_row(each, text) for each in listed]
+    problems = [text.problem(problem) for _, loaded in listed if isinstance(loaded, tuple) for problem in loaded]
+    return [*table(rows), *problems]
+
+
+def _row(listed: Listed, text: Catalogue) -> tuple[str, ...]:
+    entry, loaded = listed
+    if not isinstance(loaded, LoadedJob):
+        return (printable(entry.name), text("jobs.unreadable"), "", "", "", "")
+    job = loaded.job
+    return (
+        printable(entry.name),
+        job.material,
+        f"D {job.diameter_mm:.1f} x {job.wall_thickness_mm:.1f} mm",
+        f"{job.lobe_error_um_pp:.1f} um p-p",
+        f"{job.spindle_speed_rpm:.0f} rpm",
+        text("jobs.bundled" if entry.bundled else "jobs.own"),
+    )

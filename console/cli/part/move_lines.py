@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 
-from console.cli.part.plain_number import PlainNumber
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from drivers.pmac.analysis.folding import Fold, fold
@@ -13,7 +11,7 @@ from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
 from drivers.pmac.analysis.program import ProgramCheck
 from drivers.pmac.analysis.step import SAME_COUNTS
 from drivers.pmac.analysis.timeline import NOTHING
-from drivers.pmac.analysis.units import Unit, unit_of
+from drivers.pmac.analysis.units import unit_of
 from profiles.machine import MachineProfile
 
 Row = tuple[str, ...]
@@ -23,120 +21,111 @@ MOST_ROWS = 40
 
 _NOTHING = "-"
 
-_COUNTS = Unit(
-    name="counts",
-    per_count=1.0,
-    velocity_unit="c/ms",
-    velocity=1.0,
-    acceleration_unit="c/ms2",
-    acceleration=1.0,
-    jerk_unit="c/ms3",
-    jerk=1.0,
-)
-
 _WAYS = ("line", "times", "ta", "ts", "tm", "motor", "told", "made", "reached")
 _PEAKS = ("line", "times", "motor", "velocity", "in_units", "acceleration", "jerk")
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MoveTables:
-    """The lines of both tables; `whole` when no row was left out."""
-
-    lines: tuple[str, ...]
-    whole: bool
+_DECIMALS = 9
+"""Decimals of a number too small for the requested digits; what is still smaller is 0."""
 
 
-def move_tables(machine: MachineProfile, checked: ProgramCheck, text: Catalogue) -> MoveTables:
-    """Return the table of times and distances, and that of the peaks; rows beyond `MOST_ROWS` are counted."""
+class PlainNumber(float):
+    """Number for people at a machine: its `g` format writes out what would get an exponent."""
+
+    def __format__(self, spec: str) -> str:
+        """Return the number in that format; a large one keeps all digits before the point."""
+        shown = super().__format__(spec)
+        if "e" not in shown:
+            return shown
+        sign = "+" if spec.startswith("+") else ""
+        if "e+" in shown:
+            return super().__format__(f"{sign}.0f")
+        digits = super().__format__(f"{sign}.{_DECIMALS}f").rstrip("0").rstrip(".")
+        return "0" if digits in ("0", "-0", "+0") else digits
+
+
+def move_tables(machine: MachineProfile, checked: ProgramCheck, text: Catalogue) -> tuple[list[str], bool]:
+    """Return the table of times and distances, and that of the peaks; and whether they are complete.
+
+    Rows beyond `MOST_ROWS` are counted.
+    """
     folds = fold(checked.moves)
-    ways, more_ways = _capped([rows for each in folds for rows in _ways(checked, each)])
-    peaks, more_peaks = _capped([rows for each in folds for rows in _peaks(machine, checked, each)])
-    lines = (
+    still: list[Row] = [(_NOTHING,) * 4]
+    ways, more_ways = _capped(_rows(checked, folds, _changed_times, _way, still))
+    peaks, more_peaks = _capped(_rows(checked, folds, lambda _: (), lambda motor: _peak(machine, motor), []))
+    lines = [
         *table([_titles(_WAYS, text), *ways], numeric=(0, 1, 2, 3, 4, 6, 7, 8)),
         *_left_out(more_ways, text),
         "",
         *table([_titles(_PEAKS, text), *peaks], numeric=(0, 1, 3, 4, 5, 6)),
         *_left_out(more_peaks, text),
-    )
-    return MoveTables(lines=lines, whole=not (more_ways or more_peaks))
+    ]
+    return lines, not (more_ways or more_peaks)
 
 
 def _titles(names: Sequence[str], text: Catalogue) -> Row:
     return tuple(text(f"check.column.{name}") for name in names)
 
 
-def _capped(moves: Sequence[Sequence[Row]]) -> tuple[list[Row], int]:
-    """Return the rows of the first moves, each with all of its rows, and how many rows are left out."""
-    shown: list[Row] = []
-    for rows in moves:
-        if shown and len(shown) + len(rows) > MOST_ROWS:
-            break
-        shown += rows
-    return shown, sum(map(len, moves)) - len(shown)
-
-
 def _left_out(rows: int, text: Catalogue) -> list[str]:
     return [text("check.left_out", count=rows)] if rows else []
 
 
-def _ways(checked: ProgramCheck, folded: Fold) -> Iterator[list[Row]]:
-    """Yield the rows of times and distances of each move."""
-    for move in folded.moves:
-        place, times = _where(checked, move, folded.times)
-        asked, used = move.asked, move.used
-        head = (
-            place,
-            times,
-            _changed(asked.ta_ms, used.ta_ms),
-            _changed(asked.ts_ms, used.ts_ms),
-            _changed(asked.tm_ms, used.tm_ms),
-        )
-        yield _headed(head, [_way(motor) for motor in _moving(move)] or [(_NOTHING,) * 4])
+def _capped(moves: Iterator[list[Row]]) -> tuple[list[Row], int]:
+    """Return the rows of the first moves, each with all of its rows, and how many rows are left out."""
+    shown: list[Row] = []
+    left_out = 0
+    for rows in moves:
+        if left_out or (shown and len(shown) + len(rows) > MOST_ROWS):
+            left_out += len(rows)
+        else:
+            shown += rows
+    return shown, left_out
 
 
-def _headed(head: Row, rows: Sequence[Row]) -> list[Row]:
-    return [(head if number == 0 else ("",) * len(head)) + row for number, row in enumerate(rows)]
+def _rows(
+    checked: ProgramCheck,
+    folds: Sequence[Fold],
+    of_move: Callable[[MoveAnalysis], Row],
+    of_motor: Callable[[MotorMove], Row],
+    still: list[Row],
+) -> Iterator[list[Row]]:
+    """Yield the rows of each move: one for each motor that it commands, or that moves in it; `still` for none."""
+    for folded in folds:
+        times = f"x {folded.times}" if folded.times > 1 else ""
+        for move in folded.moves:
+            head = (str(checked.places[move.number]), times, *of_move(move))
+            moving = [m for m in move.motors if abs(m.commanded) > SAME_COUNTS or abs(m.made) > SAME_COUNTS]
+            rows = [of_motor(motor) for motor in moving] or still
+            yield [(("",) * len(head) if place else head) + row for place, row in enumerate(rows)]
+
+
+def _changed_times(move: MoveAnalysis) -> Row:
+    asked, used = move.asked, move.used
+    pairs = ((asked.ta_ms, used.ta_ms), (asked.ts_ms, used.ts_ms), (asked.tm_ms, used.tm_ms))
+    shown = [(_number(asked_ms), _number(used_ms)) for asked_ms, used_ms in pairs]
+    return tuple(one if one == other else f"{one}>{other}" for one, other in shown)
 
 
 def _way(motor: MotorMove) -> Row:
     return f"#{motor.motor}", _counts(motor.commanded), _counts(motor.made), _counts(motor.reached)
 
 
-def _peaks(machine: MachineProfile, checked: ProgramCheck, folded: Fold) -> Iterator[list[Row]]:
-    """Yield the rows of peaks of each move."""
-    for move in folded.moves:
-        head = _where(checked, move, folded.times)
-        yield _headed(head, [_peak(machine, motor) for motor in _moving(move)])
-
-
 def _peak(machine: MachineProfile, motor: MotorMove) -> Row:
-    unit, peaks = unit_of(machine, motor.motor) or _COUNTS, motor.peaks
+    unit, peaks = unit_of(machine, motor.motor), motor.peaks
+    acceleration = (1.0, "c/ms2") if unit is None else (unit.acceleration, unit.acceleration_unit)
+    jerk = (1.0, "c/ms3") if unit is None else (unit.jerk, unit.jerk_unit)
     return (
         f"#{motor.motor}",
         _number(peaks.velocity),
-        _quantity(peaks.velocity, unit.velocity, unit.velocity_unit) if unit is not _COUNTS else _NOTHING,
-        _quantity(peaks.acceleration, unit.acceleration, unit.acceleration_unit),
-        _NOTHING if peaks.jerk is None else _quantity(peaks.jerk, unit.jerk, unit.jerk_unit),
+        _NOTHING if unit is None else _quantity(peaks.velocity, unit.velocity, unit.velocity_unit),
+        _quantity(peaks.acceleration, *acceleration),
+        _NOTHING if peaks.jerk is None else _quantity(peaks.jerk, *jerk),
     )
 
 
 def _quantity(counts: float, per_count: float, unit: str) -> str:
     """Return a quantity in its unit; a value within the rounding of counts is 0."""
     return f"{_number(counts * per_count if abs(counts) > NOTHING else 0.0)} {unit}"
-
-
-def _where(checked: ProgramCheck, move: MoveAnalysis, times: int) -> tuple[str, str]:
-    return str(checked.places[move.number]), f"x {times}" if times > 1 else ""
-
-
-def _moving(move: MoveAnalysis) -> list[MotorMove]:
-    """Return the motors that a move commands, or that move in it."""
-    return [motor for motor in move.motors if abs(motor.commanded) > SAME_COUNTS or abs(motor.made) > SAME_COUNTS]
-
-
-def _changed(asked_ms: float, used_ms: float) -> str:
-    asked, used = _number(asked_ms), _number(used_ms)
-    return used if asked == used else f"{asked}>{used}"
 
 
 def _counts(value: float) -> str:

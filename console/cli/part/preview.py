@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
-from console.cli.arguments import add_job, add_machine, strategy_names
+from console.cli.arguments import add_job
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
@@ -14,38 +14,31 @@ from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the job, the machine, the strategy and the response that it inverts."""
     add_job(parser, text)
-    add_machine(parser, text)
-    names, strategy_help = strategy_names(Strategy), text("help.preview.strategy", default=DEFAULT_STRATEGY)
+    names, strategy_help = [*map(str, Strategy)], text("help.preview.strategy", default=DEFAULT_STRATEGY)
     parser.add_argument("--strategy", choices=names, default=DEFAULT_STRATEGY.value, help=strategy_help)
     parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Print the preview; 1 when a rule refuses the job, or when the strategy cannot cut it.
-
-    Raises:
-        ProblemError: what cannot be read, or cannot be inverted at this speed; `response.of_another`.
-    """
+    """Print the preview; 1 when a rule refuses the job, or when the strategy cannot cut it."""
     from console.cli.library import job_of, judged_of
-    from console.cli.output import print_json, tell
-    from console.cli.part.preview_fields import preview_fields
-    from console.cli.part.preview_lines import preview_lines
+    from console.cli.output import show, tell
+    from console.cli.part.preview_report import preview_fields, preview_lines
     from console.session.data.identified import response_in
     from drivers.preview.preview import preview
     from profiles.findings import refusals
     from profiles.problem import ProblemError
 
     job, judged = job_of(options).job, judged_of(options)
-    machine = judged.machine
-    strategy = Strategy(options.strategy)
-    file = options.identified
-    response = None if file is None else response_in(Path(file), machine, strategy)
-    seen = preview(job, machine, strategy, response)
+    strategy, file = Strategy(options.strategy), options.identified
+    response = None if file is None else response_in(Path(file), judged.machine, strategy)
+    seen = preview(job, judged.machine, strategy, response)
     warnings = tell(judged.warnings, text)
-    if options.json:
-        print_json({**preview_fields(seen, text), "calibrations": judged.used, "warnings": warnings})
-    else:
-        print("\n".join(preview_lines(seen, text)))
+    show(
+        options,
+        lambda: {**preview_fields(seen, text), "calibrations": judged.used, "warnings": warnings},
+        lambda: preview_lines(seen, text),
+    )
     plan = seen.strategies[strategy]
     refused = isinstance(plan, ProblemError) or refusals(plan.findings) or refusals(seen.findings)
     return 1 if refused else 0

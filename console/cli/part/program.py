@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 
-from console.cli.arguments import add_job, add_machine, add_strategy
+from console.cli.arguments import add_job, add_strategy
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
@@ -12,7 +12,6 @@ from console.text.catalogue import Catalogue
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the job, the machine and the strategy."""
     add_job(parser, text)
-    add_machine(parser, text)
     add_strategy(parser, text)
 
 
@@ -29,28 +28,26 @@ def main(options: Namespace, text: Catalogue) -> int:
     job, machine = loaded.job, judged.machine
     # Nothing is armed: what arming would refuse is reported here.
     plan = plan_run(job, machine, Strategy(options.strategy), options.ts, str(loaded.path), simulated=True)
-    warnings = tell((*judged.warnings, *plan.warnings), text)
+    warnings, cut = tell((*judged.warnings, *plan.warnings), text), plan.cut
     counts = {
-        machine.tool.motor: plan.cut.tool_start,
-        machine.spindle.motor: plan.cut.spindle_start,
-        machine.carriage.motor: plan.cut.carriage_start,
+        machine.tool.motor: cut.tool_start,
+        machine.spindle.motor: cut.spindle_start,
+        machine.carriage.motor: cut.carriage_start,
     }
-    start = start_comment(read_definitions(machine.controller.axis_definitions), counts)
-    program = f"{start}\n{plan.cut.text}"
+    program = f"{start_comment(read_definitions(machine.controller.axis_definitions), counts)}\n{cut.text}"
+    fields = {
+        "job": job.name,
+        "machine": machine.name,
+        "strategy": options.strategy,
+        "program": program,
+        "spindle_rpm": cut.spindle_speed_rpm,
+        "lobe_frequency_hz": cut.spindle_speed_rpm * job.jaws / 60.0,
+        "segment_ms": cut.segment_ms,
+        "duration_s": cut.duration_s,
+        "warnings": warnings,
+    }
     if options.json:
-        print_json(
-            {
-                "job": job.name,
-                "machine": machine.name,
-                "strategy": options.strategy,
-                "program": program,
-                "spindle_rpm": plan.cut.spindle_speed_rpm,
-                "lobe_frequency_hz": plan.cut.spindle_speed_rpm * job.jaws / 60.0,
-                "segment_ms": plan.cut.segment_ms,
-                "duration_s": plan.cut.duration_s,
-                "warnings": warnings,
-            }
-        )
+        print_json(fields)
     else:
         print(program, end="")
     return 0

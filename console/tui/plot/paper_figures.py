@@ -5,8 +5,7 @@ from argparse import Namespace
 
 import numpy as np
 
-from console.cli.measured.comparison import reproduce
-from console.cli.measured.reproduce_lines import word
+from console.cli.measured.comparison import reproduce, word
 from console.text.catalogue import Catalogue
 from console.tui.plot.frame import Limits, nice_limits
 from console.tui.plot.trace_view import Series, TracePicture, trace_cells

@@ -60,15 +60,10 @@ class AxisFrame:
         self._bias_motors()
 
     def preset(self, presets: Mapping[str, float]) -> None:
-        """Preset the present positions of axes to these values; nothing moves.
-
-        Raises:
-            PmacError: 003, there is no such axis here.
-        """
+        """Preset the present axis positions; nothing moves. Raises PmacError: 003, there is no such axis here."""
         positions = self.positions()
-        for axis in presets:
-            if axis not in positions:
-                raise PmacError(ErrorCode.DATA_ERROR, f"no axis {axis}")
+        if unknown := [axis for axis in presets if axis not in positions]:
+            raise PmacError(ErrorCode.DATA_ERROR, f"no axis {unknown[0]}")
         self._origins = preset_origins(self._origins, positions, presets)
         self._bias_motors()
 

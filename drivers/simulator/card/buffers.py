@@ -10,35 +10,24 @@ from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
 from drivers.pmac.language.reading import HIGHEST_PROGRAM, TRAILING_CLOSE
 from drivers.simulator.card.controller import Controller
-from drivers.simulator.card.program_buffer import OpenBuffer, PlcBuffer, ProgramBuffer
+from drivers.simulator.card.program_buffer import OpenBuffer
 from drivers.simulator.context import Context
 
-MAX_LINES = 20_000
-"""Room for one program; a real controller has some tens of thousands of words for all."""
-
-ROOM_LINES = 100_000
-"""Room for all of them."""
-
-_CHARACTERS_A_VALUE = 2
-"""Lines stored in the time that a variable is read."""
-
+MAX_LINES = 20_000  # room for one program; a real controller has some tens of thousands of words for all
+ROOM_LINES = 100_000  # room for all of them
+_CHARACTERS_A_VALUE = 2  # lines stored in the time that a variable is read
 PROTECTED_PROGRAMS = range(1000, HIGHEST_PROGRAM + 1)
 PROTECTED_PLCS = range(16)
 """Programs that a password protects from opening and listing (Software Reference, PASSWORD)."""
 
 
 def open_program(context: Context, number: int) -> None:
-    """OPEN PROG n.
-
-    Raises:
-        PmacError: 001 while a program runs, 002 protected, 007 a buffer is open already.
-    """
+    """OPEN PROG n. Raises PmacError: 001 while a program runs, 002 protected, 007 a buffer is open already."""
     controller = context.controller
     _refuse_open(controller)
-    if controller.any_program_running:
-        raise PmacError(ErrorCode.NOT_WHILE_RUNNING, "OPEN")
+    _refuse_running(controller, "OPEN")
     refuse_protected(controller, number, PROTECTED_PROGRAMS)
-    controller.programs.setdefault(number, ProgramBuffer())
+    controller.programs.setdefault(number, [])
     controller.open_buffer = OpenBuffer(program=number, owner=context)
     for system in controller.systems.values():
         # After any OPEN the pointers are lost: every system must be pointed at its program again.
@@ -46,11 +35,7 @@ def open_program(context: Context, number: int) -> None:
 
 
 def open_plc(context: Context, number: int) -> None:
-    """OPEN PLC n: it is disabled, until it is enabled again after CLOSE.
-
-    Raises:
-        PmacError: 002 protected, 007 a buffer is open already.
-    """
+    """OPEN PLC n: disable it, until it is enabled again. Raises PmacError: 002 protected, 007 a buffer is open."""
     controller = context.controller
     _refuse_open(controller)
     refuse_protected(controller, number, PROTECTED_PLCS)
@@ -59,12 +44,12 @@ def open_plc(context: Context, number: int) -> None:
 
 
 def clear(controller: Controller) -> None:
-    """CLEAR the open buffer.
-
-    Raises:
-        PmacError: 005, none is open.
-    """
-    _open_buffer(controller).lines.clear()
+    """CLEAR the open buffer. Raises PmacError: 005, none is open."""
+    opened = _opened(controller)
+    if opened.program is not None:
+        controller.programs[opened.program].clear()
+    elif opened.plc is not None:
+        controller.plcs.buffers[opened.plc].clear()
 
 
 def close(controller: Controller) -> None:
@@ -73,29 +58,20 @@ def close(controller: Controller) -> None:
 
 
 def delete_program(controller: Controller, number: int) -> None:
-    """DELETE PROG n.
-
-    Raises:
-        PmacError: 001 while a program runs, 002 protected, 007 the program is open.
-    """
-    if controller.any_program_running:
-        raise PmacError(ErrorCode.NOT_WHILE_RUNNING, "DELETE")
+    """DELETE PROG n. Raises PmacError: 001 while a program runs, 002 protected, 007 the program is open."""
+    _refuse_running(controller, "DELETE")
     opened = controller.open_buffer
-    if opened is not None and opened.plc is None and opened.program == number:
-        raise PmacError(ErrorCode.BUFFER_IN_USE, f"program {number} is open")
+    if opened is not None and opened.program == number:
+        raise PmacError(ErrorCode.BUFFER_IN_USE, f"{opened} is open")
     refuse_protected(controller, number, PROTECTED_PROGRAMS)
     controller.programs.pop(number, None)
 
 
 def delete_plc(controller: Controller, number: int) -> None:
-    """DELETE PLC n.
-
-    Raises:
-        PmacError: 002 protected, 007 the PLC is open.
-    """
+    """DELETE PLC n. Raises PmacError: 002 protected, 007 the PLC is open."""
     opened = controller.open_buffer
     if opened is not None and opened.plc == number:
-        raise PmacError(ErrorCode.BUFFER_IN_USE, f"PLC {number} is open")
+        raise PmacError(ErrorCode.BUFFER_IN_USE, f"{opened} is open")
     refuse_protected(controller, number, PROTECTED_PLCS)
     controller.plcs.delete(number)
 
@@ -103,12 +79,10 @@ def delete_plc(controller: Controller, number: int) -> None:
 def delete_all(controller: Controller) -> None:
     """DELETE ALL programs, PLCs, compensation tables and the gather buffer.
 
-    Raises:
-        PmacError: 001 while a program runs, 002 one is protected, 007 a buffer is open or data are gathered.
+    Raises PmacError: 001 while a program runs, 002 one is protected, 007 a buffer is open or data are gathered.
     """
     _refuse_open(controller)
-    if controller.any_program_running:
-        raise PmacError(ErrorCode.NOT_WHILE_RUNNING, "DELETE ALL")
+    _refuse_running(controller, "DELETE ALL")
     for number in controller.programs:
         refuse_protected(controller, number, PROTECTED_PROGRAMS)
     for number in controller.plcs.buffers:
@@ -117,56 +91,44 @@ def delete_all(controller: Controller) -> None:
     controller.programs.clear()
     for number in tuple(controller.plcs.buffers):
         controller.plcs.delete(number)
-    controller.tables.clear()
+    controller.tables.replace(())
 
 
 def store(scanner: Scanner, context: Context) -> None:
-    """Put the rest of the line into the open buffer; a CLOSE at its end is executed.
-
-    Raises:
-        PmacError: 003 not a program line, 006 no room.
-    """
+    """Store the rest of the line; execute a CLOSE at its end. Raises PmacError: 003 no program, 006 no room."""
     controller = context.controller
-    buffer = _open_buffer(controller)
+    opened = _opened(controller)
     begin = scanner.position
     scanner.reset(scanner.mark() + len(scanner.rest))
     rest = context.text[begin : scanner.position]
     context.work += len(rest) // _CHARACTERS_A_VALUE
     closing = TRAILING_CLOSE.search(rest)
     text = rest[: closing.start()] if closing else rest
-    if isinstance(buffer, PlcBuffer):
-        plc_lines = stored_lines(parse_plc_line(text))
-        _refuse_full(controller, buffer, len(plc_lines))
-        buffer.lines.extend(plc_lines)
-    else:
-        line = parse_line(text)
-        _refuse_full(controller, buffer, 1)
-        if line:
-            buffer.lines.append(line)
+    if opened.program is not None:
+        line, lines = parse_line(text), controller.programs[opened.program]
+        _refuse_full(controller, len(lines), 1)
+        lines += [line] if line else []
+    elif opened.plc is not None:
+        plc_lines, stored = stored_lines(parse_plc_line(text)), controller.plcs.buffers[opened.plc]
+        _refuse_full(controller, len(stored), len(plc_lines))
+        stored += plc_lines
     if closing:
         close(controller)
 
 
 def room_lines(controller: Controller) -> int:
-    """Return how many more lines can be stored.
-
-    An entry of a compensation table takes as much room as a line, and so does a gathered long word.
-    """
+    """Return how many more lines can be stored; table entries and gathered long words take room like them."""
     return ROOM_LINES - stored_lines_in(controller) - controller.tables.entry_count - controller.gather.size
 
 
 def stored_lines_in(controller: Controller) -> int:
     """Return the number of lines in all programs and PLCs."""
-    stored: list[ProgramBuffer | PlcBuffer] = [*controller.programs.values(), *controller.plcs.buffers.values()]
-    return sum(len(buffer.lines) for buffer in stored)
+    programs, plcs = controller.programs.values(), controller.plcs.buffers.values()
+    return sum(len(lines) for lines in programs) + sum(len(lines) for lines in plcs)
 
 
 def refuse_protected(controller: Controller, number: int, protected: range) -> None:
-    """Check that a program may be read.
-
-    Raises:
-        PmacError: 002, a password is set and was not given.
-    """
+    """Check that a program may be read. Raises PmacError: 002, a password is set and was not given."""
     if number in protected and controller.password.locked:
         raise PmacError(ErrorCode.PASSWORD, f"program {number} is protected")
 
@@ -180,20 +142,22 @@ def is_program_text(text: str) -> bool:
     return False
 
 
-def _refuse_full(controller: Controller, buffer: ProgramBuffer | PlcBuffer, more: int) -> None:
-    if len(buffer.lines) + more > MAX_LINES or room_lines(controller) < more:
+def _refuse_full(controller: Controller, stored: int, more: int) -> None:
+    if stored + more > MAX_LINES or room_lines(controller) < more:
         raise PmacError(ErrorCode.NO_ROOM, f"{MAX_LINES} lines")
 
 
-def _open_buffer(controller: Controller) -> ProgramBuffer | PlcBuffer:
-    opened = controller.open_buffer
-    if opened is None:
-        raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no buffer is open")
-    return controller.programs[opened.program] if opened.plc is None else controller.plcs.buffers[opened.plc]
+def _refuse_running(controller: Controller, command: str) -> None:
+    if controller.any_program_running:
+        raise PmacError(ErrorCode.NOT_WHILE_RUNNING, command)
 
 
 def _refuse_open(controller: Controller) -> None:
-    opened = controller.open_buffer
-    if opened is not None:
-        name = f"program {opened.program}" if opened.plc is None else f"PLC {opened.plc}"
-        raise PmacError(ErrorCode.BUFFER_IN_USE, f"{name} is open")
+    if controller.open_buffer is not None:
+        raise PmacError(ErrorCode.BUFFER_IN_USE, f"{controller.open_buffer} is open")
+
+
+def _opened(controller: Controller) -> OpenBuffer:
+    if controller.open_buffer is None:
+        raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no buffer is open")
+    return controller.open_buffer

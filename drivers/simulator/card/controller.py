@@ -6,7 +6,6 @@ run between two blocks of cycles.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 
@@ -14,8 +13,7 @@ from drivers.pmac.axes import AxisDefinition, refuse_singular
 from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.structure import Code, link
-from drivers.pmac.memory import Memory
-from drivers.pmac.plcs.plc import Addressed
+from drivers.pmac.language.syntax import Line
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.simulator.card.conversion import Conversion
 from drivers.simulator.card.coordinate import CoordinateSystem
@@ -26,22 +24,21 @@ from drivers.simulator.card.jog_motion import HomeSensor
 from drivers.simulator.card.leads import Leads
 from drivers.simulator.card.motor import Motor
 from drivers.simulator.card.plc_programs import PlcPrograms
-from drivers.simulator.card.program_buffer import OpenBuffer, Password, ProgramBuffer
-from drivers.simulator.card.program_host import CardHost
+from drivers.simulator.card.program_buffer import CardHost, OpenBuffer, Password
 from drivers.simulator.card.saved_state import Flash
-from drivers.simulator.card.servo import Axis
 from drivers.simulator.card.table_memory import TableMemory
-from drivers.simulator.plant.axis import bare_axis
+from drivers.simulator.plant.axis import BARE_COAST_S, BARE_ORIGIN, Axis, IdealAxis
 
-ALL_MOTORS, MOTORS_OF_SYSTEM = 0, 1
-"""Which motors a fault kills."""
-
-INDEX_COUNTS = 2000.0
-"""Distance between the home triggers of a motor without a machine."""
+ALL_MOTORS, MOTORS_OF_SYSTEM = 0, 1  # which motors a fault kills
+INDEX_COUNTS = 2000.0  # distance between the home triggers of a motor without a machine
 
 
 class Controller:
-    """State and behaviour of the controller; ports and plants are attached from outside."""
+    """State and behaviour of the controller; ports and plants are attached from outside.
+
+    `servo_period_ms` is the true rate of the hardware; I10 is only the controller's setting of it. `programs` are
+    the lines of the stored motion programs, by number.
+    """
 
     def __init__(
         self,
@@ -52,13 +49,7 @@ class Controller:
         dialect: Dialect = PMAC,
         flash: Flash | None = None,
     ) -> None:
-        """Take `servo_period_ms`, the true rate of the hardware; I10 is only the controller's setting of it.
-
-        Motors without an axis in `axes` are ideal, with no mechanics. The contents of `flash` are restored.
-
-        Raises:
-            ProfileError: `file.unreadable`, see `Flash.power_up`.
-        """
+        """Restore `flash`, see `Flash.power_up`. Motors without an axis in `axes` are ideal, with no mechanics."""
         self.servo_period_ms = servo_period_ms
         self.dialect = dialect
         self.cycles = 0
@@ -66,15 +57,16 @@ class Controller:
         self.variables = TimedVariables(i_variables, dialect, lambda: self.cycles)
         self.host = CardHost(self.switch_plc)
         self.plcs = PlcPrograms(self.variables, self.host)
-        self.programs: dict[int, ProgramBuffer] = {}
+        self.programs: dict[int, list[Line]] = {}
         self.open_buffer: OpenBuffer | None = None
         self.password = Password()
         self.flash = flash or Flash()
         self.motors = {
-            number: self._motor(number, axes.get(number)) for number in range(1, dialect.motor_count + 1)
+            number: Motor(number, self.variables, *_behind(axes.get(number), servo_period_ms))
+            for number in range(1, dialect.motor_count + 1)
         }
         self.systems = {
-            number: CoordinateSystem(number, self.variables, self.motors, self.program_code, self.host)
+            number: CoordinateSystem(number, self.variables, self.motors, self._program_code, self.host)
             for number in range(1, dialect.system_count + 1)
         }
         self.tables = TableMemory()
@@ -83,8 +75,7 @@ class Controller:
         self._leads = Leads(self.variables, self.motors, self.systems, self.conversion, self.tables)
         self._all_systems = tuple(self.systems.values())
         self._with_plant = frozenset(axes)
-        self._profile_i_variables = dict(i_variables)
-        self._profile_definitions = definitions
+        self._profile = dict(i_variables), definitions
         self._awake: tuple[Motor, ...] = ()
         self._revision = -1
         self._define_axes()
@@ -102,21 +93,6 @@ class Controller:
         return self.cycles * self.servo_period_ms
 
     @property
-    def memory(self) -> Memory | None:
-        """The words behind the M-variables."""
-        return self.variables.memory
-
-    @property
-    def pending_commands(self) -> deque[tuple[str, str, Addressed]]:
-        """On-line commands of programs and PLCs (CMD), waiting for the background, see `CardHost`."""
-        return self.host.pending_commands
-
-    @property
-    def host_messages(self) -> deque[tuple[str, str]]:
-        """Texts of programs for a host (SEND), with the letter of their port."""
-        return self.host.host_messages
-
-    @property
     def any_program_running(self) -> bool:
         """Whether a coordinate system runs a program."""
         return any(system.running for system in self._all_systems)
@@ -124,13 +100,18 @@ class Controller:
     def run_block(self, cycles: int) -> dict[int, list[float]]:
         """Run `cycles` servo cycles; return the true machine positions (counts) of each motor that is awake."""
         if self.variables.i_revision != self._revision:
-            self._follow_settings()
-        if not (self._leads.look() or self.gather.running or self.plcs.foreground):
+            # Motors that are not activated are off, and cost no computing time.
+            self._revision = self.variables.i_revision
+            self._kill(
+                [motor for motor in self.motors.values() if motor.amplifier_enabled and not motor.activated]
+            )
+            self._awake = tuple(m for m in self.motors.values() if m.activated or m.number in self._with_plant)
+        if not (self._leads.refresh() or self.gather.running or self.plcs.foreground):
             return self._run(cycles, self.cycle_ms)
         tracks: dict[int, list[float]] = {motor.number: [] for motor in self._awake}
         done = 0
         while done < cycles:
-            part = 1 if self._leads.look() or self.gather.running else cycles - done
+            part = 1 if self._leads.refresh() or self.gather.running else cycles - done
             interrupt = self.plcs.cycles_to_interrupt(self.cycles)
             if self.plcs.foreground:
                 part = min(part, interrupt)
@@ -142,14 +123,14 @@ class Controller:
         return tracks
 
     def background(self) -> None:
-        """Check every motor and scan the PLCs, between two servo interrupts and in no fixed time.
-
-        On-line commands of the PLCs (CMD) wait in `pending_commands`.
-        """
+        """Check every motor and scan the PLCs, between two servo interrupts and in no fixed time."""
         for motor in self._awake:
-            alarm = motor.look()
+            alarm = motor.check()
             if alarm is Alarm.TRAVEL:
-                self._stop_on_limit(motor)
+                system = self.system_of(motor.number)
+                if system is not None and (system.running or system.moving):
+                    system.abort(closing=False)
+                motor.stop_on_limit()
             elif alarm is not None:
                 self._trip(motor, alarm)
         self.plcs.scan_background()
@@ -157,36 +138,22 @@ class Controller:
     def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
         """ENABLE PLC and DISABLE PLC, from any source. It switches all of them or none.
 
-        Raises:
-            PmacError: 007, one to be enabled is open; 009 or 016, it is not well formed.
+        Raises PmacError: 007, one to be enabled is open; 009 or 016, it is not well formed.
         """
         opened = self.open_buffer
         if not enable:
             self.plcs.disable(numbers)
         elif opened is not None and opened.plc in numbers:
-            raise PmacError(ErrorCode.BUFFER_IN_USE, f"PLC {opened.plc} is open")
+            raise PmacError(ErrorCode.BUFFER_IN_USE, f"{opened} is open")
         else:
             self.plcs.enable(numbers)
 
-    def program_code(self, number: int) -> Code | None:
-        """Return a stored program ready to run, None when there is no such program.
-
-        Raises:
-            PmacError: 009 or 016, it is not well formed.
-        """
-        buffer = self.programs.get(number)
-        return None if buffer is None else link(tuple(buffer.lines))
-
     def system_of(self, motor: int) -> CoordinateSystem | None:
         """Return the coordinate system that a motor is assigned to."""
-        return next((s for s in self._all_systems if motor in s.definitions), None)
+        return next((s for s in self._all_systems if motor in s.frame.definitions), None)
 
     def refuse_in_control(self, motor: int) -> None:
-        """Check that no program moves a motor, so that it may be jogged, homed or killed.
-
-        Raises:
-            PmacError: 001, one does.
-        """
+        """Check that a motor may be jogged, homed or killed. Raises PmacError: 001, a program moves it."""
         system = self.system_of(motor)
         if system is not None and system.in_control:
             raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"#{motor} is moved by &{system.number}")
@@ -204,64 +171,37 @@ class Controller:
         if owner is not None and owner.number != system:
             raise PmacError(ErrorCode.DATA_ERROR, f"motor {motor} is in &{owner.number}")
         if definition is not None:
-            refuse_singular({**self.systems[system].definitions, motor: definition}.values())
+            refuse_singular({**self.systems[system].frame.definitions, motor: definition}.values())
         self.systems[system].define(motor, definition)
 
     def read_absolute_position(self, motor: int) -> None:
         """`$*`: there is no absolute encoder; the motor is killed, not homed, and at 0, with its axes unshifted.
 
-        Raises:
-            PmacError: 001, a program moves it, or is held on its way.
+        Raises PmacError: 001, a program moves it, or is held on its way.
         """
         system = self.system_of(motor)
         if system is not None and (system.running or system.moving):
             raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"#{motor} is moved by &{system.number}")
         self.motors[motor].read_absolute_position()
         if system is not None:
-            system.define(motor, system.definitions[motor])
+            system.define(motor, system.frame.definitions[motor])
 
-    def start_program(self, system: int) -> None:
-        """R: run or resume the program that a coordinate system points to.
-
-        Raises:
-            PmacError: those of `CoordinateSystem.run`.
-        """
-        self.systems[system].run()
-
-    def step_program(self, system: int) -> None:
-        """S: the same for one move.
-
-        Raises:
-            PmacError: those of `CoordinateSystem.run`.
-        """
-        self.systems[system].step()
-
-    def run_all(self) -> None:
-        """Control-R: R for every coordinate system; one that cannot run is skipped."""
-        self._each(CoordinateSystem.run)
-
-    def step_all(self) -> None:
-        """Control-S: S for every coordinate system; one that cannot run is skipped."""
-        self._each(CoordinateSystem.step)
-
-    def quit_all(self) -> None:
-        """Control-Q: Q for every coordinate system."""
-        self._each(CoordinateSystem.quit)
-
-    def hold_all(self) -> None:
-        """Control-O: H for every coordinate system."""
-        self._each(CoordinateSystem.hold)
+    def each_system(self, act: Callable[[CoordinateSystem], None]) -> None:
+        """Apply a command to every coordinate system; one that refuses it is skipped."""
+        for system in self._all_systems:
+            with suppress(PmacError):
+                act(system)
 
     def abort_all(self) -> None:
         """Control-A: abort every program; every activated motor ramps down; open loops are closed."""
-        self._each(CoordinateSystem.kill)
+        self.each_system(CoordinateSystem.kill)
         for motor in self.motors.values():
             if motor.activated:
                 motor.abort()
 
     def kill_all(self) -> None:
         """Control-K: open every loop."""
-        self._each(CoordinateSystem.kill)
+        self.each_system(CoordinateSystem.kill)
         for motor in self.motors.values():
             motor.kill()
 
@@ -278,18 +218,18 @@ class Controller:
         self.gather.clear()
         self.tables.leave()
         self.conversion.reset()
-        self.host.reset()
-        self.variables.replace_i(self._profile_i_variables if factory is None else factory)
-        self._each(CoordinateSystem.reset)
+        self.host.pending_commands.clear()
+        self.host.host_messages.clear()
+        self.variables.replace_i(self._profile[0] if factory is None else factory)
+        self.each_system(CoordinateSystem.reset)
+        self.password = Password("" if factory is not None else self.password.text)
         if factory is not None:
             self.programs.clear()
             self.plcs.buffers.clear()
             self.variables.pointers.clear()
-            self.tables.clear()
-            self.password.clear()
+            self.tables.replace(())
         else:
             self._define_axes()
-            self.password.lock()
             self.flash.restore(self)
         self._power_up()
 
@@ -312,14 +252,13 @@ class Controller:
             self.gather.sample()
         return tracks
 
-    def _motor(self, number: int, behind: tuple[Axis, HomeSensor] | None) -> Motor:
-        cycle_s = self.servo_period_ms / 1000.0
-        axis, home = behind or (bare_axis(cycle_s), HomeSensor(period=INDEX_COUNTS))
-        return Motor(number, self.variables, axis, home)
+    def _program_code(self, number: int) -> Code | None:
+        """Return a stored program, None if there is none. Raises PmacError: 009 or 016, it is not well formed."""
+        lines = self.programs.get(number)
+        return None if lines is None else link(tuple(lines))
 
     def _define_axes(self) -> None:
-        """Define the axes as the machine profile says."""
-        for definition in self._profile_definitions:
+        for definition in self._profile[1]:
             self.systems[1].define(definition.motor, definition)
 
     def _power_up(self) -> None:
@@ -329,24 +268,6 @@ class Controller:
             if motor.activated and int(motor.variable(80)) & 1:
                 motor.enable()
 
-    def _follow_settings(self) -> None:
-        """Record which motors are activated: the others are off and cost no computing time."""
-        self._revision = self.variables.i_revision
-        self._kill([motor for motor in self.motors.values() if motor.amplifier_enabled and not motor.activated])
-        self._awake = tuple(m for m in self.motors.values() if m.activated or m.number in self._with_plant)
-
-    def _each(self, act: Callable[[CoordinateSystem], None]) -> None:
-        for system in self._all_systems:
-            with suppress(PmacError):
-                act(system)
-
-    def _stop_on_limit(self, motor: Motor) -> None:
-        """Stop a motor at a travel limit, and all motors of the program that moves it."""
-        system = self.system_of(motor.number)
-        if system is not None and (system.running or system.moving):
-            system.abort(closing=False)
-        motor.stop_on_limit()
-
     def _trip(self, motor: Motor, alarm: Alarm) -> None:
         """Kill a faulty motor and the neighbours in its flag mode; the other motors of their program ramp down."""
         system = self.system_of(motor.number)
@@ -355,7 +276,7 @@ class Controller:
         if action == ALL_MOTORS:
             others = self.motors.values()
         elif action == MOTORS_OF_SYSTEM and system is not None:
-            others = system.motors
+            others = system.frame.motors
         self._kill(others)
         motor.fatal_error = alarm is Alarm.FOLLOWING_ERROR
         motor.amplifier_fault = alarm is Alarm.AMPLIFIER
@@ -364,7 +285,12 @@ class Controller:
         """Kill motors, and abort the programs that move them; the other motors of those ramp down."""
         numbers = {motor.number for motor in motors}
         for system in self._all_systems:
-            if not numbers.isdisjoint(system.definitions):
+            if not numbers.isdisjoint(system.frame.definitions):
                 system.abort(closing=False)
         for number in numbers:
             self.motors[number].kill()
+
+
+def _behind(axis: tuple[Axis, HomeSensor] | None, cycle_ms: float) -> tuple[Axis, HomeSensor]:
+    """Return the hardware of a motor, also of one that the machine does not use."""
+    return axis or (IdealAxis(cycle_ms / 1000.0, BARE_COAST_S, BARE_ORIGIN), HomeSensor(period=INDEX_COUNTS))

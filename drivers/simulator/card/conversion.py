@@ -16,6 +16,7 @@ from drivers.simulator.card.motor import Motor
 
 _WORD = (1 << WORD_BITS) - 1
 _ENCODER_METHOD = 0x0
+_TWO_LINES = (TIME_BASE_METHOD, 0x9, 0xA, 0xB)  # methods of the entries that have two lines
 
 
 class Conversion:
@@ -76,9 +77,11 @@ class Conversion:
     def encoder(self, address: int) -> Motor | None:
         """Return the motor whose encoder the line at an address converts."""
         line = self.line_at(address)
-        if line is None or self.word(line) >> METHOD_SHIFT != _ENCODER_METHOD or self._second(line):
+        if line is None or self.word(line) >> METHOD_SHIFT != _ENCODER_METHOD:
             return None
-        return self.channel(self.word(line))
+        # The second line of an entry holds the scale factor of the first one.
+        second = line > 0 and self.word(line - 1) >> METHOD_SHIFT in _TWO_LINES
+        return None if second else self.channel(self.word(line))
 
     def channel(self, address: int) -> Motor | None:
         """Return the motor whose encoder has its registers at an address."""
@@ -88,10 +91,4 @@ class Conversion:
     def time_base(self, address: int) -> TimeBaseEntry | None:
         """Return the entry whose time base is at an address: its second line."""
         line = self.line_at(address)
-        if not line:
-            return None
-        return entry_of(line - 1, self.word(line - 1), self.word(line))
-
-    def _second(self, line: int) -> bool:
-        """Whether a line holds the scale factor of the one before it."""
-        return line > 0 and self.word(line - 1) >> METHOD_SHIFT in (TIME_BASE_METHOD, 0x9, 0xA, 0xB)
+        return None if not line else entry_of(line - 1, self.word(line - 1), self.word(line))

@@ -18,8 +18,7 @@ from drivers.simulator.card.motor import Motor
 from drivers.simulator.card.program_motion import Place, ProgramMotion
 from drivers.simulator.card.time_base import TimeBase
 
-OFF_BY_COUNTS = 1.0 / 32.0
-"""Permitted distance of a motor from the place where a program was stopped; the controller resolves no finer."""
+OFF_BY_COUNTS = 1.0 / 32.0  # permitted distance from where a program was stopped; no finer is resolved
 
 
 class CoordinateSystem:
@@ -40,13 +39,13 @@ class CoordinateSystem:
         self.number = number
         self.frame = AxisFrame(motors)
         self.time_base = TimeBase(number, variables)
+        self.motion = ProgramMotion(number, variables, motors, self.frame, self.time_base)
         self.program_number: int | None = None
         self.modes = Modes()
         self.end_of_block_stop = False
         self.program_hold = False
         self.resume_error = False
         self.busy = False
-        self._motion = ProgramMotion(number, variables, motors, self.frame, self.time_base)
         self._variables = variables
         self._library = library
         self._host = host
@@ -55,86 +54,33 @@ class CoordinateSystem:
     @property
     def running(self) -> bool:
         """Whether moves of a program are still to be calculated."""
-        return self._motion.running
+        return self.motion.running
 
     @property
     def moving(self) -> bool:
         """Whether calculated motion is still being played."""
-        return self._motion.moving
-
-    @property
-    def held(self) -> bool:
-        """Whether a feed hold has brought the motion to rest; the motors may be jogged then."""
-        return self._motion.held_at is not None
+        return self.motion.moving
 
     @property
     def in_control(self) -> bool:
-        """Whether the motors belong to the program: nothing else may move them."""
-        return (self.running or self.moving) and not self.held
-
-    @property
-    def dwelling(self) -> bool:
-        """Whether a DWELL is under way."""
-        return self._motion.dwelling
-
-    @property
-    def homing(self) -> bool:
-        """Whether a HOME of the program is under way."""
-        return self._motion.homing
-
-    @property
-    def single_step(self) -> bool:
-        """Whether the program stops, or has stopped, after a move."""
-        return self._motion.single_step
-
-    @property
-    def runtime_error(self) -> bool:
-        """Whether the last program has ended with an error."""
-        return self._motion.runtime_error
-
-    @property
-    def radius_error(self) -> bool:
-        """Whether that was an arc without a radius, or with one too short."""
-        return self._motion.radius_error
-
-    @property
-    def definitions(self) -> Mapping[int, AxisDefinition]:
-        """The axis definitions by motor."""
-        return self.frame.definitions
-
-    @property
-    def motors(self) -> tuple[Motor, ...]:
-        """The motors of this system, in the order of their numbers."""
-        return self.frame.motors
-
-    @property
-    def override_percent(self) -> float:
-        """The present time base, 100 for real time."""
-        return self.time_base.percent
+        """Whether the motors belong to the program: nothing else may move them, unless a feed hold holds them."""
+        return (self.running or self.moving) and self.motion.held_at is None
 
     def set_override(self, percent: float) -> None:
-        """`%`: command another time base.
-
-        Raises:
-            PmacError: 003, below 0.
-        """
+        """`%`: command another time base. Raises PmacError: 003, below 0."""
         self.time_base.set_override(percent)
         self.busy = True
 
     def define(self, motor: int, definition: AxisDefinition | None) -> None:
         """Assign a motor to its axes, or clear it."""
-        self._motion.forget()
+        self.motion.forget()
         self.frame.define(motor, definition)
 
     def point(self, program: int, label: int | None = None) -> None:
-        """B: the next R begins there.
-
-        Raises:
-            PmacError: 001, a program runs.
-        """
+        """B: the next R begins there. Raises PmacError: 001, a program runs."""
         if self.running:
             raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"&{self.number} runs a program")
-        self._motion.forget()
+        self.motion.forget()
         self.program_number, self._label = program, label
 
     def run(self) -> None:
@@ -148,27 +94,19 @@ class CoordinateSystem:
         self._go(stepping=False)
 
     def step(self) -> None:
-        """S: the same for one move, or for the lines between BLOCKSTART and BLOCKSTOP.
-
-        Raises:
-            PmacError: as for `run`.
-        """
+        """S: the same for one move, or for the lines from BLOCKSTART to BLOCKSTOP. Raises PmacError: as `run`."""
         self._go(stepping=True)
 
     def quit(self) -> None:
         """Q: calculate no further move; the calculated motion is played, then the motors stop."""
-        self._motion.quit()
+        self.motion.quit()
 
     def stop_at_block(self) -> None:
         """`/`: stop at the end of the move that is played, where moves are segmented; otherwise as Q does."""
         self.end_of_block_stop = self.running
         segmented = self._variables.setting(Setting.SEGMENT_MS, self.number) > 0.0
-        if not (segmented and self._motion.take_back()):
-            self._motion.quit()
-
-    def forget_debt(self) -> None:
-        """Change the time base source: trajectory time that a reversed source took back is not made up for."""
-        self._motion.forget_debt()
+        if not (segmented and self.motion.take_back()):
+            self.motion.quit()
 
     def hold(self) -> None:
         """H: let the time base go to 0 at Ix95."""
@@ -183,17 +121,17 @@ class CoordinateSystem:
     def abort(self, closing: bool = True) -> None:
         """Abort the motion; each motor ramps down by itself, and `closing` closes the loops that are open."""
         self.kill()
-        for motor in self.motors:
+        for motor in self.frame.motors:
             if closing or motor.enabled:
                 motor.abort()
 
     def kill(self) -> None:
         """Drop the motion; the caller stops the motors."""
-        self._motion.drop()
+        self.motion.drop()
 
     def reset(self) -> None:
         """Clear everything, as at power-up."""
-        self._motion.reset()
+        self.motion.reset()
         self.frame.clear()
         self.program_number = self._label = None
         self.modes = Modes()
@@ -201,66 +139,58 @@ class CoordinateSystem:
         self.resume_error = self.end_of_block_stop = self.program_hold = False
 
     def match_positions(self) -> None:
-        """PMATCH: set the axis positions from the motors; a stopped program resumes from there.
-
-        Raises:
-            PmacError: 001, a program moves them.
-        """
-        refuse_moving(self._motion)
+        """PMATCH: take the axis positions from the motors, also to resume. Raises PmacError: 001, it moves."""
+        self._refuse_moving()
         self.frame.stopped_at = None
 
     def set_axis(self, axis: str, position: float) -> None:
-        """`X=5`: preset the present position of an axis (user units); nothing moves.
-
-        Raises:
-            PmacError: 001 a program moves, 003 no such axis here.
-        """
-        refuse_moving(self._motion)
-        self._motion.preset({axis: position})
+        """`X=5`: preset an axis (user units) at rest. Raises PmacError: 001 a program moves, 003 no such axis."""
+        self._refuse_moving()
+        self.motion.preset({axis: position})
 
     def zero_axes(self) -> None:
-        """Z: preset the present position of every axis to zero.
-
-        Raises:
-            PmacError: 001, a program moves them.
-        """
-        refuse_moving(self._motion)
-        self._motion.preset(dict.fromkeys(self.frame.positions(), 0.0))
+        """Z: preset the present position of every axis to zero. Raises PmacError: 001, a program moves them."""
+        self._refuse_moving()
+        self.motion.preset(dict.fromkeys(self.frame.positions(), 0.0))
 
     def program_counter(self) -> Place:
         """PC: the program and the line that are calculated next."""
-        return self._motion.calculated_at or (self.program_number or 0, 0)
+        return self.motion.calculated_at or (self.program_number or 0, 0)
 
     def executing(self) -> Place:
         """PE: the program and the line that are being executed."""
-        return self._motion.executing_at if self.moving else self.program_counter()
+        return self.motion.executing_at if self.moving else self.program_counter()
 
     def sample(self, cycles: int, cycle_ms: float) -> dict[int, list[float]]:
         """Return the commands of a block by motor number, nothing when no program motion is being played."""
-        commands = self._motion.sample(cycles, cycle_ms)
+        commands = self.motion.sample(cycles, cycle_ms)
         if not commands:
             self.busy = self.moving or not self.time_base.steady
         return commands
 
     def _go(self, stepping: bool) -> None:
-        motion = self._motion
+        motion, motors = self.motion, self.frame.motors
         # A running program is the first thing the host must know, whatever is wrong with the motors.
         if self.time_base.holding or not self.in_control:
-            refuse_unfit(self.motors)
+            _refuse_unfit(motors)
         self.resume_error = False
         if self.time_base.holding and motion.moving:
             self._refuse_moved(motion.held_at)
             motion.release(stepping)
         else:
-            refuse_busy(motion, self.motors)
+            if motion.moving and not motion.running and motion.resumable:
+                raise PmacError(ErrorCode.MOVE_NOT_COMPLETED, f"&{self.number} is not yet at rest")
+            self._refuse_moving()
+            for motor in motors:
+                if motor.jogging:
+                    raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"#{motor.number} is moving")
             self._prepare()
             motion.begin(stepping)
             self.end_of_block_stop = False
         self.program_hold, self.busy = False, True
 
     def _prepare(self) -> None:
-        """Prepare the program that R starts or resumes."""
-        motion = self._motion
+        motion = self.motion
         if self.program_number is None:
             raise PmacError(ErrorCode.NO_PROGRAM, f"&{self.number} points to no program")
         if not motion.resumable:
@@ -288,21 +218,23 @@ class CoordinateSystem:
             number=number,
         )
 
+    def _refuse_moving(self) -> None:
+        if self.running or self.moving:
+            raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"&{self.number} is moving")
+
     def _refuse_moved(self, stopped: Vector | None) -> None:
-        try:
-            if stopped is not None:
-                refuse_moved(self.motors, stopped)
-        except PmacError:
-            self.resume_error = True
-            raise
+        """Check that every motor is still where a program was stopped, in counts; None is anywhere."""
+        if stopped is None:
+            return
+        for motor, position in zip(self.frame.motors, stopped, strict=True):
+            if motor.jogging or abs(motor.desired - position) > OFF_BY_COUNTS:
+                self.resume_error = True
+                detail = f"#{motor.number} was stopped at {position:g} counts"
+                raise PmacError(ErrorCode.OFF_STOPPED_POSITION, detail)
 
 
-def refuse_unfit(motors: Sequence[Motor]) -> None:
-    """Check that there are motors, all activated, in closed loop, and free to move at least one way.
-
-    Raises:
-        PmacError: 014, 013, 012, 010, in this order.
-    """
+def _refuse_unfit(motors: Sequence[Motor]) -> None:
+    """Check that there are motors, all activated, in closed loop, and free to move at least one way."""
     if not motors:
         raise PmacError(ErrorCode.NO_MOTORS, "no motor has an axis")
     for motor in motors:
@@ -312,40 +244,5 @@ def refuse_unfit(motors: Sequence[Motor]) -> None:
         if not motor.enabled:
             raise PmacError(ErrorCode.OPEN_LOOP, f"#{motor.number}")
     for motor in motors:
-        if motor.positive_limit and motor.negative_limit:
+        if motor.travel.positive and motor.travel.negative:
             raise PmacError(ErrorCode.BOTH_LIMITS_SET, f"#{motor.number}")
-
-
-def refuse_moving(motion: ProgramMotion) -> None:
-    """Check that no program moves the axes.
-
-    Raises:
-        PmacError: 001, one does.
-    """
-    if motion.running or motion.moving:
-        raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"&{motion.system} is moving")
-
-
-def refuse_busy(motion: ProgramMotion, motors: Sequence[Motor]) -> None:
-    """Check that nothing moves the motors, neither a program nor a jog.
-
-    Raises:
-        PmacError: 011, a program that was stopped is not yet at rest; 001, anything else moves them.
-    """
-    if motion.moving and not motion.running and motion.resumable:
-        raise PmacError(ErrorCode.MOVE_NOT_COMPLETED, f"&{motion.system} is not yet at rest")
-    refuse_moving(motion)
-    for motor in motors:
-        if motor.jogging:
-            raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"#{motor.number} is moving")
-
-
-def refuse_moved(motors: Sequence[Motor], stopped: Vector) -> None:
-    """Check that every motor is still where a program was stopped, in counts.
-
-    Raises:
-        PmacError: 017, one is not, or moves.
-    """
-    for motor, position in zip(motors, stopped, strict=True):
-        if motor.jogging or abs(motor.desired - position) > OFF_BY_COUNTS:
-            raise PmacError(ErrorCode.OFF_STOPPED_POSITION, f"#{motor.number} was stopped at {position:g} counts")

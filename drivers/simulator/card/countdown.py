@@ -10,20 +10,15 @@ from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.plcs.plc import LOWEST_COUNT, timer_variables
 from drivers.pmac.variables import VariableStore
 
-ServoCycles = Callable[[], int]
-"""Returns the number of servo cycles so far."""
-
+ServoCycles = Callable[[], int]  # returns the number of servo cycles so far
 _Name = TypeVar("_Name")
 
 
 class Countdown(Generic[_Name]):
-    """Timers by name, each stored as the value written and the servo cycle of writing.
+    """Timers by name, from 0: the value written, and the servo cycle of writing; some do not run."""
 
-    They begin at 0. Those that are not `running` keep their value.
-    """
-
-    def __init__(self, names: Iterable[_Name], now: ServoCycles) -> None:
-        """Take `names`, all timers; all of them run."""
+    def __init__(self, names: Iterable[_Name], now: Callable[[], int]) -> None:
+        """Let all timers run; `now` returns the number of servo cycles so far."""
         self._now = now
         self._written: dict[_Name, tuple[float, int]] = {name: (0.0, now()) for name in names}
         self._running = frozenset(self._written)
@@ -52,7 +47,7 @@ class Countdown(Generic[_Name]):
 class TimedVariables(VariableStore):
     """The variables of a controller, of which some I-variables are timers. SAVE does not keep the timers."""
 
-    def __init__(self, i_variables: Mapping[int, float], dialect: Dialect, now: ServoCycles) -> None:
+    def __init__(self, i_variables: Mapping[int, float], dialect: Dialect, now: Callable[[], int]) -> None:
         self._timer_numbers = frozenset(timer_variables(dialect, dialect.system_count))
         self._timers = Countdown(self._timer_numbers, now)
         super().__init__({}, dialect)

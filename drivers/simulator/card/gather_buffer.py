@@ -6,34 +6,22 @@ The sources and the period are read once, by GATHER.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from drivers.pmac.gathering import float48
-from drivers.pmac.gathering.gather import (
-    LONG_BITS,
-    is_due,
-    long_words_of,
-    padding_of,
-    selected_sources,
-    shifts_of,
-)
+from drivers.pmac.gathering.gather import LONG_BITS, is_due, long_words_of, padding_of, selected_sources, shifts_of
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.memory import WORD_BITS, Memory, Pointer
 from drivers.pmac.variables import VariableStore
 
 _LONG_BYTES = LONG_BITS // 8
-_WORD = (1 << WORD_BITS) - 1
-_LONG = (1 << LONG_BITS) - 1
-
-_Source = tuple[Pointer, Callable[[float], int], int]
-"""A register, the encoder of its value, and the bit position of it in a sample."""
+_Source = tuple[Pointer, Callable[[float], int], int]  # a register, its encoder, and its bit in a sample
 
 
 class GatherBuffer:
     """A block of memory of `size` long words, 0 before it is defined; `running` while it is being filled."""
 
     def __init__(self, variables: VariableStore) -> None:
-        """Take the controller's `variables`: they select the sources, and give access to the memory."""
         self._variables = variables
         self._memory: Memory | None = None
         self.running = False
@@ -46,16 +34,10 @@ class GatherBuffer:
         self._period = 0
         self._cycle = 0
 
-    @property
-    def defined(self) -> bool:
-        """Whether there is a buffer, filled or not."""
-        return self.size > 0
-
     def define(self, long_words: int) -> None:
         """DEFINE GATHER: reserve long words; data begin at the first, earlier data can no longer be listed.
 
-        Raises:
-            PmacError: 003, size 0; 007, it is being filled.
+        Raises PmacError: 003, size 0; 007, it is being filled.
         """
         self._refuse_running("DEFINE GATHER")
         if long_words < 1:
@@ -66,36 +48,31 @@ class GatherBuffer:
     def start(self) -> None:
         """GATHER: start with the next servo cycle, after the data already there. No effect while it runs.
 
-        Raises:
-            PmacError: 003, not defined, or no valid sources; 006, no room for one sample.
+        Raises PmacError: 003, not defined, or no valid sources; 006, no room for one sample.
         """
         if self.running:
             return
-        if not self.defined:
+        if not self.size:
             raise PmacError(ErrorCode.DATA_ERROR, "GATHER without a buffer; DEFINE GATHER first")
         self._memory = self._variables.memory
         settings, dialect = self._variables.settings(), self._variables.dialect
         chosen = selected_sources(settings, dialect)
         period = int(settings.get(dialect.gathering.period, 0))
         if self._memory is None or not chosen or period < 0:
-            met = f"{len(chosen)} sources every {period} servo cycles"
-            raise PmacError(ErrorCode.DATA_ERROR, f"{met}: nothing that could be gathered")
-        self._lay_out(chosen)
+            asked = f"{len(chosen)} sources every {period} servo cycles"
+            raise PmacError(ErrorCode.DATA_ERROR, f"{asked}: nothing that could be gathered")
+        # What a sample needs, computed once: thousands are taken per second.
+        places = zip(chosen, shifts_of(chosen), strict=True)
+        self._sources = tuple((source, _BITS[source.space], shift) for source, shift in places)
+        self._padding = padding_of(chosen)
+        self._sample_bytes = long_words_of(chosen) * _LONG_BYTES
         if not self._has_room:
             raise PmacError(ErrorCode.NO_ROOM, f"{self.size} long words are full; DEFINE GATHER begins anew")
         self._period, self._cycle = period, 0
         self._listable = self.running = True
 
-    def stop(self) -> None:
-        """ENDGATHER: stop; the data stay."""
-        self.running = False
-
     def delete(self) -> None:
-        """DELETE GATHER.
-
-        Raises:
-            PmacError: 007, it is being filled.
-        """
+        """DELETE GATHER. Raises PmacError: 007, it is being filled."""
         self._refuse_running("DELETE GATHER")
         self.clear()
 
@@ -122,8 +99,7 @@ class GatherBuffer:
     def long_words(self, first: int = 0, count: int | None = None) -> list[int]:
         """LIST GATHER: return `count` long words (all by default) from the one with the number `first`, from 0.
 
-        Raises:
-            PmacError: 003, nothing was gathered since the buffer was defined.
+        Raises PmacError: 003, nothing was gathered since the buffer was defined.
         """
         if not self._listable:
             raise PmacError(ErrorCode.DATA_ERROR, "nothing is gathered")
@@ -136,25 +112,15 @@ class GatherBuffer:
     def _has_room(self) -> bool:
         return len(self._data) + self._sample_bytes <= self.size * _LONG_BYTES
 
-    def _lay_out(self, chosen: Sequence[Pointer]) -> None:
-        """Precompute what a sample needs: thousands are taken per second."""
-        shifts = shifts_of(chosen)
-        self._sources = tuple((source, _BITS[source.space], at) for source, at in zip(chosen, shifts, strict=True))
-        self._padding = padding_of(chosen)
-        self._sample_bytes = long_words_of(chosen) * _LONG_BYTES
-
     def _refuse_running(self, what: str) -> None:
         if self.running:
             raise PmacError(ErrorCode.BUFFER_IN_USE, f"{what} while data are gathered; ENDGATHER first")
 
 
-def _word(value: float) -> int:
-    return int(value) & _WORD
+def _integer(bits: int) -> Callable[[float], int]:
+    mask = (1 << bits) - 1
+    return lambda value: int(value) & mask
 
 
-def _long(value: float) -> int:
-    return int(value) & _LONG
-
-
-_BITS = {"X": _word, "Y": _word, "D": _long, "L": float48.encode}
+_BITS = {"X": _integer(WORD_BITS), "Y": _integer(WORD_BITS), "D": _integer(LONG_BITS), "L": float48.encode}
 """Encoders of values by memory space."""

@@ -10,8 +10,7 @@ from drivers.pmac.dialect import Setting
 from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.variables import VariableStore
 
-_NO_TRAVEL_SWITCHES, _NO_FAULT_INPUT = 1 << 17, 1 << 20
-"""Bits of the flag mode (Ix25, on a Turbo Ixx24)."""
+_NO_TRAVEL_SWITCHES, _NO_FAULT_INPUT = 1 << 17, 1 << 20  # bits of the flag mode (Ix25, on a Turbo Ixx24)
 
 
 class Alarm(Enum):
@@ -24,12 +23,12 @@ class Alarm(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guard:
-    """Limits in counts, infinite where they are disabled; `looks`: additional polls required for in-position."""
+    """Limits in counts, infinite where they are disabled; `polls`: additional ones required for in-position."""
 
     fatal_error: float
     warning_error: float
     in_position: float
-    looks: float
+    polls: float
     highest: float
     lowest: float
     switches_used: bool
@@ -43,7 +42,7 @@ def read_guard(variables: VariableStore, motor: int) -> Guard:
         fatal_error=_or_none(variables.motor(motor, 11)) / PARTS_PER_COUNT,
         warning_error=_or_none(variables.motor(motor, 12)) / PARTS_PER_COUNT,
         in_position=variables.motor(motor, 28) / PARTS_PER_COUNT,
-        looks=variables.setting(Setting.IN_POSITION_LOOKS, motor),
+        polls=variables.setting(Setting.IN_POSITION_LOOKS, motor),
         highest=variables.motor(motor, 13) or math.inf,
         lowest=variables.motor(motor, 14) or -math.inf,
         switches_used=not mode & _NO_TRAVEL_SWITCHES,
@@ -77,12 +76,7 @@ class TravelLimits:
     negative: bool = False
     stopped: bool = False
 
-    @property
-    def concerned(self) -> bool:
-        """Whether a limit is set, so that it must be checked even inside Ix13 and Ix14."""
-        return self.positive or self.negative or self.plus_pin or self.minus_pin
-
-    def look(self, position: float, highest: float, lowest: float, *, pins_used: bool) -> None:
+    def sample(self, position: float, highest: float, lowest: float, *, pins_used: bool) -> None:
         """Record the motor's position and its travel range, in counts."""
         self.positive = (pins_used and self.minus_pin) or position > highest
         self.negative = (pins_used and self.plus_pin) or position < lowest
@@ -90,7 +84,3 @@ class TravelLimits:
     def bars(self, direction: float) -> bool:
         """Whether motion in a direction is blocked now."""
         return (direction > 0.0 and self.positive) or (direction < 0.0 and self.negative)
-
-    def reset(self) -> None:
-        """Clear the state; the switches stay where they are."""
-        self.positive = self.negative = self.stopped = False

@@ -42,16 +42,6 @@ class JogMotion:
         self._motor = motor
         self._variables = variables
 
-    @property
-    def homing(self) -> bool:
-        """Whether a home search is under way, including its last move."""
-        return self.stage is not None and self.homes
-
-    @property
-    def seeking_home(self) -> bool:
-        """Whether the home trigger is being searched and not yet found."""
-        return self.stage is Stage.SEARCHING and self.homes
-
     def run_at(self, speed: float, here: float, velocity: float) -> None:
         """Change to a speed (counts/ms) and keep it, including 0, until something else is played."""
         pieces = change_speed(here, velocity, speed, jog_settings(self._variables, self._motor))
@@ -79,7 +69,7 @@ class JogMotion:
         self.stage = Stage.SEARCHING
         self.homes, self._past_trigger = homes, past_trigger
 
-    def meet(self, trigger: float, here: float, velocity: float) -> None:
+    def stop_past(self, trigger: float, here: float, velocity: float) -> None:
         """Stop because the trigger was found, then go to the end position."""
         self.stop(here, velocity)
         self.stage = Stage.STOPPING
@@ -117,9 +107,8 @@ class JogMotion:
                 self._queue(pieces, position)
 
     def _stopping(self, here: float, velocity: float) -> tuple[Piece, ...]:
-        if not velocity:
-            return ()
-        return change_speed(here, velocity, 0.0, jog_settings(self._variables, self._motor))
+        settings = jog_settings(self._variables, self._motor)
+        return change_speed(here, velocity, 0.0, settings) if velocity else ()
 
     def _play(self, pieces: tuple[Piece, ...], here: float) -> None:
         if self.player is None:

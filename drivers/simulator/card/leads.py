@@ -10,38 +10,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
-from drivers.pmac.compensation.table import CompensationTable
+from drivers.pmac.compensation.table import CompensationTable, TableSource
 from drivers.pmac.master.following import Following, FollowingMode, FollowingSetup, in_counts, parts_of
 from drivers.pmac.master.time_base_setup import METHOD_SHIFT, TimeBaseEntry
-from drivers.pmac.master.time_base_source import Trigger, TriggeredTimeBase, increment_units
+from drivers.pmac.master.time_base_source import TriggeredTimeBase, increment_units
 from drivers.pmac.memory import WORD_BITS
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.conversion import Conversion
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.motor import Motor
+from drivers.simulator.card.table_memory import TableMemory
 
-TABLES_ON = 51
-"""I51: whether compensation tables are in use."""
-
+TABLES_ON = 51  # I51: whether compensation tables are in use
 _FOLLOWING = (5, 6, 7, 8)
 _TIME_BASE_SOURCE = 93
 _WORD = (1 << WORD_BITS) - 1
-_METHOD = _WORD >> WORD_BITS - METHOD_SHIFT
-"""What is below the method digit of a set-up word."""
-
-
-class Tables(Protocol):
-    """The compensation tables of the controller."""
-
-    @property
-    def tables(self) -> Mapping[int, CompensationTable]:
-        """The complete tables, by the motor that they belong to."""
-
-    @property
-    def revision(self) -> int:
-        """Counts up with every change."""
+_METHOD = _WORD >> WORD_BITS - METHOD_SHIFT  # what is below the method digit of a set-up word
 
 
 @dataclass(slots=True, kw_only=True)
@@ -97,7 +82,7 @@ class Leads:
         motors: Mapping[int, Motor],
         systems: Mapping[int, CoordinateSystem],
         conversion: Conversion,
-        tables: Tables,
+        tables: TableMemory,
     ) -> None:
         self.active = False
         self._variables = variables
@@ -110,14 +95,16 @@ class Leads:
         self._followers: dict[int, _Follower] = {}
         self._corrected: dict[int, list[CompensationTable]] = {}
 
-    def look(self) -> bool:
+    def refresh(self) -> bool:
         """Read the settings if they may have changed; return whether any coupling is active."""
         now = (self._variables.i_revision, self._conversion.revision, self._tables.revision)
         if now != self._seen:
             self._seen = now
             self._find_clocks()
             self._find_followers()
-            self._find_tables()
+            self._corrected = {}
+            for table in self._tables.tables.values() if self._variables.i(TABLES_ON) else ():
+                self._corrected.setdefault(table.definition.target, []).append(table)
             self.active = bool(self._clocks or self._followers or self._corrected)
         return self.active
 
@@ -127,7 +114,9 @@ class Leads:
             before = clock.triggered.state if clock.triggered else None
             self._conversion.results[line] = clock.step()
             if clock.triggered and clock.triggered.state is not before:
-                self._note_trigger(line - 1, clock.triggered.state)
+                # The set-up word shows a host that time has begun.
+                method = self._conversion.word(line - 1) & _METHOD
+                self._conversion.set_word(line - 1, method | clock.triggered.state << METHOD_SHIFT)
         for follower in self._followers.values():
             follower.step()
         for number in self._corrected:
@@ -139,18 +128,13 @@ class Leads:
         """Compute the correction of a motor from the present positions of its sources."""
         tables = self._corrected.get(motor.number)
         if tables:
-            motor.correction = sum(table.correction(*self._places(table)) for table in tables)
+            motor.correction = sum(
+                table.correction(*map(self._place, table.definition.sources)) for table in tables
+            )
 
-    def _places(self, table: CompensationTable) -> list[float]:
-        motors = self._motors
-        return [
-            motors[source.motor].desired if source.desired else motors[source.motor].encoder
-            for source in table.definition.sources
-        ]
-
-    def _note_trigger(self, line: int, state: Trigger) -> None:
-        """Show a host in the set-up word that time has begun."""
-        self._conversion.set_word(line, self._conversion.word(line) & _METHOD | state << METHOD_SHIFT)
+    def _place(self, source: TableSource) -> float:
+        motor = self._motors[source.motor]
+        return motor.desired if source.desired else motor.encoder
 
     def _find_clocks(self) -> None:
         """Find the time base entries that are in use; one that was in use continues from its state."""
@@ -164,12 +148,12 @@ class Leads:
                 # Without a master no time passes; an address outside the table is the register of `%`.
                 if system.time_base.led:
                     system.busy = True
-                    system.forget_debt()
+                    system.motion.forget_debt()
                 system.time_base.lead(None if line is None else 0)
                 continue
             clock = self._clocks.get(line) or _clock(entry, master, before.get(line))
             if line not in before or system not in before[line].systems:
-                system.forget_debt()
+                system.motion.forget_debt()
             clock.systems = (*clock.systems, system)
             self._clocks[line] = clock
 
@@ -191,16 +175,9 @@ class Leads:
                 continue
             follower = before.get(number)
             parts = parts_of(master.counter) & _WORD
-            goes_on = follower is not None and follower.master is master
-            state = follower.state if follower is not None and goes_on else Following(master_parts=parts)
+            same = follower is not None and follower.master is master
+            state = follower.state if follower is not None and same else Following(master_parts=parts)
             self._followers[number] = _Follower(motor=motor, master=master, setup=setup, state=state)
-
-    def _find_tables(self) -> None:
-        self._corrected = {}
-        if not self._variables.i(TABLES_ON):
-            return
-        for table in self._tables.tables.values():
-            self._corrected.setdefault(table.definition.target, []).append(table)
 
 
 def _clock(entry: TimeBaseEntry, master: Motor, before: _Clock | None) -> _Clock:

@@ -5,25 +5,15 @@ from __future__ import annotations
 from math import inf
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.variables import VariableStore
-from drivers.simulator.card.jog_motion import HomeSensor, Stage
 from drivers.simulator.card.motor_loop import MotorLoop
-from drivers.simulator.card.servo import Axis
-
-FULL_OUTPUT_PERCENT = 100.0
 
 
 class Motor(MotorLoop):
     """A loop that is closed, opened, jogged and homed.
 
-    Reported and commanded positions are the counts of the loop plus `bias`, by which PSET and the like have moved
-    the zero of the axes. `offset_following` keeps the followed distance out of the reports.
+    Reported and commanded positions are the counts of the loop plus `bias`, and `offset_following` keeps the
+    followed distance out of the reports.
     """
-
-    def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
-        super().__init__(number, variables, axis, home)
-        self.bias = 0.0
-        self.variable_jog = 0.0
 
     @property
     def activated(self) -> bool:
@@ -37,49 +27,9 @@ class Motor(MotorLoop):
         return self.encoder + self.bias - followed
 
     @property
-    def positive_limit(self) -> bool:
-        """Whether travel in the positive direction is blocked. Not checked while the amplifier is disabled."""
-        return self.travel.positive
-
-    @property
-    def negative_limit(self) -> bool:
-        """Whether travel in the negative direction is blocked. Not checked while the amplifier is disabled."""
-        return self.travel.negative
-
-    @property
-    def stopped_on_limit(self) -> bool:
-        """Whether a limit has stopped the motor since its last move began."""
-        return self.travel.stopped
-
-    @property
     def jogging(self) -> bool:
         """Whether a jog or a home search is being played."""
-        return self._jog.player is not None
-
-    @property
-    def aborting(self) -> bool:
-        """Whether the motor is coming to rest at Ix15."""
-        return self._jog.aborting
-
-    @property
-    def pre_jog(self) -> bool:
-        """Whether the motor is on its way back to where a program was stopped (J=)."""
-        return self._jog.pre_jog
-
-    @property
-    def homing(self) -> bool:
-        """Whether a home search is under way, including its last move."""
-        return self._jog.homing
-
-    @property
-    def searching(self) -> bool:
-        """Whether a trigger is being searched and not yet found."""
-        return self._jog.stage is Stage.SEARCHING
-
-    @property
-    def trigger_move(self) -> bool:
-        """Whether the motor is moving to a trigger or on to its end position, or found none on its last move."""
-        return self._jog.stage is not None
+        return self.jog.player is not None
 
     def enable(self) -> None:
         """Close the loop at the present position."""
@@ -89,13 +39,13 @@ class Motor(MotorLoop):
             self.fatal_error = self.amplifier_fault = False
             here = self.axis.close_loop()
             self.desired, self.velocity = here - self.correction - self.superimposed, 0.0
-            self._look_at_travel(self.encoder, self.guard)
+            self._sample_travel(self.encoder, self.guard)
 
     def kill(self) -> None:
         """Open the loop; the axis coasts."""
         self.enabled = False
         self._output = None
-        self._jog.forget()
+        self.jog.forget()
 
     def reset(self) -> None:
         """Start as at power-up: killed, not homed, and at position 0 wherever the axis is."""
@@ -103,7 +53,7 @@ class Motor(MotorLoop):
         self.fatal_error = self.amplifier_fault = False
         self.home_capture = self.variable_jog = self.correction = self.superimposed = 0.0
         self.stopped_at = None
-        self.travel.reset()
+        self.travel.positive = self.travel.negative = self.travel.stopped = False
         self._power_up_origin = self.axis.origin
 
     def read_absolute_position(self) -> None:
@@ -114,24 +64,20 @@ class Motor(MotorLoop):
         self.bias = self.superimposed = 0.0
 
     def phase(self) -> None:
-        """`$`: no phasing is needed; the loop is closed where the motor stands.
-
-        Raises:
-            PmacError: 018, the motor moves.
-        """
+        """`$`: no phasing is needed; close the loop where the motor stands. Raises PmacError: 018, it moves."""
         if self.velocity or self.jogging:
             raise PmacError(ErrorCode.PHASE_REFERENCE, f"#{self.number} moves")
         self.enable()
 
     def open_loop(self, percent: float) -> None:
         """Open the loop and hold the output at `percent` of Ix69, limited to 100 as on the controller."""
-        share = max(-FULL_OUTPUT_PERCENT, min(percent, FULL_OUTPUT_PERCENT)) / FULL_OUTPUT_PERCENT
-        self._jog.forget()
+        output = max(-1.0, min(percent / 100.0, 1.0))
+        self.jog.forget()
         self.enabled = False
         self.fatal_error = self.amplifier_fault = False
-        self._look_at_travel(self.encoder, self.guard)
-        self.travel.stopped = self.travel.bars(share)
-        self._output = 0.0 if self.travel.stopped else share
+        self._sample_travel(self.encoder, self.guard)
+        self.travel.stopped = self.travel.bars(output)
+        self._output = 0.0 if self.travel.stopped else output
 
     def jog_speed(self, direction: int) -> None:
         """Jog indefinitely in `direction`; 0 stops, and closes the loop of a killed motor."""
@@ -140,9 +86,9 @@ class Motor(MotorLoop):
             return
         speed = direction * abs(self.variable(22))
         if speed:
-            self._jog.run_at(speed, self.desired, self.velocity)
+            self.jog.run_at(speed, self.desired, self.velocity)
         else:
-            self._jog.stop(self.desired, self.velocity)
+            self.jog.stop(self.desired, self.velocity)
 
     def jog_to(self, position: float, past_trigger: float | None = None) -> None:
         """Jog to a reported position in counts, after a stop if the motor moves.
@@ -159,30 +105,30 @@ class Motor(MotorLoop):
 
     def jog_back(self) -> None:
         """Jog to where a stopped program left the motor, or else to where it was before its last jog."""
-        self._go_to(self._jog.began_at if self.stopped_at is None else self.stopped_at)
-        self._jog.pre_jog = self.jogging and not self.travel.stopped
+        self._go_to(self.jog.began_at if self.stopped_at is None else self.stopped_at)
+        self.jog.pre_jog = self.jogging and not self.travel.stopped
 
     def home(self) -> None:
         """Search the home trigger at Ix23; Ix13 and Ix14 are ignored until it is found."""
         self.enable()
         speed = self.variable(23)
         self.home_complete = False
-        self.travel.look(self.encoder, inf, -inf, pins_used=self.guard.switches_used)
+        self.travel.sample(self.encoder, inf, -inf, pins_used=self.guard.switches_used)
         if self._barred(speed):
             return
-        self._jog.run_at(speed, self.desired, self.velocity)
-        self._jog.seek(homes=True)
+        self.jog.run_at(speed, self.desired, self.velocity)
+        self.jog.seek(homes=True)
 
     def home_zero(self) -> None:
         """Home at the present position without a move; the following error stays what it is."""
         here = self.desired if self.enabled else self.encoder
-        self._jog.forget()
+        self.jog.forget()
         self._declare_home(here, here)
 
     def abort(self) -> None:
         """Come to rest at Ix15; an open loop is closed."""
         self.enable()
-        self._jog.abort(self.desired, self.velocity)
+        self.jog.abort(self.desired, self.velocity)
 
     def stop_on_limit(self) -> None:
         """Come to rest at Ix15, or remove an open-loop output, because the direction is blocked."""
@@ -196,14 +142,14 @@ class Motor(MotorLoop):
         self.enable()
         if self._barred(target - self.desired):
             return
-        self._jog.go_to(target, self.desired, self.velocity)
+        self.jog.go_to(target, self.desired, self.velocity)
         if past_trigger is not None and self.jogging:
-            self._jog.seek(homes=False, past_trigger=past_trigger)
+            self.jog.seek(homes=False, past_trigger=past_trigger)
 
     def _barred(self, direction: float) -> bool:
         """Whether a limit blocks the motion. The motor stops, or stays, without any other report."""
         barred = self.travel.bars(direction)
         self.travel.stopped = barred or (self.travel.stopped and not direction)
         if barred and self.velocity:
-            self._jog.stop(self.desired, self.velocity)
+            self.jog.stop(self.desired, self.velocity)
         return barred

@@ -9,8 +9,7 @@ from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.guard import Alarm, Guard, TravelLimits, read_guard
 from drivers.simulator.card.jog_motion import HomeSensor, JogMotion, Stage
-from drivers.simulator.card.servo import Axis
-from drivers.simulator.plant.axis import Scale, read_encoder
+from drivers.simulator.plant.axis import Axis, Scale, read_encoder
 
 
 class MotorLoop:
@@ -23,8 +22,9 @@ class MotorLoop:
     The loop's command is `desired` plus `correction` (of compensation tables, or from a write to their register)
     plus `superimposed` (followed from a master and not yet part of `desired`), all in counts. The followed
     distance becomes part of `desired` as soon as nothing else moves the motor, unless `offset_following` keeps it
-    out. `true_position` is the machine position of the axis, whatever the encoder reads, `pace` its movement in
-    the last servo cycle, and `cycles_run` the number of cycles run. `scale` is the axis's scale.
+    out. `bias` is by how much PSET and the like have moved the zero of the axes. `true_position` is the machine
+    position of the axis, whatever the encoder reads, `pace` its movement in the last servo cycle, and `cycles_run`
+    the number of cycles run. `scale` is the axis's scale.
     """
 
     def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
@@ -42,6 +42,8 @@ class MotorLoop:
         self.correction = 0.0
         self.superimposed = 0.0
         self.offset_following = False
+        self.bias = 0.0
+        self.variable_jog = 0.0
         self.true_position = axis.origin
         self.pace = 0.0
         self.cycles_run = 0
@@ -52,13 +54,13 @@ class MotorLoop:
         self.travel = TravelLimits()
         self._output: float | None = None
         self._last_actual = 0.0
-        self._led_since_look = 0.0
-        self._correction_at_look = 0.0
+        self._followed_since_scan = 0.0
+        self._correction_at_scan = 0.0
         self._lost_counts = 0.0
         self._losing = False
         self._variables = variables
         self._home = home
-        self._jog = JogMotion(number, variables)
+        self.jog = JogMotion(number, variables)
         self._power_up_origin = axis.origin
         self._poller = 0
         self._guard = read_guard(variables, number)
@@ -103,7 +105,7 @@ class MotorLoop:
     def in_position(self) -> bool:
         """Closed loop, at rest, no program timer, and within Ix28, for the required number of scans."""
         guard = self.guard
-        return self._poller > guard.looks and self._settled(abs(self.following_error), guard)
+        return self._poller > guard.polls and self._settled(abs(self.following_error), guard)
 
     @property
     def guard(self) -> Guard:
@@ -118,21 +120,17 @@ class MotorLoop:
         return self._variables.motor(self.number, number)
 
     def run(self, cycles: int, cycle_ms: float, commands: Sequence[float] | None) -> list[float]:
-        """Run a block; `commands` come from a coordinate system, None means the motor's own jog.
-
-        Returns:
-            The true machine position (counts) at each servo cycle.
-        """
+        """Run a block, of the motor's own jog without `commands`; return the true machine positions (counts)."""
         if self._losing or self.axis.encoder_lost:
             self._count_losses()
-        if self.superimposed and not (self.offset_following or self.program_timer or self._jog.player):
+        if self.superimposed and not (self.offset_following or self.program_timer or self.jog.player):
             self._absorb()
         added = self.correction + self.superimposed
         if not self.enabled:
             track = self.axis.coast(cycles) if self._output is None else self.axis.push(self._output, cycles)
             self.velocity = 0.0
         else:
-            commands = self._jog.sample(cycles, cycle_ms, self.desired) if commands is None else commands
+            commands = self.jog.sample(cycles, cycle_ms, self.desired) if commands is None else commands
             track = self.axis.follow([command + added for command in commands] if added else commands)
             before = commands[-2] if cycles > 1 else self.desired
             self.desired, self.velocity = commands[-1], (commands[-1] - before) / cycle_ms
@@ -148,7 +146,7 @@ class MotorLoop:
             self.actual = track[-1]
         if not self.enabled:
             self.desired = self.encoder - added
-        if self._jog.stage is Stage.SEARCHING:
+        if self.jog.stage is Stage.SEARCHING:
             self._search(start, self.true_position)
         return machine
 
@@ -164,9 +162,9 @@ class MotorLoop:
             self.travel.stopped = True
             return
         self.superimposed += counts
-        self._led_since_look += counts
+        self._followed_since_scan += counts
 
-    def look(self) -> Alarm | None:
+    def check(self) -> Alarm | None:
         """Check limits, following error and position, as the background does; return an alarm to act on."""
         if not self.enabled and self._output is None:
             self._poller = 0
@@ -175,19 +173,19 @@ class MotorLoop:
         here = self.encoder
         error = abs(self.net_desired - here) if self.enabled else 0.0
         travel = self.travel
-        if not guard.lowest <= here <= guard.highest or travel.concerned:
-            self._look_at_travel(here, guard)
+        # A limit that is set is checked even inside Ix13 and Ix14.
+        limited = travel.positive or travel.negative or travel.plus_pin or travel.minus_pin
+        if limited or not guard.lowest <= here <= guard.highest:
+            self._sample_travel(here, guard)
         self._poller = self._poller + 1 if self._settled(error, guard) else 0
         if self.fault_input and guard.fault_used:
             return Alarm.AMPLIFIER
         if error > guard.fatal_error:
             return Alarm.FOLLOWING_ERROR
-        led = self._led_since_look + self.correction - self._correction_at_look
-        self._led_since_look, self._correction_at_look = 0.0, self.correction
-        heading = (self.velocity or led) if self._output is None else self._output
-        if heading and not self._jog.aborting and travel.bars(heading):
-            return Alarm.TRAVEL
-        return None
+        followed = self._followed_since_scan + self.correction - self._correction_at_scan
+        self._followed_since_scan, self._correction_at_scan = 0.0, self.correction
+        heading = (self.velocity or followed) if self._output is None else self._output
+        return Alarm.TRAVEL if heading and not self.jog.aborting and travel.bars(heading) else None
 
     def _absorb(self) -> None:
         """Make the followed distance motion of the motor itself; a program continues from the result."""
@@ -203,16 +201,17 @@ class MotorLoop:
             self._lost_counts += missed
         self._losing = lost
 
-    def _look_at_travel(self, here: float, guard: Guard) -> None:
+    def _sample_travel(self, here: float, guard: Guard) -> None:
         """Ignore Ix13 and Ix14 while the home trigger is being searched: the zero is not known then."""
-        highest, lowest = (inf, -inf) if self._jog.seeking_home else (guard.highest, guard.lowest)
-        self.travel.look(here, highest, lowest, pins_used=guard.switches_used)
+        seeking_home = self.jog.homes and self.jog.stage is Stage.SEARCHING
+        highest, lowest = (inf, -inf) if seeking_home else (guard.highest, guard.lowest)
+        self.travel.sample(here, highest, lowest, pins_used=guard.switches_used)
 
     def _settled(self, error: float, guard: Guard) -> bool:
         return (
             self.enabled
             and self.velocity == 0.0
-            and self._jog.player is None
+            and self.jog.player is None
             and not self.program_timer
             and error < guard.in_position
         )
@@ -223,14 +222,14 @@ class MotorLoop:
         if trigger is None:
             return
         caught = trigger - self.axis.origin
-        if self._jog.homes:
+        if self.jog.homes:
             if not self.offset_following:
                 self._absorb()
             self._declare_home(caught + self.variable(26) / PARTS_PER_COUNT, caught)
             caught = 0.0
         else:
             caught -= self.correction + self.superimposed
-        self._jog.meet(caught, self.desired, self.velocity)
+        self.jog.stop_past(caught, self.desired, self.velocity)
 
     def _declare_home(self, zero: float, captured: float) -> None:
         """Make `zero` the motor's zero; captured positions are kept in counts from power-up."""
@@ -244,5 +243,5 @@ class MotorLoop:
         self.desired -= offset
         self.actual -= offset
         self._last_actual -= offset
-        self._jog.began_at -= offset
+        self.jog.began_at -= offset
         self.stopped_at = None  # a program resumes from where the motor is, in the new counts

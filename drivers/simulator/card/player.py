@@ -11,9 +11,7 @@ from drivers.pmac.trajectory.pieces import Piece, Vector, position_at
 
 Refill = Callable[[], Iterable[Piece]]
 Assign = Callable[[tuple[Deferred, ...]], None]
-
-SAME_COUNTS = 1e-6
-"""Two motions no further apart than this are the same."""
+SAME_COUNTS = 1e-6  # two motions no further apart than this are the same
 
 
 class Player:

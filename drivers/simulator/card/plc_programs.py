@@ -7,32 +7,23 @@ from contextlib import suppress
 
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.plc_structure import link_plc
+from drivers.pmac.language.syntax import PlcLine
 from drivers.pmac.plcs.plc import Addressed, PlcFault, PlcHost, PlcRun
-from drivers.pmac.plcs.schedule import (
-    FOREGROUND_PLC,
-    PlcSwitches,
-    background_order,
-    foreground_runs,
-    power_up,
-)
+from drivers.pmac.plcs.schedule import FOREGROUND_PLC, PlcSwitches, background_order, foreground_runs, power_up
 from drivers.pmac.variables import VariableStore
-from drivers.simulator.card.program_buffer import PlcBuffer
 
-PERMISSION = 5
-"""I5: which PLCs may run."""
-
-INTERRUPT_PERIOD = 8
-"""I8: servo cycles of a real-time interrupt, less one."""
+PERMISSION = 5  # I5: which PLCs may run
+INTERRUPT_PERIOD = 8  # I8: servo cycles of a real-time interrupt, less one
 
 
 class PlcPrograms:
-    """The PLCs stored in `buffers`, by number, and the state of the running ones.
+    """The lines of the stored PLCs, `buffers` by number, and the state of the running ones.
 
     `faults` are the run-time errors that have disabled PLCs, until those are enabled again.
     """
 
     def __init__(self, variables: VariableStore, host: PlcHost) -> None:
-        self.buffers: dict[int, PlcBuffer] = {}
+        self.buffers: dict[int, list[PlcLine]] = {}
         self.switches = PlcSwitches()
         self.faults: dict[int, PlcFault] = {}
         self._variables = variables
@@ -51,10 +42,10 @@ class PlcPrograms:
         period = max(1, int(self._variables.i(INTERRUPT_PERIOD)) + 1)
         return period - cycles % period
 
-    def open(self, number: int) -> PlcBuffer:
-        """Return the buffer of a PLC to be filled: the PLC is disabled, and its addressing stays."""
+    def open(self, number: int) -> None:
+        """Prepare the buffer of a PLC to be filled: the PLC is disabled, and its addressing stays."""
         self._forget(number)
-        return self.buffers.setdefault(number, PlcBuffer())
+        self.buffers.setdefault(number, [])
 
     def delete(self, number: int) -> None:
         """Remove a PLC, if it exists; its addressing is kept for the next one of that number."""
@@ -64,11 +55,16 @@ class PlcPrograms:
     def enable(self, numbers: Sequence[int]) -> None:
         """Enable PLCs, all or none. One already enabled continues where it is, one without text does nothing.
 
-        Raises:
-            PmacError: 009 or 016, one of them is not well formed.
+        Raises PmacError: 009 or 016, one of them is not well formed.
         """
         new = [number for number in dict.fromkeys(numbers) if number not in self.switches.enabled]
-        self._runs.update([(number, self._run(number)) for number in new if self._needs_run(number)])
+        self._runs.update(
+            [
+                (number, self._run(number))
+                for number in new
+                if self.buffers.get(number) and number not in self._runs
+            ]
+        )
         for number in new:
             self.faults.pop(number, None)
         self.switches = self.switches.enable(new)
@@ -88,9 +84,9 @@ class PlcPrograms:
         self._runs.clear()
         self._addressed.clear()
         sound = []
-        for number, buffer in self.buffers.items():
+        for number, lines in self.buffers.items():
             with suppress(PmacError):
-                if buffer.lines:
+                if lines:
                     self._runs[number] = self._run(number)
                 sound.append(number)
         self.switches = power_up(sound)
@@ -120,12 +116,8 @@ class PlcPrograms:
             self.faults[number] = fault
             self.disable((number,))
 
-    def _needs_run(self, number: int) -> bool:
-        buffer = self.buffers.get(number)
-        return buffer is not None and bool(buffer.lines) and number not in self._runs
-
     def _run(self, number: int) -> PlcRun:
-        code = link_plc(tuple(self.buffers[number].lines))
+        code = link_plc(tuple(self.buffers[number]))
         return PlcRun(code, self._variables, self._host, self._addressed.get(number))
 
     def _forget(self, number: int) -> None:

@@ -1,65 +1,70 @@
-"""Storage of program and PLC lines, the open buffer, and the password protection."""
+"""What the controller keeps for its programs: the open buffer, their password, and what they ask of others."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.syntax import Line, PlcLine
+from drivers.pmac.plcs.plc import Addressed
 
-
-@dataclass(slots=True)
-class ProgramBuffer:
-    """The stored lines of one motion program."""
-
-    lines: list[Line] = field(default_factory=list)
-
-
-@dataclass(slots=True)
-class PlcBuffer:
-    """The stored lines of one PLC."""
-
-    lines: list[PlcLine] = field(default_factory=list)
+PENDING_LIMIT = 1024  # queued texts of one kind, the oldest are dropped: the controller needs no listener
+ADDRESS_OF_PROGRAMS = Addressed()  # the addressing of a motion program's commands, whichever system runs it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenBuffer:
     """The program, or the PLC, being filled, and the host that opened it: no other host may fill it."""
 
-    program: int = 0
+    program: int | None = None
     plc: int | None = None
     owner: object
 
+    def __str__(self) -> str:
+        return f"program {self.program}" if self.plc is None else f"PLC {self.plc}"
+
 
 class Password:
-    """Initially none is set; it has to be entered again after every reset (Software Reference, PASSWORD)."""
+    """Initially none is set; it has to be entered again after every reset (Software Reference, PASSWORD).
+
+    It is `locked` while it is set, and was not entered since the last reset.
+    """
 
     def __init__(self, text: str = "") -> None:
         self.text = text
-        self._given = not text
-
-    @property
-    def locked(self) -> bool:
-        """Whether it is set, and was not entered since the last reset."""
-        return not self._given
+        self.locked = bool(text)
 
     def give(self, text: str) -> None:
-        """Enter the password, or set another one if it is already entered.
-
-        Raises:
-            PmacError: 002, it is wrong.
-        """
-        if self._given:
+        """Enter the password, or set another one if it is already entered. Raises PmacError: 002, it is wrong."""
+        if not self.locked:
             self.text = text
         elif text == self.text:
-            self._given = True
+            self.locked = False
         else:
             raise PmacError(ErrorCode.PASSWORD, "not the password")
 
-    def lock(self) -> None:
-        """Require it again (after a reset)."""
-        self._given = not self.text
 
-    def clear(self) -> None:
-        """Clear it, as in the factory default."""
-        self.text, self._given = "", True
+class CardHost:
+    """Messages and commands of programs and PLCs, until the ports and the background fetch them.
+
+    `pending_commands` are the on-line commands of CMD with the letter of their port ("" for none) and their
+    addressing, `host_messages` the texts of SEND with their port. `switch_plc` enables (True) or disables PLCs at
+    once; its refusal is a run-time error of the program or PLC that asks for it.
+    """
+
+    def __init__(self, switch_plc: Callable[[bool, tuple[int, ...]], None]) -> None:
+        self.pending_commands: deque[tuple[str, str, Addressed]] = deque(maxlen=PENDING_LIMIT)
+        self.host_messages: deque[tuple[str, str]] = deque(maxlen=PENDING_LIMIT)
+        self.switch_plc = switch_plc
+
+    def command(self, text: str, port: str, addressed: Addressed = ADDRESS_OF_PROGRAMS) -> None:
+        """CMD."""
+        self.pending_commands.append((text, port, addressed))
+
+    def send(self, text: str, port: str) -> None:
+        """SEND."""
+        self.host_messages.append((text, port))
+
+    def display(self, text: str) -> None:
+        """DISPLAY: the controller has no display."""

@@ -18,16 +18,16 @@ from drivers.simulator.card.motor import Motor
 from drivers.simulator.card.player import Player
 from drivers.simulator.card.time_base import TimeBase
 
-Place = tuple[int, int]
-"""A program and a line in it."""
+Place = tuple[int, int]  # a program and a line in it
 
 
 class ProgramMotion:
     """The program that moves the motors of a coordinate system, or has moved them until it was stopped.
 
     It is `running` while moves are still to be calculated. `single_step` stops it after the next one.
-    `executing_at` is the line being played. The planner is kept as long as the program can be resumed: up to its
-    end, a run-time error, or another program being pointed at. Calculated motion is played to its end without it.
+    `executing_at` is the line being played, `homing` are the motors of a HOME that is under way. The planner is
+    kept as long as the program can be resumed: up to its end, a run-time error, or another program being pointed
+    at. Calculated motion is played to its end without it.
     """
 
     def __init__(
@@ -53,12 +53,12 @@ class ProgramMotion:
         self._player: Player | None = None
         self._event: Event | None = None
         self._newest: tuple[Piece, ...] = ()
-        self._homing: tuple[Motor, ...] = ()
+        self.homing: tuple[Motor, ...] = ()
 
     @property
     def moving(self) -> bool:
         """Whether calculated motion is still being played."""
-        return self._player is not None or bool(self._homing)
+        return self._player is not None or bool(self.homing)
 
     @property
     def held_at(self) -> Vector | None:
@@ -70,11 +70,6 @@ class ProgramMotion:
     def dwelling(self) -> bool:
         """Whether a DWELL is under way."""
         return self._player is not None and self._player.in_real_time
-
-    @property
-    def homing(self) -> bool:
-        """Whether a HOME of the program is under way."""
-        return bool(self._homing)
 
     @property
     def resumable(self) -> bool:
@@ -136,7 +131,7 @@ class ProgramMotion:
 
     def drop(self) -> None:
         """Release the motors where they are; the program can be resumed from wherever they come to rest."""
-        self._event, self._homing = None, ()
+        self._event, self.homing = None, ()
         self.running = False
         self._rest(None)
 
@@ -151,11 +146,7 @@ class ProgramMotion:
         self._planner = self._frame.stopped_at = None
 
     def preset(self, presets: Mapping[str, float]) -> None:
-        """Preset the present positions of axes (user units); nothing moves, and the program continues from there.
-
-        Raises:
-            PmacError: 003, no such axis here.
-        """
+        """Preset axes (user units); a program continues from there. Raises PmacError: 003, no such axis here."""
         self._frame.preset(presets)
         self.relocate()
 
@@ -173,20 +164,17 @@ class ProgramMotion:
         if player is not None and self._time_base.real_time:
             tracks = player.sample(cycles, cycle_ms)
         elif player is None or self._frozen(player):
-            self._stand(player, cycles)
+            # Time passes: home searches of the program, a hold, or nothing at all.
+            self._time_base.advance(cycles)
+            self._wait_for_homes()
+            if player is not None and self._time_base.holding:
+                self._frame.stopped_at = player.position  # J= returns to here
             return {}
         else:
             tracks = self._time_base.play(player, cycles, cycle_ms)
         if player.idle and self._event is None and not self.running:
             self._rest(player.position)
         return {motor.number: track for motor, track in zip(self._frame.motors, tracks, strict=True)}
-
-    def _stand(self, player: Player | None, cycles: int) -> None:
-        """Pass time without motion to play: home searches of a program, a hold, or nothing at all."""
-        self._time_base.advance(cycles)
-        self._wait_for_homes()
-        if player is not None and self._time_base.holding:
-            self._frame.stopped_at = player.position  # J= returns to here
 
     def _frozen(self, player: Player) -> bool:
         return self._time_base.stopped and not player.in_real_time
@@ -260,23 +248,18 @@ class ProgramMotion:
         taken = [motor for motor in motors if motor.program_timer and motor not in self._frame.motors]
         if len(motors) < len(request.motors) or taken or not all(motor.activated for motor in motors):
             self._fail()
-            self._rest(None)
-            return
+            return self._rest(None)
         for motor in motors:
-            if request.zero:
-                motor.home_zero()
-            else:
-                motor.home()
-        self._homing = motors
+            (motor.home_zero if request.zero else motor.home)()
+        self.homing = motors
 
     def _wait_for_homes(self) -> None:
-        if not self._homing or any(motor.jogging for motor in self._homing):
+        if not self.homing or any(motor.jogging for motor in self.homing):
             return
-        homed, self._homing = all(motor.home_complete for motor in self._homing), ()
+        homed, self.homing = all(motor.home_complete for motor in self.homing), ()
         if not homed or self._planner is None:
             self._fail()
-            self._rest(None)
-            return
+            return self._rest(None)
         self.relocate()
         if self.running:
             self._play()

@@ -10,22 +10,17 @@ import math
 import struct
 from collections.abc import Callable, Mapping
 
-from drivers.pmac.dialect import Dialect
 from drivers.pmac.memory import WORD_BITS, Pointer
 from drivers.simulator.card import reports
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.countdown import Countdown
 from drivers.simulator.card.motor import Motor
 
-PARTS = 32
-"""Of a count, and that Ix08 (or Ix09) times."""
-
+PARTS = 32  # of a count, and that Ix08 (or Ix09) times
 WORD = (1 << WORD_BITS) - 1
 DOUBLE_BITS = 2 * WORD_BITS
 _HALF = 0xFFFF
-
-Value = Callable[[Controller, int], float]
-"""Computes the register of a motor or a system, by its number."""
+Value = Callable[[Controller, int], float]  # computes the register of a motor or a system, by its number
 
 
 def _of_motor(value: Callable[[Motor], float]) -> Value:
@@ -36,41 +31,28 @@ def _position(counts: Callable[[Motor], float]) -> Value:
     return _of_motor(lambda motor: counts(motor) * motor.variable(8) * PARTS)
 
 
-def _velocity(motor: Motor) -> float:
-    return motor.encoder_step * motor.variable(9) * PARTS
-
-
-def _motor_word(place: int) -> Value:
-    return lambda controller, number: reports.motor_words(controller, controller.motors[number])[place]
-
-
-def _system_word(place: int) -> Value:
-    return lambda controller, number: reports.system_words(controller, number)[place]
-
-
-def _global_word(place: int) -> Value:
-    return lambda controller, _: reports.global_words(controller)[place]
-
+_desired = _position(lambda motor: motor.desired)
+_velocity = _of_motor(lambda motor: motor.encoder_step * motor.variable(9) * PARTS)
 
 READERS: Mapping[str, Value] = {
-    "commanded": _position(lambda motor: motor.desired),
+    "commanded": _desired,
     "actual": _position(lambda motor: motor.encoder),
     "bias": _position(lambda motor: motor.bias),
     "master": _position(lambda motor: motor.superimposed),
     "compensation": _position(lambda motor: motor.correction),
-    "target": _position(lambda motor: motor.desired),
+    "target": _desired,
     "following_error": _position(lambda motor: motor.following_error),
-    "velocity": _of_motor(_velocity),
-    "filtered_velocity": _of_motor(_velocity),
+    "velocity": _velocity,
+    "filtered_velocity": _velocity,
     "variable_jog": _of_motor(lambda motor: motor.variable_jog),
     "home_capture": _of_motor(lambda motor: motor.home_capture),
-    "motor_status_1": _motor_word(0),
-    "motor_status_2": _motor_word(1),
-    "system_status_1": _system_word(0),
-    "system_status_2": _system_word(1),
-    "system_status_3": _system_word(2),
-    "global_status_1": _global_word(0),
-    "global_status_2": _global_word(1),
+    "motor_status_1": lambda controller, number: reports.motor_words(controller, controller.motors[number])[0],
+    "motor_status_2": lambda controller, number: reports.motor_words(controller, controller.motors[number])[1],
+    "system_status_1": lambda controller, number: reports.system_words(controller, number)[0],
+    "system_status_2": lambda controller, number: reports.system_words(controller, number)[1],
+    "system_status_3": lambda controller, number: reports.system_words(controller, number)[2],
+    "global_status_1": lambda controller, _: reports.global_words(controller)[0],
+    "global_status_2": lambda controller, _: reports.global_words(controller)[1],
 }
 """All registers; which of them a family has, and where, is in its dialect."""
 
@@ -84,8 +66,13 @@ class CardMemory:
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
-        dialect = controller.variables.dialect
-        self._registers = _addresses(dialect)
+        dialect = controller.dialect
+        # The name and the motor or system number of each register, by its space and address.
+        self._registers = {
+            (register.space, register.address + (number - 1) * register.stride): (name, number)
+            for name, register in dialect.registers.items()
+            for number in dialect.numbers(register.scope)
+        }
         self._timers = Countdown(dialect.timer_words, lambda: controller.cycles)
         self._words: dict[tuple[str, int], int] = {}
         self._numbers: dict[tuple[str, int, int], float] = {}
@@ -101,9 +88,13 @@ class CardMemory:
             case "DP":
                 return float(_signed(self._halves(pointer.address), 32))
             case "F":
-                return _finite(struct.unpack(">f", self._halves(pointer.address).to_bytes(4, "big"))[0])
+                value: float = struct.unpack(">f", self._halves(pointer.address).to_bytes(4, "big"))[0]
+                return value if math.isfinite(value) else 0.0
             case _:
-                return self._number(pointer)
+                held = self._registers.get((pointer.space, pointer.address))
+                if held is not None:
+                    return self._held(held)
+                return self._numbers.get((pointer.space, pointer.address, pointer.offset), 0.0)
 
     def write(self, pointer: Pointer, value: float) -> None:
         """Store a value; non-integers are rounded, bits that do not fit are lost."""
@@ -119,7 +110,10 @@ class CardMemory:
             case "F":
                 self._set_halves(pointer.address, int.from_bytes(_single(value), "big"))
             case _:
-                self._set_number(pointer, value)
+                name, number = self._registers.get((pointer.space, pointer.address), ("", 0))
+                if name == "variable_jog":
+                    self._controller.motors[number].variable_jog = value
+                self._numbers[pointer.space, pointer.address, pointer.offset] = value
 
     def word(self, space: str, address: int) -> int:
         """Return an unsigned 24-bit word; `space` is X or Y."""
@@ -168,33 +162,12 @@ class CardMemory:
         name, number = register
         return READERS[name](self._controller, number)
 
-    def _number(self, pointer: Pointer) -> float:
-        held = self._registers.get((pointer.space, pointer.address))
-        if held is not None:
-            return self._held(held)
-        return self._numbers.get((pointer.space, pointer.address, pointer.offset), 0.0)
-
-    def _set_number(self, pointer: Pointer, value: float) -> None:
-        held = self._registers.get((pointer.space, pointer.address))
-        if held is not None and held[0] == "variable_jog":
-            self._controller.motors[held[1]].variable_jog = value
-        self._numbers[pointer.space, pointer.address, pointer.offset] = value
-
     def _halves(self, address: int) -> int:
         return (self.word("X", address) & _HALF) << 16 | self.word("Y", address) & _HALF
 
     def _set_halves(self, address: int, value: int) -> None:
         self.set_word("X", address, value >> 16 & _HALF)
         self.set_word("Y", address, value & _HALF)
-
-
-def _addresses(dialect: Dialect) -> dict[tuple[str, int], tuple[str, int]]:
-    """Return the name and the motor or system number of each register, by its space and address."""
-    return {
-        (register.space, register.address + (number - 1) * register.stride): (name, number)
-        for name, register in dialect.registers.items()
-        for number in dialect.numbers(register.scope)
-    }
 
 
 def _mask(bits: int) -> int:
@@ -207,10 +180,6 @@ def _signed(value: int, bits: int) -> int:
 
 def _whole(value: float) -> int:
     return math.floor(value + 0.5) if math.isfinite(value) else 0
-
-
-def _finite(value: float) -> float:
-    return value if math.isfinite(value) else 0.0
 
 
 def _single(value: float) -> bytes:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from drivers.pmac.dialect import Setting
 from drivers.pmac.language.text import format_number
-from drivers.pmac.status import digits_of, pack
+from drivers.pmac.status import pack
 from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.jog_motion import Stage
 from drivers.simulator.card.motor import Motor
 
-VELOCITY_STEP = 0.1
-"""Resolution of V and control-V, in counts per servo cycle."""
-
-_AXES = "ABCUVWXYZ"
+VELOCITY_STEP = 0.1  # resolution of V and control-V, in counts per servo cycle
+_INCREMENTAL = tuple((f"{axis.lower()}_incremental", axis) for axis in "ABCUVWXYZ")
+_FEEDRATE = tuple((f"{axis.lower()}_feedrate", axis) for axis in "ABCUVWXYZ")
 _BLENDING_OFF = 92
 _SEGMENTED = ("LINEAR", "CIRCLE1", "CIRCLE2")
 _SYSTEM_BIT = 20
@@ -29,7 +29,7 @@ _MODES = {
 
 def position(controller: Controller, motor: Motor) -> str:
     """Actual position in counts."""
-    return _in_steps(motor.position, controller.variables.dialect.position_step)
+    return _in_steps(motor.position, controller.dialect.position_step)
 
 
 def velocity(motor: Motor) -> str:
@@ -42,51 +42,36 @@ def following_error(motor: Motor) -> str:
     return format_number(round(motor.following_error, 3))
 
 
-def motor_status(controller: Controller, motor: Motor) -> str:
-    """The digits of `?`."""
-    return digits_of(motor_words(controller, motor))
-
-
-def system_status(controller: Controller, number: int) -> str:
-    """The digits of `??`."""
-    return digits_of(system_words(controller, number))
-
-
-def global_status(controller: Controller, *, all_cards: bool = False) -> str:
-    """The digits of `???`, for a host that has addressed this controller alone or `all_cards` of its line."""
-    return digits_of(global_words(controller, all_cards=all_cards))
-
-
 def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
     """The two words of `?`."""
     system = controller.system_of(motor.number)
     conditions = {
         "activated": motor.activated,
-        "negative_limit": motor.negative_limit,
-        "positive_limit": motor.positive_limit,
+        "negative_limit": motor.travel.negative,
+        "positive_limit": motor.travel.positive,
         "following_enabled": int(motor.variable(6)) & 1 == 1,
         "following_offset": motor.offset_following,
         "open_loop": not motor.enabled,
         "move_timer_active": motor.program_timer or motor.jogging,
         "integration_mode": motor.variable(34) != 0.0,
-        "dwell": system is not None and system.dwelling,
+        "dwell": system is not None and system.motion.dwelling,
         "desired_velocity_zero": motor.enabled and motor.velocity == 0.0,
-        "abort_deceleration": motor.aborting,
-        "home_search": motor.searching,
+        "abort_deceleration": motor.jog.aborting,
+        "home_search": motor.jog.stage is Stage.SEARCHING,
         "assigned": system is not None,
         "amplifier_enabled": motor.amplifier_enabled,
-        "stopped_on_limit": motor.stopped_on_limit,
+        "stopped_on_limit": motor.travel.stopped,
         "home_complete": motor.home_complete,
-        "trigger_move": motor.trigger_move,
+        "trigger_move": motor.jog.stage is not None,
         "amplifier_fault": motor.amplifier_fault,
         "fatal_following_error": motor.fatal_error,
         "warning_following_error": motor.warning,
         "in_position": motor.in_position,
     }
-    dialect = controller.variables.dialect
+    dialect = controller.dialect
     first, second = pack(conditions, dialect.motor_bits)
     if system is not None:
-        axis = dialect.axis_codes.get(system.definitions[motor.number].axis, 0)
+        axis = dialect.axis_codes.get(system.frame.definitions[motor.number].axis, 0)
         second |= (system.number - 1) << _SYSTEM_BIT | axis << _AXIS_BIT
     return first, second
 
@@ -94,34 +79,34 @@ def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
 def system_words(controller: Controller, number: int) -> tuple[int, ...]:
     """The words of `??`, two or three of them."""
     system = controller.systems[number]
-    motors = system.motors
-    modes = system.modes
+    motors, motion, modes = system.frame.motors, system.motion, system.modes
     variables = controller.variables
-    continuous = system.running and not system.single_step and not variables.system(number, _BLENDING_OFF)
+    continuous = system.running and not motion.single_step and not variables.system(number, _BLENDING_OFF)
+    interpolating = not (motion.dwelling or motion.homing)
     segmented = modes.mode in _SEGMENTED and variables.setting(Setting.SEGMENT_MS, number) > 0.0
     conditions = {
-        **{f"{axis.lower()}_incremental": axis in modes.incremental for axis in _AXES},
-        **{f"{axis.lower()}_feedrate": axis in modes.feedrate_axes for axis in _AXES},
+        **{name: axis in modes.incremental for name, axis in _INCREMENTAL},
+        **{name: axis in modes.feedrate_axes for name, axis in _FEEDRATE},
         "radius_incremental": modes.radius_incremental,
         "by_move_time": modes.by_move_time,
         "continuous_request": continuous,
-        "continuous_motion": continuous and not system.dwelling and not system.homing,
-        "single_step": system.single_step,
+        "continuous_motion": continuous and interpolating,
+        "single_step": motion.single_step,
         "running_program": system.running,
-        "runtime_error": system.runtime_error,
-        "circle_radius_error": system.radius_error,
+        "runtime_error": motion.runtime_error,
+        "circle_radius_error": motion.radius_error,
         "amplifier_fault": any(motor.amplifier_fault for motor in motors),
         "fatal_following_error": any(motor.fatal_error for motor in motors),
         "warning_following_error": any(motor.warning for motor in motors),
         "end_of_block_stop": system.end_of_block_stop,
         "program_hold": system.program_hold,
         "resume_error": system.resume_error,
-        "pre_jog": any(motor.pre_jog for motor in motors),
-        "segmented_move": segmented and system.moving and not system.dwelling and not system.homing,
+        "pre_jog": any(motor.jog.pre_jog for motor in motors),
+        "segmented_move": segmented and system.moving and interpolating,
         "in_position": bool(motors) and not system.moving and all(motor.in_position for motor in motors),
         **dict.fromkeys(_MODES.get(modes.mode, ()), True),
     }
-    dialect = variables.dialect
+    dialect = controller.dialect
     return pack(conditions, dialect.system_bits, dialect.system_words)
 
 
@@ -137,12 +122,7 @@ def global_words(controller: Controller, *, all_cards: bool = False) -> tuple[in
         "motion_buffer_open": opened is not None and opened.plc is None,
         "plc_buffer_open": opened is not None and opened.plc is not None,
     }
-    return pack(conditions, controller.variables.dialect.global_bits)
-
-
-def eight_motors(bank: int) -> range:
-    """The motors that control characters report; `bank` 0 are the first eight."""
-    return range(8 * bank + 1, 8 * bank + 9)
+    return pack(conditions, controller.dialect.global_bits)
 
 
 def _in_steps(value: float, step: float) -> str:

@@ -9,34 +9,31 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from drivers.pmac.axes import scan_definition
 from drivers.pmac.compensation.table_text import read_table, table_lines
+from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
+from drivers.pmac.language.syntax import Line
 from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.pmac.memory import scan_pointer
-from drivers.simulator.card.program_buffer import Password, PlcBuffer, ProgramBuffer
+from drivers.pmac.variables import VariableStore
+from drivers.simulator.card.conversion import Conversion
+from drivers.simulator.card.coordinate import CoordinateSystem
+from drivers.simulator.card.plc_programs import PlcPrograms
+from drivers.simulator.card.program_buffer import Password
+from drivers.simulator.card.table_memory import TableMemory
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.own_values import from_json, read_own
 from profiles.problem import Problem, ProfileError
 
-if TYPE_CHECKING:
-    from drivers.pmac.dialect import Dialect
-    from drivers.pmac.variables import VariableStore
-    from drivers.simulator.card.conversion import Conversion
-    from drivers.simulator.card.coordinate import CoordinateSystem
-    from drivers.simulator.card.plc_programs import PlcPrograms
-    from drivers.simulator.card.table_memory import TableMemory
-
 SCHEMA = 1
 UNREADABLE = "file.unreadable"
-CAP_BYTES = 4_000_000
-"""More than any controller has room for; parsed, it takes some twenty times as much."""
-
+CAP_BYTES = 4_000_000  # more than any controller has room for; parsed, it takes some twenty times as much
 Texts = Mapping[str, tuple[str, ...]]
 
 
@@ -64,7 +61,7 @@ class Memories(Protocol):
     """The parts of a controller that SAVE keeps."""
 
     dialect: Dialect
-    programs: dict[int, ProgramBuffer]
+    programs: dict[int, list[Line]]
     plcs: PlcPrograms
     systems: dict[int, CoordinateSystem]
     tables: TableMemory
@@ -84,11 +81,7 @@ class Flash:
         self._state: SavedState | None = None
 
     def save(self, controller: Memories) -> None:
-        """Save the present state.
-
-        Raises:
-            ProfileError: `file.not_writable`; the earlier saved state is still there.
-        """
+        """Save the present state. Raises ProfileError: `file.not_writable`; the earlier state is still there."""
         state = _taken(controller)
         if self._path is not None:
             content = json.dumps({"schema": SCHEMA, **asdict(state)}, indent=1).encode("ascii")
@@ -130,16 +123,12 @@ def _taken(controller: Memories) -> SavedState:
         settings={str(index): value for index, value in sorted(variables.settings().items())},
         pointers={str(index): str(pointer) for index, pointer in sorted(variables.pointers.items())},
         axes={
-            str(number): tuple(f"#{motor}->{text}" for motor, text in system.definitions.items())
+            str(number): tuple(f"#{motor}->{text}" for motor, text in system.frame.definitions.items())
             for number, system in controller.systems.items()
-            if system.definitions
+            if system.frame.definitions
         },
-        programs=_texts(
-            {number: map(format_line, buffer.lines) for number, buffer in controller.programs.items()}
-        ),
-        plcs=_texts(
-            {number: map(format_plc_line, buffer.lines) for number, buffer in controller.plcs.buffers.items()}
-        ),
+        programs=_texts({number: map(format_line, lines) for number, lines in controller.programs.items()}),
+        plcs=_texts({number: map(format_plc_line, lines) for number, lines in controller.plcs.buffers.items()}),
         conversion={str(line): word for line, word in controller.conversion.changed_words.items()},
         tables=_texts({number: table_lines(table) for number, table in controller.tables.tables.items()}),
         password=controller.password.text,
@@ -158,7 +147,6 @@ def _judge(state: SavedState) -> None:
 
 
 def _put_back(state: SavedState, controller: Memories) -> None:
-    """Restore the state of the controller, at rest."""
     variables = controller.variables
     variables.replace_i({int(index): value for index, value in state.settings.items()})
     highest = controller.dialect.highest_address
@@ -166,7 +154,7 @@ def _put_back(state: SavedState, controller: Memories) -> None:
     variables.pointers.clear()
     variables.pointers.update({index: pointer for index, pointer in scanned.items() if pointer is not None})
     for system in controller.systems.values():
-        for motor in tuple(system.definitions):
+        for motor in tuple(system.frame.definitions):
             system.define(motor, None)
     for number, texts in state.axes.items():
         for text in texts:
@@ -175,22 +163,16 @@ def _put_back(state: SavedState, controller: Memories) -> None:
             motor = scanner.take_integer() or 0
             scanner.expect("->")
             controller.systems[int(number)].define(motor, scan_definition(scanner, motor))
-    _refill(controller.programs, state.programs)
-    _refill_plcs(controller.plcs, state.plcs)
+    programs = {int(number): [parse_line(line) for line in lines] for number, lines in state.programs.items()}
+    plcs = {
+        int(number): [kept for line in lines for kept in stored_lines(parse_plc_line(line))]
+        for number, lines in state.plcs.items()
+    }
+    controller.programs.clear()
+    controller.programs.update(programs)
+    controller.plcs.buffers.clear()
+    controller.plcs.buffers.update(plcs)
     motor_count = controller.dialect.motor_count
     controller.tables.replace([read_table(lines, motor_count) for lines in state.tables.values()])
     controller.conversion.reset({int(line): word for line, word in state.conversion.items()})
     controller.password = Password(state.password)
-
-
-def _refill(buffers: dict[int, ProgramBuffer], texts: Texts) -> None:
-    buffers.clear()
-    for number, lines in texts.items():
-        buffers[int(number)] = ProgramBuffer([parse_line(line) for line in lines])
-
-
-def _refill_plcs(plcs: PlcPrograms, texts: Texts) -> None:
-    plcs.buffers.clear()
-    for number, lines in texts.items():
-        read = [kept for line in lines for kept in stored_lines(parse_plc_line(line))]
-        plcs.buffers[int(number)] = PlcBuffer(read)

@@ -5,40 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
-from drivers.simulator.plant.axis import Ends, Scale
-from drivers.simulator.plant.driven_mass import DrivenMass
-from drivers.simulator.plant.friction import DrySlide
+from drivers.simulator.plant.axis import EncoderAxis, Ends, Scale
+from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide
 from drivers.simulator.plant.tip_load import TipLoad
-
-
-class Axis(Protocol):
-    """The axis that a motor of the simulated controller drives.
-
-    Positions are motor counts; `origin` is the machine position of motor zero, so that homing can shift the zero
-    without moving the axis. While `encoder_lost`, the encoder does not count and a closed loop sees its last
-    reading; while `jammed`, the axis stands still whatever the force.
-    """
-
-    origin: float
-    encoder_lost: bool
-    jammed: bool
-
-    def close_loop(self) -> float:
-        """Hold the present position; return it as the commanded one, in motor counts."""
-
-    def follow(self, commands: Sequence[float]) -> list[float]:
-        """Run one servo cycle per command (counts); return the true position at each cycle."""
-
-    def push(self, output: float, cycles: int) -> list[float]:
-        """Run `cycles` in open loop; `output` is the fraction of Ix69, -1 to 1. Return the true positions."""
-
-    def coast(self, cycles: int) -> list[float]:
-        """Run `cycles` with the amplifier disabled; return the true position at each cycle."""
-
-    def rebase(self, counts: float) -> None:
-        """Make the present `counts` the new zero of the motor; the axis does not move."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,12 +33,12 @@ class ServoGains:
     ix69: float
 
 
-class ServoAxis:
+class ServoAxis(EncoderAxis):
     """The loop of one motor: encoder, PID, output limit and one cycle of output delay, round a driven mass.
 
     It is stepped a block of servo cycles at a time, and carries the mechanical state with its own: position and
-    speed are the only two numbers exchanged in each cycle. `at_end` is whether an end of its travel has held the
-    axis in the last block.
+    speed are the only two numbers exchanged in each cycle. `output_bits` is the last output, up to `limit_bits`
+    either way.
     """
 
     def __init__(
@@ -83,10 +53,7 @@ class ServoAxis:
         load: TipLoad | None = None,
     ) -> None:
         """Take `lag_s`, the current's time constant, `scale`, the encoder, and `load`, an additional force."""
-        self.origin = origin
-        self.encoder_lost = False
-        self.jammed = False
-        self.at_end = False
+        super().__init__(origin)
         self.scale = scale or Scale()
         self._load = load
         self._ends = ends
@@ -95,20 +62,12 @@ class ServoAxis:
         self._peak_bits = mass.peak_output_bits
         self._plant = mass.held(cycle_s)
         self._slide = DrySlide(mass, cycle_s, lag_s) if mass.friction or lag_s or load else None
-        self._x = 0.0  # counts
         self._v = 0.0  # counts/s
-        self._force = 0.0  # output of the previous cycle, DAC bits
+        self.output_bits = 0.0  # output of the previous cycle, DAC bits
         self._command = 0.0
         self._command_step = 0.0
-        self._encoder = 0.0
-        self._blind = False  # whether the encoder was lost when it was last read
         self._integral = 0.0
         self.set_gains(gains)
-
-    @property
-    def output_fraction(self) -> float:
-        """Last output as a fraction of its limit."""
-        return self._force / self._limit
 
     def set_gains(self, gains: ServoGains) -> None:
         """Use other gains from the next cycle on."""
@@ -120,36 +79,27 @@ class ServoAxis:
         self._k_damping = scale * gains.ix31 * gains.ix09 / 128
         self._integrate_in_motion = gains.ix34 == 0
         self._full_output = gains.ix69
-        self._limit = min(gains.ix69, self._peak_bits)
+        self.limit_bits = min(gains.ix69, self._peak_bits)
 
     def close_loop(self) -> float:
         """Hold the present encoder position."""
         self._read()
-        self._command = self._encoder
-        self._command_step = self._integral = self._force = 0.0
+        self._command = self._reading
+        self._command_step = self._integral = self.output_bits = 0.0
         return self._command
 
-    def rebase(self, counts: float) -> None:
-        """Shift the motor's zero by `counts`.
-
-        An encoder that counts again continues from its last reading: the zero moves, the reading does not.
-        """
-        self.origin += counts
-        self._x -= counts
-        if self._blind and not self.encoder_lost:
-            self._blind = False
-            return
+    def _shift_reading(self, counts: float) -> None:
+        super()._shift_reading(counts)
         self._command -= counts
-        self._encoder -= counts
 
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Close the loop over the block. The local names are for speed: this is the innermost loop of all."""
         self.at_end = False
-        if self.encoder_lost or self.jammed or self._slide or self._may_meet_end(len(commands)):
-            return self._follow_hindered(commands)
-        x, v, force = self._x, self._v, self._force
-        last, last_step, last_encoder = self._command, self._command_step, self._encoder
-        integral, limit, read = self._integral, self._limit, self.scale.read
+        if self.encoder_lost or self.jammed or self._slide or self._may_reach_end(len(commands)):
+            return self._follow_by_cycle(commands)
+        x, v, force = self._x, self._v, self.output_bits
+        last, last_step, last_encoder = self._command, self._command_step, self._reading
+        integral, limit, read = self._integral, self.limit_bits, self.scale.read
         k_error, k_velocity, k_acceleration = self._k_error, self._k_velocity, self._k_acceleration
         k_integral, k_damping, in_motion = self._k_integral, self._k_damping, self._integrate_in_motion
         plant = self._plant
@@ -177,22 +127,21 @@ class ServoAxis:
             # The output calculated in this cycle reaches the amplifier one cycle later.
             x, v = x + glide * v + push_x * force, decay * v + push_v * force
             force = output
-        self._x, self._v, self._force = x, v, force
-        self._command, self._command_step, self._encoder = last, last_step, last_encoder
+        self._x, self._v, self.output_bits = x, v, force
+        self._command, self._command_step, self._reading = last, last_step, last_encoder
         self._integral, self._blind = integral, False
         return positions
 
     def push(self, output: float, cycles: int) -> list[float]:
         """Hold a fraction of Ix69, within the amplifier's limit, with the same delay as in closed loop."""
-        return self._drift(max(-self._limit, min(output * self._full_output, self._limit)), cycles)
+        return self._drift(max(-self.limit_bits, min(output * self._full_output, self.limit_bits)), cycles)
 
     def coast(self, cycles: int) -> list[float]:
         """Let the mass coast against its damping and friction."""
-        self._force = 0.0
+        self.output_bits = 0.0
         return self._drift(0.0, cycles)
 
     def _drift(self, held: float, cycles: int) -> list[float]:
-        """Run in open loop."""
         positions = []
         self.at_end = False
         if self._load is not None:
@@ -201,26 +150,26 @@ class ServoAxis:
             positions.append(self._x)
             self._read()
             self._move()
-            self._force = held
+            self.output_bits = held
         return positions
 
-    def _follow_hindered(self, commands: Sequence[float]) -> list[float]:
+    def _follow_by_cycle(self, commands: Sequence[float]) -> list[float]:
         """Close the loop under a fault: the same as `follow`, a cycle at a time."""
         positions = []
         if self._load is not None:
             self._load.begin()
         for command in commands:
             positions.append(self._x)
-            before = self._encoder
+            before = self._reading
             self._read()
-            output = self._respond(command, self._encoder - before)
+            output = self._respond(command, self._reading - before)
             self._move()
-            self._force = output
+            self.output_bits = output
         return positions
 
     def _respond(self, command: float, encoder_step: float) -> float:
         """Return the output of one cycle, in DAC bits, as `follow` calculates it."""
-        error, step = command - self._encoder, command - self._command
+        error, step = command - self._reading, command - self._command
         output = (
             self._k_error * error
             + self._k_velocity * step
@@ -229,17 +178,16 @@ class ServoAxis:
             - self._k_damping * encoder_step
         )
         self._command, self._command_step = command, step
-        if abs(output) > self._limit:
-            return math.copysign(self._limit, output)
+        if abs(output) > self.limit_bits:
+            return math.copysign(self.limit_bits, output)
         if self._integrate_in_motion or step == 0.0:
             self._integral += error
         return output
 
     def _read(self) -> None:
-        """Read the encoder, unless it does not count."""
         self._blind = self.encoder_lost
         if not self._blind:
-            self._encoder = self.scale.read(self._x)
+            self._reading = self.scale.read(self._x)
 
     def _move(self) -> None:
         """Advance the mass for a cycle under its present force."""
@@ -247,9 +195,9 @@ class ServoAxis:
             self._v = 0.0
         elif self._slide:
             load = self._load.push(self._x + self.origin) if self._load is not None else 0.0
-            self._x, self._v = self._slide.step(self._x, self._v, self._force, load)
+            self._x, self._v = self._slide.step(self._x, self._v, self.output_bits, load)
         else:
-            plant, v, force = self._plant, self._v, self._force
+            plant, v, force = self._plant, self._v, self.output_bits
             # In the order of `follow`, to the last bit: the results must be identical.
             self._x = self._x + plant.glide * v + plant.push_x * force
             self._v = plant.decay * v + plant.push_v * force
@@ -257,7 +205,7 @@ class ServoAxis:
         if ends is not None and not ends.lowest <= self._x + self.origin <= ends.highest:
             self._x, self._v, self.at_end = ends.holds(self._x + self.origin) - self.origin, 0.0, True
 
-    def _may_meet_end(self, cycles: int) -> bool:
+    def _may_reach_end(self, cycles: int) -> bool:
         """Whether an end of travel is near enough to be reached within so many cycles."""
         if self._ends is None:
             return False

@@ -24,10 +24,7 @@ class _Unfilled:
 
 
 class TableMemory:
-    """Holds the complete `tables`, by the motor that they belong to; a change creates a new mapping.
-
-    `revision` counts up with every change.
-    """
+    """The complete `tables` by their motor, replaced as a whole; `revision` counts up with every change."""
 
     def __init__(self) -> None:
         self.tables: Mapping[int, CompensationTable] = {}
@@ -46,30 +43,19 @@ class TableMemory:
         return sum(self.definition(motor).entry_count for motor in self.motors)
 
     def definition(self, motor: int) -> TableDefinition:
-        """Return the definition of a motor's table.
-
-        Raises:
-            PmacError: 003, it has none.
-        """
-        if motor in self._unfilled:
-            return self._unfilled[motor].definition
+        """Return the definition of a motor's table. Raises PmacError: 003, it has none."""
         return self._table(motor).definition
 
     def entries(self, motor: int) -> Sequence[int]:
-        """Return the entries of a motor's table received so far.
-
-        Raises:
-            PmacError: 003, it has none.
-        """
-        return self._unfilled[motor].entries if motor in self._unfilled else self._table(motor).entries
+        """Return the entries of a motor's table received so far. Raises PmacError: 003, it has none."""
+        return self._table(motor).entries
 
     def define(
         self, definition: TableDefinition, host: object, buffers: Collection[str], room_entries: int
     ) -> None:
         """DEFINE COMP: the entries that `host` sends next are this table's; one that it left unfilled stays so.
 
-        Raises:
-            PmacError: those of `refuse_definition`.
+        Raises PmacError: those of `refuse_definition`.
         """
         refuse_definition(definition, self.motors, buffers, room_entries)
         self._filling = self._unfilled[definition.motor] = _Unfilled(definition, host)
@@ -80,11 +66,7 @@ class TableMemory:
         return self._filling is not None and self._filling.host is host
 
     def fill(self, entries: Sequence[int]) -> None:
-        """Take the next entries of the table that is being filled.
-
-        Raises:
-            PmacError: 003, more than it has room for; then none of them is accepted.
-        """
+        """Take the next entries of the table being filled. Raises PmacError: 003, too many: none is taken."""
         filling = self._filling
         if filling is None:
             raise PmacError(ErrorCode.DATA_ERROR, "no table is being filled")
@@ -100,11 +82,7 @@ class TableMemory:
         self.revision += 1
 
     def delete(self, motor: int, buffers: Collection[str]) -> None:
-        """DELETE COMP; without a table it has no effect.
-
-        Raises:
-            PmacError: those of `refuse_deletion`.
-        """
+        """DELETE COMP; without a table it has no effect. Raises PmacError: those of `refuse_deletion`."""
         refuse_deletion(motor, self.motors, buffers)
         unfilled = self._unfilled.pop(motor, None)
         if unfilled is not None and unfilled is self._filling:
@@ -116,10 +94,6 @@ class TableMemory:
         """Stop filling, as after a reset; an incomplete table stays so."""
         self._filling = None
 
-    def clear(self) -> None:
-        """Delete all tables."""
-        self.replace(())
-
     def replace(self, tables: Iterable[CompensationTable]) -> None:
         """Hold exactly these tables, as after a reset."""
         self.tables = {table.definition.motor: table for table in tables}
@@ -127,7 +101,8 @@ class TableMemory:
         self._filling = None
         self.revision += 1
 
-    def _table(self, motor: int) -> CompensationTable:
-        if motor not in self.tables:
+    def _table(self, motor: int) -> CompensationTable | _Unfilled:
+        table = self._unfilled.get(motor) or self.tables.get(motor)
+        if table is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"motor {motor} has no table")
-        return self.tables[motor]
+        return table

@@ -10,12 +10,8 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.player import Player
 
 REAL_TIME_PERCENT = 100.0
-
-_OVERRIDE_SLEW, _HOLD_SLEW = 94, 95
-"""Ix94 and Ix95: maximum change of the time base per servo cycle, 2^-23 ms."""
-
-_WIDEST = I10_PER_MS - 1
-"""The time base is a signed 24-bit word, a servo cycle's worth in 2^-23 ms."""
+_OVERRIDE_SLEW, _HOLD_SLEW = 94, 95  # Ix94 and Ix95: maximum change of the time base per servo cycle, 2^-23 ms
+_WIDEST = I10_PER_MS - 1  # the time base is a signed 24-bit word, a servo cycle's worth in 2^-23 ms
 
 
 class TimeBase:
@@ -58,11 +54,7 @@ class TimeBase:
         return self._override if self._led is None else self._led
 
     def set_override(self, percent: float) -> None:
-        """Command another rate; above the controller's maximum it is limited, as on the controller.
-
-        Raises:
-            PmacError: 003, not a number from 0.
-        """
+        """Command another rate, up to the controller's maximum. Raises PmacError: 003, not a number from 0."""
         if not (math.isfinite(percent) and percent >= 0.0):
             raise PmacError(ErrorCode.DATA_ERROR, f"%{percent}; from 0")
         self._override = min(percent, REAL_TIME_PERCENT * _WIDEST / self._units())
@@ -98,18 +90,14 @@ class TimeBase:
         self._led = None
         self._note()
 
-    def rate_ms(self, cycle_ms: float) -> float:
-        """Return the trajectory time that passes in a servo cycle, at the present value."""
-        return cycle_ms * (self.percent / REAL_TIME_PERCENT)
-
     def play(self, player: Player, cycles: int, cycle_ms: float) -> list[list[float]]:
         """Return a block of positions for each motor at this rate, cycle by cycle while it changes."""
         if self.steady:
-            return player.sample(cycles, cycle_ms, self.rate_ms(cycle_ms))
+            return player.sample(cycles, cycle_ms, cycle_ms * (self.percent / REAL_TIME_PERCENT))
         tracks: list[list[float]] = [[] for _ in player.position]
         for _ in range(cycles):
             self.advance(1)
-            sampled = player.sample(1, cycle_ms, self.rate_ms(cycle_ms))
+            sampled = player.sample(1, cycle_ms, cycle_ms * (self.percent / REAL_TIME_PERCENT))
             for track, (position,) in zip(tracks, sampled, strict=True):
                 track.append(position)
         return tracks

@@ -24,7 +24,6 @@ class Background:
     """Called after each block of servo cycles. `cycle_ms` is the shortest time between two background cycles."""
 
     def __init__(self, controller: Controller, lines: Lines) -> None:
-        """Take `lines`, informed when the controller is dead, or slow."""
         self._controller = controller
         self._lines = lines
         self._last = controller.cycles
@@ -64,7 +63,7 @@ class Background:
         self._lines.dead = self._controller.watchdog_tripped = True
         self._controller.kill_all()
         self._controller.plcs.disable_all()
-        self._controller.gather.stop()
+        self._controller.gather.running = False
 
     def power_cycle(self) -> None:
         """Reset the controller, and restart. It reports a tripped watchdog until its next reset."""

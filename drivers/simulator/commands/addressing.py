@@ -5,8 +5,7 @@ from __future__ import annotations
 from drivers.pmac.axes import scan_definition
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
-from drivers.simulator.commands.handler import Handler
-from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context
+from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context, Handler
 
 MOTORS_IN_A_BANK = 8
 
@@ -14,8 +13,7 @@ MOTORS_IN_A_BANK = 8
 def address_card(scanner: Scanner, context: Context) -> None:
     """`@n`: what follows is for controller n; `@@`: for all; `@` reports. It matters only with bit 1 of I1.
 
-    Raises:
-        PmacError: 003, a number above 15.
+    Raises PmacError: 003, a number above 15.
     """
     if scanner.accept("@"):
         context.card_number = ALL_CARDS
@@ -39,8 +37,8 @@ def _address_motor(scanner: Scanner, context: Context) -> None:
         raise PmacError(ErrorCode.DATA_ERROR, f"motor {number}, 1 to {context.dialect.motor_count}")
     if scanner.accept("->"):
         _define_axis(scanner, context, number)
-        return
-    context.motor_number = number
+    else:
+        context.motor_number = number
 
 
 def _address_bank(scanner: Scanner, context: Context) -> None:
@@ -68,7 +66,7 @@ def _define_axis(scanner: Scanner, context: Context, motor: int) -> None:
     controller = context.controller
     if scanner.at_end or scanner.peek("#&") or scanner.accept(","):
         system = controller.system_of(motor)
-        context.lines.append(str(system.definitions[motor]) if system is not None else "0")
+        context.lines.append(str(system.frame.definitions[motor]) if system is not None else "0")
         return
     controller.define_axis(context.system_number, motor, scan_definition(scanner, motor))
 
@@ -88,7 +86,7 @@ def _undefine(scanner: Scanner, context: Context) -> None:
     controller = context.controller
     systems = list(controller.systems.values()) if scanner.accept("ALL") else [context.system]
     for system in systems:
-        for motor in tuple(system.definitions):
+        for motor in tuple(system.frame.definitions):
             controller.define_axis(system.number, motor, None)
 
 
@@ -96,6 +94,5 @@ WORDS: dict[str, Handler] = {
     "#": _address_motor,
     "##": _address_bank,
     "&": _address_system,
-    "UNDEFINE": _undefine,
-    "UNDEF": _undefine,
+    **dict.fromkeys(("UNDEFINE", "UNDEF"), _undefine),
 }

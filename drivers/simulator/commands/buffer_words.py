@@ -1,7 +1,14 @@
-"""Program buffer commands: OPEN, CLEAR, CLOSE, LIST, DELETE, SIZE, ENABLE PLC and DISABLE PLC."""
+"""Buffer commands: OPEN, CLEAR, CLOSE, LIST, DELETE, SIZE and DEFINE; of programs, PLCs, tables and gathered data.
+
+Entries of a compensation table are the constants that its host sends after DEFINE COMP.
+"""
 
 from __future__ import annotations
 
+import re
+
+from drivers.pmac.compensation.table_text import definition_text, entry_lines, scan_definition, scan_entries
+from drivers.pmac.gathering.gather import listing
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.message_statements import MESSAGE_READERS
@@ -17,11 +24,11 @@ from drivers.pmac.language.reading import (
 from drivers.pmac.language.syntax import PlcSwitch
 from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.simulator.card import buffers
-from drivers.simulator.commands.handler import LINE_WORK, Handler, say
-from drivers.simulator.context import Context
+from drivers.simulator.context import Context, Handler, act, say
 
-_NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", "UBUFFER", "LOOKAHEAD")
-"""Buffers that nothing here can define: there is never anything to delete."""
+_NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", "UBUFFER", "LOOKAHEAD")  # never defined
+_GATHER = ("GATHER", "GAT")
+_CONSTANT = re.compile(r"[+-]?[\d.]")  # first characters of a line of entries; `$` is a command
 
 
 def _open_program(scanner: Scanner, context: Context) -> None:
@@ -30,10 +37,6 @@ def _open_program(scanner: Scanner, context: Context) -> None:
 
 def _open_plc(scanner: Scanner, context: Context) -> None:
     buffers.open_plc(context, _plc_number(scanner))
-
-
-def _clear(_: Scanner, context: Context) -> None:
-    buffers.clear(context.controller)
 
 
 def _close(scanner: Scanner, context: Context) -> None:
@@ -46,25 +49,22 @@ def _list_program(scanner: Scanner, context: Context) -> None:
     number = _program_number(scanner)
     controller = context.controller
     buffers.refuse_protected(controller, number, buffers.PROTECTED_PROGRAMS)
-    buffer = controller.programs.get(number)
-    if buffer is None:
+    lines = controller.programs.get(number)
+    if lines is None:
         raise PmacError(ErrorCode.DATA_ERROR, f"program {number} does not exist")
     first = (scanner.take_integer() or 0) if scanner.accept(",") else 0
     count = scanner.take_integer() if scanner.accept(",") else None
-    lines = buffer.lines[first : None if count is None else first + count]
-    context.work += len(lines) * LINE_WORK
-    context.lines.extend(map(format_line, lines))
+    context.list_lines([format_line(line) for line in lines[first : None if count is None else first + count]])
 
 
 def _list_plc(scanner: Scanner, context: Context) -> None:
     number = _plc_number(scanner)
     controller = context.controller
     buffers.refuse_protected(controller, number, buffers.PROTECTED_PLCS)
-    buffer = controller.plcs.buffers.get(number)
-    if buffer is None:
+    lines = controller.plcs.buffers.get(number)
+    if lines is None:
         raise PmacError(ErrorCode.DATA_ERROR, f"PLC {number} does not exist")
-    context.work += len(buffer.lines) * LINE_WORK
-    context.lines.extend(map(format_plc_line, buffer.lines))
+    context.list_lines([format_plc_line(line) for line in lines])
 
 
 def _delete(scanner: Scanner, context: Context) -> None:
@@ -124,16 +124,105 @@ def _plc_number(scanner: Scanner) -> int:
     return number
 
 
+def _refuse_open(context: Context) -> None:
+    """An open buffer lies in the memory that a new one would take."""
+    if context.controller.open_buffer is not None:
+        raise PmacError(ErrorCode.BUFFER_IN_USE, "a buffer is open; CLOSE first")
+
+
+def _define_gather(scanner: Scanner, context: Context) -> None:
+    """`DEFINE GATHER 1000` long words; without a number all available memory, leaving none for programs."""
+    _refuse_open(context)
+    gather = context.controller.gather
+    room = buffers.room_lines(context.controller) + gather.size
+    size = scanner.take_integer()
+    if size is None:
+        size = room
+    if size > room or not room:
+        raise PmacError(ErrorCode.NO_ROOM, f"{size} long words, room for {room}")
+    gather.define(size)
+
+
+def _gather(scanner: Scanner, context: Context) -> None:
+    if scanner.accept("TRIGGER"):
+        raise PmacError(ErrorCode.DATA_ERROR, "GATHER TRIGGER: this card has no input that starts it; GATHER")
+    context.controller.gather.start()
+
+
+def _end_gather(context: Context) -> None:
+    context.controller.gather.running = False
+
+
+def _list_gather(scanner: Scanner, context: Context) -> None:
+    """`LIST GATHER`, `LIST GATHER 100` from long word 100, `LIST GATHER 100,50` fifty of them."""
+    first = scanner.take_integer() or 0
+    count = scanner.take_integer() if scanner.accept(",") else None
+    context.list_lines(listing(context.controller.gather.long_words(first, count)))
+
+
+def fill_table(scanner: Scanner, context: Context) -> bool:
+    """Take a line of constants for the table that its host is filling; False when it is not such a line.
+
+    Raises PmacError: 003, an invalid entry, or more than the table expects; then none of the line is accepted.
+    """
+    tables = context.controller.tables
+    if not tables.is_filled_by(context) or context.fills_buffer or not _CONSTANT.match(scanner.rest):
+        return False
+    entries = scan_entries(scanner)
+    context.work += len(entries)
+    tables.fill(entries)
+    return True
+
+
+def _define_table(scanner: Scanner, context: Context) -> None:
+    _refuse_open(context)
+    definition = scan_definition(scanner, context.motor_number, context.dialect.motor_count)
+    room = buffers.room_lines(context.controller)
+    context.controller.tables.define(definition, context, _buffers_after(context), room)
+
+
+def _delete_table(context: Context) -> None:
+    context.controller.tables.delete(context.motor_number, _buffers_after(context))
+
+
+def _list_table(context: Context) -> None:
+    context.list_lines(entry_lines(context.controller.tables.entries(context.motor_number)))
+
+
+def _table_definition(context: Context) -> str:
+    return definition_text(context.controller.tables.definition(context.motor_number))
+
+
+def _buffers_after(context: Context) -> tuple[str, ...]:
+    """Return the buffers that lie after the tables in memory."""
+    return ("GATHER",) if context.controller.gather.size else ()
+
+
 WORDS: dict[str, Handler] = {
-    **dict.fromkeys(OPEN_PROGRAM, _open_program),
-    **dict.fromkeys(OPEN_PLC, _open_plc),
-    **dict.fromkeys(CLEAR, _clear),
+    **dict.fromkeys(
+        OPEN_PROGRAM, lambda scanner, context: buffers.open_program(context, _program_number(scanner))
+    ),
+    **dict.fromkeys(OPEN_PLC, lambda scanner, context: buffers.open_plc(context, _plc_number(scanner))),
+    **dict.fromkeys(CLEAR, act(lambda context: buffers.clear(context.controller))),
     **dict.fromkeys(CLOSE, _close),
     **{f"LIST{word}": _list_program for word in PROGRAM},
     "LISTPLC": _list_plc,
     "DELETE": _delete,
     **{f"DEL{target}": _abbreviated(target) for target in (*_NOT_HERE, "ALL", *PROGRAM, "PLC")},
     "SIZE": say(_size),
+    **{f"{define}{word}": _define_gather for define in ("DEFINE", "DEF") for word in _GATHER},
+    **dict.fromkeys(_GATHER, _gather),
+    **dict.fromkeys(("ENDGATHER", "ENDG"), act(_end_gather)),
+    **{f"LIST{word}": _list_gather for word in _GATHER},
+    **{
+        f"{delete}{word}": act(lambda context: context.controller.gather.delete())
+        for delete in ("DELETE", "DEL")
+        for word in _GATHER
+    },
+    **dict.fromkeys(("DEFINECOMP", "DEFCOMP"), _define_table),
+    **dict.fromkeys(("DELETECOMP", "DELCOMP"), act(_delete_table)),
+    "LISTCOMP": act(_list_table),
+    "LISTCOMPDEF": say(_table_definition),
 }
 
 SHARED_WORDS: dict[str, Handler] = {

@@ -1,17 +1,29 @@
-"""Commands for the whole controller: saving, resetting, and the password of its programs."""
+"""Commands for the whole controller: identification, saving, resetting, and the password of its programs."""
 
 from __future__ import annotations
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.simulator.card import buffers
-from drivers.simulator.commands.handler import LINE_WORK, Handler
-from drivers.simulator.commands.jogs import ALWAYS_ON_LINE
-from drivers.simulator.context import Context
+from drivers.simulator.context import LINE_WORK, Context, Handler, act
 from profiles.problem import ProfileError
 
+_SPELLINGS = {"VER": "VERSION", "CHKS": "CHECKSUM"}
+_IDENTITIES = ("VERSION", "TYPE", "DATE", "CID", "CPU", "VID", "CHECKSUM", "TIME", "TODAY", *_SPELLINGS)
+"""The replies, and which words a family has, are in its dialect."""
 
-def _save(_: Scanner, context: Context) -> None:
+
+def _identify(word: str) -> Handler:
+    def command(_: Scanner, context: Context) -> None:
+        reply = context.dialect.replies.get(word)
+        if reply is None:
+            raise PmacError(ErrorCode.DATA_ERROR, f"{word} is no word of this family")
+        context.lines.append(reply)
+
+    return command
+
+
+def _save(context: Context) -> None:
     context.work += _work_of_all(context)
     try:
         context.controller.flash.save(context.controller)
@@ -19,12 +31,12 @@ def _save(_: Scanner, context: Context) -> None:
         raise PmacError(ErrorCode.NO_ROOM, str(failed)) from failed
 
 
-def _reset(_: Scanner, context: Context) -> None:
+def _reset(context: Context) -> None:
     context.controller.reset()
     context.work += _work_of_all(context)
 
 
-def _factory_reset(_: Scanner, context: Context) -> None:
+def _factory_reset(context: Context) -> None:
     context.controller.reset(context.dialect.factory)
     context.work += _work_of_all(context)
 
@@ -46,9 +58,11 @@ def _password(scanner: Scanner, context: Context) -> None:
 
 
 WORDS: dict[str, Handler] = {
-    **ALWAYS_ON_LINE,
-    "SAVE": _save,
-    "$$$": _reset,
-    "$$$***": _factory_reset,
+    **{word: _identify(_SPELLINGS.get(word, word)) for word in _IDENTITIES},
+    # There is no absolute encoder: the motor is killed, and its present position is 0.
+    "$*": act(lambda context: context.controller.read_absolute_position(context.active_motor.number)),
+    "SAVE": act(_save),
+    "$$$": act(_reset),
+    "$$$***": act(_factory_reset),
     "PASSWORD": _password,
 }

@@ -6,16 +6,11 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.trajectory.frame import FARTHEST_COUNTS
 from drivers.simulator.card.motor import Motor
-from drivers.simulator.commands.handler import Handler, signed_constant
-from drivers.simulator.context import Context
+from drivers.simulator.context import Context, Handler, act, signed_constant
 
 
 def _free_motor(context: Context) -> Motor:
-    """Return the addressed motor.
-
-    Raises:
-        PmacError: 013 not activated, 001 a program moves it.
-    """
+    """Return the addressed motor. Raises PmacError: 013 not activated, 001 a program moves it."""
     motor = context.active_motor
     context.controller.refuse_in_control(motor.number)
     return motor
@@ -23,13 +18,11 @@ def _free_motor(context: Context) -> Motor:
 
 def _jog(scanner: Scanner, context: Context) -> None:
     motor = _free_motor(context)
-    if scanner.accept("+"):
-        motor.jog_speed(1)
-    elif scanner.accept("-"):
-        motor.jog_speed(-1)
-    elif scanner.accept("/"):
-        motor.jog_speed(0)
-    elif scanner.accept("="):
+    for sign, direction in (("+", 1), ("-", -1), ("/", 0)):
+        if scanner.accept(sign):
+            motor.jog_speed(direction)
+            return
+    if scanner.accept("="):
         target = _amount(scanner, motor)
         if target is not None:
             motor.jog_to(_reached(target), _past_trigger(scanner))
@@ -56,17 +49,11 @@ def _distance(scanner: Scanner, motor: Motor) -> float:
 
 def _amount(scanner: Scanner, motor: Motor) -> float | None:
     """Return a constant, or with `*` the motor's variable jog register; None when there is neither."""
-    if scanner.accept("*"):
-        return motor.variable_jog
-    return signed_constant(scanner)
+    return motor.variable_jog if scanner.accept("*") else signed_constant(scanner)
 
 
 def _reached(counts: float) -> float:
-    """Return a jog target, checked against the range of the registers, as for programs.
-
-    Raises:
-        PmacError: 003, beyond them.
-    """
+    """Return a jog target, checked as for programs. Raises PmacError: 003, beyond the range of the registers."""
     if not abs(counts) <= FARTHEST_COUNTS:
         raise PmacError(ErrorCode.DATA_ERROR, f"a jog to {counts:g} counts, {FARTHEST_COUNTS:g} at most")
     return counts
@@ -82,15 +69,7 @@ def _past_trigger(scanner: Scanner) -> float | None:
     return _reached(counts)
 
 
-def _home(_: Scanner, context: Context) -> None:
-    _free_motor(context).home()
-
-
-def _home_zero(_: Scanner, context: Context) -> None:
-    _free_motor(context).home_zero()
-
-
-def _kill(_: Scanner, context: Context) -> None:
+def _kill(context: Context) -> None:
     """Ignore a motor that is not activated: it is off already."""
     context.controller.refuse_in_control(context.motor_number)
     context.motor.kill()
@@ -103,27 +82,14 @@ def _open_loop(scanner: Scanner, context: Context) -> None:
     _free_motor(context).open_loop(percent)
 
 
-def _phase(_: Scanner, context: Context) -> None:
-    _free_motor(context).phase()
-
-
-def _read_absolute_position(_: Scanner, context: Context) -> None:
-    """`$*`: kill the motor and set its present position to zero."""
-    context.controller.read_absolute_position(context.active_motor.number)
-
-
 WORDS: dict[str, Handler] = {
     "J": _jog,
-    "HM": _home,
-    "HOME": _home,
-    "HMZ": _home_zero,
-    "HOMEZ": _home_zero,
+    **dict.fromkeys(("HM", "HOME"), act(lambda context: _free_motor(context).home())),
+    **dict.fromkeys(("HMZ", "HOMEZ"), act(lambda context: _free_motor(context).home_zero())),
 }
 
 LETTERS: dict[str, Handler] = {
-    "K": _kill,
+    "K": act(_kill),
     "O": _open_loop,
-    "$": _phase,
+    "$": act(lambda context: _free_motor(context).phase()),
 }
-
-ALWAYS_ON_LINE: dict[str, Handler] = {"$*": _read_absolute_position}

@@ -13,47 +13,17 @@ from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card import buffers
-from drivers.simulator.commands import (
-    addressing,
-    buffer_words,
-    card,
-    gather_words,
-    identity,
-    jogs,
-    memory,
-    status,
-    systems,
-    table_words,
-    values,
-)
-from drivers.simulator.commands.handler import Handler
-from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context
+from drivers.simulator.commands import addressing, buffer_words, card, jogs, status, systems, values
+from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context, signed_constant
 
-_DAISY_CHAIN = 2
-"""Bit 1 of I1: several controllers on one line, addressed with `@n`."""
+_DAISY_CHAIN = 2  # bit 1 of I1: several controllers on one line, addressed with `@n`
+_COMMAND_WORK = 5  # cost of any command, in values read or set
 
-_COMMAND_WORK = 5
-"""Cost of any command, in values read or set."""
-
-_ALWAYS_ON_LINE: dict[str, Handler] = {
-    **addressing.WORDS,
-    **buffer_words.WORDS,
-    **card.WORDS,
-    **gather_words.WORDS,
-    **identity.WORDS,
-    **memory.WORDS,
-    **status.WORDS,
-    **systems.WORDS,
-    **table_words.WORDS,
-}
+_ALWAYS_ON_LINE = addressing.WORDS | buffer_words.WORDS | card.WORDS | status.WORDS | systems.WORDS | values.WORDS
 """Words that are never stored, even while a buffer is open."""
 
-_WORDS: dict[str, Handler] = {**_ALWAYS_ON_LINE, **jogs.WORDS, **buffer_words.SHARED_WORDS}
-"""With those that may also be program words; the longest match wins."""
-
-_LETTERS: dict[str, Handler] = {**status.LETTERS, **jogs.LETTERS, **systems.LETTERS}
-"""Single letters, matched after the variables that begin with the same letter."""
-
+_WORDS = _ALWAYS_ON_LINE | jogs.WORDS | buffer_words.SHARED_WORDS  # with those of programs; the longest wins
+_LETTERS = status.LETTERS | jogs.LETTERS | systems.LETTERS  # matched after the variables that begin so
 _ALWAYS = tuple(_ALWAYS_ON_LINE)
 _ANY = tuple(_WORDS)
 _SINGLE = tuple(_LETTERS)
@@ -70,23 +40,6 @@ def answers(context: Context) -> bool:
     return context.card_number in (ALL_CARDS, int(variables.i(0)) & HIGHEST_CARD)
 
 
-def execute(text: str, context: Context) -> bool:
-    """Execute one line in one go.
-
-    Returns:
-        Whether the line, or a part of it, was for this controller.
-
-    Raises:
-        PmacError: the command at which execution stopped.
-    """
-    running = commands(text, context)
-    while True:
-        try:
-            next(running)
-        except StopIteration as done:
-            return bool(done.value)
-
-
 def commands(text: str, context: Context) -> Generator[None, None, bool]:
     """Execute one line, yielding between two commands; the caller may do something else there.
 
@@ -95,8 +48,7 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
     Returns:
         Whether the line, or a part of it, was for this controller.
 
-    Raises:
-        PmacError: the command at which execution stopped.
+    Raises PmacError: the command at which execution stopped.
     """
     heard = answers(context)
     if not heard and "@" not in text:
@@ -110,7 +62,9 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
         elif answers(context):
             _command(scanner, context, first=scanner.mark() == whole)
         else:
-            _pass_over(scanner)
+            # Commands for another controller.
+            found = scanner.rest.find("@")
+            scanner.reset(scanner.mark() + (len(scanner.rest) if found < 0 else found))
         heard = heard or answers(context)
         context.work += _COMMAND_WORK
         if not scanner.at_end:
@@ -119,7 +73,7 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
 
 
 def _command(scanner: Scanner, context: Context, *, first: bool) -> None:
-    if first and table_words.fill(scanner, context):
+    if first and buffer_words.fill_table(scanner, context):
         return
     if context.fills_buffer and not _IMMEDIATE.match(scanner.rest):
         word = scanner.take_word(_ALWAYS)
@@ -140,15 +94,18 @@ def _command(scanner: Scanner, context: Context, *, first: bool) -> None:
     if letter is not None:
         _LETTERS[letter](scanner, context)
         return
-    if not (first and _constant(scanner, context)):
-        raise _refusal(scanner)
+    if first and _constant(scanner, context):
+        return
+    if buffers.is_program_text(scanner.rest):
+        raise PmacError(ErrorCode.NO_BUFFER_OPEN, scanner.rest[:20])
+    raise scanner.refusal("no such command")
 
 
 def _word(scanner: Scanner) -> str | None:
     """Match `RX` only with an address after it: `B1R LIST PC` runs and lists."""
     start = scanner.mark()
     word = scanner.take_word(_ANY)
-    if word in memory.WORDS and not scanner.peek(memory.ADDRESS_STARTS):
+    if word in values.WORDS and not scanner.peek(values.ADDRESS_STARTS):
         scanner.reset(start)
         return None
     return word
@@ -157,23 +114,9 @@ def _word(scanner: Scanner) -> str | None:
 def _constant(scanner: Scanner, context: Context) -> bool:
     """Set P0 from a line that is only a number (User Manual, Special-Use P-Variable)."""
     start = scanner.mark()
-    negative = scanner.accept("-")
-    value = scanner.take_number()
+    value = signed_constant(scanner)
     if value is None or not scanner.at_end:
         scanner.reset(start)
         return False
-    context.variables.set(VariableKind.P, 0, -value if negative else value)
+    context.variables.set(VariableKind.P, 0, value)
     return True
-
-
-def _refusal(scanner: Scanner) -> PmacError:
-    if buffers.is_program_text(scanner.rest):
-        return PmacError(ErrorCode.NO_BUFFER_OPEN, scanner.rest[:20])
-    return scanner.refusal("no such command")
-
-
-def _pass_over(scanner: Scanner) -> None:
-    """Skip commands for another controller."""
-    rest = scanner.rest
-    found = rest.find("@")
-    scanner.reset(scanner.mark() + (len(rest) if found < 0 else found))

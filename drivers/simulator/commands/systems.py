@@ -11,15 +11,11 @@ from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.reading import HIGHEST_PROGRAM
 from drivers.pmac.language.text import format_line, format_number
 from drivers.simulator.card.coordinate import CoordinateSystem
-from drivers.simulator.commands.handler import LINE_WORK, Handler, say
-from drivers.simulator.context import Context
+from drivers.simulator.card.program_motion import Place
+from drivers.simulator.context import Context, Handler, act, say
 
-LABELS = 100_000
-"""The fraction after a program number is a label in units of 1/100000: `B1.1` is label N10000."""
-
-_PRESET_WORK = 30
-"""Cost in variables read: the positions of every axis are recomputed."""
-
+LABELS = 100_000  # the fraction after a program number is a label in units of 1/100000: `B1.1` is label N10000
+_PRESET_WORK = 30  # cost in variables read: the positions of every axis are recomputed
 _PRESET = re.compile(r"[A-CU-Z]=")
 
 
@@ -46,24 +42,11 @@ def _point(scanner: Scanner, context: Context) -> None:
     context.system.point(program, label or None)
 
 
-def _run(_: Scanner, context: Context) -> None:
-    _refuse_open_buffer(context)
-    context.controller.start_program(context.system_number)
-
-
-def _step(_: Scanner, context: Context) -> None:
-    _refuse_open_buffer(context)
-    context.controller.step_program(context.system_number)
-
-
-def _refuse_open_buffer(context: Context) -> None:
-    if context.controller.open_buffer is not None:
-        raise PmacError(ErrorCode.NO_PROGRAM, "a program buffer is open")
-
-
-def _do(action: Callable[[CoordinateSystem], object]) -> Handler:
+def _start(start: Callable[[CoordinateSystem], None]) -> Handler:
     def command(_: Scanner, context: Context) -> None:
-        action(context.system)
+        if context.controller.open_buffer is not None:
+            raise PmacError(ErrorCode.NO_PROGRAM, "a program buffer is open")
+        start(context.system)
 
     return command
 
@@ -71,24 +54,16 @@ def _do(action: Callable[[CoordinateSystem], object]) -> Handler:
 def _override(scanner: Scanner, context: Context) -> None:
     percent = scanner.take_number()
     if percent is None:
-        context.lines.append(format_number(context.system.override_percent))
+        context.lines.append(format_number(context.system.time_base.percent))
     else:
         context.system.set_override(percent)
 
 
-def _counter(context: Context) -> str:
-    return _place(context.system.program_counter())
-
-
-def _executing(context: Context) -> str:
-    return _place(context.system.executing())
-
-
-def _place(place: tuple[int, int]) -> str:
+def _place(place: Place) -> str:
     return f"P{place[0]}:{place[1]}"
 
 
-def _list_place(read: Callable[[CoordinateSystem], tuple[int, int]]) -> Handler:
+def _list_place(read: Callable[[CoordinateSystem], Place]) -> Handler:
     """`LIST PC` and `LIST PC,3`: the place, and that many lines of the program from there."""
 
     def command(scanner: Scanner, context: Context) -> None:
@@ -97,9 +72,8 @@ def _list_place(read: Callable[[CoordinateSystem], tuple[int, int]]) -> Handler:
             raise scanner.refusal("a number of lines")
         program, first = place = read(context.system)
         buffer = context.controller.programs.get(program)
-        lines = buffer.lines[first : first + count] if buffer is not None else []
-        context.work += len(lines) * LINE_WORK
-        context.lines.extend(f"P{program}:{first + n}:{format_line(line)}" for n, line in enumerate(lines))
+        lines = buffer[first : first + count] if buffer is not None else []
+        context.list_lines([f"P{program}:{first + n}:{format_line(line)}" for n, line in enumerate(lines)])
         if not lines:
             context.lines.append(_place(place))
 
@@ -107,23 +81,23 @@ def _list_place(read: Callable[[CoordinateSystem], tuple[int, int]]) -> Handler:
 
 
 WORDS: dict[str, Handler] = {
-    "PC": say(_counter),
-    "PE": say(_executing),
+    "PC": say(lambda context: _place(context.system.program_counter())),
+    "PE": say(lambda context: _place(context.system.executing())),
     "PR": say(lambda _: "0"),
-    "PMATCH": _do(lambda system: system.match_positions()),
-    "LISTPC": _list_place(lambda system: system.program_counter()),
-    "LISTPE": _list_place(lambda system: system.executing()),
+    "PMATCH": act(lambda context: context.system.match_positions()),
+    "LISTPC": _list_place(CoordinateSystem.program_counter),
+    "LISTPE": _list_place(CoordinateSystem.executing),
     "%": _override,
-    "/": _do(lambda system: system.stop_at_block()),
-    "\\": _do(lambda system: system.quick_hold()),
+    "/": act(lambda context: context.system.stop_at_block()),
+    "\\": act(lambda context: context.system.quick_hold()),
 }
 
 LETTERS: dict[str, Handler] = {
     "B": _point,
-    "R": _run,
-    "S": _step,
-    "H": _do(lambda system: system.hold()),
-    "Q": _do(lambda system: system.quit()),
-    "A": _do(lambda system: system.abort()),
-    "Z": _do(lambda system: system.zero_axes()),
+    "R": _start(CoordinateSystem.run),
+    "S": _start(CoordinateSystem.step),
+    "H": act(lambda context: context.system.hold()),
+    "Q": act(lambda context: context.system.quit()),
+    "A": act(lambda context: context.system.abort()),
+    "Z": act(lambda context: context.system.zero_axes()),
 }

@@ -6,69 +6,43 @@ All times are simulated. A fault begins, and ends, with a background cycle; one 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from random import Random
 
-from drivers.simulator.faults.catalogue import AFTER, FOR, SEED, Fault, find
-from drivers.simulator.faults.effects import Effect, FaultTarget, effect_of, untold
-from drivers.simulator.faults.parameter import Parameter, Value, refusal
+from drivers.simulator.faults.catalogue import AFTER, FOR, SEED, Fault, Parameter, Value, find, refusal
+from drivers.simulator.faults.effects import Effect, FaultTarget, effect_of
 
-MOST_FAULTS = 1000
-"""Maximum number of pending and active faults."""
-
-_AFTER_S, _FOR_S = replace(AFTER, name="after_s"), replace(FOR, name="for_s")
-"""Names of the times in a function call, where the unit is part of the name."""
+MOST_FAULTS = 1000  # maximum number of pending and active faults
+_AFTER_S, _FOR_S = replace(AFTER, name="after_s"), replace(FOR, name="for_s")  # names in a function call
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Injected:
-    """A fault that was requested; `ends_s` is infinite for one that lasts until it is cleared.
-
-    `outcome` is the result to be reported, empty where there is none, or not yet.
-    """
+    """A fault that was requested; `ends_s` is infinite for one that lasts until it is cleared."""
 
     fault: Fault
     values: Mapping[str, Value]
     seed: int
     begins_s: float
     ends_s: float
-    outcome: Callable[[], str] = field(default=untold, repr=False, compare=False)
-
-    @property
-    def name(self) -> str:
-        """That of the fault."""
-        return self.fault.name
-
-
-@dataclass(slots=True, eq=False, kw_only=True)
-class _Entry:
-    injected: Injected
-    effect: Effect
-    running: bool = False
+    effect: Effect = field(repr=False, compare=False)
+    running: bool = field(default=False, repr=False, compare=False)
 
 
 class FaultBoard:
     """Injects faults; any number of them at once."""
 
     def __init__(self, site: FaultTarget) -> None:
-        """`site` is the target of the faults."""
         self._site = site
-        self._entries: list[_Entry] = []
+        self._injected: tuple[Injected, ...] = ()
 
     def inject(
-        self,
-        name: str,
-        *,
-        after_s: float = 0.0,
-        for_s: float | None = None,
-        seed: int = 0,
-        **parameters: Value,
+        self, name: str, *, after_s: float = 0.0, for_s: float | None = None, seed: int = 0, **parameters: Value
     ) -> Injected:
         """Inject a fault in `after_s`, for `for_s` or else until `clear`; its random effects use `seed`.
 
-        Raises:
-            RefusedError: `simulator.fault`, there is no such fault or parameter, or a value is out of range.
+        Raises RefusedError: `simulator.fault`, there is no such fault or parameter, or a value is out of range.
         """
         given = {_AFTER_S.name: after_s, SEED.name: seed, **parameters}
         return self.ask(name, given if for_s is None else {**given, _FOR_S.name: for_s}, _AFTER_S, _FOR_S)
@@ -76,19 +50,14 @@ class FaultBoard:
     def ask(
         self, name: str, given: Mapping[str, Value], after: Parameter = AFTER, lasting: Parameter = FOR
     ) -> Injected:
-        """Do the same as `inject`, with values that may be text, including the times.
-
-        Raises:
-            RefusedError: as `inject`.
-        """
+        """Do the same as `inject`, with values that may be text, also the times. Raises what `inject` does."""
         fault = find(name)
         times = {time.name: time for time in ((after, SEED) if fault.moment else (after, lasting, SEED))}
         values = fault.settle({key: value for key, value in given.items() if key not in times}, times)
         timed = {key: float(times[key].check(value, name)) for key, value in given.items() if key in times}
-        if len(self._entries) >= MOST_FAULTS:
-            raise refusal(name, "fault", f"{len(self._entries) + 1}", f"{MOST_FAULTS} at once; `clear` ends them")
+        if len(self._injected) >= MOST_FAULTS:
+            raise refusal(name, "fault", f"{len(self._injected) + 1}", f"{MOST_FAULTS} at once; `clear` ends them")
         seed = int(timed.get(SEED.name, 0.0))
-        effect = effect_of(name, values, Random(seed), self._site)
         begins_s = self._site.lines.now_s() + timed.get(after.name, 0.0)
         injected = Injected(
             fault=fault,
@@ -96,31 +65,31 @@ class FaultBoard:
             seed=seed,
             begins_s=begins_s,
             ends_s=begins_s + timed.get(lasting.name, math.inf),
-            outcome=effect.outcome,
+            effect=effect_of(name, values, Random(seed), self._site),
         )
-        self._entries.append(_Entry(injected=injected, effect=effect))
+        self._injected += (injected,)
         self.follow()
         return injected
 
     def active(self) -> tuple[Injected, ...]:
         """Return the faults that are not over, in the order of request; some may be pending."""
-        return tuple(entry.injected for entry in self._entries)
+        return self._injected
 
     def clear(self) -> None:
         """End all of them; delayed bytes to a host or to the controller arrive at once.
 
         A controller whose watchdog has tripped stays dead, and that fault stays active.
         """
-        for entry in tuple(self._entries):
-            if not (entry.running and entry.injected.fault.moment):
-                self._end(entry)
+        for injected in self._injected:
+            if not (injected.running and injected.fault.moment):
+                self._end(injected)
         self._site.lines.clearings += 1
 
     def power_up(self) -> None:
         """Forget momentary faults that have happened: the controller's state no longer shows them."""
-        for entry in tuple(self._entries):
-            if entry.running and entry.injected.fault.moment:
-                self._end(entry)
+        for injected in self._injected:
+            if injected.running and injected.fault.moment:
+                self._end(injected)
 
     @property
     def shut_down_s(self) -> float | None:
@@ -129,23 +98,23 @@ class FaultBoard:
 
     def follow(self) -> None:
         """Begin and end the faults that are due."""
-        if not self._entries:
+        if not self._injected:
             return
         now_s = self._site.lines.now_s()
-        for entry in tuple(self._entries):
-            if not entry.running and entry.injected.begins_s <= now_s:
-                entry.running = True
-                entry.effect.begin()
-            if entry.running and (entry.injected.ends_s <= now_s or entry.effect.over()):
-                self._end(entry)
+        for injected in self._injected:
+            if not injected.running and injected.begins_s <= now_s:
+                injected.running = True
+                injected.effect.begin()
+            if injected.running and (injected.ends_s <= now_s or injected.effect.over()):
+                self._end(injected)
 
-    def _end(self, entry: _Entry) -> None:
-        self._entries.remove(entry)
-        if not entry.running:
+    def _end(self, ended: Injected) -> None:
+        self._injected = tuple(injected for injected in self._injected if injected is not ended)
+        if not ended.running:
             return
-        entry.effect.end()
-        if entry.injected.fault.moment:
+        ended.effect.end()
+        if ended.fault.moment:
             return
-        for other in self._entries:
-            if other.running and other.injected.name == entry.injected.name:
+        for other in self._injected:
+            if other.running and other.fault is ended.fault:
                 other.effect.begin()  # the end of one must not undo what both have done

@@ -1,31 +1,104 @@
-"""The catalogue of faults, each with its effect and its parameters."""
+"""The catalogue of faults, each with its effect and its parameters: units, defaults, ranges, parsed from text."""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from enum import StrEnum
+from dataclasses import KW_ONLY, dataclass
+from functools import partial
+from typing import TypeAlias
 
-from drivers.simulator.faults.parameter import Parameter, Value, refusal
+from drivers.errors import RefusedError
+from profiles.problem import Problem
 
+Value: TypeAlias = float | str
 AXES = ("tool", "spindle", "carriage")
+MOST_SHOWN = 80  # maximum characters of a refused value that are reported
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
-class Concerns(StrEnum):
-    """The target of a fault."""
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number from `least` to `most`, one of `choices`, or with neither a text.
 
-    HOSTS = "every host"
-    MOTOR = "a motor"
-    CARD = "the controller"
+    Without a `default` it is optional; `meaning` describes the effect of omitting it. With `above_least`, `least`
+    itself is not allowed.
+    """
+
+    name: str
+    meaning: str
+    _: KW_ONLY
+    unit: str = ""
+    default: Value | None = None
+    least: float = -math.inf
+    most: float = math.inf
+    above_least: bool = False
+    whole: bool = False
+    choices: tuple[str, ...] = ()
+    text: bool = False
+
+    @property
+    def allowed(self) -> str:
+        """The range in words."""
+        if self.choices:
+            return " | ".join(self.choices)
+        if self.text:
+            return "a line of printable characters"
+        bounds = f"{self.least:g} {'<' if self.above_least else '<='} {self.name}"
+        bounds += f" <= {self.most:g}" if math.isfinite(self.most) else ""
+        return f"{bounds}, whole" if self.whole else bounds
+
+    def check(self, value: Value, fault: str) -> Value:
+        """Return an allowed value, a number as `float`. Raises RefusedError: `simulator.fault`, it is not."""
+        fits = self._word(value) if self.text or self.choices else self._number(value)
+        if fits is None:
+            raise refusal(fault, self.name, _shown(value), self.allowed)
+        return fits
+
+    def _word(self, value: Value) -> str | None:
+        if not isinstance(value, str) or (self.choices and value not in self.choices):
+            return None
+        return value if value and value.isascii() and value.isprintable() else None
+
+    def _number(self, value: object) -> float | None:
+        """Parse a number, or ASCII digits; a caller may pass anything."""
+        if isinstance(value, str):
+            if _NUMBER.fullmatch(value) is None:
+                return None
+        elif isinstance(value, bool) or not isinstance(value, int | float):
+            return None
+        try:
+            number = float(value)
+        except OverflowError:
+            return None
+        low_enough = number > self.least if self.above_least else number >= self.least
+        fits = math.isfinite(number) and low_enough and number <= self.most
+        return number if fits and not (self.whole and number != int(number)) else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+def refusal(fault: str, key: str, value: str, limit: str) -> RefusedError:
+    """Return the refusal of a fault: the requested and the allowed values."""
+    return RefusedError(Problem(code="simulator.fault", where=fault, key=key, value=value, limit=limit))
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, int) and abs(value) >= 10**MOST_SHOWN:
+        return "an integer that is too large"  # Python formats none of more than 4300 digits
+    shown = ascii(str(value))[1:-1]
+    return shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}..."
+
+
+@dataclass(frozen=True, slots=True)
 class Fault:
     """One fault. `moment` is whether it is over as soon as it has happened, so that it has no duration."""
 
     name: str
     does: str
-    concerns: Concerns
+    _: KW_ONLY
+    concerns: str
     parameters: tuple[Parameter, ...] = ()
     moment: bool = False
 
@@ -34,8 +107,7 @@ class Fault:
 
         `times` are the other permitted names: a refusal lists them, too.
 
-        Raises:
-            RefusedError: `simulator.fault`, one is not known or out of range.
+        Raises RefusedError: `simulator.fault`, one is not known or out of range.
         """
         known = {parameter.name: parameter for parameter in self.parameters}
         for name in given:
@@ -50,30 +122,23 @@ class Fault:
         return (AFTER, SEED) if self.moment else (AFTER, FOR, SEED)
 
 
-AFTER = Parameter(
-    name="after", meaning="simulated time until it begins", unit="s", default=0.0, least=0.0, most=86_400.0
-)
+AFTER = Parameter("after", "simulated time until it begins", unit="s", default=0.0, least=0.0, most=86_400.0)
 FOR = Parameter(
-    name="for",
-    meaning="simulated time until it is over; without it, it lasts until `clear`",
+    "for",
+    "simulated time until it is over; without it, it lasts until `clear`",
     unit="s",
     least=0.0,
     above_least=True,
     most=86_400.0,
 )
-SEED = Parameter(name="seed", meaning="seed of its random numbers", default=0.0, least=0.0, most=1e9, whole=True)
+SEED = Parameter("seed", "seed of its random numbers", default=0.0, least=0.0, most=1e9, whole=True)
 
 _SHARE = Parameter(
-    name="share",
-    meaning="fraction of the replies that is affected",
-    default=1.0,
-    least=0.0,
-    above_least=True,
-    most=1.0,
+    "share", "fraction of the replies that is affected", default=1.0, least=0.0, above_least=True, most=1.0
 )
 _REPLIES = Parameter(
-    name="replies",
-    meaning="the fault is over after this many affected replies; without it, there is no such end",
+    "replies",
+    "the fault is over after this many affected replies; without it, there is no such end",
     least=1.0,
     most=1e6,
     whole=True,
@@ -82,30 +147,30 @@ _HIT = (_SHARE, _REPLIES)
 
 
 def _motor(default: str) -> Parameter:
-    return Parameter(name="motor", meaning="the axis whose motor it is", default=default, choices=AXES)
+    return Parameter("motor", "the axis whose motor it is", default=default, choices=AXES)
 
 
-def _on_line(name: str, does: str, *parameters: Parameter) -> Fault:
-    return Fault(name=name, does=does, concerns=Concerns.HOSTS, parameters=parameters)
+def _fault(concerns: str, name: str, does: str, *parameters: Parameter, moment: bool = False) -> Fault:
+    return Fault(name, does, concerns=concerns, parameters=parameters, moment=moment)
 
 
-def _on_motor(name: str, does: str, *parameters: Parameter) -> Fault:
-    return Fault(name=name, does=does, concerns=Concerns.MOTOR, parameters=parameters)
-
+_on_line = partial(_fault, "every host")
+_on_motor = partial(_fault, "a motor")
+_on_controller = partial(_fault, "the controller")
 
 _LINES = (
     _on_line(
         "split-segments",
         "A reply arrives in pieces, with gaps between them.",
-        Parameter(name="pieces", meaning="pieces of a reply", default=2.0, least=2.0, most=100.0, whole=True),
-        Parameter(name="gap_ms", meaning="time between two", unit="ms", default=20.0, least=1.0, most=10_000.0),
+        Parameter("pieces", "pieces of a reply", default=2.0, least=2.0, most=100.0, whole=True),
+        Parameter("gap_ms", "time between two", unit="ms", default=20.0, least=1.0, most=10_000.0),
         *_HIT,
     ),
     _on_line("dropped-ack", "The acknowledgement at the end of a reply is lost.", *_HIT),
     _on_line(
         "late-reply",
         "A reply comes late, and so does everything after it.",
-        Parameter(name="delay_ms", meaning="how late", unit="ms", default=500.0, least=1.0, most=60_000.0),
+        Parameter("delay_ms", "how late", unit="ms", default=500.0, least=1.0, most=60_000.0),
         *_HIT,
     ),
     _on_line("extra-line", "An empty line (CR) comes before a reply.", *_HIT),
@@ -119,8 +184,8 @@ _LINES = (
     _on_line(
         "garbled-line",
         "The next line of a host that contains a certain text arrives with another text in its place, once.",
-        Parameter(name="find", meaning="the text; its first occurrence in the line", default="1", text=True),
-        Parameter(name="replace", meaning="what arrives in its place", default="5", text=True),
+        Parameter("find", "the text; its first occurrence in the line", default="1", text=True),
+        Parameter("replace", "what arrives in its place", default="5", text=True),
     ),
     _on_line("cut-cable", "Every connection is cut, and no new one can be made until the fault is over."),
     _on_line(
@@ -130,12 +195,11 @@ _LINES = (
     _on_line(
         "9600-baud",
         "The line carries 960 characters a second each way.",
-        Parameter(
-            name="baud", meaning="bits a second, 10 a character", default=9600.0, least=110.0, most=115_200.0
-        ),
+        Parameter("baud", "bits a second, 10 a character", default=9600.0, least=110.0, most=115_200.0),
     ),
 )
 
+_DIRECTIONS = ("positive", "negative")
 _MOTORS = (
     _on_motor("encoder-loss", "The encoder stops counting: the loop sees its last reading.", _motor("tool")),
     _on_motor("index-lost", "The home flag or index never comes.", _motor("spindle")),
@@ -144,12 +208,7 @@ _MOTORS = (
         "limit",
         "The limit switch at one end of travel is open.",
         _motor("tool"),
-        Parameter(
-            name="direction",
-            meaning="the direction of travel that it blocks",
-            default="positive",
-            choices=("positive", "negative"),
-        ),
+        Parameter("direction", "the direction of travel that it blocks", default="positive", choices=_DIRECTIONS),
     ),
     _on_motor(
         "following-error-trip",
@@ -160,60 +219,40 @@ _MOTORS = (
         "spindle-ripple",
         "The true speed of the spindle varies about its mean; no servo removes that.",
         Parameter(
-            name="ripple_percent",
-            meaning="amplitude, of the mean speed",
+            "ripple_percent",
+            "amplitude, of the mean speed",
             unit="%",
             default=5.0,
             least=0.0,
             above_least=True,
             most=50.0,
         ),
-        Parameter(name="per_turn", meaning="periods in a turn", default=2.0, least=1.0, most=100.0, whole=True),
+        Parameter("per_turn", "periods in a turn", default=2.0, least=1.0, most=100.0, whole=True),
     ),
 )
 
-_CARD = (
-    Fault(
-        name="watchdog",
-        does="The watchdog trips: outputs off, no answer until `power-cycle`.",
-        concerns=Concerns.CARD,
-        moment=True,
+_STRANGERS_LINE = "what it sends, `^A` is control-A; without it, nine tenths of Ix30, the gain of the tool"
+_CONTROLLER = (
+    _on_controller("watchdog", "The watchdog trips: outputs off, no answer until `power-cycle`.", moment=True),
+    _on_controller(
+        "slow-background",
+        "The background cycle (limits, stops, PLCs, replies) comes late; too late, and the watchdog trips.",
+        Parameter("cycle_ms", "background cycle", unit="ms", default=50.0, least=10.0, most=10_000.0),
     ),
-    Fault(
-        name="slow-background",
-        does="The background cycle (limits, stops, PLCs, replies) comes late; too late, and the watchdog trips.",
-        concerns=Concerns.CARD,
-        parameters=(
-            Parameter(
-                name="cycle_ms", meaning="background cycle", unit="ms", default=50.0, least=10.0, most=10_000.0
-            ),
-        ),
-    ),
-    Fault(
-        name="stranger-writes",
-        does="Another host sends a line or a control character, reads the answer, and disconnects."
+    _on_controller(
+        "stranger-writes",
+        "Another host sends a line or a control character, reads the answer, and disconnects."
         " No other host sees it.",
-        concerns=Concerns.CARD,
-        parameters=(
-            Parameter(
-                name="line",
-                meaning="what it sends, `^A` is control-A; without it, nine tenths of Ix30, the gain of the tool",
-                text=True,
-            ),
-        ),
+        Parameter("line", _STRANGERS_LINE, text=True),
         moment=True,
     ),
 )
 
-CATALOGUE: Mapping[str, Fault] = {fault.name: fault for fault in (*_LINES, *_MOTORS, *_CARD)}
+CATALOGUE: Mapping[str, Fault] = {fault.name: fault for fault in (*_LINES, *_MOTORS, *_CONTROLLER)}
 
 
 def find(name: str) -> Fault:
-    """Return the fault with a name.
-
-    Raises:
-        RefusedError: `simulator.fault`, there is none.
-    """
+    """Return the fault with a name. Raises RefusedError: `simulator.fault`, there is none."""
     if not isinstance(name, str) or name not in CATALOGUE:
         shown = ascii(str(name))[1:-1][:40]
         raise refusal(shown, "fault", shown, ", ".join(CATALOGUE))

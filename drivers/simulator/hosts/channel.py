@@ -45,34 +45,22 @@ def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
             case "look":
                 return asdict(lathe.look())
             case "measure":
-                return _measured(lathe)
+                trace = lathe.measure()
+                columns = {"angle_deg": trace.angle_deg.tolist(), "deviation_um": trace.deviation_um.tolist()}
+                return {**columns, "meta": dict(trace.meta)}
             case "spindle":
                 lathe.set_spindle(request["rpm"])
                 return {}
             case "fault":
-                return _fault(lathe, str(request["line"]))
+                said = control_line.answer(lathe, str(request["line"]))
+                refused = said.startswith(REFUSED)
+                return {"refused": said.removeprefix(REFUSED).rstrip()} if refused else {"said": said}
             case unknown:
                 return {"refused": f"nothing to do: {unknown}"}
     except (ProfileError, RuntimeError) as error:
         return {"refused": str(error)}
     except (ValueError, TypeError, KeyError) as error:
         return {"refused": f"no request: {error!r}"}
-
-
-def _fault(lathe: SimulatedLathe, line: str) -> dict[str, Any]:
-    said = control_line.answer(lathe, line)
-    if said.startswith(REFUSED):
-        return {"refused": said.removeprefix(REFUSED).rstrip()}
-    return {"said": said}
-
-
-def _measured(lathe: SimulatedLathe) -> dict[str, Any]:
-    trace = lathe.measure()
-    return {
-        "angle_deg": trace.angle_deg.tolist(),
-        "deviation_um": trace.deviation_um.tolist(),
-        "meta": dict(trace.meta),
-    }
 
 
 async def _say(writer: asyncio.StreamWriter, message: Mapping[str, Any]) -> None:

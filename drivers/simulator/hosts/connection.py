@@ -10,7 +10,6 @@ import asyncio
 import socket
 import struct
 from collections.abc import Callable
-from typing import Protocol
 
 from drivers.errors import LinkError
 from drivers.pmac.ethernet import MalformedRequestError
@@ -18,44 +17,14 @@ from drivers.simulator.hosts.port import Port
 from drivers.simulator.hosts.real_time import Host
 from drivers.simulator.machine import SimulatedLathe
 
-UNREAD_LIMIT = 1_000_000
-"""Maximum buffered reply bytes for a host that does not read."""
-
-SLOW_READER = 65_536
-"""Unread bytes beyond which a host is served only in the background: it is not waiting for replies."""
-
-
-class Discipline(Protocol):
-    """Converts a host's bytes to lines for its port, and replies to bytes."""
-
-    @property
-    def crowded(self) -> bool:
-        """Whether more input is pending than allowed."""
-
-    @property
-    def busy(self) -> bool:
-        """Whether another turn could make progress."""
-
-    @property
-    def idle(self) -> bool:
-        """Whether all input has been executed and answered, except an incomplete line or request."""
-
-    def receive(self, data: bytes) -> None:
-        """Take bytes from the host."""
-
-    def turn(self) -> list[bytes]:
-        """Do the next piece of work; return the bytes to send, each item in one go.
-
-        Raises:
-            MalformedRequestError: the input of the host cannot be answered.
-        """
+UNREAD_LIMIT = 1_000_000  # maximum buffered reply bytes for a host that does not read
+SLOW_READER = 65_536  # unread bytes beyond which a host is served only in the background
 
 
 class PlainStream:
-    """The ASCII stream of a serial line."""
+    """Converts a host's bytes to lines for its port, and replies to bytes: here the ASCII of a serial line."""
 
     def __init__(self, lathe: SimulatedLathe, port: Port) -> None:
-        """`port` is that of the host."""
         self._lathe = lathe
         self._port = port
 
@@ -79,21 +48,19 @@ class PlainStream:
         self._port.receive(data)
 
     def turn(self) -> list[bytes]:
-        """Execute the next few lines; return the controller's output since the last call."""
+        """Execute the next few lines; return what to send, each item in one go. Raises MalformedRequestError."""
         self._lathe.attend(self._port)
         said = self._port.take_output()
         return [said] if said else []
 
 
-Begin = Callable[[SimulatedLathe, Port], Discipline]
-"""Creates the discipline of a new connection."""
+Begin = Callable[[SimulatedLathe, Port], PlainStream]  # creates the discipline of a new connection
 
 
 class Turns:
     """Repeats work while there is more of it; other hosts have a turn in between."""
 
     def __init__(self, work: Callable[[], bool]) -> None:
-        """`work` returns whether there is more."""
         self._work = work
         self._loop = asyncio.get_running_loop()
         self._next: asyncio.Handle | None = None
@@ -125,13 +92,12 @@ class Connection(asyncio.Protocol):
     """One host on a socket."""
 
     def __init__(self, lathe: SimulatedLathe, hosts: set[Host], discipline: Begin) -> None:
-        """`hosts` holds it while it is connected."""
         self._lathe = lathe
         self._hosts = hosts
         self._begin = discipline
         self._port: Port | None = None
         self._ended = False
-        self._discipline: Discipline
+        self._discipline: PlainStream
         self._transport: asyncio.Transport
         self._turns: Turns
 
@@ -165,7 +131,7 @@ class Connection(asyncio.Protocol):
         return True
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Handle the loss of the connection."""
+        """Unplug the host."""
         self._unplug()
 
     def flush(self) -> None:
@@ -186,9 +152,7 @@ class Connection(asyncio.Protocol):
         try:
             replies = self._discipline.turn()
         except MalformedRequestError:
-            self._unplug()
-            self._transport.close()
-            return False
+            return self._end()
         for reply in replies:
             if self._transport.is_closing():
                 return False  # the host disconnected before its replies; `connection_lost` follows
@@ -199,11 +163,14 @@ class Connection(asyncio.Protocol):
             self._transport.abort()
             return False
         if self._ended and self._discipline.idle:
-            self._unplug()
-            self._transport.close()
-            return False
+            return self._end()
         self._hold_back()
         return self._discipline.busy and unread <= SLOW_READER
+
+    def _end(self) -> bool:
+        self._unplug()
+        self._transport.close()
+        return False
 
     def _hold_back(self) -> None:
         """Leave input that the controller has no room for in the network buffers."""

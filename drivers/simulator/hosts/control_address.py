@@ -10,18 +10,10 @@ from drivers.errors import LinkError
 from drivers.link.address import TcpAddress, parse_host_port
 from profiles.problem import Problem
 
-PREFIX = "control:"
-"""Prefix of such an address in a list of addresses."""
-
-OK, REFUSED = "ok", "refused: "
-"""First word of the last line of each reply."""
-
-LONGEST_PATH = 107
-"""Maximum bytes of a socket path: one less than Linux has room for."""
-
-LONGEST_LINE = 4096
-"""Maximum bytes of a line, without its end."""
-
+PREFIX = "control:"  # prefix of such an address in a list of addresses
+OK, REFUSED = "ok", "refused: "  # first word of the last line of each reply
+LONGEST_PATH = 107  # maximum bytes of a socket path: one less than Linux has room for
+LONGEST_LINE = 4096  # maximum bytes of a line, without its end
 _FORM = f"tcp:127.0.0.1:PORT | unix:PATH, a path of {LONGEST_PATH} bytes at most"
 
 
@@ -41,8 +33,7 @@ ControlAddress: TypeAlias = TcpAddress | UnixAddress
 def parse_control_address(text: str) -> ControlAddress:
     """Parse an address, with or without the prefix `control:`.
 
-    Raises:
-        LinkError: `link.bad_address`; `link.not_loopback`, it is on another machine, or reachable from one.
+    Raises LinkError: `link.bad_address`; `link.not_loopback`, it is on another machine, or reachable from one.
     """
     kind, _, rest = text.removeprefix(PREFIX).partition(":")
     if kind == "tcp":

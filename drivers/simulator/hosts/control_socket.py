@@ -15,16 +15,10 @@ from drivers.simulator.hosts.control_address import LONGEST_LINE, PREFIX, Contro
 from drivers.simulator.hosts.control_line import answer
 from drivers.simulator.machine import SimulatedLathe
 
-LINES_A_TURN = 4
-"""Maximum lines that are answered in one go; in between, the machine and its hosts have a turn."""
-
-UNREAD_LIMIT = 65_536
-"""Maximum reply bytes that wait for a client; beyond that, its input is not read."""
-
+LINES_A_TURN = 4  # maximum lines that are answered in one go; in between, the machine and its hosts have a turn
+UNREAD_LIMIT = 65_536  # maximum reply bytes that wait for a client; beyond that, its input is not read
 OWNER_ONLY = 0o600
-
-SERVED_WITHIN_S = 1.0
-"""Timeout to find out whether a path is still served."""
+SERVED_WITHIN_S = 1.0  # timeout to find out whether a path is still served
 
 
 class ControlHost(asyncio.Protocol):
@@ -94,8 +88,7 @@ class ControlHost(asyncio.Protocol):
 async def listen_for_control(lathe: SimulatedLathe, address: ControlAddress, opened: ExitStack) -> str:
     """Listen, and return the address that was bound; `opened` closes it, and removes it from the file system.
 
-    Raises:
-        OSError: it cannot be done; also where the path is taken by anything but a socket that nobody serves.
+    Raises OSError: it cannot be done; also where the path is taken by anything but a socket that nobody serves.
     """
     loop = asyncio.get_running_loop()
     if isinstance(address, TcpAddress):
@@ -124,7 +117,6 @@ def _bind(listening: socket.socket, address: UnixAddress) -> None:
 
 
 def _served(path: str) -> bool:
-    """Whether a process listens on a socket."""
     with closing(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)) as probe:
         probe.settimeout(SERVED_WITHIN_S)
         try:

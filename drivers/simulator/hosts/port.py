@@ -1,4 +1,7 @@
-"""One host connection of the simulated controller: its line discipline, and its queue."""
+"""One host connection of the simulated controller: its line discipline, its queue, and its share of the time.
+
+Work is counted in values: one read or set, or one line of data, is about a microsecond.
+"""
 
 from __future__ import annotations
 
@@ -8,39 +11,27 @@ from collections.abc import Generator
 from drivers.errors import LinkError
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.simulator.card.controller import Controller
-from drivers.simulator.commands.control_characters import ACTING, ACTIONS, CONTROL_X, REPORTING, STOPS
 from drivers.simulator.commands.line import answers, commands
+from drivers.simulator.commands.status import ACTING, ACTIONS, CONTROL_X, REPORTING, STOPS
 from drivers.simulator.context import Context
-from drivers.simulator.faults.host_line import Carriage, Outbox
-from drivers.simulator.faults.lines import Lines
+from drivers.simulator.faults.lines import Carriage, Lines, Outbox
 from drivers.simulator.hosts import replies
-from drivers.simulator.hosts.share import Share
 from profiles.problem import Problem
 
 CR = 0x0D
 BACKSPACE, REPEAT, SUM, RECALL = b"\x08", b"\t", b"\x0e", b"\x19"
+LINES_PER_TURN = 4  # maximum lines of one host per turn: none can block the controller for the others
+WORK_PER_TURN = 2560  # values after which no command of a host is begun in a turn, nor while it owes as many
+LINES_PER_CYCLE = 64  # maximum lines of one host before the next background cycle, however often it has a turn
+WORK_PER_CYCLE = 1024  # credit of a host per background cycle, about a quarter of its time; the rest is owed
+LINE_LIMIT = 255  # maximum characters of one command line
+ANSWER_PER_TURN = 4096  # reply bytes after which no further line of that host is begun in the same go
 
-LINE_LIMIT = 255
-"""Maximum characters of one command line."""
-
-ANSWER_PER_TURN = 4096
-"""Reply bytes after which no further line of that host is begun in the same go."""
-
+# Bytes that may wait; the transport holds back the rest. It is ample, so that a stop is heard after a flood.
 INBOX_LIMIT = 1_048_576
-"""Maximum bytes that may wait to be executed; beyond it the transport must hold back the rest.
-
-It is far more than any normal use needs, so that a stop is heard after a flood of the same host.
-"""
-
-ANNOUNCED_LIMIT = 65_536
-"""Maximum unread bytes before program messages are lost on that host."""
-
-_PART_WORK, _CHARACTERS_A_VALUE = 4, 2
-"""Cost of scanning a part of the queue, in values: a fixed part, and one for so many characters."""
-
-_REPORT_WORK, _REPORTED_A_VALUE = 10, 3
-"""Cost of a report: a minimum, and one for so many characters."""
-
+ANNOUNCED_LIMIT = 65_536  # maximum unread bytes before program messages are lost on that host
+_PART_WORK, _CHARACTERS_A_VALUE = 4, 2  # cost of a part of the queue: fixed, and per characters
+_REPORT_WORK, _REPORTED_A_VALUE = 10, 3  # cost of a report: a minimum, and one for so many characters
 _ANSWERED = (CR, *REPEAT, *SUM, *RECALL)
 _PART = re.compile(b"[" + bytes((*_ANSWERED, *BACKSPACE)) + b"]")
 """Characters at which the queue is split, so that each of them is charged."""
@@ -51,11 +42,56 @@ _NO_REPORTS = bytes(byte for byte in range(0x100) if byte not in REPORTING)
 _NO_TEXT = bytes(byte for byte in range(0x20) if byte not in (*_ANSWERED, *BACKSPACE))
 
 
+class Share:
+    """The work done for one host."""
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self._cycle = controller.cycles
+        self._lines = self._owed = 0
+        self._turn_lines = self._turn_work = 0
+        self.heavy = False
+
+    @property
+    def turn_over(self) -> bool:
+        """Whether the host has used up its share of this turn."""
+        return self._turn_lines >= LINES_PER_TURN or self._turn_work >= WORK_PER_TURN
+
+    @property
+    def work_over(self) -> bool:
+        """Whether its work share of this turn is used up: not even the next command of a line is begun."""
+        return self._turn_work >= WORK_PER_TURN
+
+    @property
+    def cycle_over(self) -> bool:
+        """Whether it has used up its share of this background cycle."""
+        return self._lines >= LINES_PER_CYCLE or self._owed >= WORK_PER_TURN
+
+    def follow(self) -> None:
+        """Record a background cycle; to be called in each of them."""
+        if self._cycle != self._controller.cycles:
+            self._cycle = self._controller.cycles
+            self._lines = 0
+            self._owed = max(0, self._owed - WORK_PER_CYCLE)
+
+    def spend(self, work: int, lines: int = 0) -> None:
+        """Record work done for the host."""
+        self._owed += work
+        self._lines += lines
+        self._turn_work += work
+        self._turn_lines += lines
+
+    def end_turn(self) -> None:
+        """Reset; `heavy` is whether this turn was a long one."""
+        self.heavy = self._turn_work >= WORK_PER_TURN
+        self._turn_lines = self._turn_work = 0
+
+
 class Port:
     """Bytes in, bytes out. `service` is called once per background cycle, and whenever input has come.
 
-    `lines` are the lines between the controller and its hosts. Once the line is `lost`, its output is discarded.
-    `on_board` is whether an Ethernet board sits between this port and the line.
+    `lines` are the lines between the controller and its hosts, `share` limits its time for this one. Once the line
+    is `lost`, its output is discarded. `on_board` is whether an Ethernet board is between this port and the line.
     """
 
     def __init__(self, controller: Controller, lines: Lines) -> None:
@@ -64,7 +100,7 @@ class Port:
         self._way_in, self._way_out = Carriage(lines, inward=True), Carriage(lines, inward=False)
         self._controller = controller
         self._context = Context(controller)
-        self._share = Share(controller)
+        self.share = Share(controller)
         self._fresh = bytearray()
         self._reports = bytearray()
         self._queue = bytearray()
@@ -95,24 +131,10 @@ class Port:
         """Whether `service` could make progress before the next background cycle."""
         if self.lines.silent or self.lines.slow:
             return False
-        return bool(self._fresh or self._waiting) and self._may_go_on()
-
-    @property
-    def heavy(self) -> bool:
-        """Whether the last turn was a long one, so that others should be served."""
-        return self._share.heavy
-
-    @property
-    def spent(self) -> bool:
-        """Whether the host has had its share of this background cycle."""
-        return self._share.cycle_over
+        return bool(self._fresh or self._waiting) and self._may_continue()
 
     def receive(self, data: bytes) -> None:
-        """Accept bytes from the line of the host. A controller that is shut down discards them.
-
-        Raises:
-            LinkError: `link.lost`, the cable is cut.
-        """
+        """Accept bytes, discard them when shut down. Raises LinkError: `link.lost`, the cable is cut."""
         self._refuse_lost()
         if self._way_in.clear:
             self._fresh += data
@@ -124,11 +146,7 @@ class Port:
         self._fresh += data
 
     def take_output(self) -> bytes:
-        """Return and clear what has arrived at the host.
-
-        Raises:
-            LinkError: `link.lost`, the cable is cut.
-        """
+        """Return and clear what has arrived at the host. Raises LinkError: `link.lost`, the cable is cut."""
         self._refuse_lost()
         return b"".join(self._way_out.carry(self._outbox.take()))
 
@@ -171,39 +189,41 @@ class Port:
         while not self._reports and (found := _REPORT.search(fresh)) is not None:
             self._take(fresh[: found.end()])
             fresh = fresh[found.end() :]
-            if not self._share.turn_over and self._may_go_on():
+            if not self.share.turn_over and self._may_continue():
                 self._report()
         self._take(fresh)
 
     def service(self) -> None:
         """Act on control characters at once, then execute the next few lines."""
-        self._share.follow()
+        self.share.follow()
         self.obey()
         if not self._waiting or self.lines.silent:
-            self._share.end_turn()
+            self.share.end_turn()
             return
         most = self._outbox.waiting + ANSWER_PER_TURN
-        while not self._share.turn_over and self._outbox.waiting <= most and self._may_go_on():
+        while not self.share.turn_over and self._outbox.waiting <= most and self._may_continue():
             if self._reports:
                 self._report()
             elif self._running is not None:
-                self._go_on()
+                self._continue()
             elif self._queue:
                 self._take_apart()
             else:
                 break
-        self._share.end_turn()
+        self.share.end_turn()
+
+    @property
+    def _wording(self) -> replies.Wording:
+        return replies.wording(self._controller.variables)
 
     @property
     def _waiting(self) -> bool:
         return bool(self._reports or self._queue) or self._running is not None
 
-    def _may_go_on(self) -> bool:
-        """Whether this host has some share left in this cycle. A single item is always allowed."""
-        return not self._share.cycle_over or self._alone()
-
-    def _alone(self) -> bool:
-        """Whether the next item is the last one pending."""
+    def _may_continue(self) -> bool:
+        """Whether this host has some share left in this cycle; the last item pending is always allowed."""
+        if not self.share.cycle_over:
+            return True
         found = _PART.search(self._queue)
         if self._reports or self._running is not None:
             return found is None and len(self._reports) + (self._running is not None) == 1
@@ -217,32 +237,28 @@ class Port:
         for _, code in sorted((data.rfind(code), code) for code in ACTING if code in data):
             self._act(code)
         if CONTROL_X in data:
+            # All earlier input and its replies are discarded.
             data = data[data.rfind(CONTROL_X) + 1 :]
-            self._forget()
+            self._clear()
+            if self._controller.variables.i(63):
+                self._outbox.say(bytes((CONTROL_X,)))
         self._reports += data.translate(None, _NO_REPORTS)
         self._queue += data.translate(None, _NO_TEXT)
 
     def _report(self) -> None:
-        """Answer the next control character that has a reply."""
         said = self._act(self._reports.pop(0)) or ""
-        self._share.spend(max(_REPORT_WORK, len(said) // _REPORTED_A_VALUE), lines=1)
+        self.share.spend(max(_REPORT_WORK, len(said) // _REPORTED_A_VALUE), lines=1)
         if answers(self._context):
             self._answer(said)
 
     def _act(self, code: int) -> str | None:
         if code in STOPS:
-            self._controller.pending_commands.clear()
+            self._controller.host.pending_commands.clear()
         try:
             return ACTIONS[code](self._context)
         except PmacError as refusal:
-            self._outbox.reply(end=replies.refused(refusal.code, replies.wording(self._controller.variables)))
+            self._outbox.reply(end=replies.refused(refusal.code, self._wording))
             return None
-
-    def _forget(self) -> None:
-        """Control-X: discard all earlier input and its replies."""
-        self._clear()
-        if self._controller.variables.i(63):
-            self._outbox.say(bytes((CONTROL_X,)))
 
     def _clear(self) -> None:
         self._reports.clear()
@@ -261,13 +277,15 @@ class Port:
         self._add(bytes(self._queue[: min(end, LINE_LIMIT + 1)]))
         del self._queue[: end + len(part)]
         if self.lines.garblings and part in (b"\r", SUM):
-            self._garble()
+            line = self.lines.read(bytes(self._line))
+            self._overlong = self._overlong or len(line) > LINE_LIMIT
+            self._line = bytearray(line[:LINE_LIMIT])
         if part == BACKSPACE:
             del self._line[-1:]
         elif part == SUM:
             self._outbox.reply(bytes((replies.checksum(self._line),)))
         elif part == RECALL:
-            self._share.spend(len(self._last_line) // _REPORTED_A_VALUE)
+            self.share.spend(len(self._last_line) // _REPORTED_A_VALUE)
             self._answer(self._last_line.decode("latin-1"))
         elif part == REPEAT and (self._line or self._context.fills_buffer):
             self._add(part)
@@ -275,33 +293,25 @@ class Port:
             self._begin(self._last_line if part == REPEAT else bytes(self._line))
 
     def _add(self, text: bytes) -> None:
-        """Append to the line as much as it has room for."""
         room = LINE_LIMIT - len(self._line)
         self._overlong = self._overlong or len(text) > room
         self._line += text[:room]
-        self._share.spend(_PART_WORK + len(text) // _CHARACTERS_A_VALUE)
-
-    def _garble(self) -> None:
-        """Replace the received line by another one, which must also fit."""
-        line = self.lines.read(bytes(self._line))
-        self._overlong = self._overlong or len(line) > LINE_LIMIT
-        self._line = bytearray(line[:LINE_LIMIT])
+        self.share.spend(_PART_WORK + len(text) // _CHARACTERS_A_VALUE)
 
     def _begin(self, line: bytes) -> None:
-        """Execute a line, as far as the turn allows."""
         overlong, self._overlong = self._overlong, False
         self._line.clear()
         self._running_line, self._last_line = line, line or self._last_line
-        self._share.spend(0, lines=1)
+        self.share.spend(0, lines=1)
         self._context.lines.clear()
         if overlong:
             refusal = PmacError(ErrorCode.DATA_ERROR, f"a line of more than {LINE_LIMIT} characters")
             self._end_line(refusal, heard=answers(self._context))
             return
         self._running = commands(line.decode("latin-1"), self._context)
-        self._go_on()
+        self._continue()
 
-    def _go_on(self) -> None:
+    def _continue(self) -> None:
         """Execute the remaining commands of the line, as far as the turn allows."""
         assert self._running is not None
         refusal, heard = None, True
@@ -309,10 +319,9 @@ class Port:
             while True:
                 next(self._running)
                 self._spend_work()
-                if self._share.work_over:
+                if self.share.work_over:
                     # The replies so far are sent; the rest of the line gets its next turn.
-                    how = replies.wording(self._controller.variables)
-                    self._outbox.begin(replies.data(self._context.lines, how))
+                    self._outbox.begin(replies.data(self._context.lines, self._wording))
                     self._context.lines.clear()
                     return
         except StopIteration as done:
@@ -324,24 +333,23 @@ class Port:
         self._end_line(refusal, heard)
 
     def _spend_work(self) -> None:
-        self._share.spend(self._context.work)
+        self.share.spend(self._context.work)
         self._context.work = 0
 
     def _end_line(self, refusal: PmacError | None, heard: bool) -> None:
         """Answer a line. This very line may have changed I3, I4 and I6; the reply follows the new values."""
-        how = replies.wording(self._controller.variables)
+        how = self._wording
         data, summed = replies.data(self._context.lines, how), how.checksums
         if refusal is not None:
             self._outbox.reply(data, replies.refused(refusal.code, how), summed=summed)
         elif heard:
-            checksum = replies.line_checksum(self._running_line, how)
+            checksum = bytes([replies.checksum(self._running_line)]) if summed else b""
             self._outbox.reply(data, how.acknowledgement, checksum, summed=summed)
         else:
             self._outbox.reply(data, summed=summed)
 
     def _answer(self, line: str) -> None:
-        """Answer a control character."""
-        how = replies.wording(self._controller.variables)
+        how = self._wording
         self._outbox.reply(replies.data((line,), how), summed=how.checksums)
 
     def _refuse_lost(self) -> None:

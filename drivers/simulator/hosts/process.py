@@ -62,8 +62,7 @@ class SimulatorProcess:
         Chuck and tool are mounted at random, and the simulated hardware is that of `plant` (see `plant_named`);
         with a `seed`, the same each time.
 
-        Raises:
-            LinkError: `simulator.not_started`.
+        Raises LinkError: `simulator.not_started`.
         """
         plant = os.path.abspath(plant) if plant.endswith(".toml") else plant
         arguments = ["--machine", os.path.abspath(machine_path), "--plant", plant]
@@ -80,19 +79,11 @@ class SimulatorProcess:
         return cls(child, SerialAddress(device=device))
 
     def mount(self, job: Job) -> None:
-        """Clamp a new blank for a job.
-
-        Raises:
-            LinkError: `simulator.gone`, `simulator.refused`.
-        """
+        """Clamp a new blank for a job. Raises LinkError: `simulator.gone`, `simulator.refused`."""
         self._ask("mount", job={key: value for key, value in asdict(job).items() if value is not None})
 
     def measure(self) -> Trace:
-        """Release the part and take its trace in the middle of the cut.
-
-        Raises:
-            LinkError: `simulator.gone`; `simulator.refused`, no part is mounted.
-        """
+        """Release the part; take its trace. Raises LinkError: `simulator.gone`; `simulator.refused`, no part."""
         import numpy as np
 
         from profiles.traces import Trace
@@ -105,11 +96,7 @@ class SimulatorProcess:
         return Trace(angle_deg=angle_deg, deviation_um=deviation_um, meta=MappingProxyType(said["meta"]))
 
     def look(self) -> WorkshopView:
-        """Return what an operator sees at the chuck.
-
-        Raises:
-            LinkError: `simulator.gone`.
-        """
+        """Return what an operator sees at the chuck. Raises LinkError: `simulator.gone`."""
         said = self._ask("look")
         return WorkshopView(**{**said, "collisions": tuple(said["collisions"])})
 
@@ -122,11 +109,7 @@ class SimulatorProcess:
         self._ask("spindle", rpm=rpm)
 
     def fault(self, line: str) -> str:
-        """Send a fault command as on the control socket; return the lines of the reply.
-
-        Raises:
-            LinkError: `simulator.gone`; `simulator.refused`, with the allowed range.
-        """
+        """Send a fault command; return the reply. Raises LinkError: `simulator.gone`, `simulator.refused`."""
         if len(line.encode("utf-8", "replace")) > LONGEST_LINE:
             raise self._error("simulator.refused", "fault", f"a line has at most {LONGEST_LINE} bytes")
         return str(self._ask("fault", line=line)["said"])
@@ -224,5 +207,4 @@ class _Child:
 
 
 def _plain(error: Exception) -> str:
-    """Return the reason of an error without its number."""
     return (isinstance(error, OSError) and error.strerror) or str(error)

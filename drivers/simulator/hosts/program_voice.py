@@ -10,25 +10,23 @@ from collections.abc import Sequence
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.plcs.plc import Addressed
 from drivers.simulator.card.controller import Controller
-from drivers.simulator.commands.control_characters import ACTIONS
-from drivers.simulator.commands.line import execute
+from drivers.simulator.commands.line import commands
+from drivers.simulator.commands.status import ACTIONS
 from drivers.simulator.context import ALL_CARDS, Context
 from drivers.simulator.hosts import replies
-from drivers.simulator.hosts.port import Port
-from drivers.simulator.hosts.share import WORK_PER_TURN
+from drivers.simulator.hosts.port import WORK_PER_TURN, Port
 
-COMMANDS_PER_CYCLE = 16
-"""Maximum program commands per background cycle, fewer when they are costly."""
+COMMANDS_PER_CYCLE = 16  # maximum program commands per background cycle, fewer when they are costly
 
 
 def speak(controller: Controller, ports: Sequence[Port]) -> None:
     """Execute the programs' requests since the last cycle."""
-    commands, messages = controller.pending_commands, controller.host_messages
-    if not commands and not messages:
+    pending, messages = controller.host.pending_commands, controller.host.host_messages
+    if not pending and not messages:
         return
     done = work = 0
-    while commands and done < COMMANDS_PER_CYCLE and work < WORK_PER_TURN:
-        said, cost = _command(controller, *commands.popleft())
+    while pending and done < COMMANDS_PER_CYCLE and work < WORK_PER_TURN:
+        said, cost = _command(controller, *pending.popleft())
         done, work = done + 1, work + cost
         if said:
             _announce(said, ports)
@@ -38,29 +36,23 @@ def speak(controller: Controller, ports: Sequence[Port]) -> None:
 
 
 def _command(controller: Controller, text: str, port: str, addressed: Addressed) -> tuple[bytes, int]:
-    """Execute a command as from a host with these addresses; return the output, and the cost.
-
-    Data is sent only when the program named a port for it.
-    """
-    context = Context(
-        controller,
-        motor_number=addressed.motor,
-        system_number=addressed.system,
-        card_number=ALL_CARDS,
-    )
+    """Execute a command as from a host; return the cost, and the output, data only for a named port."""
+    motor, system = addressed.motor, addressed.system
+    context = Context(controller, motor_number=motor, system_number=system, card_number=ALL_CARDS)
     try:
         if len(text) == 1 and ord(text) < ord(" "):
             action = ACTIONS.get(ord(text))
             report = action(context) if action is not None else None
-            context.lines.extend([report] if report is not None else [])
+            context.lines += [report] if report is not None else []
         else:
-            execute(text, context)
+            for _ in commands(text, context):
+                pass
     except PmacError as refusal:
-        return replies.complaint(refusal.code, replies.wording(controller.variables)), context.work
-    if not port:
-        return b"", context.work
+        how = replies.wording(controller.variables)
+        # With I6 = 2 only hosts get error messages.
+        return b"" if how.errors == 2 else replies.refused(refusal.code, how), context.work
     how = replies.wording(controller.variables)
-    return b"".join(replies.message(line, how) for line in context.lines), context.work
+    return b"".join(replies.message(line, how) for line in context.lines if port), context.work
 
 
 def _announce(said: bytes, ports: Sequence[Port]) -> None:

@@ -10,17 +10,16 @@ import tty
 from contextlib import suppress
 from pathlib import Path
 
-from drivers.simulator.commands.control_characters import CONTROL_X
+from drivers.simulator.commands.status import CONTROL_X
 from drivers.simulator.hosts.connection import SLOW_READER, UNREAD_LIMIT, PlainStream, Turns
 from drivers.simulator.machine import SimulatedLathe
 
 FOLDER, NAME = "trilobe-", "pmac"
-
 CHUNK = 4096
 
 
 class PtyHost:
-    """The only host of the line; `device` is the stable name that it opens.
+    """The only host of the line; `device` is the stable name that it opens, in a folder with owner-only access.
 
     Like a serial line it always exists: input left by one host is seen by the next one. Only a cut cable hangs it
     up. Then the name disappears, and returns with another pseudo-terminal. `heard_s` is the time of the host's
@@ -28,26 +27,17 @@ class PtyHost:
     """
 
     def __init__(self, lathe: SimulatedLathe) -> None:
-        """Create the pseudo-terminal, and listen on it in the running event loop.
-
-        Raises:
-            OSError: it cannot be done.
-        """
+        """Create the pseudo-terminal, and listen on it in the running event loop. Raises OSError."""
         self._lathe = lathe
         self._loop = asyncio.get_running_loop()
         self._open = False
-        self._name = StableName()
+        self.device = os.path.join(tempfile.mkdtemp(prefix=FOLDER), NAME)
         self.heard_s: float | None = None
         try:
             self._plug_in()
         except OSError:
             remove_name(self.device)
             raise
-
-    @property
-    def device(self) -> str:
-        """The stable device name, whichever pseudo-terminal that is."""
-        return self._name.path
 
     def flush(self) -> None:
         """Send the controller's replies as the line accepts them, and resume reading when it has room again.
@@ -71,7 +61,8 @@ class PtyHost:
         if not self._open:
             return
         self._open = False
-        self._name.withdraw()
+        with suppress(OSError):
+            os.unlink(self.device)
         self._turns.end()
         self._loop.remove_reader(self._line)
         os.close(self._line)
@@ -82,7 +73,7 @@ class PtyHost:
         self._line, self._far_end = os.openpty()
         try:
             tty.setraw(self._far_end)
-            self._name.point_at(os.ttyname(self._far_end))
+            _point_at(self.device, os.ttyname(self._far_end))
         except OSError:
             os.close(self._line)
             os.close(self._far_end)
@@ -136,31 +127,11 @@ class PtyHost:
         self._reading = target
 
 
-class StableName:
-    """A symbolic link in a temporary folder with owner-only access."""
-
-    def __init__(self) -> None:
-        """Create the folder.
-
-        Raises:
-            OSError: it cannot be done.
-        """
-        self.path = os.path.join(tempfile.mkdtemp(prefix=FOLDER), NAME)
-
-    def point_at(self, device: str) -> None:
-        """Point to a device, without ever being absent once it exists.
-
-        Raises:
-            OSError: it cannot be done.
-        """
-        fresh = f"{self.path}.new"
-        os.symlink(device, fresh)
-        os.replace(fresh, self.path)
-
-    def withdraw(self) -> None:
-        """Remove the link."""
-        with suppress(OSError):
-            os.unlink(self.path)
+def _point_at(name: str, device: str) -> None:
+    """Let a symbolic link lead to a device, without ever being absent once it exists."""
+    fresh = f"{name}.new"
+    os.symlink(device, fresh)
+    os.replace(fresh, name)
 
 
 def remove_name(path: str) -> None:

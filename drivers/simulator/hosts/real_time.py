@@ -8,35 +8,19 @@ longer silences are real ones.
 from __future__ import annotations
 
 import asyncio
-import math
 import signal
 import time
-from collections import deque
 from collections.abc import Callable, Collection, Coroutine
 from typing import Any, Protocol
 
-KEPT = 20_000
-"""Number of delays that are kept, the latest: at 5 ms a tick, those of 100 s."""
-
 TICK_S = 0.005
-MOST_CATCH_UP_S = 0.1
-"""Maximum real time made up for in one tick; a process that was suspended for longer loses the rest."""
-
-SLICE_S = 0.01
-"""Simulated time advanced in one go: in between, hosts and signals are served."""
-
-HEARD_S = 0.18
-"""How far time runs without input from the host: shorter than a watchdog timeout that has just been renewed."""
-
-PATIENCE_S = 2.0
-"""How long a silence is attributed to the computer."""
+MOST_CATCH_UP_S = 0.1  # most real time made up for in one tick; a suspended process loses the rest
+SLICE_S = 0.01  # simulated time advanced in one go: in between, hosts and signals are served
+HEARD_S = 0.18  # how far time runs without input: shorter than a watchdog timeout just renewed
+PATIENCE_S = 2.0  # how long a silence is attributed to the computer
 
 
-class Advanced(Protocol):
-    """An object whose time is advanced."""
-
-    def wait(self, seconds: float) -> None:
-        """Advance it."""
+Advance = Callable[[float], None]  # advances the time of a lathe by so many seconds
 
 
 class Host(Protocol):
@@ -66,43 +50,18 @@ class WallClock:
         await asyncio.sleep(seconds)
 
 
-class LagRecord:
-    """Delays in s. It never grows beyond `KEPT`."""
-
-    def __init__(self) -> None:
-        self._delays_s: deque[float] = deque(maxlen=KEPT)
-
-    def __len__(self) -> int:
-        return len(self._delays_s)
-
-    def add(self, delay_s: float) -> None:
-        """Record one more delay."""
-        self._delays_s.append(delay_s)
-
-    def quantile_s(self, share: float) -> float:
-        """Return the least delay that the fraction `share` (0 to 1) of the delays do not exceed.
-
-        Raises:
-            ValueError: nothing has been recorded.
-        """
-        if not self._delays_s:
-            raise ValueError("no delays")
-        ordered = sorted(self._delays_s)
-        return ordered[max(math.ceil(share * len(ordered)), 1) - 1]
-
-
 async def keep_time(
-    lathe: Advanced,
+    advance: Advance,
     hosts: Collection[Host],
     *endings: Coroutine[Any, Any, object],
     speed: float = 1.0,
-    lag: LagRecord | None = None,
+    lags_s: list[float] | None = None,
 ) -> None:
     """Keep simulated time in step with real time until one of `endings` is over; raise its error.
 
-    Simulated time runs `speed` times as fast. The delay of each tick is recorded in `lag`.
+    Simulated time runs `speed` times as fast. The delay of each tick is appended to `lags_s`.
     """
-    clock = run_clock(lathe, hosts, WallClock(), speed, LagRecord() if lag is None else lag)
+    clock = run_clock(advance, hosts, WallClock(), speed, lags_s)
     tasks = {asyncio.create_task(work) for work in (clock, *endings)}
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -114,32 +73,31 @@ async def keep_time(
 
 
 async def run_clock(
-    lathe: Advanced, hosts: Collection[Host], clock: WallClock, speed: float, lag: LagRecord
+    advance: Advance, hosts: Collection[Host], clock: WallClock, speed: float, lags_s: list[float] | None = None
 ) -> None:
     """Advance a tick at a time, without an end."""
     last_s = clock.now_s()
     while True:
         await clock.sleep(max(last_s + TICK_S - clock.now_s(), 0.0))
         now_s = clock.now_s()
-        lag.add(now_s - last_s - TICK_S)
+        if lags_s is not None:
+            lags_s.append(now_s - last_s - TICK_S)
         behind_s = min(now_s - last_s, MOST_CATCH_UP_S) * speed
         last_s = now_s
         while behind_s > 0.0:
-            lathe.wait(min(behind_s, SLICE_S))
+            advance(min(behind_s, SLICE_S))
             behind_s -= SLICE_S
             for host in tuple(hosts):
                 host.flush()
             await clock.sleep(0.0)
 
 
-class PatientTime:
-    """Advances a lathe unless it waits for its host. `heard_s` is the time of its last input, None: never."""
+def patient(advance: Advance, heard_s: Callable[[], float | None], now_s: Callable[[], float]) -> Advance:
+    """Skip time while a lathe waits for its host. `heard_s` is the time of its last input, None: never."""
 
-    def __init__(self, lathe: Advanced, heard_s: Callable[[], float | None], now_s: Callable[[], float]) -> None:
-        self._lathe, self._heard_s, self._now_s = lathe, heard_s, now_s
+    def wait(seconds: float) -> None:
+        last_s = heard_s()
+        if last_s is None or not HEARD_S < now_s() - last_s < PATIENCE_S:
+            advance(seconds)
 
-    def wait(self, seconds: float) -> None:
-        """Advance it, or skip the time while it waits."""
-        heard_s = self._heard_s()
-        if heard_s is None or not HEARD_S < self._now_s() - heard_s < PATIENCE_S:
-            self._lathe.wait(seconds)
+    return wait

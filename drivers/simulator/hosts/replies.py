@@ -11,31 +11,23 @@ from dataclasses import dataclass
 from drivers.pmac.variables import VariableStore
 
 STX, ACK, BELL, LF, CR = b"\x02", b"\x06", b"\x07", b"\n", b"\r"
-
 _BITS = 3
-_LINE_FEEDS = 1
-"""The bit of I3 that puts line feeds before data, and instead of a missing acknowledgement."""
+_LINE_FEEDS = 1  # the bit of I3 that puts line feeds before data, and instead of a missing acknowledgement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wording:
-    """The present settings. Values above 3 wrap in their effect."""
+    """The present settings; values above 3 wrap in their effect.
 
-    handshake: int
+    `lead` is the prefix of each line of data, `acknowledgement` that of a line.
+    """
+
+    lead: bytes
+    acknowledgement: bytes
     checksums: bool
     errors: int
     silent_end: bool
     marked: bool
-
-    @property
-    def lead(self) -> bytes:
-        """Prefix of each line of data."""
-        return LF if self.handshake in (1, 3) else b""
-
-    @property
-    def acknowledgement(self) -> bytes:
-        """The acknowledgement of a line."""
-        return (b"", LF, ACK, ACK)[self.handshake]
 
 
 def wording(variables: VariableStore) -> Wording:
@@ -46,7 +38,8 @@ def wording(variables: VariableStore) -> Wording:
     if switch is not None and i(switch):
         handshake &= ~_LINE_FEEDS
     return Wording(
-        handshake=handshake,
+        lead=LF if handshake & _LINE_FEEDS else b"",
+        acknowledgement=(b"", LF, ACK, ACK)[handshake],
         checksums=bool(int(i(4)) & 1),
         errors=int(i(6)) & _BITS,
         silent_end=i(62) != 0.0,
@@ -56,20 +49,11 @@ def wording(variables: VariableStore) -> Wording:
 
 def data(lines: Iterable[str], how: Wording) -> bytes:
     """Return lines of data, each with its end and, where enabled, with a checksum of all its bytes."""
-    lead, said = how.lead, bytearray()
+    lead, end = how.lead.decode("ascii"), CR.decode("ascii")
     if not how.checksums:
-        before, behind = lead.decode("ascii"), CR.decode("ascii")
-        return "".join([f"{before}{line}{behind}" for line in lines]).encode("ascii", "replace")
-    for line in lines:
-        sent = lead + line.encode("ascii", "replace") + CR
-        said += sent
-        said.append(checksum(sent))
-    return bytes(said)
-
-
-def line_checksum(line: bytes, how: Wording) -> bytes:
-    """Return the checksum of a line that is accepted; it follows the acknowledgement."""
-    return bytes([checksum(line)]) if how.checksums else b""
+        return "".join([f"{lead}{line}{end}" for line in lines]).encode("ascii", "replace")
+    sent = [f"{lead}{line}{end}".encode("ascii", "replace") for line in lines]
+    return b"".join([line + bytes([checksum(line)]) for line in sent])
 
 
 def refused(code: int, how: Wording) -> bytes:
@@ -88,11 +72,6 @@ def message(text: str, how: Wording) -> bytes:
     """Return an unsolicited program message: without an acknowledgement."""
     mark = STX if how.marked else b""
     return mark + how.lead + text.encode("ascii", "replace") + (b"" if how.silent_end else CR)
-
-
-def complaint(code: int, how: Wording) -> bytes:
-    """Return the error of a program's command; with I6 = 2 only hosts get error messages."""
-    return b"" if how.errors == 2 else refused(code, how)
 
 
 def checksum(sent: bytes | bytearray) -> int:

@@ -13,11 +13,10 @@ from functools import partial
 
 from drivers.errors import LinkError
 from drivers.link.address import SerialAddress, TcpAddress
-from drivers.simulator.ethernet.board import Board
-from drivers.simulator.ethernet.session import EthernetSession
 from drivers.simulator.hosts.connection import Connection, PlainStream
 from drivers.simulator.hosts.control_address import PREFIX, ControlAddress
 from drivers.simulator.hosts.control_socket import listen_for_control
+from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.hosts.pty import PtyHost
 from drivers.simulator.hosts.real_time import Host, ending_signals, keep_time
 from drivers.simulator.machine import SimulatedLathe
@@ -26,10 +25,7 @@ from profiles.problem import Problem
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listeners:
-    """Listening addresses: `tcp` is the ASCII stream, `ethernet` the requests of the Ethernet board.
-
-    `control` is the control socket for faults.
-    """
+    """Listening addresses: `tcp` for ASCII, `ethernet` for requests of the board, `control` for faults."""
 
     tcp: TcpAddress | None = None
     ethernet: TcpAddress | None = None
@@ -42,8 +38,7 @@ def serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], No
 
     Once all of them accept connections, `ready` is called with each address, such as `tcp:127.0.0.1:1025`.
 
-    Raises:
-        LinkError: `link.cannot_listen`.
+    Raises LinkError: `link.cannot_listen`.
     """
     asyncio.run(_serve(lathe, listeners, ready, speed))
 
@@ -55,23 +50,19 @@ async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[s
         addresses = [address async for address in listen(lathe, listeners, hosts, opened)]
         for address in addresses:
             ready(address)
-        await keep_time(lathe, hosts, ended.wait(), speed=speed)
+        await keep_time(lathe.wait, hosts, ended.wait(), speed=speed)
         for connected in tuple(hosts):
             connected.flush()
 
 
 async def listen(
-    lathe: SimulatedLathe,
-    listeners: Listeners,
-    hosts: set[Host],
-    opened: ExitStack,
+    lathe: SimulatedLathe, listeners: Listeners, hosts: set[Host], opened: ExitStack
 ) -> AsyncIterator[str]:
     """Listen at all addresses; yield the bound addresses. `opened` closes them.
 
     Whatever advances the time of the lathe has to `flush` the `hosts` then.
 
-    Raises:
-        LinkError: `link.cannot_listen`.
+    Raises LinkError: `link.cannot_listen`.
     """
     board = Board()
     if listeners.tcp:
@@ -95,7 +86,6 @@ async def listen(
 
 
 async def _bind(kind: str, address: TcpAddress, connect: Callable[[], Connection], opened: ExitStack) -> str:
-    """Listen on a socket; return the address that was bound."""
     try:
         server = await asyncio.get_running_loop().create_server(connect, address.host, address.port)
     except OSError as error:

@@ -1,28 +1,79 @@
-"""An axis of the simulated lathe: an ideal follower, its scale, and the hard stops at its ends. Motor counts."""
+"""What a motor drives: an axis, ideal or not, its scale, and the hard stops at its ends. Motor counts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
+# The reading for a true position, both in counts: the built-in itself, because it is in the innermost loop of all.
 read_encoder: Callable[[float], int] = round
-"""The reading for a true position, both in counts, rounded to the nearest integer. An alias for the Python
-built-in, because it is in the innermost loop of all.
-"""
-
 DRAWN_AT_ONCE = 4096
+OPEN_LOOP_COUNTS_PER_S = 100_000.0  # speed of an ideal axis at full output, reached as it coasts
+BARE_COAST_S = 0.1  # coasting time constant of an axis without a machine
+BARE_ORIGIN = 500.0  # position of such an axis at power-up, in counts from a home trigger
 
-OPEN_LOOP_COUNTS_PER_S = 100_000.0
-"""Speed of an ideal axis at full open-loop output; it settles with the time constant of its coasting."""
 
-BARE_COAST_S = 0.1
-"""Coasting time constant of an axis without a machine."""
+class Axis(Protocol):
+    """The axis that a motor of the simulated controller drives.
 
-BARE_ORIGIN = 500.0
-"""Position of such an axis at power-up, in counts from a home trigger."""
+    Positions are motor counts; `origin` is the machine position of motor zero, so that homing can shift the zero
+    without moving the axis. While `encoder_lost`, the encoder does not count and a closed loop sees its last
+    reading; while `jammed`, the axis stands still whatever the force.
+    """
+
+    origin: float
+    encoder_lost: bool
+    jammed: bool
+
+    def close_loop(self) -> float:
+        """Hold the present position; return it as the commanded one, in motor counts."""
+
+    def follow(self, commands: Sequence[float]) -> list[float]:
+        """Run one servo cycle per command (counts); return the true position at each cycle."""
+
+    def push(self, output: float, cycles: int) -> list[float]:
+        """Run `cycles` in open loop; `output` is the fraction of Ix69, -1 to 1. Return the true positions."""
+
+    def coast(self, cycles: int) -> list[float]:
+        """Run `cycles` with the amplifier disabled; return the true position at each cycle."""
+
+    def rebase(self, counts: float) -> None:
+        """Make the present `counts` the new zero of the motor; the axis does not move."""
+
+
+class EncoderAxis:
+    """The state that every axis has, in counts: its zero, where it is, and what its encoder reads.
+
+    `at_end` is whether an end of its travel has held the axis in the last block.
+    """
+
+    def __init__(self, origin: float) -> None:
+        self.origin = origin
+        self.encoder_lost = False
+        self.jammed = False
+        self.at_end = False
+        self._x = 0.0
+        self._reading = 0.0  # the last one, while the encoder does not count
+        self._blind = False  # whether the encoder was lost when it was last read
+
+    def rebase(self, counts: float) -> None:
+        """Shift the motor's zero by `counts`.
+
+        An encoder that counts again continues from its last reading: the zero moves, the reading does not.
+        """
+        self.origin += counts
+        self._x -= counts
+        if self._blind and not self.encoder_lost:
+            self._blind = False
+        else:
+            self._shift_reading(counts)
+
+    def _shift_reading(self, counts: float) -> None:
+        self._reading -= counts
 
 
 class Scale:
@@ -48,23 +99,17 @@ class NoisyScale(Scale):
         return round(place + self.now)
 
 
-class IdealAxis:
+class IdealAxis(EncoderAxis):
     """An axis that is at its commanded position; disabled, it coasts with a time constant.
 
     It has no mass: jammed, or at an end of its travel, it stands, and once freed, it is at once at its commanded
-    position. `at_end` is whether an end held it in the last block.
+    position.
     """
 
     def __init__(self, cycle_s: float, coast_s: float, origin: float = 0.0, ends: Ends | None = None) -> None:
-        self.origin = origin
-        self.encoder_lost = False
-        self.jammed = False
-        self.at_end = False
+        super().__init__(origin)
         self._ends = ends
-        self._x = 0.0
-        self._reading = 0.0  # the last one, while the encoder does not count
-        self._unseen = 0.0  # its distance from there when its loop was closed on it
-        self._blind = False
+        self._unseen = 0.0  # its distance from a lost reading when its loop was closed on that
         self._step = 0.0
         self._keep = math.exp(-cycle_s / coast_s)
         self._full_step = OPEN_LOOP_COUNTS_PER_S * cycle_s
@@ -79,16 +124,10 @@ class IdealAxis:
         return self._reading
 
     def rebase(self, counts: float) -> None:
-        """Shift the motor's zero by `counts`.
-
-        An encoder that counts again continues from its last reading: the zero moves, the reading does not.
-        """
-        self.origin += counts
-        self._x -= counts
+        """Shift the motor's zero by `counts`."""
         if self._blind and not self.encoder_lost:
-            self._blind, self._unseen = False, 0.0
-            return
-        self._reading -= counts
+            self._unseen = 0.0
+        super().rebase(counts)
 
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Follow the commands; without an encoder, with the offset present when the loop was closed."""
@@ -117,7 +156,6 @@ class IdealAxis:
         return self.push(0.0, cycles)
 
     def _within(self, positions: list[float]) -> list[float]:
-        """Stop at the ends of travel, and read the encoder."""
         ends, self.at_end = self._ends, False
         if ends is not None and positions and ends.holds(self._x + self.origin) != self._x + self.origin:
             positions = [ends.holds(position + self.origin) - self.origin for position in positions]
@@ -130,11 +168,6 @@ class IdealAxis:
     def _stand(self, cycles: int) -> list[float]:
         self._step = 0.0
         return [self._x] * cycles
-
-
-def bare_axis(cycle_s: float) -> IdealAxis:
-    """Return an axis without mechanics, for a motor that the machine does not use."""
-    return IdealAxis(cycle_s, BARE_COAST_S, origin=BARE_ORIGIN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

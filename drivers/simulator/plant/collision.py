@@ -11,21 +11,13 @@ from enum import StrEnum
 
 from profiles.job import Job
 
-TOUCH_MM = 0.05
-"""Depth of the tip in a standing part up to which it is a mere touch that marks, not a crash."""
-
-TOOL_TAKES_MM = 1.0
-"""Permitted depth beyond the cut of its job, on the radius. A choice, for an insert of a finishing cut."""
-
-MOST_FEED_MM_PER_TURN = 1.0
-"""The largest feed that a job may have. A tool that enters material faster is not cutting."""
-
-STANDS_TURNS = 1e-5
-"""A spindle that turns less than this in a servo cycle stands: 1.4 rpm at 442 us."""
+TOUCH_MM = 0.05  # depth of the tip in a standing part up to which it is a mere touch that marks, not a crash
+TOOL_TAKES_MM = 1.0  # permitted depth beyond the job's cut, on the radius: a choice, for finishing
+MOST_FEED_MM_PER_TURN = 1.0  # largest feed of a job; a tool that enters material faster does not cut
+STANDS_TURNS = 1e-5  # a spindle that turns less than this in a servo cycle stands: 1.4 rpm at 442 us
 
 
-BACK_TURNS = 0.05
-"""Permitted backward rotation of the spindle in the cut: a servo after a hard stop comes back by 6 deg."""
+BACK_TURNS = 0.05  # permitted backward rotation in the cut: after a hard stop a servo comes back by 6 deg
 
 
 class CollisionKind(StrEnum):
@@ -69,10 +61,6 @@ class Clamped:
     deepest_mm: float
     free_end_mm: float
 
-    def deeper_than_its_cut(self, radius_mm: float) -> bool:
-        """Whether a radius is deeper than the job's cut, and than a touch."""
-        return radius_mm < self.deepest_mm + TOOL_TAKES_MM - TOUCH_MM
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Track:
@@ -85,8 +73,7 @@ class Track:
     cycle_ms: float
 
 
-SurfaceAt = Callable[[float, float], float]
-"""The radius of the clamped surface at a place: spindle turns and Z."""
+SurfaceAt = Callable[[float, float], float]  # the radius of the clamped surface at a place: spindle turns and Z
 
 
 def clamped(job: Job, jaw_face_mm: float) -> Clamped:
@@ -100,7 +87,7 @@ def clamped(job: Job, jaw_face_mm: float) -> Clamped:
     )
 
 
-def _met(turned: float, back: float, fed_mm: float, infed_mm: float) -> CollisionKind | None:
+def _kind_of(turned: float, back: float, fed_mm: float, infed_mm: float) -> CollisionKind | None:
     """Return the collision of such a motion in material, in a servo cycle; None for a cut.
 
     The spindle has `turned` in this cycle, and is `back` from its furthest position in this material.
@@ -140,20 +127,17 @@ class CollisionWatch:
             self._report(CollisionKind.END_OF_TRAVEL, track, len(track.radius_mm) - 1)
         least_mm, part = min(track.radius_mm), self._part
         if max(track.z_mm) > self._jaw_face_mm and least_mm <= self._jaw_outer_mm:
-            self._look_at_jaws(track)
+            for at, (radius_mm, z_mm) in enumerate(zip(track.radius_mm, track.z_mm, strict=True)):
+                if z_mm > self._jaw_face_mm and radius_mm <= self._jaw_outer_mm:
+                    self._report(CollisionKind.JAWS, track, at)
+                    break
         if part is not None and least_mm < part.radius_mm - TOUCH_MM:
-            self._look_at_part(track, part)
+            self._check_part(track, part)
         else:
             self._furthest = None
         self._before = (track.turns[-1], track.z_mm[-1], track.radius_mm[-1])
 
-    def _look_at_jaws(self, track: Track) -> None:
-        for at, (radius_mm, z_mm) in enumerate(zip(track.radius_mm, track.z_mm, strict=True)):
-            if z_mm > self._jaw_face_mm and radius_mm <= self._jaw_outer_mm:
-                self._report(CollisionKind.JAWS, track, at)
-                return
-
-    def _look_at_part(self, track: Track, part: Clamped) -> None:
+    def _check_part(self, track: Track, part: Clamped) -> None:
         """Check the cheap conditions first: in a cut, radius and feed decide all of them."""
         turns_before, z_before, radius_before = self._before or (track.turns[0], track.z_mm[0], track.radius_mm[0])
         for at, radius_mm in enumerate(track.radius_mm):
@@ -168,8 +152,9 @@ class CollisionWatch:
                 self._report(CollisionKind.THROUGH_WALL, track, at)
             if radius_mm < part.deepest_mm:
                 self._report(CollisionKind.TOO_DEEP, track, at)
-            infed_mm = infed_mm if part.deeper_than_its_cut(radius_mm) else 0.0
-            kind = _met(turned, self._furthest - turns, fed_mm, infed_mm)
+            # Within the job's cut, or a touch deeper, any infeed is permitted.
+            infed_mm = infed_mm if radius_mm < part.deepest_mm + TOOL_TAKES_MM - TOUCH_MM else 0.0
+            kind = _kind_of(turned, self._furthest - turns, fed_mm, infed_mm)
             if kind is not None and not self._knows(kind):
                 if radius_mm < self._surface_at(turns, z_mm) - TOUCH_MM:
                     self._report(kind, track, at)

@@ -1,15 +1,15 @@
 """A mass driven by a current amplifier: the slide of a linear motor, or the rotor of a spindle motor.
 
-It is described in axis units, motor counts and DAC bits, so that one loop serves both.
+It is described in axis units, motor counts and DAC bits, so that one loop serves both. On dry guides, and with a
+current that lags, its motion is exact through a servo cycle, stop and start included.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-NO_DAMPING = 1e-6
-"""Fraction of its speed that a mass loses in a servo cycle, below which the formulas with damping cancel out."""
+NO_DAMPING = 1e-6  # loss of speed in a servo cycle below which the formulas with damping cancel out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,3 +90,89 @@ def rotary_motor(
         peak_output_bits=peak_output_bits,
         friction=friction_n_m / inertia_kg_m2 * counts_per_rad,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CurrentLag:
+    """Effect of a current lag within a servo cycle; exact for a constant command.
+
+    The difference d between the force and its command decays as d exp(-t / lag). At the end of the cycle `left` of
+    it remains; `mean` is its mean over the cycle. Compared with that constant mean, it moves the mass by an
+    additional `more_x` d and its speed by `more_v` d, because more of it comes early (counts and counts/s, d in
+    counts/s2).
+    """
+
+    left: float
+    mean: float
+    more_x: float
+    more_v: float
+
+
+def current_lag(mass: DrivenMass, cycle_s: float, lag_s: float) -> CurrentLag:
+    """Return the lag of a first-order current loop with the time constant `lag_s`, above 0, through one cycle.
+
+    With r = damping over mass: v = (exp(-T/lag) - exp(-r T)) / (r - 1/lag), x = (lag (1 - exp(-T/lag)) - v) / r.
+    """
+    left, rate = math.exp(-cycle_s / lag_s), mass.damping_per_s
+    impulse_s = lag_s * (1.0 - left)
+    if rate * cycle_s < NO_DAMPING:
+        v, x = impulse_s, lag_s * (cycle_s - impulse_s)
+    else:
+        v = (left - math.exp(-rate * cycle_s)) / (rate - 1.0 / lag_s)
+        x = (impulse_s - v) / rate
+    mean = impulse_s / cycle_s
+    held = mass.held(cycle_s)
+    per_unit = 1.0 / mass.acceleration_per_bit if mass.acceleration_per_bit else 0.0
+    return CurrentLag(
+        left=left, mean=mean, more_x=x - mean * held.push_x * per_unit, more_v=v - mean * held.push_v * per_unit
+    )
+
+
+class DrySlide:
+    """One servo cycle of a mass with viscous damping and Coulomb friction under a constant force.
+
+    With `lag_s` the force follows its command with that time constant, which is exact while the mass slides; a
+    stop or a start within the cycle uses the mean of the force.
+    """
+
+    def __init__(self, mass: DrivenMass, cycle_s: float, lag_s: float = 0.0) -> None:
+        self._one = replace(mass, acceleration_per_bit=1.0)
+        self._friction = mass.friction
+        self._per_bit = mass.acceleration_per_bit
+        self._cycle_s = cycle_s
+        self._whole = self._one.held(cycle_s)
+        self._lag = current_lag(self._one, cycle_s, lag_s) if lag_s else None
+        self._driven = 0.0  # counts/s2, by the current at the beginning of a cycle
+
+    def step(self, x: float, v: float, force: float, load: float = 0.0) -> tuple[float, float]:
+        """Return position and speed (counts, counts/s) a cycle later, by `force` (bits) and `load` (counts/s2)."""
+        drive, more_x, more_v = force * self._per_bit, 0.0, 0.0
+        if self._lag is not None:
+            lag, late = self._lag, self._driven - drive
+            self._driven = drive + lag.left * late
+            drive, more_x, more_v = drive + lag.mean * late, lag.more_x * late, lag.more_v * late
+        drive += load
+        whole, friction = self._whole, self._friction
+        if friction and v == 0.0:
+            return self._from_rest(x, drive, self._cycle_s)
+        pull = drive - math.copysign(friction, v)
+        later = whole.decay * v + whole.push_v * pull + more_v
+        if later * v > 0.0 or not friction:
+            return x + whole.glide * v + whole.push_x * pull + more_x, later
+        stops_s = min(self._time_to_rest(v, pull), self._cycle_s)
+        part = self._one.held(stops_s)
+        return self._from_rest(x + part.glide * v + part.push_x * pull, drive, self._cycle_s - stops_s)
+
+    def _from_rest(self, x: float, drive: float, left_s: float) -> tuple[float, float]:
+        if abs(drive) <= self._friction or left_s <= 0.0:
+            return x, 0.0
+        pull = drive - math.copysign(self._friction, drive)
+        part = self._one.held(left_s)
+        return x + part.push_x * pull, part.push_v * pull
+
+    def _time_to_rest(self, v: float, pull: float) -> float:
+        """Return when a pull has reduced a speed to 0: v exp(-rt) + pull (1 - exp(-rt)) / r = 0."""
+        if pull * v >= 0.0:
+            return self._cycle_s  # it only comes to rest because of the current lag
+        rate = self._one.damping_per_s
+        return -v / pull if rate == 0.0 else math.log1p(-rate * v / pull) / rate

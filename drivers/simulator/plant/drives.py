@@ -8,19 +8,17 @@ from dataclasses import dataclass
 
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.jog_motion import HomeSensor
-from drivers.simulator.card.servo import Axis, ServoAxis, ServoGains
-from drivers.simulator.plant.axis import IdealAxis, NoisyScale, Scale, ends_at
+from drivers.simulator.card.servo import ServoAxis, ServoGains
+from drivers.simulator.plant.axis import Axis, IdealAxis, NoisyScale, Scale, ends_at
 from drivers.simulator.plant.driven_mass import linear_motor, rotary_motor
 from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
-from drivers.simulator.plant.radial_error import RadialError
-from drivers.simulator.plant.spindle import Spindle
+from drivers.simulator.plant.spindle import RadialError, Spindle
 from drivers.simulator.plant.tip_load import TipGeometry, TipLoad
 from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.machine import MachineProfile
 
-DAC_BITS = 32_768
-"""Full scale of the 16-bit output."""
-
+DAC_BITS = 32_768  # full scale of the 16-bit output
+GAINS = (8, 9, 30, 31, 32, 33, 34, 35, 63, 69)  # the numbers of the variables that are `ServoGains`
 MotorVariable = Callable[[int, int], float]
 
 
@@ -155,15 +153,4 @@ def _cycle_s(machine: MachineProfile) -> float:
 
 
 def _gains(motor: int, variable: MotorVariable) -> ServoGains:
-    return ServoGains(
-        ix08=variable(motor, 8),
-        ix09=variable(motor, 9),
-        ix30=variable(motor, 30),
-        ix31=variable(motor, 31),
-        ix32=variable(motor, 32),
-        ix33=variable(motor, 33),
-        ix34=variable(motor, 34),
-        ix35=variable(motor, 35),
-        ix63=variable(motor, 63),
-        ix69=variable(motor, 69),
-    )
+    return ServoGains(**{f"ix{number:02}": variable(motor, number) for number in GAINS})

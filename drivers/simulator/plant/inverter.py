@@ -9,15 +9,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drivers.simulator.plant.axis import read_encoder
+from drivers.simulator.plant.axis import EncoderAxis, read_encoder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InductionDrive:
-    """The motor and its inverter, at the spindle.
-
-    `slip_rpm` is the slip of the motor at `peak_torque_n_m`, and less in proportion.
-    """
+    """The motor and its inverter, at the spindle; the slip is `slip_rpm` at `peak_torque_n_m`, or less below."""
 
     inertia_kg_m2: float
     drag_n_m_s_per_rad: float
@@ -27,23 +24,18 @@ class InductionDrive:
     slip_rpm: float
 
 
-class InverterSpindle:
+class InverterSpindle(EncoderAxis):
     """A spindle that turns as its inverter commands, whatever the controller commands.
 
     `load_n_m` is the torque of the cut. Enabled while it coasts, the inverter catches it at its speed.
     """
 
     def __init__(self, drive: InductionDrive, counts_per_turn: float, cycle_s: float, origin: float) -> None:
-        self.origin = origin
-        self.encoder_lost = False
-        self.jammed = False
+        super().__init__(origin)
         self.load_n_m = 0.0
         self._drive = drive
         self._counts_per_rad = counts_per_turn / (2.0 * math.pi)
         self._cycle_s = cycle_s
-        self._x = 0.0  # counts
-        self._reading = 0.0
-        self._blind = False
         self._speed = 0.0  # rad/s
         self._field = 0.0  # inverter output, rad/s
         self._target: float | None = None  # rad/s; None is disabled
@@ -66,18 +58,6 @@ class InverterSpindle:
     def close_loop(self) -> float:
         """Return the present reading, the last one of an encoder that does not count; there is no loop."""
         return self._reading if self.encoder_lost else read_encoder(self._x)
-
-    def rebase(self, counts: float) -> None:
-        """Shift the motor's zero by `counts`.
-
-        An encoder that counts again continues from its last reading: the zero moves, the reading does not.
-        """
-        self.origin += counts
-        self._x -= counts
-        if self._blind and not self.encoder_lost:
-            self._blind = False
-            return
-        self._reading -= counts
 
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Turn; the commands have no effect."""

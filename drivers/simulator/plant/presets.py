@@ -21,9 +21,7 @@ from profiles.problem import Problem, ProfileError
 
 _FOLDER = Path(__file__).parent / "presets"
 MOUNTED = "mounted"
-PLANTS = ("ideal", MOUNTED, "paper", "realistic")
-"""The names of the plants."""
-
+PLANTS = ("ideal", MOUNTED, "paper", "realistic")  # the names of the plants
 SEEDS = 2**32
 
 INSTEAD_OF = {"mass_kg": "mass_factor", "thrust_n_per_v": "thrust_factor"}

@@ -1,17 +1,52 @@
-"""The spindle of a lathe with any drive, and its speed ripple."""
+"""The spindle of a lathe with any drive, and its errors: speed ripple, and radial error motion.
+
+The ripple is the effect of belt, gears or load within a turn, which no servo removes; the radial error is how the
+axis wanders as it turns, unseen by any encoder.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from random import Random
 
-from drivers.simulator.card.servo import Axis
-from drivers.simulator.plant.ripple import Ripple
+from drivers.simulator.plant.axis import Axis
+
+PLACES = 3600  # angular resolution of the error motion: 0.1 deg, whose error is below a hundredth of it
+PIECES = (2, 3, 4, 5, 7)  # undulations per revolution, synchronous; one is no error: off the axis, and round
+STRAY_PER_TURN = (0.43, 2.57)  # the same, asynchronous: cage and rolling elements of a bearing
+STRAY_FRACTION = 0.1  # asynchronous over synchronous part, peak to peak
+FADES_IN_TURNS = 0.25  # turns over which the ripple fades: the spindle must not jump, nor turn by itself
+FADES_IN_S = 0.1  # time constant with which it fades while the spindle stands
+NONE_BELOW_RPM, FULL_FROM_RPM = 3.0, 20.0  # the ripple fades in between: a standing spindle has none
+SMOOTHED_S = 0.02  # time constant of the mean speed: servo motion at rest is not speed
+GONE_COUNTS = 1e-3
+
+
+class RadialError:
+    """Harmonics of falling size and random phases, `um_pp` peak to peak over a turn; a few asynchronous."""
+
+    def __init__(self, um_pp: float, random: Random) -> None:
+        phases = [(n, random.uniform(0.0, 2.0 * math.pi)) for n in PIECES]
+        turn = [2.0 * math.pi * place / PLACES for place in range(PLACES)]
+        raw = [sum(math.cos(n * angle + phase) / n for n, phase in phases) for angle in turn]
+        scale = um_pp / 1000.0 / (max(raw) - min(raw))
+        self._repeats_mm = [scale * value for value in raw]
+        self._stray_mm = 0.25 * STRAY_FRACTION * um_pp / 1000.0
+        self._strays = [(2.0 * math.pi * each, random.uniform(0.0, 2.0 * math.pi)) for each in STRAY_PER_TURN]
+
+    def at_mm(self, turns: float) -> float:
+        """Return the displacement of the work towards the tool, mm, at spindle position `turns` from its index."""
+        strays = sum(math.sin(rate * turns + phase) for rate, phase in self._strays)
+        return self._repeats_mm[int(turns % 1.0 * PLACES) % PLACES] + self._stray_mm * strays
 
 
 class Spindle:
-    """A rotary axis: one of the drives, and a ripple after it that its loop does not see.
+    """A rotary axis: one of the drives, and a speed ripple after it that its loop does not see.
 
-    `speed_ripple` is the fraction by which the speed oscillates about its mean, `ripple_per_turn` times a turn.
+    `speed_ripple` is the fraction f by which the speed varies about its mean v, `ripple_per_turn` times a turn.
+    With k = 2 pi per_turn / turn and a phase p, the angle is x + (f / k) sin(k x + p), and so the speed
+    v (1 + f cos(k x + p)).
     """
 
     def __init__(
@@ -24,9 +59,14 @@ class Spindle:
     ) -> None:
         """`built` is its ripple without a fault: the fraction, and the cycles per turn."""
         self.drive = drive
-        self._built = built
-        self.speed_ripple, self.ripple_per_turn = built
-        self._ripple = Ripple(counts_per_turn, cycle_s, phase_rad)
+        self.speed_ripple, self.ripple_per_turn = self._built = built
+        self._counts_per_turn = counts_per_turn
+        self._cycle_s = cycle_s
+        self._phase_rad = phase_rad
+        self._amplitude = 0.0  # counts; not 0 while there is some ripple, commanded or still fading
+        self._speed = 0.0  # counts/s
+        self._per_turn = 0
+        self._last: float | None = None
 
     def swing_as_built(self) -> None:
         """Restore the ripple without a fault."""
@@ -80,8 +120,34 @@ class Spindle:
         return self._turned(self.drive.coast(cycles))
 
     def _turned(self, track: list[float]) -> list[float]:
-        if not (self.speed_ripple or self._ripple.swings):
+        """Return a track with the ripple; a jammed axis stays."""
+        if not (self.speed_ripple or self._amplitude):
             return track
-        return self._ripple.swing(
-            track, self.origin, self.speed_ripple, self.ripple_per_turn, jammed=self.drive.jammed
-        )
+        origin, jammed = self.origin, self.jammed
+        if not self._amplitude:
+            self._per_turn = self.ripple_per_turn
+        rad_per_count = 2.0 * math.pi * self._per_turn / self._counts_per_turn
+        # Another number of cycles per turn starts when this one has faded out.
+        target = self.speed_ripple / rad_per_count if self._per_turn == self.ripple_per_turn else 0.0
+        turned = []
+        for mean in track:
+            place = mean + origin
+            if self._last is not None and not jammed:
+                self._fade(target, place - self._last)
+            self._last = place
+            turned.append(mean + self._amplitude * math.sin(rad_per_count * place + self._phase_rad))
+        if not (self.speed_ripple or self._amplitude):
+            self._last, self._speed = None, 0.0
+        return turned
+
+    def _fade(self, target: float, step: float) -> None:
+        """Fade the amplitude for a cycle in which the mean position has moved a step."""
+        self._speed += (step / self._cycle_s - self._speed) * self._cycle_s / SMOOTHED_S
+        rpm = abs(self._speed) / (self._counts_per_turn / 60.0)
+        target *= min(max((rpm - NONE_BELOW_RPM) / (FULL_FROM_RPM - NONE_BELOW_RPM), 0.0), 1.0)
+        part = abs(self._speed) * self._cycle_s / (FADES_IN_TURNS * self._counts_per_turn)
+        if target < self._amplitude:
+            part = max(part, self._cycle_s / FADES_IN_S)
+        self._amplitude += (target - self._amplitude) * min(part, 1.0)
+        if not target and self._amplitude < GONE_COUNTS:
+            self._amplitude = 0.0

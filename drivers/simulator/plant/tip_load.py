@@ -10,19 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.simulator.plant.radial_error import RadialError
+from drivers.simulator.plant.spindle import RadialError
 from profiles.cutting import cutting_force
 from profiles.job import Job
 from profiles.materials import MATERIALS, Material, material_or_none
 
-ALUMINIUM = MATERIALS[0]
-"""Wrought, not hardenable: the material assumed where a job names an unknown one."""
-
-CELLS = 360
-"""Number of angles round the part at which the surface is known."""
-
-STRIP_MM = 0.1
-"""Length of a ring of such places along Z. A ring counts as cut when the leading edge of the tool has left it."""
+ALUMINIUM = MATERIALS[0]  # wrought, not hardenable: the material assumed where a job names an unknown one
+CELLS = 360  # number of angles round the part at which the surface is known
+STRIP_MM = 0.1  # length of a ring of these along Z; it counts as cut when the leading edge has left it
 
 
 def material_of(job: Job) -> Material:
@@ -95,7 +90,7 @@ class TipLoad:
         self._stock: Stock | None = None
         self._rings: dict[int, list[float]] = {}
         self._ring: int | None = None
-        self._met: list[float] = []
+        self._surface: list[float] = []
         self._fresh: list[float] = []
         self._n_per_mm = 0.0
         self._turns = self._turn_step = 0.0
@@ -139,7 +134,7 @@ class TipLoad:
         if self._wander is not None:
             tip_mm -= self._wander.at_mm(turns)
         cell = int(turns * CELLS // 1.0)
-        depth_mm = self._met[cell % CELLS] - tip_mm
+        depth_mm = self._surface[cell % CELLS] - tip_mm
         self._leave(cell, tip_mm)
         self.force_n = self._n_per_mm * depth_mm if depth_mm > 0.0 else 0.0
         return -self._push_per_n * self.force_n
@@ -160,8 +155,8 @@ class TipLoad:
             self._rings[self._ring] = self._fresh
         self._ring = ring
         if ring is not None:
-            self._met = self._rings.get(ring) or [stock.radius_mm] * CELLS
-            self._fresh = list(self._met)
+            self._surface = self._rings.get(ring) or [stock.radius_mm] * CELLS
+            self._fresh = list(self._surface)
 
 
 def _ahead(axis: Moving, cycle: int) -> float:

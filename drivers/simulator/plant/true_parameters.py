@@ -15,26 +15,18 @@ from profiles.chucking.grip import centrifugal_loss_n
 from profiles.job import Job
 from profiles.machine import Carriage, MachineProfile, ToolAxis
 
-JAW_STIFFNESS_N_PER_UM = 50.0
-"""Radial stiffness of a jaw with its guide and its contact, a usual value."""
-
+JAW_STIFFNESS_N_PER_UM = 50.0  # radial stiffness of a jaw with its guide and its contact, a usual value
 OVAL = 2
-
-TIP_OFF_BY_UM = 300
-"""Deviation of the tip from its nominal radius for a tool that was clamped by hand."""
+TIP_OFF_BY_UM = 300  # deviation of the tip from its nominal radius for a tool that was clamped by hand
 
 FRICTION_FOUND_AT_MM_PER_S = 100.0
 """Peak speed of the sine at which dry friction and its viscous equivalent take the same energy: the maximum tool
 speed that the controller permits. The paper does not state with which motion its damping was found.
 """
 
-BEYOND_TRAVEL_MM = 3.0
-"""Distance of the mechanical stop of an axis beyond the travel of its profile."""
-
+BEYOND_TRAVEL_MM = 3.0  # distance of the mechanical stop of an axis beyond the travel of its profile
 COAST_S = 1.5
-
-SPINDLE_FRICTION_N_M = 0.005
-"""Dry friction of the bearings: without any, a spindle would creep for ever. Half a count of lag, no more."""
+SPINDLE_FRICTION_N_M = 0.005  # of the bearings: without any it would creep for ever; half a count of lag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,11 +123,7 @@ class TrueParameters:
     coast_s: float = COAST_S
 
     def __post_init__(self) -> None:
-        """Refuse a friction that exceeds the whole damping.
-
-        Raises:
-            ValueError: `coulomb_friction_n` is too large.
-        """
+        """Refuse a friction above the whole damping. Raises ValueError: `coulomb_friction_n` is too large."""
         if self.viscous_n_s_per_m < 0.0:
             most_n = f"{self.most_friction_n:.4g} N"
             raise ValueError(f"coulomb_friction_n = {self.coulomb_friction_n:g} N; all damping is {most_n}")
@@ -191,7 +179,7 @@ class TrueParameters:
         found_rpm = job.lobe_spindle_speed_rpm or job.spindle_speed_rpm
         then_n = self._held_n(job.jaws, found_n, found_rpm)
         now_n = self._held_n(job.jaws, force_n, job.spindle_speed_rpm)
-        return self.lobe_factor * found_um_pp * _share(now_n, then_n)
+        return self.lobe_factor * found_um_pp * _lobe_ratio(now_n, then_n)
 
     def _held_n(self, jaws: int, force_n: float, spindle_speed_rpm: float) -> float:
         """Return the remaining chucking force at speed, N over all jaws; below 0 nothing holds the part."""
@@ -277,7 +265,7 @@ class Jaws:
         return unbalanced_n / stiffness
 
 
-def _share(now_n: float, then_n: float) -> float:
+def _lobe_ratio(now_n: float, then_n: float) -> float:
     """Return the factor of the lobe at another holding force; at the force of its measurement it is exactly 1.
 
     A part that nothing holds is not bent: 0, and so it is where the error was measured without a force.

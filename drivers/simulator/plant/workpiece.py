@@ -15,28 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+ANGLES = 3600  # points of a section, equally spaced from the spindle index
 
-ANGLES = 3600
-"""Points of a section, equally spaced from the spindle index."""
-
+# Angles round the part at which it is roughly known all along; no spindle skips one of them in a servo cycle.
 ROUGH_PLACES = 24
-"""Number of angles round the part at which it is roughly known along its whole length. No spindle skips one of
-them in a servo cycle.
-"""
-
+# Least length of such a place along Z, never below the land: a tool that feeds a land per turn reaches each place.
 ROUGH_LENGTH_MM = 0.5
-"""Least length of such a place along Z. It is never shorter than the land, so a tool that feeds no more than its
-land per turn reaches every place.
-"""
-
 CHUNK = 4096
-REACH = 2
-"""Samples that the interpolation needs on either side of an interval."""
-OVERLAP = 2 * REACH + 1
-"""Servo samples kept from one chunk to the next, so that every interval is processed once, completely."""
-
-EDGE_MM = 1e-6
-"""Rounding of Z: a feed of exactly the land per turn must leave no gap between two turns."""
+REACH = 2  # samples that the interpolation needs on either side of an interval
+OVERLAP = 2 * REACH + 1  # samples kept from one chunk to the next: every interval is processed once
+EDGE_MM = 1e-6  # rounding of Z: a feed of exactly the land per turn must leave no gap between two turns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +104,6 @@ class Workpiece:
         return float(rough_mm[math.floor(turns * ROUGH_PLACES) % ROUGH_PLACES])
 
     def _settle(self) -> None:
-        """Cut the pending samples into the surface."""
         if not self._pending:
             return
         fresh = [np.concatenate([part[i] for part in self._pending]) for i in range(3)]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from drivers.simulator.plant.collision import Collision, CollisionWatch, Track, clamped
+from drivers.simulator.plant.collision import CollisionWatch, Track, clamped
 from drivers.simulator.plant.drives import Drives
-from drivers.simulator.plant.gauge import Gauge, look_at
 from drivers.simulator.plant.tip_load import Stock, cutting_torque_n_m, material_of
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.workpiece import ANGLES, Workpiece
@@ -18,12 +19,45 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.traces import Trace
 
-SECTIONS = (0.0, -0.4, 0.4)
-"""Where the part is measured, in lengths of the cut past its middle, towards the jaws; the middle first."""
-
+SECTIONS = (0.0, -0.4, 0.4)  # where the part is measured, cut lengths past its middle, towards the jaws
 MID_LENGTH = 0
-
 SAME_PLACE_MM = 1e-6
+Floats = NDArray[np.float64]
+
+
+class Gauge:
+    """A roundness gauge: each time the part sits slightly off the axis, and each point has its noise.
+
+    Deviations are um, positive outwards, at 3600 angles from the spindle index, in the direction in which the cut
+    turned. Without a known start mark the trace begins at a random angle.
+    """
+
+    def __init__(self, true: TrueParameters) -> None:
+        self._eccentricity_um = true.gauge_eccentricity_um
+        self._noise_um = true.gauge_noise_um
+        self._mark_known = true.gauge_mark_known
+        self._chance = true.chance("gauge")
+        self._generator = np.random.default_rng(self._chance.randrange(2**32))
+
+    def trace(self, deviation_um: Floats, nominal_radius_mm: float, state: str) -> Trace:
+        """Return the trace of a section that deviates by `deviation_um` from its nominal radius, shape (3600,)."""
+        angle_deg: Floats = np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
+        read_um = deviation_um
+        if self._eccentricity_um:
+            towards = self._chance.uniform(0.0, 2.0 * math.pi)
+            read_um = read_um + self._eccentricity_um * np.cos(np.radians(angle_deg) - towards)
+        if self._noise_um:
+            read_um = read_um + self._generator.normal(0.0, self._noise_um, ANGLES)
+        if not self._mark_known:
+            read_um = np.roll(read_um, self._chance.randrange(ANGLES))
+        meta = {
+            "state": state,
+            "simulated": "yes",
+            "radius_mm": f"{nominal_radius_mm:g}",
+            "direction": "spindle",
+            "start_mark": "spindle index" if self._mark_known else "unknown",
+        }
+        return Trace(angle_deg=angle_deg, deviation_um=read_um, meta=meta)
 
 
 class SimulatedWorkshop:
@@ -38,18 +72,13 @@ class SimulatedWorkshop:
         self._gauge = Gauge(true)
         self._turns_per_count = 1.0 / (machine.spindle.counts_per_rev * true.belt_ratio)
         self._clampings = true.chance("clampings")
-        self._watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
+        self.watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
         self._part: Workpiece | None = None
         self._released: Workpiece | None = None
         self._nominal_radius_mm = 0.0
         self._past_middle_mm: tuple[float, ...] = ()
         self._free_end_mm = true.jaw_face_mm
         self._torque_n_m = 0.0
-
-    @property
-    def collisions(self) -> tuple[Collision, ...]:
-        """The collisions since the last blank was clamped, each kind once."""
-        return self._watch.found
 
     def mount(self, job: Job) -> None:
         """Clamp a new blank for `job`."""
@@ -65,7 +94,7 @@ class SimulatedWorkshop:
         self._part = Workpiece(blank, sections_mm, true.wiper_land_mm)
         self._nominal_radius_mm = job.finished_radius_mm
         self._torque_n_m = cutting_torque_n_m(job)
-        self._watch.clamp(clamped(job, true.jaw_face_mm), self._part.clamped_radius_mm)
+        self.watch.clamp(clamped(job, true.jaw_face_mm), self._part.clamped_radius_mm)
         if self._load is not None:
             self._load.clamp(
                 Stock(
@@ -93,7 +122,7 @@ class SimulatedWorkshop:
         section = self._section_at(past_middle_mm)
         if self._part is not None:
             self._part, self._released = None, self._part
-            self._watch.release()
+            self.watch.release()
             if self._load is not None:
                 self._load.clamp(None)
         _, free_um = part.released_um(section, self._nominal_radius_mm)
@@ -120,15 +149,18 @@ class SimulatedWorkshop:
 
         A chuck mounted as each job says has its jaw 1 at the index until a part was clamped.
         """
-        last = self._part or self._released
-        return look_at(
-            self._part,
-            (self._free_end_mm, self._true.jaw_face_mm),
-            self._tips_mm((tool,))[0],
-            spindle * self._turns_per_count,
-            carriage / self._machine.carriage.counts_per_mm,
-            last.blank.jaw_1_deg if last else self._true.jaw_1_deg or 0.0,
-            self.collisions,
+        part, last, true = self._part, self._part or self._released, self._true
+        turns, z_mm = spindle * self._turns_per_count, carriage / self._machine.carriage.counts_per_mm
+        jaw_1_deg = last.blank.jaw_1_deg if last else true.jaw_1_deg or 0.0
+        # Round to a hundredth first, so that -180.001 is seen as 180 and not as -180.
+        past_deg = round(360.0 * turns - jaw_1_deg, 2) % 360.0
+        gap_mm = None
+        if part is not None and self._free_end_mm <= z_mm <= true.jaw_face_mm:
+            gap_mm = round(self._tips_mm((tool,))[0] - part.clamped_radius_mm(turns, z_mm), 3)
+        return WorkshopView(
+            jaw_1_past_mark_deg=round(past_deg - 360.0 if past_deg > 180.0 else past_deg, 2),
+            tool_gap_mm=gap_mm,
+            collisions=tuple(collision.kind.value for collision in self.watch.found),
         )
 
     def pass_along(self, tracks: Mapping[int, Sequence[float]], end_ms: float) -> None:
@@ -146,7 +178,7 @@ class SimulatedWorkshop:
             end_ms=end_ms,
             cycle_ms=machine.controller.servo_period_ms,
         )
-        self._watch.look(track, at_end=self._tool.at_end or self._carriage.at_end)
+        self.watch.look(track, at_end=self._tool.at_end or self._carriage.at_end)
         if self._part is None:
             return
         if self._inverter is not None:

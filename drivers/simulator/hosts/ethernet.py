@@ -1,4 +1,4 @@
-"""One client of the Ethernet board: requests in, each answered by one reply, strictly in order.
+"""The Ethernet board of the simulated controller: requests in, each answered by one reply, strictly in order.
 
 The board writes lines to a port of the controller and stores the output, in a queue for each client, until a
 request fetches it.
@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Generator
 
 from drivers.pmac.ethernet import (
+    DPRAM_BYTES,
     NOTHING,
     REPLY_LIMIT,
     TAKEN,
@@ -22,31 +23,61 @@ from drivers.pmac.ethernet import (
     take_request,
     write_reply,
 )
-from drivers.simulator.commands.control_characters import CONTROL_X
-from drivers.simulator.ethernet.board import Board
-from drivers.simulator.faults.host_line import Carriage
-from drivers.simulator.hosts.connection import UNREAD_LIMIT
+from drivers.simulator.commands.status import CONTROL_X
+from drivers.simulator.faults.lines import Carriage
+from drivers.simulator.hosts.connection import UNREAD_LIMIT, PlainStream
 from drivers.simulator.hosts.port import INBOX_LIMIT, Port
 from drivers.simulator.machine import SimulatedLathe
 
+FACTORY_ADDRESS = bytes((192, 6, 94, 5))
 BELL, CR = b"\x07", b"\r"
-
-REQUESTS_PER_TURN = 4
-"""Maximum requests of one client per turn: none can block the board for the others."""
-
+REQUESTS_PER_TURN = 4  # maximum requests of one client per turn: none can block the board for the others
 _ERROR = re.compile(rb"ERR(\d{3})")
-
-Steps = Generator[None, None, bytes]
-"""Processes one request in steps between which it waits for the controller, and returns the reply."""
+Steps = Generator[None, None, bytes]  # one request in steps, between which it waits; returns the reply
 
 
-class EthernetSession:
+class Board:
+    """The DPRAM and the settings of one board, shared by all its clients."""
+
+    def __init__(self) -> None:
+        self.dpram = bytearray(DPRAM_BYTES)
+        self.ip_address = FACTORY_ADDRESS
+
+    def answer(self, request: Request) -> bytes | None:
+        """Return the reply, None when the request is for the controller."""
+        place, data = request.value, request.data
+        match request.code:
+            case RequestCode.GETMEM:
+                return bytes(self.dpram[place : place + request.length])
+            case RequestCode.SETMEM:
+                self.dpram[place : place + len(data)] = data
+            case RequestCode.SETBIT if request.index:
+                self._change_word(place, to_set=data)
+            case RequestCode.SETBIT:
+                self._change_word(place, to_keep=data)
+            case RequestCode.SETBITS:
+                to_clear = int.from_bytes(data[4:], "little")
+                self._change_word(place, to_set=data[:4], to_keep=(~to_clear & 0xFFFF_FFFF).to_bytes(4, "little"))
+            case RequestCode.IPADDRESS:
+                # A new address is stored; it would take effect after the next power-up.
+                self.ip_address = data if request.direction == Direction.DOWNLOAD else self.ip_address
+                return self.ip_address
+            case RequestCode.FWDOWNLOAD:
+                pass  # firmware is accepted, but the old one keeps running
+            case _:
+                return None
+        return TAKEN
+
+    def _change_word(self, place: int, to_set: bytes = bytes(4), to_keep: bytes = b"\xff" * 4) -> None:
+        for number, (one, kept) in enumerate(zip(to_set, to_keep, strict=True), place):
+            self.dpram[number] = (self.dpram[number] | one) & kept
+
+
+class EthernetSession(PlainStream):
     """The requests and the response queue of one client."""
 
     def __init__(self, lathe: SimulatedLathe, port: Port, board: Board) -> None:
-        """Take the port, the client's own, and the board, shared by all."""
-        self._lathe = lathe
-        self._port = port
+        super().__init__(lathe, port)
         port.on_board = True
         self._way_in = Carriage(port.lines, inward=True)
         self._way_out = Carriage(port.lines, inward=False)
@@ -87,8 +118,7 @@ class EthernetSession:
     def turn(self) -> list[bytes]:
         """Process the requests; return what has arrived at the client, each item to be sent in one go.
 
-        Raises:
-            MalformedRequestError: the client's input is not a request.
+        Raises MalformedRequestError: the client's input is not a request.
         """
         if self._port.lines.silent:
             return []
@@ -100,7 +130,7 @@ class EthernetSession:
         try:
             while len(replies) < REQUESTS_PER_TURN and (reply := self._step()) is not None:
                 replies.append(reply)
-                if self._port.heavy:
+                if self._port.share.heavy:
                     break
         except MalformedRequestError:
             if not replies:
@@ -116,7 +146,7 @@ class EthernetSession:
             request, used = take_request(self._received)
             self._incomplete = request is None
             # With others after it, a request waits for its share as the lines of a queue do.
-            self._held = used < len(self._received) and self._port.spent
+            self._held = used < len(self._received) and self._port.share.cycle_over
             if request is None or self._held:
                 return None
             del self._received[:used]

@@ -1,27 +1,88 @@
-"""Prediction of a plain cut as lines for people."""
+"""Prediction of a plain cut, for people and for JSON: lengths in um, angles in degrees, in JSON not rounded."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 
 import numpy as np
 
-from console.cli.finding_lines import finding_lines
-from console.cli.lobe_lines import lobe_place_line
-from console.cli.part.predict_fields import beyond_spindle, high_at_jaws, limits_n
+from console.cli.judgement import finding_fields, finding_lines, lobe_place_line
+from console.session.data.calibrated_chuck import CalibratedMachine
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from profiles.axis.envelope import Envelope, EnvelopeRow
+from profiles.axis.envelope import Envelope
 from profiles.chucking.advice import ClampingAdvice
+from profiles.chucking.diagnosis import diagnose
+from profiles.chucking.ring import is_thin
 from profiles.job import Job
 from profiles.lobe.cut_error import CutError
 from profiles.lobe.prediction import Prediction
 from profiles.machine import MachineProfile
 
 
-def prediction_lines(job: Job, machine: MachineProfile, seen: Prediction, text: Catalogue) -> list[str]:
-    """Return the error, the clamping, the process and the speeds, then every rule."""
+def prediction_fields(
+    job: Job, calibrated: CalibratedMachine, seen: Prediction, text: Catalogue
+) -> dict[str, object]:
+    """Return the whole prediction, with the source of each fact about the chuck."""
+    machine, process, scale = calibrated.machine, seen.process, seen.scaled_to
+    advice, limits_n = seen.advice, _limits_n(seen.advice)
+    return {
+        "job": job.name,
+        "machine": machine.name,
+        "scaled_to": None if scale is None else {**asdict(scale), "factor": scale.factor},
+        "angle_deg": seen.angle_deg.tolist(),
+        "z_mm": seen.z_mm.tolist(),
+        "error_um": seen.error_um.tolist(),
+        "error_um_pp": seen.error_um_pp.tolist(),
+        "model_um_pp": seen.model_um_pp.tolist(),
+        "parts_um_pp": {name.value: np.ptp(part, axis=1).tolist() for name, part in seen.parts_um.items()},
+        "size_um": seen.size_um.tolist(),
+        "cut": {**asdict(seen.cut), "high_at_jaws": _high_at_jaws(job, seen.cut)},
+        "model": {**asdict(seen.model), "high_at_jaws": _high_at_jaws(job, seen.model)},
+        "stock_mm": seen.stock_mm.tolist(),
+        "stock_um_pp": seen.stock_um_pp.tolist(),
+        "process": {**asdict(process), "share_left_by_a_pass": process.copying.share_left()},
+        "clamping": {
+            "minimum_n": advice.span.least_n,
+            "maximum_n": advice.span.most_n,
+            "binding": advice.span.binding,
+            "limits_n": limits_n,
+            "beyond": [name for name, force_n in limits_n.items() if force_n > machine.chuck.max_force_n],
+            **{key: value for key, value in asdict(advice).items() if key not in ("span", "uncompensated_n")},
+        },
+        "envelope": {**asdict(seen.envelope), "beyond": _beyond_spindle(seen.envelope, machine)},
+        "assumed": list(seen.assumed),
+        "findings": [finding_fields(f, text) for f in seen.findings],
+        "sources": {f"chuck.{key}": date or "profile" for key, date in calibrated.sources.items()},
+    }
+
+
+def _limits_n(advice: ClampingAdvice) -> dict[str, float]:
+    """Return each force limit, including that of a plain cut, which does not apply to a compensated one."""
+    plain_n = advice.uncompensated_n
+    return {**advice.span.limits_n, **({} if plain_n is None else {"uncompensated": plain_n})}
+
+
+def _beyond_spindle(seen: Envelope, machine: MachineProfile) -> list[str]:
+    """Return the limits of the axis above the maximum spindle speed: they limit nothing."""
+    return [name for name, rpm in seen.at_job.rpm.items() if rpm > machine.spindle.max_speed_rpm]
+
+
+def _high_at_jaws(job: Job, cut: CutError) -> bool | None:
+    """Whether the part is high where the jaws were; None without a lobe, or between."""
+    if cut.crest_deg is None:
+        return None
+    thin = is_thin(job.wall_thickness_mm, job.radius_mm)
+    return diagnose(crest_deg=cut.crest_deg, jaw_1_deg=job.jaw_1_deg, jaws=job.jaws, thin=thin).high_at_jaws
+
+
+def prediction_lines(job: Job, calibrated: CalibratedMachine, seen: Prediction, text: Catalogue) -> list[str]:
+    """Return the error, the clamping, the process and the speeds, then every rule and the sources."""
+    machine = calibrated.machine
     return [
+        f"{job.name} · {machine.name}",
+        "",
         *table(_error(job, seen, text)),
         "",
         *table(_places(job, seen, text), numeric=(0, 1, 2, 3, 4, 5)),
@@ -36,10 +97,11 @@ def prediction_lines(job: Job, machine: MachineProfile, seen: Prediction, text: 
         "",
         *finding_lines(seen.findings, text),
         *([text("predict.assumed", keys=", ".join(seen.assumed))] if seen.assumed else []),
+        *_source_lines(calibrated.sources, text),
     ]
 
 
-def source_lines(sources: Mapping[str, str], text: Catalogue) -> list[str]:
+def _source_lines(sources: Mapping[str, str], text: Catalogue) -> list[str]:
     """Return the source of each fact about the chuck: the profile, or a calibration with its date."""
     keys: dict[str, list[str]] = {}
     for key, date in sorted(sources.items(), key=lambda each: each[1]):
@@ -73,7 +135,7 @@ def _error(job: Job, seen: Prediction, text: Catalogue) -> list[tuple[str, str]]
 
 
 def _height(job: Job, cut: CutError, text: Catalogue) -> str:
-    high = high_at_jaws(job, cut)
+    high = _high_at_jaws(job, cut)
     at_jaws = "predict.no_lobe" if high is None else "predict.high" if high else "predict.low"
     return f"{cut.um_pp:.2f} um p-p, {text(at_jaws)}"
 
@@ -87,21 +149,15 @@ def _places(job: Job, seen: Prediction, text: Catalogue) -> list[tuple[str, ...]
     """Return the error at each Z: at a jaw, between two, peak to peak; and the oversize of the part."""
     lobe_deg = np.array([0.0, 180.0 / job.jaws]) + job.jaw_1_deg
     at_jaw, between = (int(np.argmin(np.abs((seen.angle_deg - deg + 180) % 360 - 180))) for deg in lobe_deg)
-    columns = ("z", "jaw", "between", "pp", *(() if seen.scaled_to is None else ("model_pp",)), "size")
-    pp_um = seen.error_um_pp
-    rows = [
-        {
-            "z": f"{z:.1f}",
-            "jaw": f"{seen.error_um[i, at_jaw]:+z.3f}",
-            "between": f"{seen.error_um[i, between]:+z.3f}",
-            "pp": f"{pp_um[i]:.3f}",
-            "model_pp": f"{seen.model_um_pp[i]:.3f}",
-            "size": f"{seen.size_um[i]:.3f}",
-        }
-        for i, z in enumerate(seen.z_mm)
-    ]
-    head = tuple(text(f"predict.{name}") for name in columns)
-    return [head, *(tuple(row[name] for name in columns) for row in rows)]
+    columns = {
+        "z": [f"{z:.1f}" for z in seen.z_mm],
+        "jaw": [f"{um:+z.3f}" for um in seen.error_um[:, at_jaw]],
+        "between": [f"{um:+z.3f}" for um in seen.error_um[:, between]],
+        "pp": [f"{um:.3f}" for um in seen.error_um_pp],
+        **({} if seen.scaled_to is None else {"model_pp": [f"{um:.3f}" for um in seen.model_um_pp]}),
+        "size": [f"{um:.3f}" for um in seen.size_um],
+    }
+    return [tuple(text(f"predict.{name}") for name in columns), *zip(*columns.values(), strict=True)]
 
 
 def _clamping(advice: ClampingAdvice, machine: MachineProfile, text: Catalogue) -> list[tuple[str, str]]:
@@ -110,15 +166,15 @@ def _clamping(advice: ClampingAdvice, machine: MachineProfile, text: Catalogue) 
     rows = [
         (text("predict.force_span"), f"{least_n} … {most_n} N"),
         (text("predict.force"), f"{advice.at_rest_n:.0f} ± {advice.at_rest_sd_n:.0f} N"),
-        (text("predict.force_at_speed"), f"{advice.at_speed_n:.0f} N"),
     ]
     if advice.line_sd_n:
         parts = text("predict.force_parts", scatter=f"{advice.scatter_sd_n:.0f}", line=f"{advice.line_sd_n:.0f}")
-        rows.insert(2, ("", parts))
+        rows.append(("", parts))
+    rows.append((text("predict.force_at_speed"), f"{advice.at_speed_n:.0f} N"))
     if advice.permitted_speed_rpm <= machine.spindle.max_speed_rpm:
         rows.append((text("predict.speed_limit"), f"{advice.permitted_speed_rpm:.0f} rpm"))
-    limits = {name: n for name, n in limits_n(advice).items() if n <= machine.chuck.max_force_n}
-    rows += [(text(f"clamp_limit.{name}"), f"{force_n:.0f} N") for name, force_n in limits.items()]
+    limits_n = {name: n for name, n in _limits_n(advice).items() if n <= machine.chuck.max_force_n}
+    rows += [(text(f"clamp_limit.{name}"), f"{force_n:.0f} N") for name, force_n in limits_n.items()]
     if advice.torque_n_m is not None and advice.torque_span_n_m is not None:
         low, high = advice.torque_span_n_m
         rows.append((text("predict.torque"), f"{advice.torque_n_m:.2f} N m ({low:.2f} … {high:.2f})"))
@@ -126,8 +182,7 @@ def _clamping(advice: ClampingAdvice, machine: MachineProfile, text: Catalogue) 
 
 
 def _process(seen: Prediction, text: Catalogue) -> list[tuple[str, str]]:
-    process = seen.process
-    force = process.force
+    process, force = seen.process, seen.process.force
     return [
         (text("predict.cutting"), f"{force.main_n:.2f} / {force.passive_n:.2f} N"),
         (text("predict.copying"), f"{100 * process.copying.share_left():.2f} %"),
@@ -139,11 +194,11 @@ def _process(seen: Prediction, text: Catalogue) -> list[tuple[str, str]]:
 def _envelope(job: Job, seen: Envelope, machine: MachineProfile, text: Catalogue) -> list[tuple[str, str, str]]:
     """Return the speeds at which the limits are reached with the job's amplitude, the nearest first."""
     head = (text("predict.limit", amplitude=f"{seen.at_job.amplitude_um:.1f}"), "rpm", "%")
-    most_rpm, beyond = machine.spindle.max_speed_rpm, beyond_spindle(seen, machine)
-    ordered = sorted((n for n in seen.at_job.rpm if n not in beyond), key=seen.at_job.rpm.__getitem__)
+    most_rpm, beyond = machine.spindle.max_speed_rpm, _beyond_spindle(seen, machine)
     rows = [
-        (text(f"envelope.{name}"), f"{seen.at_job.rpm[name]:.0f}", _percent(seen.percent[name]))
-        for name in ordered
+        (text(f"envelope.{name}"), f"{rpm:.0f}", "–" if (p := seen.percent[name]) is None else f"{p:.1f}")
+        for name, rpm in sorted(seen.at_job.rpm.items(), key=lambda each: each[1])
+        if name not in beyond
     ]
     rows.append((text("speed_limit.spindle"), f"{most_rpm:.0f}", f"{100 * job.spindle_speed_rpm / most_rpm:.1f}"))
     if seen.plain_sine_rpm is not None and seen.plain_sine_rpm <= most_rpm:
@@ -151,17 +206,11 @@ def _envelope(job: Job, seen: Envelope, machine: MachineProfile, text: Catalogue
     return [head, *rows]
 
 
-def _percent(percent: float | None) -> str:
-    return "–" if percent is None else f"{percent:.1f}"
-
-
 def _amplitudes(seen: Envelope, machine: MachineProfile, text: Catalogue) -> list[tuple[str, str, str]]:
-    head = (text("predict.amplitude"), "rpm", text("predict.binding"))
-    return [head, *(_amplitude(row, machine.spindle.max_speed_rpm, text) for row in seen.rows)]
-
-
-def _amplitude(row: EnvelopeRow, most_rpm: float, text: Catalogue) -> tuple[str, str, str]:
-    rpm, name = row.rpm[row.binding], f"envelope.{row.binding}"
-    if rpm > most_rpm:
-        rpm, name = most_rpm, "speed_limit.spindle"
-    return f"{row.amplitude_um:g} um", f"{rpm:.0f}", text(name)
+    rows = [(text("predict.amplitude"), "rpm", text("predict.binding"))]
+    for row in seen.rows:
+        rpm, name = row.rpm[row.binding], f"envelope.{row.binding}"
+        if rpm > machine.spindle.max_speed_rpm:
+            rpm, name = machine.spindle.max_speed_rpm, "speed_limit.spindle"
+        rows.append((f"{row.amplitude_um:g} um", f"{rpm:.0f}", text(name)))
+    return rows

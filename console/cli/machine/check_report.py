@@ -1,0 +1,83 @@
+"""Checks of a controller for people and for JSON."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from itertools import groupby
+
+from console.cli.judgement import MARKS
+from console.cli.output import fields_of
+from console.text.catalogue import Catalogue
+from console.text.columns import broken
+from drivers.commissioning.check import Check
+from profiles.findings import Severity
+
+WIDTH = 80
+
+_OUTCOMES = {Severity.OK: "holds", Severity.NOTICE: "noted", Severity.WARNING: "warned", Severity.REFUSAL: "fails"}
+"""JSON names of the severities of checks."""
+
+
+def check_fields(checks: Iterable[Check], text: Catalogue) -> list[dict[str, object]]:
+    """Return the checks, each with its sentence."""
+    return [
+        {
+            "group": check.group.value,
+            "code": check.code,
+            "outcome": _OUTCOMES[check.severity],
+            **fields_of(check, "subject", "setting", "variable", "found", "wanted"),
+            "facts": dict(check.facts),
+            "text": _sentence(check, text),
+        }
+        for check in checks
+    ]
+
+
+def check_lines(checks: Iterable[Check], text: Catalogue) -> list[str]:
+    """Return the checks by group, each with a mark; long lines continue below."""
+    lines: list[str] = []
+    for group, members in groupby(checks, key=lambda check: check.group):
+        lines += ["", text(f"card.group.{group}")]
+        for check in members:
+            first, *others = broken(_sentence(check, text), WIDTH - 4)
+            lines += [f"  {MARKS[check.severity]} {first}", *(f"    {line}" for line in others)]
+    return lines
+
+
+def summary_line(checks: Iterable[Check], text: Catalogue) -> str:
+    """Return the number of checks of each severity."""
+    counts = Counter(check.severity for check in checks)
+    return text(
+        "card.summary",
+        holds=counts[Severity.OK],
+        failed=counts[Severity.REFUSAL],
+        count=counts[Severity.WARNING],
+        noted=counts[Severity.NOTICE],
+    )
+
+
+def _sentence(check: Check, text: Catalogue) -> str:
+    kind, _, number = check.subject.partition(" ")
+    subject = text(f"card.subject.{kind}", number=number) if kind else ""  # `motor 5` keeps its number
+    facts = {
+        "what": _what(check, subject, text),
+        "subject": subject,
+        "variable": check.variable,
+        "found": text.words(check.found) if check.code.endswith("_faults") else check.found,
+        "wanted": check.wanted,
+        **check.facts,
+    }
+    if check.setting:
+        facts["effect"] = text(f"setting.{check.setting}.effect")
+        facts["remedy"] = text(f"remedy.{check.facts['nature']}")
+    return text(f"check.{check.code}{'.holds' if check.severity is Severity.OK else ''}", **facts)
+
+
+def _what(check: Check, subject: str, text: Catalogue) -> str:
+    if not check.setting:
+        return check.variable
+    setting = text(f"setting.{check.setting}")
+    if not subject:
+        return text("card.what_alone", setting=setting, variable=check.variable)
+    return text("card.what", setting=setting, subject=subject, variable=check.variable)

@@ -1,0 +1,140 @@
+"""Roundness of a trace for people and for JSON; lengths in um, angles in degrees from the spindle index."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+from console.cli.measured.measured_trace import MeasuredTrace
+from console.cli.output import fields_of
+from console.text.catalogue import Catalogue
+from console.text.columns import table
+from profiles.metrology.circles import ReferenceCircle
+from profiles.roundness import RoundnessResult
+
+PARAMETERS = ("RONt", "RONp", "RONv", "RONq")
+SHOWN_HARMONICS = (2, 3, 4, 5, 6, 7, 8, 9, 12, 15)
+_STATES = ("free", "clamped", "unknown")
+
+
+def trace_fields(measured: MeasuredTrace) -> dict[str, object]:
+    """Return all results of a trace."""
+    result, header, turns = measured.result, measured.header, measured.turns
+    return {
+        **roundness_fields(result),
+        "harmonics": [{**asdict(h), "past_jaw_1_deg": measured.past_jaw_1_deg(h)} for h in result.harmonics],
+        "circles": [_circle(circle) for circle in result.circles],
+        "above_upr": result.above_upr,
+        "filter_applied_upr": header.filter_upr,
+        **fields_of(result, "recentred", "left_out"),
+        "phase_known": header.phase_known,
+        **fields_of(measured, "jaw_1_deg", "mean_diameter_mm", "tool_offset_um"),
+        "turns": turns
+        and {
+            "count": len(turns.each_um),
+            "random_um": turns.random_um,
+            "amplitudes": [{"n": h.n, "sd_um": turns.amplitude_sd_um(h.n)} for h in result.harmonics],
+        },
+    }
+
+
+def roundness_fields(result: RoundnessResult) -> dict[str, object]:
+    """Return the roundness fields that all commands share."""
+    return {
+        **_parameters(result),
+        **fields_of(result, "reference_circle", "filter_upr", "state", "eccentricity_um", "points"),
+        "harmonics": [asdict(h) for h in result.harmonics],
+    }
+
+
+def _parameters(found: RoundnessResult | ReferenceCircle) -> dict[str, float]:
+    return {f"{name}_um": getattr(found, f"{name.lower()}_um") for name in PARAMETERS}
+
+
+def _circle(circle: ReferenceCircle) -> dict[str, object]:
+    return {
+        "circle": circle.kind,
+        **_parameters(circle),
+        **fields_of(circle, "centre_x_um", "centre_y_um", "deviation_um"),
+        "contacts": [fields_of(contact, "angle_deg", "outer") for contact in circle.contacts],
+    }
+
+
+def roundness_lines(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+    """Return head, figures, the four circles, size, turns and harmonics."""
+    result = measured.result
+    rows = [(name, f"{um:z.3f}", "um") for name, um in zip(PARAMETERS, _parameters(result).values(), strict=True)]
+    rows.append((text("roundness.eccentricity"), f"{result.eccentricity_um:z.3f}", "um"))
+    if measured.mean_diameter_mm is not None:
+        rows.append((text("roundness.mean_diameter"), f"{measured.mean_diameter_mm:.4f}", "mm"))
+    if measured.tool_offset_um is not None:
+        rows.append((text("roundness.tool_offset"), f"{measured.tool_offset_um:+z.2f}", "um"))
+    circles = [(text("roundness.circle"), "RONt", text("roundness.centre_x"), text("roundness.centre_y"))]
+    circles += [
+        (c.kind, f"{c.ront_um:z.3f} um", f"{c.centre_x_um:z.3f} um", f"{c.centre_y_um:z.3f} um")
+        for c in result.circles
+    ]
+    return [
+        *_head(measured, text),
+        "",
+        *table(rows, numeric=(1,)),
+        "",
+        *table(circles, numeric=(1, 2, 3)),
+        "",
+        *_harmonics(measured, text),
+    ]
+
+
+def _head(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+    result, header = measured.result, measured.header
+    filtered = filter_line(result, text)
+    lines = [
+        text("roundness.head", circle=result.reference_circle, filter=filtered, points=result.points),
+        text("roundness.state", state=state_line(result, text)),
+    ]
+    if (kind := measured.trace.meta.get("format")) and header.radius_mm is not None:
+        lines.append(text("roundness.closed_turn", format=kind, radius=f"{header.radius_mm:.4g}"))
+    elif kind:
+        lines.append(text("roundness.closed_turn_of_any_size", format=kind))
+    if header.filter_upr is not None:
+        lines.append(text("roundness.filtered_before", filter=f"{header.filter_upr:g}"))
+    if result.recentred:
+        lines.append(text("roundness.recentred"))
+    if result.left_out:
+        lines.append(text("roundness.left_out", count=result.left_out))
+    if measured.turns is not None:
+        count, random = len(measured.turns.each_um), f"{measured.turns.random_um:.3f}"
+        lines.append(text("roundness.turns", count=count, random=random))
+    return lines
+
+
+def filter_line(result: RoundnessResult, text: Catalogue) -> str:
+    """Return the filter of a result with its cut-offs."""
+    if result.filter_upr is None:
+        return text("roundness.no_filter")
+    above = "" if result.above_upr is None else f"{result.above_upr:g} - "
+    return f"{above}{result.filter_upr:g} UPR"
+
+
+def state_line(result: RoundnessResult, text: Catalogue) -> str:
+    """Return the state of the measured part, translated where it is one of the usual ones."""
+    return text(f"state.{result.state}") if result.state in _STATES else result.state
+
+
+def _harmonics(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+    rows = [(text("roundness.n"), text("roundness.amplitude"), text("roundness.crest"))]
+    shown = [h for h in measured.result.harmonics if h.n in SHOWN_HARMONICS]
+    rows += [(str(h.n), f"{h.amplitude_um:z.3f} um", f"{h.phase_deg:z.2f} deg") for h in shown]
+    past = [deg for h in shown if (deg := measured.past_jaw_1_deg(h)) is not None]
+    if not past:
+        return [*table(rows, numeric=(0, 1, 2)), _from_index(measured, text)]
+    column = [text("roundness.past_jaw_1"), *(f"{deg:z.2f} deg" for deg in past)]
+    return table([(*row, cell) for row, cell in zip(rows, column, strict=True)], numeric=(0, 1, 2, 3))
+
+
+def _from_index(measured: MeasuredTrace, text: Catalogue) -> str:
+    """Return which header lines the file needs for angles from jaw 1."""
+    if measured.header.phase_known:
+        return text("roundness.from_index")
+    stated = {"direction": measured.header.direction, "jaw_1_deg": measured.jaw_1_deg}
+    missing = ", ".join(key for key, value in stated.items() if value is None)
+    return text("roundness.phase_unknown", missing=missing)

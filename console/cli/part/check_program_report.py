@@ -1,0 +1,161 @@
+"""Checked program for people and for JSON: its summary, its moves, its findings, and its explanation."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from console.cli.judgement import MARKS
+from console.cli.output import fields_of
+from console.cli.part.move_lines import PlainNumber, move_tables
+from console.text.catalogue import Catalogue
+from console.text.columns import broken
+from drivers.pmac.analysis.findings import ProgramFinding, Sentence, Value
+from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
+from drivers.pmac.analysis.program import ProgramCheck
+from drivers.pmac.analysis.start import Source, Start
+from drivers.pmac.analysis.units import unit_of
+from profiles.files import printable
+from profiles.findings import Severity
+from profiles.machine import MachineProfile
+
+WIDTH = 80
+MOST_RANGES = 4
+"""Line ranges that a finding lists; --json has them all."""
+
+_LEVELS = {Severity.REFUSAL: "fault", Severity.WARNING: "warning", Severity.NOTICE: "notice"}
+"""JSON names of the severities in a program."""
+
+
+def program_fields(
+    options: Namespace, machine: MachineProfile, checked: ProgramCheck, text: Catalogue
+) -> dict[str, object]:
+    """Return the program with every move, finding and sentence: counts and ms, also in the units of the axes."""
+    return {
+        "file": options.file,
+        "machine": machine.name,
+        "program": checked.number,
+        "start": {"source": checked.start.source.value, "positions": dict(checked.start.positions)},
+        "ta_ms": options.ta_ms,
+        "ts_ms": options.ts_ms,
+        "duration_ms": checked.duration_ms,
+        "moves": [_move(machine, move, place) for move, place in zip(checked.moves, checked.places, strict=True)],
+        "findings": [
+            {
+                "level": _LEVELS[finding.severity],
+                "code": finding.code.value,
+                "lines": list(finding.lines),
+                "values": dict(finding.values),
+                "text": _finding(finding, text),
+            }
+            for finding in checked.findings
+        ],
+        "explanation": [
+            {"code": s.code.value, "values": dict(s.values), "text": _explained(s, text)}
+            for s in checked.explanation
+        ],
+    }
+
+
+def _move(machine: MachineProfile, move: MoveAnalysis, place: int) -> dict[str, object]:
+    return {
+        "line": place,
+        **fields_of(move, "mode", "by_move_time"),
+        "commanded": asdict(move.asked),
+        "effective": asdict(move.used),
+        **fields_of(move, "begins_ms", "ends_ms", "blended"),
+        "motors": [_motor(machine, motor) for motor in move.motors],
+    }
+
+
+def _motor(machine: MachineProfile, motor: MotorMove) -> dict[str, object]:
+    peaks, unit = motor.peaks, unit_of(machine, motor.motor)
+    lengths = fields_of(motor, "target", "commanded", "reached", "made", "lost")
+    fields: dict[str, object] = {
+        "motor": motor.motor,
+        **{f"{name}_counts": counts for name, counts in lengths.items()},
+        "turns": motor.turns,
+        "velocity_counts_per_ms": peaks.velocity,
+        "acceleration_counts_per_ms2": peaks.acceleration,
+        "jerk_counts_per_ms3": peaks.jerk,
+    }
+    if unit is None:
+        return fields
+    in_units = {
+        **{f"{name}_{unit.name}": counts * unit.per_count for name, counts in lengths.items()},
+        f"velocity_{unit.velocity_unit}": peaks.velocity * unit.velocity,
+        f"acceleration_{unit.acceleration_unit}": peaks.acceleration * unit.acceleration,
+        f"jerk_{unit.jerk_unit}": None if peaks.jerk is None else peaks.jerk * unit.jerk,
+    }
+    return fields | {key.replace("/", "_per_"): value for key, value in in_units.items()}
+
+
+def program_lines(
+    options: Namespace, machine: MachineProfile, checked: ProgramCheck, text: Catalogue
+) -> list[str]:
+    """Return the head, the tables of the moves and the findings; these come first where a table is cut."""
+    facts = text(
+        "check.head",
+        file=printable(Path(options.file).name),
+        number=checked.number,
+        machine=machine.name,
+        duration=checked.duration_ms / 1000.0,
+    )
+    head = [*broken(facts, WIDTH), *broken(_start(checked.start, text), WIDTH), ""]
+    judged = _judged(checked, text)
+    if not checked.moves:
+        return [*head, *judged]
+    tables, whole = move_tables(machine, checked, text)
+    # The first screen of a long text must show what matters.
+    return [*head, *tables, "", *judged] if whole else [*head, *judged, "", *tables]
+
+
+def _start(start: Start, text: Catalogue) -> str:
+    if start.source is Source.HOME:
+        return text("check.start.home")
+    if start.source is Source.OPERATOR:
+        return text("check.start.operator", place=str(start))
+    return text("check.start.comment", place=str(start), line=start.line)
+
+
+def _judged(checked: ProgramCheck, text: Catalogue) -> list[str]:
+    marked = [(MARKS[finding.severity], _finding(finding, text)) for finding in checked.findings]
+    lines: list[str] = []
+    for mark, sentence in marked or [("✓", text("check.clean"))]:
+        first, *others = broken(sentence, WIDTH - 2)
+        lines += [f"{mark} {first}", *(f"  {line}" for line in others)]
+    if checked.explanation:
+        explained = " ".join(_explained(sentence, text) for sentence in checked.explanation)
+        lines += ["", *broken(explained, WIDTH)]
+    return lines
+
+
+def _finding(finding: ProgramFinding, text: Catalogue) -> str:
+    """Return a finding as a sentence, with the lines of the program that it is about."""
+    sentence = text(f"check.finding.{finding.code}", **_shown(finding.values))
+    if not finding.lines:
+        return sentence
+    key = "check.line" if len(finding.lines) == 1 else "check.lines"
+    return f"{text(key, lines=_places(finding.lines))}: {sentence}"
+
+
+def _places(lines: Sequence[int]) -> str:
+    """Return line numbers, consecutive ones as a range, up to a limit."""
+    ranges: list[tuple[int, int]] = []
+    for line in lines:
+        if ranges and line == ranges[-1][1] + 1:
+            ranges[-1] = (ranges[-1][0], line)
+        else:
+            ranges.append((line, line))
+    shown = [f"{first}-{last}" if last > first else f"{first}" for first, last in ranges[:MOST_RANGES]]
+    return ", ".join([*shown, "..."] if len(ranges) > MOST_RANGES else shown)
+
+
+def _explained(sentence: Sentence, text: Catalogue) -> str:
+    return text(f"check.said.{sentence.code}", **_shown(sentence.values))
+
+
+def _shown(values: Mapping[str, Value]) -> dict[str, Value]:
+    return {name: PlainNumber(value) if isinstance(value, float) else value for name, value in values.items()}

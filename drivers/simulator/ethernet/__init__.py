@@ -1,1 +1,0 @@
-"""The Ethernet board of the simulated controller."""
