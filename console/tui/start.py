@@ -69,6 +69,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         driver_class=StopDriver,
     )
     ending = _Ending(link, app)
+    ending.install()
     link.start()
     try:
         app.run(mouse=False)
@@ -97,8 +98,13 @@ class _Ending:
         self._link, self._app = link, app
         self._handling = False
 
+    def install(self) -> None:
         for number in ENDING_SIGNALS:
             signal.signal(number, self._handle)
+
+    def ignore(self) -> None:
+        for number in ENDING_SIGNALS:  # during interpreter exit they must not change the exit code
+            signal.signal(number, signal.SIG_IGN)
 
     def _handle(self, number: int, _: FrameType | None) -> None:
         if self._handling:
@@ -123,8 +129,7 @@ def _leave(link: LinkThread, ending: _Ending, text: Catalogue) -> None:
         if not said and now_s > began_s + QUIET_S:
             said = True
             _say(text("leave.waiting"))
-    for number in ENDING_SIGNALS:  # during interpreter exit they must not change the exit code
-        signal.signal(number, signal.SIG_IGN)
+    ending.ignore()
     if ending.reason is not None:
         _say(text("leave.ended_at_rest" if link.rested else "leave.ended", reason=ending.reason))
     if not link.rested:

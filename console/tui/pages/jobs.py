@@ -5,7 +5,7 @@ from pathlib import Path
 from console.session.data.history import LastResults, last_results
 from console.session.data.kept_files import jobs_folder
 from console.session.station.state import StationState
-from console.session.work import Work, opened
+from console.session.work import opened
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, clipped, line, name_in
 from console.tui.page import Page
@@ -120,16 +120,13 @@ class JobsPage(Page):
             self.desk.say("screen.edits_unsaved", value=printable(work.job.name))
             return
         if work is None or not kept or (not work.edited and work.loaded.sha256 != loaded.sha256):
-            self.desk.work = self._opened(loaded)
+            # Loads numerics, which the first page does without.
+            from console.session.cut.compensated import with_accepted
+
+            work, simulated = opened(loaded, self.desk.machine), self.desk.control.state.simulated
+            self.desk.work = with_accepted(work, self.desk.data, simulated=simulated)
             self.desk.said = self.desk.work.set_aside
         self.desk.go(PageName.SETUP)
-
-    def _opened(self, loaded: LoadedJob) -> Work:
-        # Loads numerics, which the first page does without.
-        from console.session.cut.compensated import with_accepted
-
-        fresh = opened(loaded, self.desk.machine)
-        return with_accepted(fresh, self.desk.data, simulated=self.desk.control.state.simulated)
 
     @property
     def _jobs(self) -> JobList:

@@ -266,10 +266,14 @@ class SetupPage(Page):
         if work is self._shown_work and shown == self._shown:
             return
         self._shown_work, self._shown = work, shown
+        text = self.desk.text
         if work is None:
-            self._paint_nothing()
+            how = [line(text("setup.no_job")), line(dim(text("setup.how_to_open")))]
+            self._form.show(how, text("setup.no_title"))
+            self._speed.show((), "")
+            self._findings.show((), "")
             return
-        text, state = self.desk.text, self._state(work)
+        state = self._state(work)
         layout = form(state, text, *self._form.size)
         title = text("setup.title", name=name_in(printable(work.job.name), self._form.size.width - 12))
         self._form.show(layout.lines, title, text("setup.edited") if work.edited else "")
@@ -279,13 +283,6 @@ class SetupPage(Page):
         self._speed.show(speed, text("setup.at_speed", speed=f"{job.spindle_speed_rpm:.1f}"))
         findings = finding_lines(check(job, self._machine), text, *self._findings.size, self._warnings)
         self._findings.show(findings, text("setup.findings" if job is work.job else "setup.findings_draft"))
-
-    def _paint_nothing(self) -> None:
-        text = self.desk.text
-        how = [line(text("setup.no_job")), line(dim(text("setup.how_to_open")))]
-        self._form.show(how, text("setup.no_title"))
-        self._speed.show((), "")
-        self._findings.show((), "")
 
     def _place(self, entry: tuple[int, int, int] | None) -> None:
         """Place the entry over the brackets that the form keeps for it; the frame takes a cell on each side."""
