@@ -16,7 +16,7 @@ from drivers.commissioning.reading import PROGRAM_NUMBERS, of_motors, read_confi
 from drivers.commissioning.setting_names import named
 from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.language.reading import HIGHEST_PLC
+from drivers.pmac.language.expressions import HIGHEST_PLC
 from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

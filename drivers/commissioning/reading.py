@@ -12,7 +12,7 @@ from drivers.errors import ControllerError, LinkError, RefusedError
 from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language.errors import ErrorCode
-from drivers.pmac.language.reading import HIGHEST_PLC
+from drivers.pmac.language.expressions import HIGHEST_PLC
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 

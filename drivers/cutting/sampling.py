@@ -22,8 +22,7 @@ from drivers.errors import ControllerError, DriverError, LinkTimeoutError
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gather import GatherError
-from drivers.pmac.gathering.gather_client import DataGathering, GatherPlan
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import DataGathering, GatheredData, GatherPlan
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 

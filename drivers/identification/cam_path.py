@@ -17,7 +17,7 @@ from drivers.identification.excitation import PROGRAM, SETTLE_S, SLACK_S, Floats
 from drivers.identification.words import axis_word
 from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
 from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.setup import END_FLAG
 from profiles.machine import MachineProfile

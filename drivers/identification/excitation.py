@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.programs.setup import END_FLAG
 

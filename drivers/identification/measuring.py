@@ -13,8 +13,7 @@ from drivers.identification.rig import Rig
 from drivers.identification.standstill import Standstill
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.gathering.gather import GatherError
-from drivers.pmac.gathering.gather_client import DataGathering, GatherPlan
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import DataGathering, GatheredData, GatherPlan
 from drivers.pmac.program_text import read_program
 from profiles.axis.identification import frequency_response, reference_swing
 from profiles.problem import Problem

@@ -12,7 +12,7 @@ from drivers.identification.excitation import PROGRAM, RAMP_MS, SETTLE_S, SLACK_
 from drivers.identification.words import axis_word
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.pvt import longest_segment_ms, point_scales
 from drivers.pmac.programs.setup import END_FLAG

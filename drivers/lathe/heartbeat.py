@@ -15,12 +15,18 @@ from drivers.controller import REPLY_TIMEOUT_S, Controller
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.link.base import GONE
 from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.heartbeat.arming import forbidden, heartbeat_problems, permitted, silent
+from drivers.pmac.heartbeat.arming import (
+    PERMISSION,
+    HeartbeatLook,
+    forbidden,
+    heartbeat_problems,
+    permitted,
+    read_heartbeat,
+    silent,
+)
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, EchoWatch, Keeper
 from drivers.pmac.heartbeat.plc import OUT_LIMIT_MS, RUN_DOWN_MS, Policy, set_up_lines
-from drivers.pmac.heartbeat.reading import PERMISSION, HeartbeatLook, read_heartbeat
-from drivers.pmac.heartbeat.registers import ENDING
-from drivers.pmac.heartbeat.watchdog import PERIOD_MS, cycles_of, watchdog_condition, watchdog_timer
+from drivers.pmac.heartbeat.watchdog import ENDING, PERIOD_MS, cycles_of, watchdog_condition, watchdog_timer
 from drivers.pmac.reserved import ECHO, LOST, OWNER
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

@@ -12,7 +12,7 @@ from drivers.identification.cam_path import COLUMNS, CamPath, wave_counts
 from drivers.identification.excitation import PROGRAM
 from drivers.identification.pvt_path import PvtPath
 from drivers.pmac.compensation.table import step_counts
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.program_text import read_program
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine  # both families

@@ -9,8 +9,7 @@ from drivers.commissioning.proofs.bench import POLL_S, SETTLE_S, ProofRig, proof
 from drivers.commissioning.reading import ask_or_none
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
-from drivers.pmac.gathering.gather_client import DataGathering
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import DataGathering, GatheredData
 from drivers.pmac.language.text import format_constant
 from drivers.pmac.status import decode
 

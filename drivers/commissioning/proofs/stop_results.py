@@ -15,8 +15,7 @@ from drivers.commissioning.stop_record import Origin, StopEntry, Way
 from drivers.commissioning.stops import after_abort, after_jog_stop, jog_settings_of
 from drivers.lathe.motion import LINK_LATENCY_MS
 from drivers.pmac.analysis.units import unit_of
-from drivers.pmac.heartbeat.proof import WatchdogProof, proof_problems
-from drivers.pmac.heartbeat.watch import Look, rest_s
+from drivers.pmac.heartbeat.watch import Look, WatchdogProof, proof_problems, rest_s
 from drivers.pmac.heartbeat.watchdog import WATCHDOG_MS
 
 MOVED_COUNTS = 1.0

@@ -23,8 +23,7 @@ from drivers.lathe.heartbeat import Heartbeat
 from drivers.link.base import StopWay
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED
 from drivers.pmac.heartbeat.plc import Policy
-from drivers.pmac.heartbeat.proof import kept, withhold
-from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, rests
+from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, kept, rests, withhold
 from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD, SYSTEM
 from drivers.pmac.language.text import format_number
 from profiles.findings import Severity
