@@ -215,7 +215,7 @@ class Stock(App[None]):
         if self._shown.get(name) == tuple(lines):
             return
         self._shown[name] = tuple(lines)
-        rows = [Text.assemble(*((words, COLOUR.style(token)) for words, token in pieces)) for pieces in lines]
+        rows = [Text.assemble(*((words, COLOUR[token]) for words, token in pieces)) for pieces in lines]
         self.query_one(f"#{name}", Static).update(Text("\n").join(rows), layout=False)
 
     def _plot_errors(self, cut: CutProgress) -> None:

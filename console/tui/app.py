@@ -1,7 +1,5 @@
 """Application, composition only: six rows, one page between them, one gate for every key, one tick."""
 
-from __future__ import annotations
-
 import asyncio
 import gc
 from collections.abc import Callable
@@ -25,32 +23,23 @@ from console.tui.keymap import Action, PageName
 from console.tui.lines import Line, Sheet
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.page import Page
-from console.tui.previewing import ChosenPath, Previewer
+from console.tui.previewing import ChosenPath, Previewer, fault_of
 from console.tui.standing_orders import StandingOrders
 from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette
 from console.tui.ui_context import UiContext, View
 from profiles.files import printable
 from profiles.job import Job
-from profiles.problem import Problem, ProblemError
+from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
 TICK_S = 0.1
-SMALLEST = (60, 18)
-"""Columns and rows below which no page is shown and nothing can be started."""
-
-SMALLEST_TO_MOVE = (80, 24)
-"""Columns and rows below which pages are shown, but motion cannot be commanded."""
-
-SETTLED_S = 1.0
-"""Time after the last command until a poll shows whether it causes motion."""
+SMALLEST = (60, 18)  # columns and rows below which no page is shown and nothing can be started
+SMALLEST_TO_MOVE = (80, 24)  # columns and rows below which pages are shown, but motion cannot be commanded
+SETTLED_S = 1.0  # time after the last command until a poll shows whether it causes motion
 
 
 class ConsoleApp(App[None]):
-    """The console of one machine.
-
-    `begin` is called after the first paint, for everything that can wait for it. `local_time` and `ticking` are
-    for screenshots that must be reproducible.
-    """
+    """The console of one machine. `begin` is called after the first paint; the rest is for screenshots."""
 
     CSS = """
     Screen { layout: vertical; background: $background; color: $foreground; }
@@ -83,9 +72,9 @@ class ConsoleApp(App[None]):
     ) -> None:
         # Without colour, Textual must know before it chooses its filters to use the terminal's own colours.
         super().__init__(driver_class=driver_class, ansi_color=None if palette is COLOUR else True)
-        for theme in (DARK_THEME, MONO_THEME):
-            self.register_theme(theme)
-        self.theme = (DARK_THEME if palette is COLOUR else MONO_THEME).name
+        theme = DARK_THEME if palette is COLOUR else MONO_THEME
+        self.register_theme(theme)
+        self.theme = theme.name
         self.title = f"SIM {machine.machine.name}" if control.state.simulated else machine.machine.name
         self.desk = UiContext(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
         self._begin = begin
@@ -128,8 +117,7 @@ class ConsoleApp(App[None]):
         self.call_after_refresh(self._first_paint)
 
     def _first_paint(self) -> None:
-        """Fill the page, now that its size is known, and start the heavy work."""
-        self.tick()
+        self.tick()  # the size of the page is known now
         self.call_after_refresh(self._begin)
 
     def leave_soon(self) -> None:
@@ -145,7 +133,9 @@ class ConsoleApp(App[None]):
         state = desk.control.state
         self._spare_the_stop(state.may_move)
         desk.forget_stale_answer(state)
-        if desk.work is not None and self._wants_preview(state.alignment.settings is not None):
+        # The link thread loads the numerics before it reads the settings; any page but the first needs them.
+        loaded = state.alignment.settings is not None or self._page is not PageName.JOBS
+        if desk.work is not None and loaded:
             path = self._path.of(desk.work, state.alignment, simulated=state.simulated)
             desk.work = self._previewer.refreshed(desk.work, state.alignment, path=path)
         self.screen.set_class(self._is_small, "small")
@@ -160,16 +150,10 @@ class ConsoleApp(App[None]):
         self._safely(lambda: self._show_frame(page, view))
 
     def _spare_the_stop(self, may_move: bool) -> None:
-        """While something moves, limit garbage collection to new objects.
-
-        A full collection after a preview takes a tenth of a second, in which no key is processed.
-        """
+        """Collect only new objects while something moves: a full collection would delay a key by 0.1 s."""
         if may_move is not self._collector_spared:
             self._collector_spared = may_move
-            if may_move:
-                gc.freeze()
-            else:
-                gc.unfreeze()
+            (gc.freeze if may_move else gc.unfreeze)()
 
     def go(self, name: PageName) -> None:
         """Show another page."""
@@ -201,7 +185,6 @@ class ConsoleApp(App[None]):
 
     @property
     def _field(self) -> FieldKind:
-        """Return the kind of field that has the focus. A page under construction has none."""
         page = self._pages.get(self._page)
         return FieldKind.NONE if page is None else page.field
 
@@ -228,7 +211,12 @@ class ConsoleApp(App[None]):
             if self._took(event):
                 return
         elif isinstance(event, events.Paste) and not event.is_forwarded and self._field is not FieldKind.TEXT:
-            self._pasted()
+            # It was not typed, does nothing, and stops any motion.
+            moving = self.desk.control.state.may_move
+            self.desk.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
+            if moving:
+                self.stop_now(PASTED)
+            self.call_after_refresh(self.tick)
             return
         await super().on_event(event)
 
@@ -252,25 +240,16 @@ class ConsoleApp(App[None]):
         state, work = self.desk.control.state, self.desk.work
         unsaved = work is not None and work.edited and work.job is not self._given_up
         if state.moving:
-            self.desk.said = (Problem(code="screen.quit_moving"),)
+            self.desk.say("screen.quit_moving")
         elif work is not None and unsaved:
             self._given_up = work.job
-            self.desk.said = (Problem(code="screen.quit_unsaved", value=work.job.name),)
+            self.desk.say("screen.quit_unsaved", value=work.job.name)
         else:
             self.exit()
 
     @property
     def _is_small(self) -> bool:
-        return min(self.size.width - SMALLEST[0], self.size.height - SMALLEST[1]) < 0
-
-    @property
-    def _is_cramped(self) -> bool:
-        """Whether the terminal shows too little of a page to command motion."""
-        return self.size.width < SMALLEST_TO_MOVE[0] or self.size.height < SMALLEST_TO_MOVE[1]
-
-    def _wants_preview(self, verified: bool) -> bool:
-        """Whether to compute a preview: once the link thread has loaded the numerics, or on request."""
-        return verified or self._page is not PageName.JOBS
+        return self.size.width < SMALLEST[0] or self.size.height < SMALLEST[1]
 
     def _made(self, name: PageName) -> Page:
         if name not in self._pages:
@@ -328,7 +307,7 @@ class ConsoleApp(App[None]):
             case Verdict.KILL:
                 self.kill_now(event.key)
             case Verdict.ACTION if isinstance(event, Written):
-                self.desk.said = (Problem(code="screen.entry_over"),)
+                self.desk.say("screen.entry_over")
             case Verdict.ACTION if action is not None and action.id in ("messages", "list.up", "list.down"):
                 self._list.read(action)  # what was said stays said: it is to be read
             case Verdict.ACTION | Verdict.STOP if action is not None:
@@ -337,64 +316,53 @@ class ConsoleApp(App[None]):
                 self._do(action, page)
         self.call_after_refresh(self.tick)
         if stray := is_stray(event.key, event.character, now):
-            self.desk.said = (Problem(code="screen.not_of_a_number", value=event.character or ""),)
+            self.desk.say("screen.not_of_a_number", value=event.character or "")
         return not stray
 
     def _say_changed(self, action: Action) -> None:
-        """Report the key for which the machine was stopped because it requests another motion."""
         if not is_page(action):
             self.desk.say_until_key(Problem(code="screen.key_in_motion", key=action.shown))
 
     def _do(self, action: Action, page: Page) -> None:
-        kind, _, rest = action.id.partition(".")
-        repeats = self._held.repeats(action, self.desk.control.now_s())
-        if action.moves and self._is_cramped:
-            columns, rows = SMALLEST_TO_MOVE
-            self.desk.said = (Problem(code="screen.cramped", limit=f"{columns} x {rows}"),)
-        elif repeats:
-            self.desk.said = (Problem(code="screen.key_repeats"),)
-        elif kind == "page":
-            self.go(PageName(rest))
-        elif action.id == "help":
-            self._list.step()
-        elif action.id == "close":
-            self._list.open(PAGE)
-        elif action.id == "quit":
-            self.action_quit()
-        elif action.id == "recover":
-            self._acted_s = self.desk.control.now_s()
-            self._orders.recover()
-        elif action.id == "acknowledge":
-            self._orders.acknowledge(all_of_them=self._list.shown == MESSAGES)
-        elif action.id == "take_over":
-            self._orders.take_control()
-        else:
-            self._list.open(PAGE)
-            self._acted_s = self.desk.control.now_s()
-            self._safely(lambda: page.act(action.id))
+        now_s = self.desk.control.now_s()
+        repeats = self._held.repeats(action, now_s)
+        columns, rows = SMALLEST_TO_MOVE
+        if action.moves and (self.size.width < columns or self.size.height < rows):
+            self.desk.say("screen.cramped", limit=f"{columns} x {rows}")
+            return
+        if repeats:
+            self.desk.say("screen.key_repeats")
+            return
+        match action.id.split("."):
+            case ["page", name]:
+                self.go(PageName(name))
+            case ["help"]:
+                self._list.step()
+            case ["close"]:
+                self._list.open(PAGE)
+            case ["quit"]:
+                self.action_quit()
+            case ["recover"]:
+                self._acted_s = now_s
+                self._orders.recover()
+            case ["acknowledge"]:
+                self._orders.acknowledge(all_of_them=self._list.shown == MESSAGES)
+            case ["take_over"]:
+                self._orders.take_control()
+            case _:
+                self._list.open(PAGE)
+                self._acted_s = now_s
+                self._safely(lambda: page.act(action.id))
 
     def _safely(self, work: Callable[[], None]) -> None:
         """Run an operation of one page. Its faults stay its own: the rows, the stop and the machine continue."""
         try:
-            work()
-        except ProblemError as error:
-            self.desk.said = tuple(error.problems)
+            with self.desk.answering():
+                work()
         except Exception as fault:
-            what = " ".join(f"{type(fault).__name__}: {fault}".split())
-            self.desk.said = (Problem(code="session.fault", value=what),)
+            self.desk.said = (fault_of(fault),)
 
     def _handle_exception(self, error: Exception) -> None:
-        """Leave without a traceback; `fault` is reported in one line after the terminal is restored.
-
-        The name is Textual's, which has no public hook for this.
-        """
+        """Leave without a traceback (Textual has no public hook); `fault` is reported in one line afterwards."""
         self.fault = self.fault or error
         self.exit(return_code=1)
-
-    def _pasted(self) -> None:
-        """Handle text pasted outside a field: it was not typed, does nothing, and stops any motion."""
-        moving = self.desk.control.state.may_move
-        self.desk.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
-        if moving:
-            self.stop_now(PASTED)
-        self.call_after_refresh(self.tick)

@@ -1,12 +1,9 @@
 """Commands available on every page: recover after a stop, take control, acknowledge alarms."""
 
-from __future__ import annotations
-
+from console.session.station.alarms import foremost
 from console.tui.ui_context import UiContext
-from profiles.problem import Problem
 
-TAKE_OVER_WITHIN_S = 5.0
-"""Time in which the key that takes control has to be pressed again."""
+TAKE_OVER_WITHIN_S = 5.0  # time in which the key that takes control has to be pressed again
 
 
 class StandingOrders:
@@ -30,18 +27,17 @@ class StandingOrders:
 
         desk = self._desk
         if desk.control.state.controls:
-            desk.said = (Problem(code="screen.controls_already"),)
+            desk.say("screen.controls_already")
         elif desk.control.now_s() - self._asked_over_s > TAKE_OVER_WITHIN_S:
             self._asked_over_s = desk.control.now_s()
             code = "screen.take_over_again" if desk.control.state.holder else "screen.take_control_again"
-            desk.said = (Problem(code=code, limit=f"{TAKE_OVER_WITHIN_S:g} s"),)
+            desk.say(code, limit=f"{TAKE_OVER_WITHIN_S:g} s")
         else:
             self._asked_over_s = float("-inf")
             desk.control.post(TakeControl())
 
     def acknowledge(self, *, all_of_them: bool) -> None:
         """Acknowledge what is shown: the alarm in the row, or all of them in the list of messages."""
-        from console.session.station.alarms import foremost
         from console.session.station.commands import Acknowledge
 
         alarms = self._desk.control.state.alarms

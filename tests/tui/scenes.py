@@ -257,7 +257,7 @@ def answer(app: ConsoleApp, scene: Scene) -> None:
         made = previewed(job) if scene.page is PageName.PREVIEW else None
         work = replace(scene.work, outlook=made, preview=made)
         app.desk.work = work
-        app._previewer._settled = (work, alignment, None, None)
+        app._previewer._settled = (work, alignment, None)
 
 
 @asynccontextmanager

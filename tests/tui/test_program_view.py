@@ -17,7 +17,7 @@ from console.session.station.state import StationState
 from console.text.catalogue import load
 from console.tui.lines import plain, width_of
 from console.tui.pages.preview import PreviewPage
-from console.tui.pages.program import program_lines, program_rows
+from console.tui.pages.preview_lines import program_lines, program_rows
 from console.tui.theme import Token
 from console.tui.ui_context import View
 from drivers.cutting.planning import CutPlan, Strategy

@@ -1,54 +1,27 @@
 """Page Inspect: release the part, measure it, and compare it with the part before compensation."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
-from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
-from textual.events import Resize
-from textual.geometry import Size
 
 from console.session.station.commands import Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, line, wrapped
-from console.tui.page import Page
-from console.tui.pages.inspect_lines import (
-    Comparison,
-    caption_lines,
-    compared,
-    harmonic_lines,
-    mark_lines,
-    named,
-    result_lines,
-    wrong_lines,
-)
+from console.tui.page import ChartPage
+from console.tui.pages import inspect_lines
 from console.tui.pages.learn_lines import in_scatter, is_kept, learn_lines, learn_title, reason_lines
 from console.tui.pages.learning_keys import accept_lesson, revert_version
+from console.tui.pages.stop_lines import mark_lines
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
-from profiles.problem import Problem, ProblemError
 
-ROWS_FOR_PLOTS = 16
-"""Rows of the page below which the table replaces the plot."""
-
-_ROOMY_ROWS, _TALL_ROWS = 22, 36
 _BORDER_ROWS = 2
-_JAW_1 = "1"
-
-WORSE = ("learned.diverges", "learned.wave_diverges")
-"""Reasons to revert."""
-
-MADE_WORSE = "learned.worse"
-"""A reason to check the set-up: reverting would not help."""
-
-ELSEWHERE = "learned.lobe_elsewhere"
-"""A reason to check the set-up before anything is kept."""
+WORSE = ("learned.diverges", "learned.wave_diverges")  # reasons to revert
+MADE_WORSE = "learned.worse"  # a reason to check the set-up: reverting would not help
+ELSEWHERE = "learned.lobe_elsewhere"  # a reason to check the set-up before anything is kept
 
 
-class InspectPage(Page):
+class InspectPage(ChartPage):
     """Before and after on one scale, with every figure as a number beside it."""
 
     name_ = PageName.INSPECT
@@ -86,51 +59,32 @@ class InspectPage(Page):
         self._result = Sheet(palette, id="inspect-result", classes="panel")
         self._harmonics = Sheet(palette, id="inspect-harmonics", classes="panel")
         self._roundness = Vertical(self._polar, self._caption, id="inspect-roundness", classes="panel")
-        self._charts = Horizontal(id="inspect-charts")
+        numbers = Vertical(self._result, self._harmonics, id="inspect-numbers")
+        self._charts = Horizontal(self._roundness, numbers, id="inspect-charts")
         self._learn = Sheet(palette, id="inspect-learn", classes="panel")
         self._message = Sheet(palette, id="inspect-message")
-        self._view: View | None = None
-        self._seen: Comparison | None = None
+        self.panels = (self._charts, self._learn, self._message)
+        self.texts = (self._caption, self._result, self._harmonics, self._learn, self._message)
+        self._seen: inspect_lines.Comparison | None = None
         self._parts: tuple[MeasuredPart | None, MeasuredPart | None] = (None, None)
-        self._painted_for: tuple[Size, ...] = ()
         self._harmonics.border_title = desk.text("inspect_page.harmonics")
         self._charts.display = self._learn.display = False
 
-    def compose(self) -> ComposeResult:
-        """Return the plot with its numbers, and a message in their place."""
-        with self._charts:
-            yield self._roundness
-            yield Vertical(self._result, self._harmonics, id="inspect-numbers")
-        yield self._learn
-        yield self._message
-
-    def show(self, view: View) -> None:
-        """Show the last part that was measured."""
-        before, self._view = self._view, view
-        news = before is None or before.work is not view.work or _news(before.state) != _news(view.state)
-        if news or self._sizes != self._painted_for:
-            self._paint()
-
-    def fit(self) -> None:
-        """Show plots where there is room for them."""
-        height = self.size.height
-        self.set_class(height < ROWS_FOR_PLOTS, "-bare")
-        self.set_class(height >= _ROOMY_ROWS, "-roomy")
-        self.set_class(height >= _TALL_ROWS, "-tall")
-
-    def on_resize(self, event: Resize) -> None:
-        """Adapt to the new size."""
-        self.fit()
-        self.call_after_refresh(self._paint)
+    def news(self, view: View) -> tuple[object, ...]:
+        """Return the job, the measured parts and the blank."""
+        state, parts = view.state, (id(view.state.measured), id(view.state.uncompensated))
+        return id(view.work), parts, state.cut_done, state.simulated, state.marks_mm
 
     def act(self, action: str) -> None:
         """Measure the part, keep its learning step or revert, or continue with the next one."""
         if action == "inspect.measure":
             self._measure()
         elif action == "inspect.accept":
-            self._learned(accept_lesson)
+            with self.desk.answering():
+                accept_lesson(self.desk)
         elif action == "inspect.revert":
-            self._learned(revert_version)
+            with self.desk.answering():
+                revert_version(self.desk)
         elif action == "inspect.next":
             self.desk.go(PageName.ALIGN)
 
@@ -145,42 +99,38 @@ class InspectPage(Page):
             return self._message_lines(view.state, width)
         lesson = part.lesson
         taught = [] if lesson is None else learn_lines(lesson, view.work, text, width, failed=_fails(part))
-        return [*wrong_lines(part, text, width), *taught]
-
-    def _learned(self, key: Callable[[UiContext], None]) -> None:
-        """Perform the action of a key of the panel Learn, or show why not."""
-        try:
-            key(self.desk)
-        except ProblemError as error:
-            self.desk.said = tuple(error.problems)
+        return [*inspect_lines.wrong_lines(part, text, width), *taught]
 
     def _measure(self) -> None:
+        """Measure the part, or show why not: the station refuses for the same reasons."""
         state = self.desk.control.state
-        reason = _refusal(state)
-        if reason is not None:
-            self.desk.said = (reason,)
-            return
-        self.desk.control.post(Measure())
+        if not state.simulated:
+            self.desk.say("session.no_gauge")
+        elif state.moving:
+            self.desk.say("machine.moving")
+        elif not state.cut_done:
+            self.desk.say("session.nothing_cut")
+        else:
+            self.desk.control.post(Measure())
 
-    def _paint(self) -> None:
-        view = self._view
-        if view is None:
-            return
-        self._painted_for = self._sizes
+    def paint(self, view: View) -> None:
+        """Show the last part that was measured."""
         state = view.state
         self._compare(state)
-        lesson = None if state.measured is None else state.measured.lesson
-        self._see(self._message if self._seen is None else self._charts, learning=lesson is not None)
+        learning = state.measured is not None and state.measured.lesson is not None
+        if self._learn.display is not learning:
+            self._learn.display = learning
+            self.set_class(learning, "-learning")
+            self.call_after_refresh(self.paint_again)
+        self.see(self._message if self._seen is None else self._charts, (self._charts, self._message))
         if self._seen is None:
             self._message.show(self._message_lines(state, max(self._message.size.width, 1)))
             return
         self._show_lesson(view)
-        seen, text, caption = self._seen, self.desk.text, self._caption.size
-        result, harmonics = self._result.size, self._harmonics.size
-        scale = self._polar.scale_um_per_division
-        self._caption.show(caption_lines(seen, scale, text, caption.width))
-        self._result.show(result_lines(seen, state.simulated, text, result.width, result.height))
-        self._harmonics.show(harmonic_lines(seen, text, harmonics.width, harmonics.height))
+        seen, text, scale = self._seen, self.desk.text, self._polar.scale_um_per_division
+        self._caption.show(inspect_lines.caption_lines(seen, scale, text, self._caption.size.width))
+        self._result.show(inspect_lines.result_lines(seen, state.simulated, text, *self._result.size))
+        self._harmonics.show(inspect_lines.harmonic_lines(seen, text, *self._harmonics.size))
 
     def _show_lesson(self, view: View) -> None:
         part = view.state.measured
@@ -188,64 +138,38 @@ class InspectPage(Page):
             return
         text, room = self.desk.text, self._learn.size
         rows = learn_lines(part.lesson, view.work, text, max(room.width, 1), failed=_fails(part))
-        self._learn.show(rows[: room.height])
-        self._learn.border_title = learn_title(part.lesson, text)
-        self._learn.border_subtitle = text("panel.more") if len(rows) > room.height else ""
+        more = text("panel.more") if len(rows) > room.height else ""
+        self._learn.show(rows[: room.height], learn_title(part.lesson, text), more)
         # Why nothing is learned from a part is shown in full, at the cost of the plot.
         reasons = len(reason_lines(part.lesson, text, max(room.width, 1)))
         self._learn.styles.min_height = min(reasons + _BORDER_ROWS, max(self.size.height // 2, 1))
 
     def _compare(self, state: StationState) -> None:
-        """Evaluate and draw, once for each pair of parts."""
         parts = (state.measured, state.uncompensated)
         if parts[0] is self._parts[0] and parts[1] is self._parts[1]:
             return
-        self._parts, self._seen = parts, compared(state)
+        self._parts, self._seen = parts, inspect_lines.compared(state)
         if self._seen is not None:
             self._draw(self._seen)
 
-    def _draw(self, seen: Comparison) -> None:
-        figures = named(seen.part.result, self.desk.text)
+    def _draw(self, seen: inspect_lines.Comparison) -> None:
+        figures = inspect_lines.named(seen.part.result, self.desk.text)
         self._roundness.border_title = self.desk.text("inspect_page.roundness", figures=figures)
         self._result.border_title = figures
-        sides = [(seen.before, Token.BEFORE)]
-        if seen.after is not None:
-            sides.append((seen.after, Token.AFTER))
+        sides = ((seen.before, Token.BEFORE, True), (seen.after, Token.AFTER, False))
         traces = [
-            PolarTrace(
-                angle_deg=side.angle_deg, deviation_um=side.profile_um, token=token, dashed=token is Token.BEFORE
-            )
-            for side, token in sides
+            PolarTrace(angle_deg=side.angle_deg, deviation_um=side.profile_um, token=token, dashed=dashed)
+            for side, token, dashed in sides
+            if side is not None
         ]
-        self._polar.show(traces, marks=[Mark(angle_deg=seen.part.jaw_1_deg, label=_JAW_1)])
-
-    @property
-    def _sizes(self) -> tuple[Size, ...]:
-        """Return the sizes of the texts; a new class changes them some time after the resize."""
-        sheets = (self._caption, self._result, self._harmonics, self._learn, self._message)
-        return tuple(sheet.size for sheet in sheets)
-
-    def _see(self, target: Horizontal | Sheet, *, learning: bool) -> None:
-        """Show the numbers with their learning step, or the message; each needs a layout before it has a size."""
-        if target.display and self._learn.display is learning:
-            return
-        for each in (self._charts, self._message):
-            each.display = each is target
-        self._learn.display = learning
-        self.set_class(learning, "-learning")
-        if self.is_attached:
-            self.call_after_refresh(self._paint)
+        self._polar.show(traces, marks=[Mark(angle_deg=seen.part.jaw_1_deg, label="1")])
 
     def _message_lines(self, state: StationState, width: int) -> list[Line]:
         text = self.desk.text
         lines = wrapped(text("inspect_page.nothing"), width)
         what = "how_measure" if state.cut_done else "how_cut"
-        return [
-            *lines,
-            BLANK,
-            *wrapped(text(f"inspect_page.{what}{_where(state)}"), width),
-            *mark_lines(state.marks_mm, text, width),
-        ]
+        how = wrapped(text(f"inspect_page.{what}{_where(state)}"), width)
+        return [*lines, BLANK, *how, *mark_lines(text, state.marks_mm, width, "inspect_page")]
 
 
 def _where(state: StationState) -> str:
@@ -290,19 +214,3 @@ def _next_word(view: View) -> str:
 def _fails(part: MeasuredPart) -> bool:
     """Whether a part is out of its job's tolerance; one with half its compensation is not judged."""
     return not part.is_half and part.result.ront_um > part.job.roundness_tolerance_um
-
-
-def _news(state: StationState) -> tuple[object, ...]:
-    """Return what this page shows of a state; parts are immutable and compared by identity."""
-    return id(state.measured), id(state.uncompensated), state.cut_done, state.simulated, state.marks_mm
-
-
-def _refusal(state: StationState) -> Problem | None:
-    """Return why no part can be measured now; the station refuses for the same reasons."""
-    if not state.simulated:
-        return Problem(code="session.no_gauge")
-    if state.moving:
-        return Problem(code="machine.moving")
-    if not state.cut_done:
-        return Problem(code="session.nothing_cut")
-    return None

@@ -1,26 +1,23 @@
 """Page Jobs: pick a saved job. It is the first page, and is painted before anything heavy is loaded."""
 
-from __future__ import annotations
-
 from pathlib import Path
-
-from textual.app import ComposeResult
-from textual.content import Content
 
 from console.session.data.history import LastResults, last_results
 from console.session.data.kept_files import jobs_folder
-from console.session.station.state import Activity, StationState
-from console.session.work import Work, opened
+from console.session.station.state import StationState
+from console.session.work import opened
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, clipped, line, name_in
 from console.tui.page import Page
 from console.tui.pages.jobs_lines import JobList, Loaded, hidden_words, summary_lines, table_lines
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View
+from console.tui.ui_context import UiContext, View, locked
 from profiles.files import printable
 from profiles.job import Job
-from profiles.problem import Problem, ProfileError
+from profiles.problem import ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
+
+_LOCKED = "screen.open_moving", "screen.open_armed"
 
 
 class JobsPage(Page):
@@ -42,6 +39,7 @@ class JobsPage(Page):
         super().__init__(desk)
         self._table = Sheet(desk.palette, classes="table")
         self._summary = Sheet(desk.palette, classes="summary")
+        self.panels = (self._table, self._summary)
         self._entries: tuple[LibraryEntry, ...] = ()
         self._fresh = False
         self._selected = 0
@@ -50,11 +48,6 @@ class JobsPage(Page):
         self._simulated = True
         self._warned: tuple[Path, Job] | None = None
         self._shown: object = None
-
-    def compose(self) -> ComposeResult:
-        """Return the table on the left and the summary on the right."""
-        yield self._table
-        yield self._summary
 
     def show(self, view: View) -> None:
         """Show the list; it is read when the page is shown after another one."""
@@ -111,38 +104,29 @@ class JobsPage(Page):
         return self._loaded[entry.name]
 
     def _open(self) -> None:
-        refused, entry = lock(self.desk.control.state), self._jobs.entry
+        refused, entry = locked(self.desk.control.state, *_LOCKED), self._jobs.entry
         if refused is not None:
             self.desk.said = (refused,)
         elif entry is not None:
-            try:
+            with self.desk.answering():
                 self._take(load_job(str(entry.path)))
-            except ProfileError as error:
-                self.desk.said = tuple(error.problems)
 
     def _take(self, loaded: LoadedJob) -> None:
         """Open a job. The open one keeps its edits; another's are discarded after a second Enter."""
         work = self.desk.work
         kept = work is not None and work.loaded.path == loaded.path
-        if work is not None and work.edited and not kept and not self._was_warned(loaded, work):
+        if work is not None and work.edited and not kept and self._warned != (loaded.path, work.job):
             self._warned = (loaded.path, work.job)
-            self.desk.said = (Problem(code="screen.edits_unsaved", value=printable(work.job.name)),)
+            self.desk.say("screen.edits_unsaved", value=printable(work.job.name))
             return
         if work is None or not kept or (not work.edited and work.loaded.sha256 != loaded.sha256):
-            self.desk.work = self._opened(loaded)
+            # Loads numerics, which the first page does without.
+            from console.session.cut.compensated import with_accepted
+
+            work, simulated = opened(loaded, self.desk.machine), self.desk.control.state.simulated
+            self.desk.work = with_accepted(work, self.desk.data, simulated=simulated)
             self.desk.said = self.desk.work.set_aside
         self.desk.go(PageName.SETUP)
-
-    def _opened(self, loaded: LoadedJob) -> Work:
-        """Return the work on a job, with its newest accepted version, from any session."""
-        # Loads numerics, which the first page does without.
-        from console.session.cut.compensated import with_accepted
-
-        fresh = opened(loaded, self.desk.machine)
-        return with_accepted(fresh, self.desk.data, simulated=self.desk.control.state.simulated)
-
-    def _was_warned(self, loaded: LoadedJob, work: Work) -> bool:
-        return self._warned == (loaded.path, work.job)
 
     @property
     def _jobs(self) -> JobList:
@@ -156,31 +140,23 @@ class JobsPage(Page):
 
     def _paint(self) -> None:
         work = self.desk.work
-        shown = (
-            self._entries,
-            self._selected,
-            work is not None and work.edited,
-            self._table.size,
-            self._summary.size,
-        )
+        sizes = self._table.size, self._summary.size
+        shown = (self._entries, self._selected, work is not None and work.edited, sizes)
         if shown == self._shown:
             return
         self._shown = shown
-        jobs, text = self._jobs, self.desk.text
-        entry = jobs.entry
+        jobs, entry, text = self._jobs, self._jobs.entry, self.desk.text
         edited = work is not None and entry is not None and work.edited and work.loaded.path == entry.path
-        self._table.show(table_lines(jobs, text, *self._table.size))
-        size = self._summary.size
+        size, hidden = self._summary.size, hidden_words(jobs, text, self._table.size.height)
+        rows = table_lines(jobs, text, *self._table.size)
+        self._table.show(rows, text("jobs_page.title", count=len(jobs.entries)), hidden)
         rows = summary_lines(jobs, text, size.width, edited=edited)
-        unusable = entry is not None and not isinstance(self._load(entry), LoadedJob)
-        self._summary.show(clipped(rows, size.height, text("panel.more")) if unusable else rows)
-        self._table.border_title = text("jobs_page.title", count=len(jobs.entries))
-        self._table.border_subtitle = hidden_words(jobs, text, self._table.size.height)
-        # Names of jobs may contain brackets, which are no markup.
-        self._summary.border_title = Content(name_in(printable(entry.name), size.width - 4) if entry else "")
+        if entry is not None and not isinstance(self._load(entry), LoadedJob):  # it cannot be used
+            rows = clipped(rows, size.height, text("panel.more"))
+        self._summary.show(rows, name_in(printable(entry.name), size.width - 4) if entry else "")
 
     def _next_words(self, state: StationState) -> str:
-        text, entry, refused = self.desk.text, self._jobs.entry, lock(state)
+        text, entry, refused = self.desk.text, self._jobs.entry, locked(state, *_LOCKED)
         if refused is not None:
             return text("jobs_page.next.moving") if state.moving else text("jobs_page.next.armed")
         if entry is None:
@@ -188,12 +164,3 @@ class JobsPage(Page):
         if not isinstance(self._load(entry), LoadedJob):
             return text("jobs_page.next.unreadable")
         return text("jobs_page.next.open", name=printable(entry.name))
-
-
-def lock(state: StationState) -> Problem | None:
-    """Return why no job can be opened now, None when one can."""
-    if state.moving:
-        return Problem(code="screen.open_moving")
-    if state.armed is not None or state.activity is Activity.ARMING:
-        return Problem(code="screen.open_armed")
-    return None

@@ -1,12 +1,9 @@
 """Text of the panel Learn: the learning step of a part; and how a part is cut, in two words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
-from console.session.learning.learning_steps import LeftWave, PartLearning, Taught
+from console.session.learning.learning_steps import PartLearning, Taught
 from console.session.stages import Stage
-from console.session.station.state import Armed
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, hanging, wrapped
@@ -25,16 +22,13 @@ def learn_title(lesson: PartLearning, text: Catalogue) -> str:
 def learn_lines(
     lesson: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool = False
 ) -> list[Line]:
-    """Return the learning step, or why there is none: each harmonic, gain, convergence, the next cut's choice.
-
-    The note on clamping scatter depends on what comes next: a part that has `failed` cannot stay as it is.
-    """
+    """Return the learning step or why none; a part that has `failed` cannot stay, even within clamping scatter."""
     lines = reason_lines(lesson, text, width)
     taught = lesson.taught
     if taught is not None:
         if taught.stage is Stage.PARTIAL:
             lines += wrapped(_half_words(taught, text), width, Token.STRONG)
-        lines += wrapped(_wave_words(taught, text), width, Token.STRONG)
+        lines += wrapped(_harmonics_words(taught, text), width, Token.STRONG)
         lines += wrapped(" · ".join(_facts(taught, work, text)), width)
         if in_scatter(taught) and not lesson.reasons and not is_kept(lesson, work):
             scatter = f"{taught.lesson.expected_half_width_um_pp:.2f}"
@@ -47,9 +41,8 @@ def learn_lines(
 
 def reason_lines(lesson: PartLearning, text: Catalogue, width: int) -> list[Line]:
     """Return why nothing is learned from the part, and what helps."""
-    return [
-        row for problem in lesson.reasons for row in hanging(_MARK, text.problem(problem), width, Token.WARNING)
-    ]
+    reasons = [text.problem(problem) for problem in lesson.reasons]
+    return [row for reason in reasons for row in hanging(_MARK, reason, width, Token.WARNING)]
 
 
 def is_kept(lesson: PartLearning | None, work: Work | None) -> bool:
@@ -82,11 +75,6 @@ def chosen_words(text: Catalogue, work: Work) -> str:
     return made_words(text, f"{learned.version} (= {older})", work.stage)
 
 
-def armed_words(text: Catalogue, armed: Armed) -> str:
-    """Return what was armed."""
-    return made_words(text, armed.made.version, armed.made.stage)
-
-
 def _half_words(taught: Taught, text: Catalogue) -> str:
     part = taught.lesson.next.part
     whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.share
@@ -94,19 +82,17 @@ def _half_words(taught: Taught, text: Catalogue) -> str:
     return text("inspect_page.half_left", right=f"{left.right_um_pp:.1f}", wrong=f"{left.wrong_um_pp:.1f}")
 
 
-def _wave_words(taught: Taught, text: Catalogue) -> str:
+def _harmonics_words(taught: Taught, text: Catalogue) -> str:
     if taught.lesson.reasons:  # no promise for a next part that will not be cut with it
         left = " · ".join(f"{each.waves}/rev {each.left_um_pp:.2f}" for each in taught.waves)
         return text("inspect_page.left", waves=left)
     lobe = taught.lesson.next.path.target.lobes
-    scatter = f" ± {taught.lesson.expected_half_width_um_pp:.2f}"
-    words = [_wave(each, scatter if each.waves == lobe else "", text) for each in taught.waves]
+    scatter, noise = f" ± {taught.lesson.expected_half_width_um_pp:.2f}", text("inspect_page.noise")
+    words = []
+    for each in taught.waves:
+        expected_um = f"→ {each.expected_um_pp:.2f}{scatter if each.waves == lobe else ''}"
+        words.append(f"{each.waves}/rev {each.left_um_pp:.2f} {expected_um if each.learned else noise}")
     return text("inspect_page.left", waves=" · ".join(words))
-
-
-def _wave(wave: LeftWave, scatter: str, text: Catalogue) -> str:
-    next_one = f"→ {wave.expected_um_pp:.2f}{scatter}" if wave.learned else text("inspect_page.noise")
-    return f"{wave.waves}/rev {wave.left_um_pp:.2f} {next_one}"
 
 
 def _facts(taught: Taught, work: Work | None, text: Catalogue) -> list[str]:

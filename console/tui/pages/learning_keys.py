@@ -1,19 +1,13 @@
-"""Actions of the learning keys: keep a part's step or revert, and choose the compensation of the next cut.
-
-They only write files; nothing moves.
-"""
-
-from __future__ import annotations
+"""Actions of the learning keys: keep a part's step, revert, choose the next compensation. Nothing moves."""
 
 from dataclasses import replace
 
 from console.session.cut.compensated import chosen_problems, using, without_learned
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
-from console.session.learning.learning_steps import PartLearning, accept, revert
+from console.session.learning.learning_steps import accept, revert
 from console.session.work import STAGES, Work
 from console.tui.ui_context import UiContext
-from profiles.compensations.learned import HoldsFor
 from profiles.problem import Problem
 
 
@@ -26,12 +20,15 @@ def accept_lesson(desk: UiContext) -> None:
         ProfileError: as `accept`. Nothing was changed.
     """
     part = desk.control.state.measured
-    lesson: PartLearning | None = None if part is None else part.lesson
+    lesson = None if part is None else part.lesson
     if part is None or lesson is None:
         raise SessionError(Problem(code="learned.no_part"))
     if lesson.taught is None:
         raise SessionError(*lesson.problems)
-    work = _work_on(desk, part.job.name, lesson.taught.lesson.next.holds_for)
+    work, holds_for = desk.work, lesson.taught.lesson.next.holds_for
+    if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
+        raise SessionError(Problem(code="learned.other_job", key=part.job.name))
+    _refuse_edited(work)
     desk.work = using(work, accept(lesson, desk.data))
 
 
@@ -48,15 +45,6 @@ def revert_version(desk: UiContext) -> None:
     _refuse_edited(work)
     older = revert(work.compensation, work.loaded, work.machine, desk.data, simulated=simulated)
     desk.work = using(work, older)
-
-
-def _work_on(desk: UiContext, job: str, holds_for: HoldsFor) -> Work:
-    """Return the current work, if it is that of the part, as it is filed."""
-    work = desk.work
-    if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
-        raise SessionError(Problem(code="learned.other_job", key=job))
-    _refuse_edited(work)
-    return work
 
 
 def _refuse_edited(work: Work) -> None:
@@ -77,8 +65,7 @@ def step_compensation(desk: UiContext) -> None:
     if work.compensation is not None and not work.set_aside:
         desk.work = without_learned(work)
         return
-    if work.edited:
-        raise SessionError(Problem(code="learned.edited_now", key=work.loaded.job.name))
+    _refuse_edited(work)
     simulated = desk.control.state.simulated
     asked = asked_for(work.loaded, work.machine, work.strategy, simulated=simulated)
     known = versions(desk.data, asked)

@@ -13,8 +13,8 @@ from textual.app import App, ComposeResult
 from textual.containers import Horizontal
 from textual.geometry import Region
 
+from console.tui.plot.cell_view import Cells
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
-from console.tui.plot.spans import Cells
 from console.tui.plot.trace_view import Series, TracePicture, TraceView, trace_cells
 from console.tui.theme import COLOUR, MONO, Palette, Token
 
@@ -55,7 +55,7 @@ class Page(App[None]):
             yield self.polar
 
     def show(self, series: Sequence[Series]) -> None:
-        self.trace.show(series, TURN, (70.0, 130.0), "um", "°")
+        self.trace.show(picture(*series))
         traces = [
             PolarTrace(angle_deg=each.x, deviation_um=np.asarray(each.y) - 100.0, token=each.token)
             for each in series
@@ -106,16 +106,10 @@ def test_single_points_are_not_joined() -> None:
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 5), (5, 2), (9, 4), (160, 48)])
-@pytest.mark.parametrize("glyphs", ["braille", "ascii"])
-def test_every_size_is_filled(size: tuple[int, int], glyphs: Any) -> None:
+def test_every_size_is_filled(size: tuple[int, int]) -> None:
     broken = Series(x=[0.0, 10.0, 20.0, 1e12], y=[math.nan, 100.0, math.inf, -1e12], token=Token.WANTED, dots=True)
-    rows = trace_cells(picture(wave(), broken), *size, glyphs).text_rows()
+    rows = trace_cells(picture(wave(), broken), *size).text_rows()
     assert [len(row) for row in rows] == [size[0]] * size[1]
-
-
-def test_ascii_traces_have_no_braille() -> None:
-    rows = trace_cells(picture(wave()), 64, 12, "ascii").text_rows()
-    assert not any(0x2800 <= ord(character) < 0x2900 for row in rows for character in row)
 
 
 def test_only_changed_spans_are_drawn_again() -> None:
@@ -178,7 +172,8 @@ def test_plots_survive_a_terminal_without_colour(monkeypatch: pytest.MonkeyPatch
 
 def test_plots_take_no_focus_and_keep_their_own_copy() -> None:
     view, values = TraceView(), np.zeros(3)
-    view.show([Series(x=np.arange(3.0), y=values, token=Token.AFTER)], (0.0, 2.0), (-1.0, 1.0), "um")
+    series = Series(x=np.arange(3.0), y=values, token=Token.AFTER)
+    view.show(TracePicture(series=[series], x_limits=(0.0, 2.0), y_limits=(-1.0, 1.0), y_unit="um"))
     first = view.draw(30, 8).text_rows()
     values += 0.8
     assert view.draw(30, 8).text_rows() == first
