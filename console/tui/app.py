@@ -1,5 +1,7 @@
 """Application, composition only: six rows, one page between them, one gate for every key, one tick."""
 
+from __future__ import annotations
+
 import asyncio
 import gc
 from collections.abc import Callable

@@ -5,6 +5,8 @@ terminal. A stop key is acted on before that. Any other action is passed on once
 came alone, as from a person: see `pace.py`.
 """
 
+from __future__ import annotations
+
 import os
 import select
 import signal

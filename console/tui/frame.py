@@ -3,6 +3,8 @@
 Each has one line, in a fixed place. A longer message takes further lines from the page: it is never cut.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime

@@ -4,6 +4,8 @@ Pure, and used twice: in the thread that reads the terminal, which stops the mac
 screen, and in the application, which does the rest.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from enum import Enum, auto

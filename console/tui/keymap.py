@@ -5,6 +5,8 @@ layout works as well: a letter has the jamo of the same key beside it. No motion
 on Enter. Stop is no ordinary binding: it is decided first, in `gate.py`.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from enum import Enum, StrEnum, auto
 

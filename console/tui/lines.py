@@ -1,5 +1,7 @@
 """Lines of text as pieces with tokens, aligned by cells, and the panel that repaints only changed cells."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 

@@ -1,5 +1,7 @@
 """What takes the place of the page while it is read: the lists of keys, or every message in full."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from console.text.catalogue import Catalogue

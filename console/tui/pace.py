@@ -6,6 +6,8 @@ typed keys in one piece: nothing happens then either, and they are pressed again
 back.
 """
 
+from __future__ import annotations
+
 from typing import Generic, TypeVar
 
 APART_S = 0.04  # different keys closer together than this were not typed by a person, who needs some 60 ms

@@ -1,5 +1,7 @@
 """Base classes of the pages: containers that get a view ten times a second, and the actions of their keys."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import ClassVar
 

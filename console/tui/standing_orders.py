@@ -1,5 +1,7 @@
 """Commands available on every page: recover after a stop, take control, acknowledge alarms."""
 
+from __future__ import annotations
+
 from console.session.station.alarms import foremost
 from console.tui.ui_context import UiContext
 

@@ -1,5 +1,7 @@
 """Start and end of the screens: from the command line to the first page, and out with the machine at rest."""
 
+from __future__ import annotations
+
 import math
 import os
 import signal

@@ -4,6 +4,8 @@ Normal is grey; colour appears when something needs attention, and is never the 
 has a word and a mark. Magenta is the simulator's. All colours are distinct in 256-colour terminals.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from enum import Enum, auto
 from typing import Any

@@ -1,5 +1,7 @@
 """UI context of all pages: the texts, the colours, the machine's control, the open job; and answers to keys."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

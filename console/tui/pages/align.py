@@ -1,5 +1,7 @@
 """Page Align: verify, clamp, home, find jaw 1, touch off; jogging. What cannot be done now shows why."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import ClassVar
 

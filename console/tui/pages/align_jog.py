@@ -1,5 +1,7 @@
 """Jogging on the page Align: one step per press, while enabled. What cannot be done now shows why."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """Text of the page Align: axis positions, what is done, what is missing, how to jog."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 

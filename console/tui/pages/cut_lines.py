@@ -1,5 +1,7 @@
 """Text of the page Run during a cut: its progress, and how well the tool follows the target path."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Fields of the set-up form: format of a value, its limits, and how an entry was understood."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from decimal import Decimal
 

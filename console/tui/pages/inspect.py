@@ -1,5 +1,7 @@
 """Page Inspect: release the part, measure it, and compare it with the part before compensation."""
 
+from __future__ import annotations
+
 from textual.containers import Horizontal, Vertical
 
 from console.session.station.commands import Measure

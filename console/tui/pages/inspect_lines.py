@@ -1,5 +1,7 @@
 """Text of the page Inspect: the part before and after compensation, compared and in words."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

@@ -1,5 +1,7 @@
 """Page Jobs: pick a saved job. It is the first page, and is painted before anything heavy is loaded."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 from console.session.data.history import LastResults, last_results

@@ -1,5 +1,7 @@
 """Text of the page Jobs: the table of the saved jobs, and a summary of one of them."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

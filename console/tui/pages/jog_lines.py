@@ -1,5 +1,7 @@
 """Jog panel of the page Align: step ladder, directions, stopping distance, visible state; picture of the chuck."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

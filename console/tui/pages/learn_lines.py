@@ -1,5 +1,7 @@
 """Text of the panel Learn: the learning step of a part; and how a part is cut, in two words."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from console.session.learning.learning_steps import PartLearning, Taught

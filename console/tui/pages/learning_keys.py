@@ -1,5 +1,7 @@
 """Actions of the learning keys: keep a part's step, revert, choose the next compensation. Nothing moves."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from console.session.cut.compensated import chosen_problems, using, without_learned

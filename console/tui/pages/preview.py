@@ -1,5 +1,7 @@
 """Page Preview: what a job will do on the machine, before anything is sent to it."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,5 +1,7 @@
 """Text of the page Preview: captions, margins, strategies, findings; the program to be sent."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

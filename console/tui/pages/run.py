@@ -1,5 +1,7 @@
 """Page Run: start conditions, arming (F5), start (F6), progress and end of a cut. Enter moves nothing."""
 
+from __future__ import annotations
+
 import math
 from typing import ClassVar
 

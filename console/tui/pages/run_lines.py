@@ -1,5 +1,7 @@
 """Text of the page Run before, after and instead of a cut; safety devices are only shown."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 

@@ -1,5 +1,7 @@
 """Phase of the page Run, and the word for what comes next."""
 
+from __future__ import annotations
+
 from enum import Enum, auto
 
 from console.session.stages import Stage

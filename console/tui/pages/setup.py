@@ -1,5 +1,7 @@
 """Page Set-up: the values of the job, checked as they are typed."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from enum import Enum, auto
 

@@ -1,5 +1,7 @@
 """Text of the page Set-up: the form, the effect of speed on the grip, and the findings."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

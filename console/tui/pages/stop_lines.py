@@ -1,5 +1,7 @@
 """Text of the page Run after a stop, and while the state of the machine is unknown."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from console.session.station.progress import CutProgress

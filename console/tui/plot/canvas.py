@@ -4,6 +4,8 @@ The dots of all layers are merged, so crossing traces show no gaps; the colour o
 highest layer with a dot in it. A dot has integer coordinates: x to the right from 0, y down from 0.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Self
 

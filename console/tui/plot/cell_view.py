@@ -1,5 +1,7 @@
 """Picture of cells, and the widget of both plots, which sends only the cells that changed."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Self

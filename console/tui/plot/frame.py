@@ -4,6 +4,8 @@ The only module that imports plotext. It draws the frame once for each size and 
 canvas (`BrailleCanvas`) over it, because plotext takes some ten milliseconds and leaves gaps where traces cross.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,5 +1,7 @@
 """`console reproduce --plot`: the figures of the paper as text, without colours and without a screen."""
 
+from __future__ import annotations
+
 import shutil
 from argparse import Namespace
 

@@ -1,5 +1,7 @@
 """Roundness plot: the magnified deviation from a circle, against the angle of the part."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from copy import deepcopy

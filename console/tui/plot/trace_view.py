@@ -1,5 +1,7 @@
 """Trace plots over an axis: tool error against spindle angle, position against time."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
