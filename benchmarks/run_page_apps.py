@@ -118,7 +118,7 @@ def console(moments: Sequence[StationState]) -> tuple[App[None], Replay]:
     replay = Replay(
         moments,
         leave=lambda: app.exit(),
-        ready=lambda: app.desk.work is not None and app.desk.work.preview is not None,
+        ready=lambda: app.ui.work is not None and app.ui.work.preview is not None,
     )
     app = ConsoleApp(
         text=load("en"),
@@ -130,7 +130,7 @@ def console(moments: Sequence[StationState]) -> tuple[App[None], Replay]:
         local_time=lambda: CLOCK,
         driver_class=CountingDriver,
     )
-    app.desk.work = opened(load_job(EXPERIMENT), load_machine(MACHINE))
+    app.ui.work = opened(load_job(EXPERIMENT), load_machine(MACHINE))
     return app, replay
 
 

@@ -78,7 +78,7 @@ class ConsoleApp(App[None]):
         self.register_theme(theme)
         self.theme = theme.name
         self.title = f"SIM {machine.machine.name}" if control.state.simulated else machine.machine.name
-        self.desk = UiContext(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
+        self.ui = UiContext(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
         self._begin = begin
         self._ui_loop: asyncio.AbstractEventLoop | None = None
         self._leaving = False
@@ -90,7 +90,7 @@ class ConsoleApp(App[None]):
         self._given_up: Job | None = None
         self._dismissed: tuple[Problem, ...] = ()
         self._acted_s = float("-inf")
-        self._orders = StandingOrders(self.desk)
+        self._orders = StandingOrders(self.ui)
         self._held = HeldKeys()
         self._collector_spared = False
         self._previewer = Previewer()
@@ -130,21 +130,21 @@ class ConsoleApp(App[None]):
 
     def tick(self) -> None:
         """Show the newest state; the only place where anything live is drawn."""
-        desk = self.desk
-        desk.control.beat()
-        state = desk.control.state
+        ui = self.ui
+        ui.control.beat()
+        state = ui.control.state
         self._spare_the_stop(state.may_move)
-        desk.forget_stale_answer(state)
+        ui.forget_stale_answer(state)
         # The link thread loads the numerics before it reads the settings; any page but the first needs them.
         loaded = state.alignment.settings is not None or self._page is not PageName.JOBS
-        if desk.work is not None and loaded:
-            path = self._path.of(desk.work, state.alignment, simulated=state.simulated)
-            desk.work = self._previewer.refreshed(desk.work, state.alignment, path=path)
+        if ui.work is not None and loaded:
+            path = self._path.of(ui.work, state.alignment, simulated=state.simulated)
+            ui.work = self._previewer.refreshed(ui.work, state.alignment, path=path)
         self.screen.set_class(self._is_small, "small")
-        view = View(state=state, work=desk.work, now_s=desk.control.now_s())
+        view = View(state=state, work=ui.work, now_s=ui.control.now_s())
         page = self._pages[self._page]
         if self._is_small:
-            self._small.show(small_rows(desk.text, state, SMALLEST, max(self.size.width, 1)))
+            self._small.show(small_rows(ui.text, state, SMALLEST, max(self.size.width, 1)))
             return
         if not self._list.is_open and page.size.area:  # before the first layout no panel knows its room
             page.fit()
@@ -173,14 +173,14 @@ class ConsoleApp(App[None]):
 
     def situation(self) -> Situation:
         """Return what a key is judged by now. Also called from the thread that reads the terminal."""
-        state = self.desk.control.state
+        state = self.ui.control.state
         return Situation(
             page=self._page,
             field=self._field,
             moving=state.may_move,
             small=self._is_small,
             jogging=state.activity is Activity.JOGGING,
-            jog=self.desk.jog,
+            jog=self.ui.jog,
             reading=self._list.is_open,
             at_rest=self._is_known_at_rest,
         )
@@ -193,7 +193,7 @@ class ConsoleApp(App[None]):
     @property
     def _is_known_at_rest(self) -> bool:
         """Whether nothing moves, nor will by a command that the machine has not begun yet."""
-        state, now_s = self.desk.control.state, self.desk.control.now_s()
+        state, now_s = self.ui.control.state, self.ui.control.now_s()
         if state.activity is Activity.CONNECTING:
             return True
         settled = now_s - self._acted_s > SETTLED_S and not state.is_stale(now_s)
@@ -201,11 +201,11 @@ class ConsoleApp(App[None]):
 
     def stop_now(self, reason: str) -> None:
         """Stop the machine. Also called from the thread that reads the terminal."""
-        self.desk.control.stop(reason)
+        self.ui.control.stop(reason)
 
     def kill_now(self, reason: str) -> None:
         """Open every loop of the machine. Also called from the thread that reads the terminal."""
-        self.desk.control.kill(reason)
+        self.ui.control.kill(reason)
 
     async def on_event(self, event: events.Event) -> None:
         """Judge every key before any widget sees it."""
@@ -214,8 +214,8 @@ class ConsoleApp(App[None]):
                 return
         elif isinstance(event, events.Paste) and not event.is_forwarded and self._field is not FieldKind.TEXT:
             # It was not typed, does nothing, and stops any motion.
-            moving = self.desk.control.state.may_move
-            self.desk.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
+            moving = self.ui.control.state.may_move
+            self.ui.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
             if moving:
                 self.stop_now(PASTED)
             self.call_after_refresh(self.tick)
@@ -234,18 +234,18 @@ class ConsoleApp(App[None]):
             code = "screen.too_fast_entry"
         else:
             code = "screen.too_fast_stopped" if keys.stopped else "screen.too_fast"
-        self.desk.say_until_key(Problem(code=code))
+        self.ui.say_until_key(Problem(code=code))
         self.tick()
 
     def action_quit(self) -> None:  # type: ignore[override]
         """Leave, unless something moves."""
-        state, work = self.desk.control.state, self.desk.work
+        state, work = self.ui.control.state, self.ui.work
         unsaved = work is not None and work.edited and work.job is not self._given_up
         if state.moving:
-            self.desk.say("screen.quit_moving")
+            self.ui.say("screen.quit_moving")
         elif work is not None and unsaved:
             self._given_up = work.job
-            self.desk.say("screen.quit_unsaved", value=work.job.name)
+            self.ui.say("screen.quit_unsaved", value=work.job.name)
         else:
             self.exit()
 
@@ -256,7 +256,7 @@ class ConsoleApp(App[None]):
     def _made(self, name: PageName) -> Page:
         if name not in self._pages:
             page = getattr(import_module(f"console.tui.pages.{name}"), f"{name.capitalize()}Page")
-            self._pages[name] = page(self.desk)
+            self._pages[name] = page(self.ui)
         return self._pages[name]
 
     def _show_frame(self, page: Page, view: View) -> None:
@@ -264,13 +264,13 @@ class ConsoleApp(App[None]):
         if state.refusals is self._dismissed:  # answers to an earlier key
             state = replace(state, refusals=())
         frame = Frame(
-            text=self.desk.text,
+            text=self.ui.text,
             state=state,
-            machine=self.desk.machine.machine,
+            machine=self.ui.machine.machine,
             page=self._page,
             field=page.field,
             next_step=page.next_step(view),
-            said=self.desk.said,
+            said=self.ui.said,
             clock=self._local_time(),
             now_s=view.now_s,
             job="" if view.work is None else printable(view.work.job.name),
@@ -309,31 +309,31 @@ class ConsoleApp(App[None]):
             case Verdict.KILL:
                 self.kill_now(event.key)
             case Verdict.ACTION if isinstance(event, Written):
-                self.desk.say("screen.entry_over")
+                self.ui.say("screen.entry_over")
             case Verdict.ACTION if action is not None and action.id in ("messages", "list.up", "list.down"):
                 self._list.read(action)  # what was said stays said: it is to be read
             case Verdict.ACTION | Verdict.STOP if action is not None:
-                self.desk.said = ()
-                self._dismissed = self.desk.control.state.refusals
+                self.ui.said = ()
+                self._dismissed = self.ui.control.state.refusals
                 self._do(action, page)
         self.call_after_refresh(self.tick)
         if stray := is_stray(event.key, event.character, now):
-            self.desk.say("screen.not_of_a_number", value=event.character or "")
+            self.ui.say("screen.not_of_a_number", value=event.character or "")
         return not stray
 
     def _say_changed(self, action: Action) -> None:
         if not is_page(action):
-            self.desk.say_until_key(Problem(code="screen.key_in_motion", key=action.shown))
+            self.ui.say_until_key(Problem(code="screen.key_in_motion", key=action.shown))
 
     def _do(self, action: Action, page: Page) -> None:
-        now_s = self.desk.control.now_s()
+        now_s = self.ui.control.now_s()
         repeats = self._held.repeats(action, now_s)
         columns, rows = SMALLEST_TO_MOVE
         if action.moves and (self.size.width < columns or self.size.height < rows):
-            self.desk.say("screen.cramped", limit=f"{columns} x {rows}")
+            self.ui.say("screen.cramped", limit=f"{columns} x {rows}")
             return
         if repeats:
-            self.desk.say("screen.key_repeats")
+            self.ui.say("screen.key_repeats")
             return
         match action.id.split("."):
             case ["page", name]:
@@ -359,10 +359,10 @@ class ConsoleApp(App[None]):
     def _safely(self, work: Callable[[], None]) -> None:
         """Run an operation of one page. Its faults stay its own: the rows, the stop and the machine continue."""
         try:
-            with self.desk.answering():
+            with self.ui.answering():
                 work()
         except Exception as fault:
-            self.desk.said = (fault_of(fault),)
+            self.ui.said = (fault_of(fault),)
 
     def _handle_exception(self, error: Exception) -> None:
         """Leave without a traceback (Textual has no public hook); `fault` is reported in one line afterwards."""

@@ -25,9 +25,9 @@ class Page(Container):
 
     name_: ClassVar[PageName]
 
-    def __init__(self, desk: UiContext) -> None:
+    def __init__(self, ui: UiContext) -> None:
         super().__init__(id=f"page-{self.name_}", classes="page")
-        self.desk = desk
+        self.ui = ui
         self.panels: Sequence[Widget] = ()
 
     def compose(self) -> ComposeResult:
@@ -63,8 +63,8 @@ class Page(Container):
 class ChartPage(Page):
     """A page of plots with texts beside them, or another panel in their place; painted when something changed."""
 
-    def __init__(self, desk: UiContext) -> None:
-        super().__init__(desk)
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
         self.texts: Sequence[Widget] = ()
         self._view: View | None = None
         self._painted_for: list[Size] = []

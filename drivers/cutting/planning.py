@@ -58,7 +58,7 @@ def plan_cut(
     Raises:
         ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `program.too_long`,
             `program.no_zero_row`, `program.not_turned`, `program.no_overtones`, `program.no_growth`,
-            `program.no_trim`), a path that is none of this job (`path.waves`, `path.beyond`), its servo cannot
+            `program.no_trim`), a path that is none of this job (`path.harmonics`, `path.beyond`), its servo cannot
             be inverted (`response.amplified`, `response.outside_band`, `response.too_sparse`), or the controller
             would refuse it (`program.refused`).
     """

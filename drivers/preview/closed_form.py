@@ -12,7 +12,7 @@ from drivers.preview.outlook import Outlook, Response, Share, response_of, share
 from drivers.preview.program_prediction import TURN_POINTS, FloatArray, left_by
 from profiles.axis.response import Source
 from profiles.axis.servo import drive_need
-from profiles.compensations.path import Wave
+from profiles.compensations.path import PathHarmonic
 
 _TURN_DEG: FloatArray = np.linspace(0.0, 360.0, TURN_POINTS, endpoint=False)
 
@@ -55,13 +55,13 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
     job, machine = seen.job, seen.machine
     path_um = np.full(TURN_POINTS, command.mean_um)
     identified = strategy is seen.strategy and seen.response.source is Source.IDENTIFIED
-    for harmonic in command.waves:
+    for harmonic in command.harmonics:
         frequency_hz = harmonic.lobes * job.spindle_speed_rpm / 60.0
         if identified and harmonic.lobes == job.jaws:
             answer = seen.response.at(frequency_hz)
         else:
             answer = nominal_response(strategy, machine, frequency_hz)
-        path_um += Wave.of(harmonic.lobes, answer * harmonic.coefficient).at_um(_TURN_DEG)
+        path_um += PathHarmonic.of(harmonic.lobes, answer * harmonic.coefficient).at_um(_TURN_DEG)
     response = seen.sampled
     if identified:
         response = response_of(job, loop_response(strategy, machine, seen.response, job.lobe_frequency_hz))

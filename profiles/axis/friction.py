@@ -54,14 +54,14 @@ def friction_um_pp(
     return min(float(np.sum(8.0 * friction_n / (math.pi * multiples) * compliance)), path_um_pp)
 
 
-def held_back_um(machine: MachineProfile, job: Job, waves: int) -> float:
+def held_back_um(machine: MachineProfile, job: Job, order: int) -> float:
     """Return how much friction may hold the tool back at this order (UPR), um of amplitude.
 
     (4/(k pi)) F |G_d| at k times the lobe, with the highest friction of roller guides; 0 at orders that are no
     odd multiple of the lobe, which friction does not excite.
     """
-    multiple, rest = divmod(waves, job.jaws)
+    multiple, rest = divmod(order, job.jaws)
     if rest or multiple % 2 == 0:
         return 0.0
-    compliance = complex(sampled_compliance_um_per_n(machine, waves * job.spindle_speed_rpm / 60.0))
+    compliance = complex(sampled_compliance_um_per_n(machine, order * job.spindle_speed_rpm / 60.0))
     return 4.0 * ASSUMED_FRICTION_N / (math.pi * multiple) * abs(compliance)

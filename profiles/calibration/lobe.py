@@ -162,9 +162,9 @@ def _warnings(fit: LobeFit, header: TraceHeader, job: Job) -> Iterable[Problem]:
     if fit.left_um > UNDECLARED * fit.floor_um:
         value, limit = f"{fit.left_um:.3g} um", f"{fit.floor_um:.3g} um"
         yield Problem(code="lobe.undeclared", key=str(fit.left_n), value=value, limit=limit)
-    oval_um = seen_oval_um_pp(fit.wave(1).amplitude_um, header.radius_of(job))
+    oval_um = seen_oval_um_pp(fit.harmonic(1).amplitude_um, header.radius_of(job))
     if fit.jaws == OVAL and oval_um > MOST_BIAS * fit.error_um_pp:
-        value, limit = f"{fit.wave(1).amplitude_um:.3g} um", f"{oval_um:.3g} um"
+        value, limit = f"{fit.harmonic(1).amplitude_um:.3g} um", f"{oval_um:.3g} um"
         yield Problem(code="lobe.off_axis", value=value, limit=limit)
     if fit.lobe.significant and fit.lobe.bias_um > MOST_BIAS * fit.lobe.amplitude_um:
         yield Problem(code="lobe.biased", value=f"{fit.lobe.bias_um:.3g} um", limit=f"{100 * MOST_BIAS:g} %")

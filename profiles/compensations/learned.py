@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from profiles.compensations.path import CutPath, Wave
+from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.own_values import read_own
 from profiles.problem import Problem
 
@@ -40,8 +40,8 @@ class PartRead:
 
     version: int
     share: float
-    target: Wave
-    lobe: Wave
+    target: PathHarmonic
+    lobe: PathHarmonic
     lobe_sd_um: float
     ront_um: float
 
@@ -79,7 +79,7 @@ class ExpectedPart:
     """
 
     ront_um: float | None
-    lobe: Wave
+    lobe: PathHarmonic
 
     def turned(self, by_deg: float) -> ExpectedPart:
         """Return the same for a chuck mounted so many degrees of spindle further on."""
@@ -95,8 +95,8 @@ def expected_part(learned: LearnedCompensation, share: float = 1.0) -> ExpectedP
     part = learned.part
     if part is None or learned.is_model:
         return None
-    taken_um = share * learned.path.target.waves[0].coefficient
-    left = Wave.of(part.lobe.lobes, part.lobe.coefficient + part.target.coefficient - taken_um)
+    taken_um = share * learned.path.target.harmonics[0].coefficient
+    left = PathHarmonic.of(part.lobe.lobes, part.lobe.coefficient + part.target.coefficient - taken_um)
     return ExpectedPart(ront_um=learned.expected_ront_um if share == 1.0 else 2.0 * left.amplitude_um, lobe=left)
 
 
@@ -160,6 +160,10 @@ def _judge(learned: LearnedCompensation) -> None:
     if min(learned.version - 1, learned.parent, learned.reverts or 0) < 0 or not 0.0 < learned.gain <= 1.0:
         raise ValueError(f"version {learned.version}, gain {learned.gain}")
     part = learned.part
-    waves = [*learned.path.target.waves, *learned.path.command.waves, *((part.target, part.lobe) if part else ())]
-    if (least := min(wave.lobes for wave in waves)) < 1:
+    harmonics = [
+        *learned.path.target.harmonics,
+        *learned.path.command.harmonics,
+        *((part.target, part.lobe) if part else ()),
+    ]
+    if (least := min(harmonic.lobes for harmonic in harmonics)) < 1:
         raise ValueError(f"lobes {least}")

@@ -141,7 +141,7 @@ def trimmed(trim_um: complex, error_um: complex, response: complex, gain: float,
 class Grown:
     """A harmonic no longer learned: amplitudes in um at its best, and in the pass that was significantly worse."""
 
-    waves: int
+    order: int
     best_um: float
     grown_um: float
 
@@ -188,7 +188,7 @@ class Watch:
             elif not now.left_um <= before.left_um + allowed_um(n) + SIGNIFICANT * math.hypot(
                 now.sd_um, before.sd_um
             ):
-                grown.append(Grown(waves=n, best_um=before.left_um, grown_um=now.left_um))
+                grown.append(Grown(order=n, best_um=before.left_um, grown_um=now.left_um))
         return replace(self, best=best, grown=tuple(grown))
 
     def afresh(self) -> Watch:
@@ -198,11 +198,11 @@ class Watch:
     @property
     def frozen(self) -> frozenset[int]:
         """The harmonics that are no longer learned."""
-        return frozenset(each.waves for each in self.grown)
+        return frozenset(each.order for each in self.grown)
 
-    def learned(self, waves: Mapping[int, Value]) -> dict[int, Value]:
+    def learned(self, harmonics: Mapping[int, Value]) -> dict[int, Value]:
         """Return the harmonics that are learned."""
-        return {n: value for n, value in waves.items() if n not in self.frozen}
+        return {n: value for n, value in harmonics.items() if n not in self.frozen}
 
     def kept(self, path: CutPath) -> CutPath:
         """Return a path with each frozen harmonic at its best."""
@@ -215,6 +215,6 @@ class Watch:
         )
 
 
-def coefficient_of(path: LobedPath, waves: int) -> complex:
-    """Return the c of Re(c exp(j waves angle)) of a path, in um; 0 where it has no such harmonic."""
-    return next((wave.coefficient for wave in path.waves if wave.lobes == waves), 0j)
+def coefficient_of(path: LobedPath, order: int) -> complex:
+    """Return the c of Re(c exp(j order angle)) of a path, in um; 0 where it has no such harmonic."""
+    return next((harmonic.coefficient for harmonic in path.harmonics if harmonic.lobes == order), 0j)

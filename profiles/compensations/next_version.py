@@ -29,8 +29,8 @@ from profiles.compensations.learning import (
     convergence,
     learned_part,
 )
-from profiles.compensations.part_waves import PartWaves
-from profiles.compensations.path import CutPath, Wave, free_state_lobe, share_of
+from profiles.compensations.part_harmonics import PartHarmonics
+from profiles.compensations.path import CutPath, PathHarmonic, free_state_lobe, share_of
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.problem import Problem, refused
@@ -94,7 +94,9 @@ class CutWith:
     @property
     def spared_um(self) -> dict[int, complex]:
         """The harmonics of the path that were not commanded and should remain on the part."""
-        return {wave.lobes: (1.0 - self.share) * wave.coefficient for wave in self.path.target.waves}
+        return {
+            harmonic.lobes: (1.0 - self.share) * harmonic.coefficient for harmonic in self.path.target.harmonics
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +131,7 @@ class LearningStep:
 
 def next_version(
     cut: CutWith,
-    part: PartWaves,
+    part: PartHarmonics,
     holds_for: HoldsFor,
     job: Job,
     *,
@@ -150,7 +152,7 @@ def next_version(
     off = {n: part.coefficients_um[n] - cut.spared_um.get(n, 0j) for n in orders}
     learned = {n: e for n, e in off.items() if abs(e) > SIGNIFICANT * part.sd_um[n]}
     path = learned_part(cut.path, Deviation(coefficients_um=learned), _NONE, response, used_gain)
-    read, path_um = _read(cut, part, job.jaws), cut.path.target.waves[0].coefficient
+    read, path_um = _read(cut, part, job.jaws), cut.path.target.harmonics[0].coefficient
     plain = uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.share, job)
     contractions = _of_lobe(cut, read, job, used_gain, scatter_um) | _of_others(cut, part, orders, used_gain)
     # The next part is lower by the additional depth of the tool.
@@ -238,7 +240,7 @@ def uncompensated(left_um: complex, sd_um: float, path_um: complex, share: float
     return Uncompensated(
         whole_um=without_um - path_um,
         without_um=without_um,
-        expected_um=free_state_lobe(job).waves[0].coefficient,
+        expected_um=free_state_lobe(job).harmonics[0].coefficient,
         sd_um=sd_um,
         lobes=job.jaws,
         found=found_on_a_part(job),
@@ -253,13 +255,13 @@ def _gain(gain: float | None, version: LearnedCompensation | None) -> float:
     return gain
 
 
-def _read(cut: CutWith, part: PartWaves, lobes: int) -> PartRead:
-    target = share_of(cut.path, cut.share).target.waves[0]
+def _read(cut: CutWith, part: PartHarmonics, lobes: int) -> PartRead:
+    target = share_of(cut.path, cut.share).target.harmonics[0]
     return PartRead(
         version=cut.number,
         share=cut.share,
         target=target,
-        lobe=Wave.of(lobes, part.coefficients_um[lobes]),
+        lobe=PathHarmonic.of(lobes, part.coefficients_um[lobes]),
         lobe_sd_um=part.sd_um[lobes],
         ront_um=part.ront_um(),
     )
@@ -271,7 +273,7 @@ def _of_lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: flo
     if before is not None:
         path, lobe, sd_um = before.target.coefficient, before.lobe.coefficient, before.lobe_sd_um
     elif found_on_a_part(job):
-        path, lobe, sd_um = 0j, free_state_lobe(job).waves[0].coefficient, 0.0
+        path, lobe, sd_um = 0j, free_state_lobe(job).harmonics[0].coefficient, 0.0
     else:
         return {}
     changed = now.target.coefficient - path
@@ -281,7 +283,7 @@ def _of_lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: flo
     return {job.jaws: _contraction(lobe - now.lobe.coefficient, changed, sd_um, gain)}
 
 
-def _of_others(cut: CutWith, part: PartWaves, orders: Sequence[int], gain: float) -> dict[int, Contraction]:
+def _of_others(cut: CutWith, part: PartHarmonics, orders: Sequence[int], gain: float) -> dict[int, Contraction]:
     """Return the contractions of the harmonics beside the lobe, if the version has them."""
     version, found = cut.version, {}
     if version is None or version.part is None or cut.parent is None:

@@ -32,7 +32,7 @@ PARTIAL_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wave:
+class PathHarmonic:
     """amplitude cos(lobes (angle - crest)): order `lobes`, a maximum at `crest_deg`."""
 
     lobes: int
@@ -40,7 +40,7 @@ class Wave:
     crest_deg: float
 
     @classmethod
-    def of(cls, lobes: int, coefficient: complex) -> Wave:
+    def of(cls, lobes: int, coefficient: complex) -> PathHarmonic:
         """Return Re(c exp(j lobes angle)), c in um, as a wave."""
         crest_deg = -math.degrees(cmath.phase(coefficient)) / lobes
         return cls(lobes=lobes, amplitude_um=abs(coefficient), crest_deg=crest_deg)
@@ -53,10 +53,9 @@ class Wave:
     def at_um(self, angle_deg: ArrayLike) -> Floats:
         """Return the values at spindle angles, in the shape of `angle_deg`."""
         angle = floats(angle_deg)
-        wave = np.cos(self.lobes * np.radians(angle - self.crest_deg))
-        return floats(self.amplitude_um * wave)
+        return floats(self.amplitude_um * np.cos(self.lobes * np.radians(angle - self.crest_deg)))
 
-    def turned(self, by_deg: float) -> Wave:
+    def turned(self, by_deg: float) -> PathHarmonic:
         """Return the wave so many degrees of spindle further on: at angle + by_deg it has its value at angle."""
         return replace(self, crest_deg=self.crest_deg + by_deg)
 
@@ -73,43 +72,43 @@ class LobedPath:
     amplitude_um: float
     lobes: int
     crest_deg: float
-    overtones: tuple[Wave, ...] = ()
+    overtones: tuple[PathHarmonic, ...] = ()
     growth_per_mm: float = 0.0
 
     @property
-    def waves(self) -> tuple[Wave, ...]:
+    def harmonics(self) -> tuple[PathHarmonic, ...]:
         """The lobe and the overtones."""
-        lobe = Wave(lobes=self.lobes, amplitude_um=self.amplitude_um, crest_deg=self.crest_deg)
+        lobe = PathHarmonic(lobes=self.lobes, amplitude_um=self.amplitude_um, crest_deg=self.crest_deg)
         return (lobe, *self.overtones)
 
     def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> Floats:
         """Return the values at spindle angles, past the middle of the cut; in the shape of `angle_deg`."""
-        waves = np.zeros(np.shape(angle_deg), dtype=np.float64)
-        for wave in self.waves:
-            waves += wave.at_um(angle_deg)
+        harmonics = np.zeros(np.shape(angle_deg), dtype=np.float64)
+        for harmonic in self.harmonics:
+            harmonics += harmonic.at_um(angle_deg)
         grown = 1.0 + self.growth_per_mm * floats(past_middle_mm)
-        return floats(self.mean_um + grown * waves)
+        return floats(self.mean_um + grown * harmonics)
 
     def turned(self, by_deg: float) -> LobedPath:
         """Return the path so many degrees of spindle further on, for a chuck mounted so much further.
 
         The phase of order n is later by n times that.
         """
-        overtones = tuple(wave.turned(by_deg) for wave in self.overtones)
+        overtones = tuple(harmonic.turned(by_deg) for harmonic in self.overtones)
         return replace(self, crest_deg=self.crest_deg + by_deg, overtones=overtones)
 
     def plus(self, coefficients: Mapping[int, complex], mean_um: float = 0.0) -> LobedPath:
         """Return this path with Re(c exp(j n angle)) added for each n, and an addition to its mean, in um."""
-        sums = {wave.lobes: wave.coefficient for wave in self.waves}
+        sums = {harmonic.lobes: harmonic.coefficient for harmonic in self.harmonics}
         for n, coefficient in coefficients.items():
             sums[n] = sums.get(n, 0j) + coefficient
-        lobe = Wave.of(self.lobes, sums.pop(self.lobes))
+        lobe = PathHarmonic.of(self.lobes, sums.pop(self.lobes))
         return LobedPath(
             mean_um=self.mean_um + mean_um,
             amplitude_um=lobe.amplitude_um,
             lobes=self.lobes,
             crest_deg=lobe.crest_deg if lobe.amplitude_um else self.crest_deg,
-            overtones=tuple(Wave.of(n, sums[n]) for n in sorted(sums)),
+            overtones=tuple(PathHarmonic.of(n, sums[n]) for n in sorted(sums)),
             growth_per_mm=self.growth_per_mm,
         )
 
@@ -143,8 +142,8 @@ def removed_depth_um(
 
     Eqs 10a and 10b are (100, 27.5) and (60, 16.5): amplitudes, half of the measured 55 and 33 um.
     """
-    wave = jaws * np.radians(floats(angle_deg))
-    return floats(a0_um + a1_um * np.sin(wave) - b1_um * np.cos(wave))
+    phase = jaws * np.radians(floats(angle_deg))
+    return floats(a0_um + a1_um * np.sin(phase) - b1_um * np.cos(phase))
 
 
 def compensated_depth_um(
@@ -178,18 +177,18 @@ def invert(target: LobedPath, response: complex | Callable[[int], complex]) -> L
     spindle angle. The mean passes unchanged (T(0) = 1). Raises `ProfileError` (`response.too_small`) where the
     command would be more than `AMPLIFICATION_LIMIT` times the motion.
     """
-    lobe, *overtones = (_inverted(wave, response) for wave in target.waves)
+    lobe, *overtones = (_inverted(harmonic, response) for harmonic in target.harmonics)
     return replace(target, amplitude_um=lobe.amplitude_um, crest_deg=lobe.crest_deg, overtones=tuple(overtones))
 
 
-def _inverted(wave: Wave, response: complex | Callable[[int], complex]) -> Wave:
-    here = response(wave.lobes) if callable(response) else response
+def _inverted(harmonic: PathHarmonic, response: complex | Callable[[int], complex]) -> PathHarmonic:
+    here = response(harmonic.lobes) if callable(response) else response
     gain = abs(here)
     if not math.isfinite(gain) or gain * AMPLIFICATION_LIMIT < 1.0:
         limit = f">= {1.0 / AMPLIFICATION_LIMIT:g}"
         raise refused("response.too_small", value=f"{gain:.3g}", limit=limit)
-    crest_deg = wave.crest_deg + math.degrees(cmath.phase(here)) / wave.lobes
-    return replace(wave, amplitude_um=wave.amplitude_um / gain, crest_deg=crest_deg)
+    crest_deg = harmonic.crest_deg + math.degrees(cmath.phase(here)) / harmonic.lobes
+    return replace(harmonic, amplitude_um=harmonic.amplitude_um / gain, crest_deg=crest_deg)
 
 
 def residual_um_pp(error_um_pp: float, compensation: complex) -> float:
@@ -244,14 +243,14 @@ def expected(lobe_um_pp: float, share: float) -> Expected:
 
 
 def _shared(path: LobedPath, share: float) -> LobedPath:
-    overtones = tuple(replace(wave, amplitude_um=share * wave.amplitude_um) for wave in path.overtones)
+    overtones = tuple(replace(harmonic, amplitude_um=share * harmonic.amplitude_um) for harmonic in path.overtones)
     return replace(path, amplitude_um=share * path.amplitude_um, overtones=overtones)
 
 
 MOST_MEAN_UM = 60.0  # tolerance of the mean: a soft servo under a fine cut is held back by some tens of um
 # Tolerance of the lobe, relative and in um; for a command plus what friction may hold back.
-MOST_SHARE, MOST_WAVE_UM = 0.6, 10.0
-MOST_WAVES = 50  # highest order of an overtone
+MOST_SHARE, MOST_HARMONIC_UM = 0.6, 10.0
+MOST_HARMONICS = 50  # highest order of an overtone
 
 
 def path_problems(
@@ -268,8 +267,8 @@ def path_problems(
     shapes = (*_shape(path.target, job_wants), *_shape(path.command, job_wants))
     if shapes:
         return shapes
-    target, command, lobe = path.target.waves[0], path.command.waves[0], job_wants.waves[0]
-    most_um = MOST_SHARE * lobe.amplitude_um + MOST_WAVE_UM
+    target, command, lobe = path.target.harmonics[0], path.command.harmonics[0], job_wants.harmonics[0]
+    most_um = MOST_SHARE * lobe.amplitude_um + MOST_HARMONIC_UM
     off_and_most_um = {
         "wanted": (abs(target.coefficient - lobe.coefficient), most_um),
         "command": (
@@ -279,11 +278,14 @@ def path_problems(
         "wanted mean": (abs(path.target.mean_um - job_wants.mean_um), MOST_MEAN_UM),
         "command mean": (abs(path.command.mean_um - path.target.mean_um), MOST_MEAN_UM),
     }
-    for wave in path.target.overtones:
-        off_and_most_um[f"{wave.lobes}/rev wanted"] = (wave.amplitude_um, MOST_WAVE_UM)
-    for wave in path.command.overtones:
-        moved_um = abs(response(wave.lobes)) * wave.amplitude_um
-        off_and_most_um[f"{wave.lobes}/rev command"] = (moved_um, MOST_WAVE_UM + friction_um(wave.lobes))
+    for harmonic in path.target.overtones:
+        off_and_most_um[f"{harmonic.lobes}/rev wanted"] = (harmonic.amplitude_um, MOST_HARMONIC_UM)
+    for harmonic in path.command.overtones:
+        moved_um = abs(response(harmonic.lobes)) * harmonic.amplitude_um
+        off_and_most_um[f"{harmonic.lobes}/rev command"] = (
+            moved_um,
+            MOST_HARMONIC_UM + friction_um(harmonic.lobes),
+        )
     return tuple(
         Problem(code="path.beyond", key=key, value=f"{off_um:.1f} um", limit=f"<= {limit_um:.1f} um")
         for key, (off_um, limit_um) in off_and_most_um.items()
@@ -292,17 +294,20 @@ def path_problems(
 
 
 def _shape(path: LobedPath, job_wants: LobedPath) -> tuple[Problem, ...]:
-    numbers = [wave.lobes for wave in path.waves]
+    numbers = [harmonic.lobes for harmonic in path.harmonics]
     if path.lobes != job_wants.lobes or len(set(numbers)) != len(numbers):
         value, limit = ", ".join(map(str, numbers)), f"{job_wants.lobes}, and others once each"
-        return (Problem(code="path.waves", key="lobes", value=value, limit=limit),)
-    if not all(1 <= number <= MOST_WAVES for number in numbers):
+        return (Problem(code="path.harmonics", key="lobes", value=value, limit=limit),)
+    if not all(1 <= number <= MOST_HARMONICS for number in numbers):
         return (
             Problem(
-                code="path.waves", key="lobes", value=", ".join(map(str, numbers)), limit=f"1 to {MOST_WAVES}"
+                code="path.harmonics",
+                key="lobes",
+                value=", ".join(map(str, numbers)),
+                limit=f"1 to {MOST_HARMONICS}",
             ),
         )
     if path.growth_per_mm != job_wants.growth_per_mm:
         value, limit = f"{100 * path.growth_per_mm:g} %/mm", f"{100 * job_wants.growth_per_mm:g} %/mm"
-        return (Problem(code="path.waves", key="growth", value=value, limit=limit),)
+        return (Problem(code="path.harmonics", key="growth", value=value, limit=limit),)
     return ()

@@ -50,7 +50,7 @@ _LEAST_UM = 1e-6  # an amplitude up to this is none, however regular a trace wit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wave:
+class FittedHarmonic:
     """amplitude cos(n (angle - crest)): one harmonic; crest in [0, 360/n) deg of the angle of the trace.
 
     `cos_um` and `sin_um` are p and q. `sd_um` and `sd_deg` are standard errors of amplitude and crest, `ci_um`
@@ -86,7 +86,7 @@ class LobeFit:
     """
 
     jaws: int
-    waves: tuple[Wave, ...]
+    harmonics: tuple[FittedHarmonic, ...]
     mean_um: float
     noise_um: float
     points: int
@@ -97,18 +97,18 @@ class LobeFit:
     floor_um: float
 
     @property
-    def lobe(self) -> Wave:
+    def lobe(self) -> FittedHarmonic:
         """The harmonic with as many undulations as there are jaws."""
-        return self.wave(self.jaws)
+        return self.harmonic(self.jaws)
 
     @property
     def error_um_pp(self) -> float:
         """Peak to peak of the lobe alone: twice its amplitude, the 55 um of Fig 14 of Lee & Lee (2001)."""
         return 2 * self.lobe.amplitude_um
 
-    def wave(self, n: int) -> Wave:
+    def harmonic(self, n: int) -> FittedHarmonic:
         """Return the harmonic of order n, which must have been fitted."""
-        return next(wave for wave in self.waves if wave.n == n)
+        return next(harmonic for harmonic in self.harmonics if harmonic.n == n)
 
 
 def fit_lobe(
@@ -153,7 +153,7 @@ def fit_lobe(
     left_n, left_um, floor_um = _most_left(noise, orders, root_weight)
     return LobeFit(
         jaws=jaws,
-        waves=tuple(_wave(n, place, beta, covariances[n]) for place, n in enumerate(orders)),
+        harmonics=tuple(_harmonic(n, place, beta, covariances[n]) for place, n in enumerate(orders)),
         mean_um=float(beta[0]),
         noise_um=math.sqrt(noise.level),
         points=deviation.size,
@@ -229,7 +229,7 @@ def _covariances(
     return {n: [(variance * found.cofactors, freedom), *by_turns] for n, (variance, freedom) in at.items()}
 
 
-def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, float]]) -> Wave:
+def _harmonic(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, float]]) -> FittedHarmonic:
     """Return one harmonic; its standard errors are the largest by any of the covariances (with their freedom)."""
     both = harmonic_slice(place)
     p, q = (float(part) for part in beta[both])
@@ -242,7 +242,7 @@ def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, floa
     )
     unknown_deg = 360.0 / n / math.sqrt(12.0)
     to_deg = math.degrees(1.0 / (n * amplitude)) if amplitude else math.inf
-    return Wave(
+    return FittedHarmonic(
         n=n,
         cos_um=p,
         sin_um=q,

@@ -185,7 +185,7 @@ def test_a_record_that_is_locked_stops_the_machine_within_a_moment(
     shop: tuple[CutContext, SimulatedLathe], plan: CutPlan, tmp_path: Path
 ) -> None:
     opened, simulated = shop
-    record = RunRecord(tmp_path, RUN, patience_s=0.3)
+    record = RunRecord(tmp_path, RUN, timeout_s=0.3)
     other = sqlite3.connect(tmp_path / "records.sqlite3", isolation_level=None)
 
     def lock() -> None:

@@ -23,7 +23,7 @@ from drivers.lathe.snapshot import Snapshot
 from profiles.machine import SAFETY_DEVICES
 from tests.tui.machine_states import ON, REST, aligned, look_at
 from tests.tui.page_stage import shown_on
-from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, desk_for, experiment, grid
+from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, experiment, grid, ui_for
 
 OFF = REST | {"open_loop", "home_complete"}
 VALID = aligned(76.0)
@@ -158,6 +158,6 @@ async def states_shown(page: RunPage, states: Sequence[StationState], work: Work
 
 def frames_of(states: Sequence[StationState]) -> list[str]:
     work, frames = experiment(), list[str]()
-    page = RunPage(desk_for(FixedControl(states[-1]), Path("/nowhere"), "en", work))
+    page = RunPage(ui_for(FixedControl(states[-1]), Path("/nowhere"), "en", work))
     asyncio.run(states_shown(page, states, work, frames))
     return frames

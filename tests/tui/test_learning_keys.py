@@ -61,8 +61,8 @@ def on_inspect(scene: Callable[[OnInspect], Awaitable[None]], data: Path, state:
 
 
 def used(stage: PageScene) -> LearnedCompensation:
-    assert stage.desk.work is not None and stage.desk.work.compensation is not None
-    return stage.desk.work.compensation
+    assert stage.ui.work is not None and stage.ui.work.compensation is not None
+    return stage.ui.work.compensation
 
 
 def kept(data: Path) -> list[int]:
@@ -105,9 +105,9 @@ def test_a_disk_error_is_told_and_changes_nothing(tmp_path: Path) -> None:
     (tmp_path / FOLDER).write_text("no folder", encoding="utf-8")
 
     async def play(stage: OnInspect) -> None:
-        before = stage.desk.work
+        before = stage.ui.work
         await stage.act("inspect.accept")
-        assert stage.codes == ["file.not_writable"] and stage.desk.work is before
+        assert stage.codes == ["file.not_writable"] and stage.ui.work is before
 
     on_inspect(play, tmp_path)
 
@@ -166,15 +166,15 @@ def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
     async def play(stage: OnPreview) -> None:
         await stage.act("preview.learned")
         assert stage.codes == ["learned.none_yet"]
-        stage.desk.work = previewed_cam()
+        stage.ui.work = previewed_cam()
         await stage.act("preview.stage")
         assert "cut: model, in air" in stage.text and "Air cut" in stage.next_step
         await stage.act("preview.stage")
         assert "cut: model, half" in stage.text
         await stage.act("preview.stage")
-        accept_lesson(stage.desk)
+        accept_lesson(stage.ui)
         await stage.act("preview.learned")
-        assert stage.desk.work is not None and stage.desk.work.compensation is None
+        assert stage.ui.work is not None and stage.ui.work.compensation is None
         await stage.act("preview.learned")
         assert used(stage).version == 1 and "cut: learned 1, full" in stage.text
         assert "(" not in stage.text.partition("── cam")[2].partition("um/div")[0], "no band for what was learned"
@@ -194,7 +194,7 @@ def test_an_edited_job_has_no_version_and_half_of_the_printed_program_does_not_e
     async def play(stage: OnPreview) -> None:
         await stage.act("preview.learned")
         assert stage.codes == ["learned.edited_now"]
-        stage.desk.work = replace(with_strategy(cam(), "paper"), stage="air")
+        stage.ui.work = replace(with_strategy(cam(), "paper"), stage="air")
         await stage.act("preview.stage")
         assert stage.codes == ["stage.strategy"]
 

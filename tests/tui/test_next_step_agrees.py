@@ -136,7 +136,7 @@ def test_nobody_is_sent_on_to_align_past_what_was_found(language: str) -> None:
         severity=Severity.WARNING,
         problem=Problem(code="rule.lobe_unstated", key="lobe_error_source", value="measured", limit="lobe_tool"),
     )
-    taught_by = ExpectedPart(ront_um=2.4, lobe=made.target.waves[0])
+    taught_by = ExpectedPart(ront_um=2.4, lobe=made.target.harmonics[0])
     for found in (False, True):
         seen = replace(made, findings=(warning,) if found else ())
         plainly = replace(signed(), outlook=seen, preview=seen)

@@ -67,7 +67,7 @@ def pressed(
                 control.at(100.0 + after_s)
                 await pilot.press(key)
                 await pilot.pause()
-                said.append(" ".join(problem.code for problem in app.desk.said))
+                said.append(" ".join(problem.code for problem in app.ui.said))
 
     asyncio.run(run())
     assert app.fault is None

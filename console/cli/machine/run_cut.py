@@ -64,7 +64,7 @@ def cut_requested(
         simulated=request.simulated,
         open_timeout_s=OPEN_TIMEOUT_S,
         # On a lathe in this process, a wait for other writers keeps no real drive enabled.
-        patience_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
+        timeout_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
     )
     tell_cut_with(options, request, text)
     tell = _teller(options, text, interruption, record, simulated=request.simulated)

@@ -106,7 +106,7 @@ def _lines(found: FoundLobe, text: Catalogue) -> list[str]:
             f"{each.ci_deg:.2f}",
             text("calibrate.yes" if each.significant else "calibrate.no"),
         )
-        for each in fit.waves
+        for each in fit.harmonics
     ]
     facts = [(text("calibrate.error"), f"{fit.error_um_pp:.3f}", f"± {2 * fit.lobe.ci_um:.3f} um p-p")]
     if found.crest_deg is not None:

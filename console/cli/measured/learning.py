@@ -197,15 +197,15 @@ def _row(version: LearnedCompensation, asked: HoldsFor, text: Catalogue) -> tupl
 
 
 def _facts(lesson: LearningStep, text: Catalogue) -> list[tuple[str, str]]:
-    learned = ", ".join(str(n) for n in lesson.learned) or text("learned.no_waves")
-    rows = [(text("learned.waves"), learned), (text("learned.gain"), f"{lesson.next.gain:g}")]
+    learned = ", ".join(str(n) for n in lesson.learned) or text("learned.no_harmonics")
+    rows = [(text("learned.harmonics"), learned), (text("learned.gain"), f"{lesson.next.gain:g}")]
     lobes, contraction = lesson.next.path.target.lobes, lesson.contraction
     if contraction is not None:
         fraction, late_deg = _arrival(contraction, lobes)
         late = text("learned.arrives_late", share=f"{100 * fraction:.1f}", late=f"{late_deg:+.2f}")
         rows += [(text("learned.arrives"), late), (text("learned.factor"), _factor(contraction, text))]
     others = sorted((n, each) for n, each in lesson.contractions.items() if n != lobes)
-    return [*rows, *((text("learned.factor_of", waves=f"{n}/rev"), _factor(each, text)) for n, each in others)]
+    return [*rows, *((text("learned.factor_of", harmonics=f"{n}/rev"), _factor(each, text)) for n, each in others)]
 
 
 def _factor(contraction: Contraction, text: Catalogue) -> str:

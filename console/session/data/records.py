@@ -38,7 +38,7 @@ def begin_record(
     *,
     simulated: bool,
     open_timeout_s: float = DRIVES_ON_TIMEOUT_S,
-    patience_s: float = DRIVES_ON_TIMEOUT_S,
+    timeout_s: float = DRIVES_ON_TIMEOUT_S,
 ) -> RunRecord:
     """Begin the record of a run that cuts `plan`, with the name and the contents of its job, as `RunRecord`."""
     described = {
@@ -51,7 +51,7 @@ def begin_record(
         "strategy": plan.strategy.value,
         "program": plan.text,
     }
-    return RunRecord(folder, described, open_timeout_s=open_timeout_s, patience_s=patience_s)
+    return RunRecord(folder, described, open_timeout_s=open_timeout_s, timeout_s=timeout_s)
 
 
 class RunRecord:
@@ -63,12 +63,12 @@ class RunRecord:
         run: Mapping[str, object],
         *,
         open_timeout_s: float = DRIVES_ON_TIMEOUT_S,
-        patience_s: float = DRIVES_ON_TIMEOUT_S,
+        timeout_s: float = DRIVES_ON_TIMEOUT_S,
     ) -> None:
         """Open the file in `folder`, which is created when missing, and begin a run.
 
         `run` gives software, job, job_sha256, machine, machine_sha256, simulated, strategy and program. Other
-        writers are waited for up to `open_timeout_s` here, and up to `patience_s` at each event.
+        writers are waited for up to `open_timeout_s` here, and up to `timeout_s` at each event.
 
         Raises:
             SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`; without a record no machine
@@ -77,7 +77,7 @@ class RunRecord:
         self._path = folder / FILE_NAME
         self.run_id = uuid.uuid4().hex
         self._count = 0
-        self._patience_s = patience_s
+        self._timeout_s = timeout_s
         until_s = time.monotonic() + open_timeout_s
         self._database = opened(folder, until_s)
         try:
@@ -104,7 +104,7 @@ class RunRecord:
             shown = json.dumps(data)
         row = (self.run_id, self._count, utc_now(), kind, shown)
         try:
-            self._insert("INSERT INTO events VALUES (?, ?, ?, ?, ?)", row, time.monotonic() + self._patience_s)
+            self._insert("INSERT INTO events VALUES (?, ?, ?, ?, ?)", row, time.monotonic() + self._timeout_s)
         except sqlite3.Error as error:
             raise record_error("record.lost", self._path, error) from error
         self.refuse_lost()

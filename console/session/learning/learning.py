@@ -45,7 +45,7 @@ from profiles.compensations.learning import (
     learned_part,
 )
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN, uncompensated
-from profiles.compensations.part_waves import PartWaves, part_waves
+from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import CutPath
 from profiles.job import Job
 from profiles.problem import Problem
@@ -112,7 +112,7 @@ class LearnResult:
         return tuple(
             Problem(
                 code="learning.grew",
-                key=f"{each.waves}/rev",
+                key=f"{each.order}/rev",
                 value=f"{each.grown_um:.2f} um",
                 limit=f"{each.best_um:.2f} um",
             )
@@ -170,9 +170,9 @@ class _Learner:
         """Cut a part without a lobe and without compensation: the remaining error is the machine's own."""
         return roundness_of(self._plain(replace(self._job, lobe_error_um_pp=0.0), "floor"))
 
-    def _teaching(self, trace: Trace) -> PartWaves:
+    def _teaching(self, trace: Trace) -> PartHarmonics:
         """Return the harmonics of a part, or refuse it by the rule that `console learn` and the screen share."""
-        part = part_waves(trace, self._job, filter_upr=FILTER_UPR)
+        part = part_harmonics(trace, self._job, filter_upr=FILTER_UPR)
         refuse(part.reasons)
         return part
 
@@ -276,11 +276,11 @@ class _Learner:
         self._path = learned_part(self._watch.kept(path), part, tool, self._response, gain)
         return tuple(sorted({*high, *missed}))
 
-    def _refuse_worse(self, part: PartWaves, tool_off: Deviation) -> None:
+    def _refuse_worse(self, part: PartHarmonics, tool_off: Deviation) -> None:
         """Refuse to learn from a part that its compensation has made worse, by the rule for a single part."""
         lobes = self._job.jaws
         # The tool error was measured here.
-        done_um = self._path.target.waves[0].coefficient - tool_off.coefficients_um.get(lobes, 0j)
+        done_um = self._path.target.harmonics[0].coefficient - tool_off.coefficients_um.get(lobes, 0j)
         plain = uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
         refuse(plain.reasons())
 

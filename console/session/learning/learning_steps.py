@@ -25,8 +25,8 @@ from profiles.chucking.grip import force_sd_n, lobe_um_per_n
 from profiles.compensations.learned import MODEL, LearnedCompensation, again, model_again
 from profiles.compensations.learning import coefficient_of
 from profiles.compensations.next_version import CutWith, LearningStep, next_version
-from profiles.compensations.part_waves import PartWaves, part_waves
-from profiles.compensations.path import MOST_WAVES, CutPath, target_path
+from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
+from profiles.compensations.path import MOST_HARMONICS, CutPath, target_path
 from profiles.files import printable
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -43,10 +43,10 @@ LEAST_FOLLOWED = 1.0 / AMPLIFICATION_LIMIT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LeftWave:
+class LeftHarmonic:
     """Harmonic of the part, um p-p: what was left of it, and what the next should have; `learned` or noise."""
 
-    waves: int
+    order: int
     left_um_pp: float
     expected_um_pp: float
     learned: bool
@@ -60,7 +60,7 @@ class Taught:
     made: MadeWith
     stage: Stage
     warnings: tuple[Problem, ...]
-    waves: tuple[LeftWave, ...]
+    harmonics: tuple[LeftHarmonic, ...]
 
 
 def taught(
@@ -139,19 +139,19 @@ def taught_by(
         scatter_um=scatter_um(filed, machine.machine),
         date=date,
     )
-    waves = tuple(_left(n, part, lesson, path, stage) for n in orders)
+    harmonics = tuple(_left(n, part, lesson, path, stage) for n in orders)
     warnings = (*date_problems(version), *part.warnings, *lesson.warnings)
-    return Taught(lesson=lesson, made=made, stage=stage, warnings=warnings, waves=waves)
+    return Taught(lesson=lesson, made=made, stage=stage, warnings=warnings, harmonics=harmonics)
 
 
 def _simulated(trace: Trace) -> bool:
     return trace.meta.get(SIMULATED[0]) == SIMULATED[1]
 
 
-def _part(trace: Trace, job: Job, made: MadeWith, extra: tuple[int, ...], *, robust: bool) -> PartWaves:
+def _part(trace: Trace, job: Job, made: MadeWith, extra: tuple[int, ...], *, robust: bool) -> PartHarmonics:
     """Return the harmonics of a part, turned to where the file of its job has jaw 1."""
     as_cut = _as_cut(job, made)
-    part = part_waves(trace, as_cut, filter_upr=FILTER_UPR, extra=extra, robust=robust)
+    part = part_harmonics(trace, as_cut, filter_upr=FILTER_UPR, extra=extra, robust=robust)
     return part.turned(job.lobe_phase_deg - as_cut.lobe_phase_deg)
 
 
@@ -170,13 +170,13 @@ def _as_cut(job: Job, made: MadeWith) -> Job:
     return replace(found, assumed=tuple(key for key in job.assumed if key != "lobe_phase_deg"))
 
 
-def _left(n: int, part: PartWaves, lesson: LearningStep, path: CutPath, stage: Stage) -> LeftWave:
+def _left(n: int, part: PartHarmonics, lesson: LearningStep, path: CutPath, stage: Stage) -> LeftHarmonic:
     """Return a harmonic of the part, whose height falls by as much as the tool goes deeper."""
     left = part.coefficients_um[n]
     deeper = coefficient_of(lesson.next.path.target, n) - stage.share * coefficient_of(path.target, n)
     expected_um_pp = 2.0 * abs(left - deeper)
-    return LeftWave(
-        waves=n, left_um_pp=2.0 * abs(left), expected_um_pp=expected_um_pp, learned=n in lesson.learned
+    return LeftHarmonic(
+        order=n, left_um_pp=2.0 * abs(left), expected_um_pp=expected_um_pp, learned=n in lesson.learned
     )
 
 
@@ -245,8 +245,8 @@ def _orders(
     problems: list[Problem] = []
     for n in extra:
         # One undulation per revolution is the eccentricity of the part on the gauge.
-        if not LEAST_EXTRA <= n <= MOST_WAVES:
-            problems.append(_bad_extra(f"{n}/rev", f"{LEAST_EXTRA}/rev … {MOST_WAVES}/rev"))
+        if not LEAST_EXTRA <= n <= MOST_HARMONICS:
+            problems.append(_bad_extra(f"{n}/rev", f"{LEAST_EXTRA}/rev … {MOST_HARMONICS}/rev"))
         elif (followed := abs(response(n))) < LEAST_FOLLOWED:
             problems.append(_bad_extra(f"{n}/rev (|T| = {followed:.3f})", f"|T| >= {LEAST_FOLLOWED:g}"))
     refuse(problems)

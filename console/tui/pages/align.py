@@ -43,9 +43,9 @@ class AlignPage(Page):
     AlignPage.-tall #align-chuck { height: 50%; }
     """
 
-    def __init__(self, desk: UiContext) -> None:
-        super().__init__(desk)
-        palette = desk.palette
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        palette = ui.palette
         self._axes = Sheet(palette, id="align-axes")
         self._jog_panel = Sheet(palette, id="align-jog")
         self._steps = Sheet(palette, id="align-steps")
@@ -55,19 +55,19 @@ class AlignPage(Page):
             Vertical(self._axes, self._jog_panel, classes="left"),
             Vertical(self._steps, self._why, self._chuck, classes="right"),
         )
-        self._jog = JogKeys(desk, self._later)
+        self._jog = JogKeys(ui, self._later)
         self._warned_s: float | None = None
-        self._axes.border_title = desk.text("align_page.axes")
-        self._steps.border_title = desk.text("align_page.steps")
-        self._chuck.border_title = desk.text("align_page.chuck_title")
+        self._axes.border_title = ui.text("align_page.axes")
+        self._steps.border_title = ui.text("align_page.steps")
+        self._chuck.border_title = ui.text("align_page.chuck_title")
 
     def show(self, view: View) -> None:
         """Show the newest state."""
         simulated = view.state.simulated and view.state.seen is not None
         self.set_class(simulated and self.size.width >= 100 and self.size.height >= 24, "-roomy")
         self.set_class(self.size.height >= 36, "-tall")
-        text, state, job = self.desk.text, view.state, view.job
-        machine = self.desk.machine.machine
+        text, state, job = self.ui.text, view.state, view.job
+        machine = self.ui.machine.machine
         if state.moving:
             self._jog.renew(view.now_s)  # idle time counts from the end of the motion
         self._jog.let_go(state, view.now_s)
@@ -105,7 +105,7 @@ class AlignPage(Page):
 
     def next_step(self, view: View) -> Line:
         """Return what to do now."""
-        text, state, job = self.desk.text, view.state, view.job
+        text, state, job = self.ui.text, view.state, view.job
         word = waiting(state)
         if word:
             return line(dim(text(f"align_page.next.{word}")))
@@ -116,25 +116,25 @@ class AlignPage(Page):
         if job is not None:
             facts |= {"force": f"{job.chucking_force_n:.0f}", "radius": f"{job.radius_mm:.3f}"}
         if state.snapshot is not None:
-            facts["angle"] = f"{align_lines.angle_deg(state.snapshot, self.desk.machine.machine):.2f}"
+            facts["angle"] = f"{align_lines.angle_deg(state.snapshot, self.ui.machine.machine):.2f}"
         return line((text(f"align_page.next.{self._next_word(state, step, job)}", **facts), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return how to do the present step, and why the alignment is not valid."""
-        text, state = self.desk.text, view.state
+        text, state = self.ui.text, view.state
         by_hand = [] if state.simulated else [BLANK, *wrapped(text("align_page.real"), width)]
-        return [*align_lines.why_lines(text, state, view.job, self.desk.machine.machine, width, None), *by_hand]
+        return [*align_lines.why_lines(text, state, view.job, self.ui.machine.machine, width, None), *by_hand]
 
     def leave(self) -> None:
         """Disable the jog; a step in progress ends with the page."""
         self._warned_s = None
         self._jog.end()
-        if self.desk.control.state.activity is Activity.JOGGING:
-            self.desk.say_until_key(Problem(code="screen.left_jogging"))
-            self.desk.control.stop("page")
+        if self.ui.control.state.activity is Activity.JOGGING:
+            self.ui.say_until_key(Problem(code="screen.left_jogging"))
+            self.ui.control.stop("page")
 
     def _next_word(self, state: StationState, step: AlignStep | None, job: Job | None) -> str:
-        machine = self.desk.machine.machine
+        machine = self.ui.machine.machine
         if step is AlignStep.CLAMP and align_lines.is_in_part(state, machine):
             return align_lines.in_part_word(state)
         if step is AlignStep.CLAMP and align_lines.drives_are_on(state):
@@ -153,38 +153,38 @@ class AlignPage(Page):
 
     def _do_step(self, key: str) -> None:
         """Run the present step, where the machine does it (F4)."""
-        state, job = self.desk.control.state, self.desk.job
-        if self.desk.refuses(key):
+        state, job = self.ui.control.state, self.ui.job
+        if self.ui.refuses(key):
             return
         match align_lines.step_now(state.alignment, job):
             case AlignStep.VERIFY:
-                self.desk.control.post(commands.Verify())
-            case AlignStep.CLAMP if align_lines.is_in_part(state, self.desk.machine.machine):
+                self.ui.control.post(commands.Verify())
+            case AlignStep.CLAMP if align_lines.is_in_part(state, self.ui.machine.machine):
                 # The tool must be retracted before the chuck is opened; that needs its drive.
                 if state.snapshot is not None and state.snapshot.loops_closed:
-                    self.desk.say("machine.tool_in_part")
+                    self.ui.say("machine.tool_in_part")
                 else:
-                    self.desk.control.post(commands.EnableDrives())
+                    self.ui.control.post(commands.EnableDrives())
             case AlignStep.CLAMP if align_lines.drives_are_on(state):
-                self.desk.control.post(commands.DisableDrives())
+                self.ui.control.post(commands.DisableDrives())
             case AlignStep.DRIVES:
-                self.desk.control.post(commands.EnableDrives())
+                self.ui.control.post(commands.EnableDrives())
             case AlignStep.HOME:
-                self.desk.control.post(commands.Home())
+                self.ui.control.post(commands.Home())
             case AlignStep.TOUCH_OFF if job is not None:
-                self.desk.control.post(commands.Approach(job=job))
+                self.ui.control.post(commands.Approach(job=job))
             case None:
-                self.desk.say("screen.nothing_to_align" if job is None else "screen.aligned")
+                self.ui.say("screen.nothing_to_align" if job is None else "screen.aligned")
             case step:
-                self.desk.say(_BY_HAND[step])
+                self.ui.say(_BY_HAND[step])
 
     def _take(self, key: str) -> None:
         """Confirm what was done by hand, or take the present position (Enter). Nothing moves."""
-        state, job = self.desk.control.state, self.desk.job
-        if self.desk.refuses(key):
+        state, job = self.ui.control.state, self.ui.job
+        if self.ui.refuses(key):
             return
         if job is None:
-            self.desk.say("screen.nothing_to_align")
+            self.ui.say("screen.nothing_to_align")
             return
         match align_lines.step_now(state.alignment, job):
             case AlignStep.CLAMP:
@@ -194,64 +194,64 @@ class AlignPage(Page):
                 self._confirm_clamping(state, job)
             case AlignStep.JAW:
                 self._take_jaw(state)
-            case AlignStep.TOUCH_OFF if not align_lines.is_over_part(state, self.desk.machine.machine):
-                self.desk.say("alignment.beside_part", key="tool")
+            case AlignStep.TOUCH_OFF if not align_lines.is_over_part(state, self.ui.machine.machine):
+                self.ui.say("alignment.beside_part", key="tool")
             case AlignStep.TOUCH_OFF:
-                self.desk.control.post(commands.TakeTouchOff(radius_mm=job.radius_mm))
+                self.ui.control.post(commands.TakeTouchOff(radius_mm=job.radius_mm))
             case None:
-                self.desk.say("screen.aligned")
+                self.ui.say("screen.aligned")
             case _:
-                self.desk.say("screen.f4_does_it")
+                self.ui.say("screen.f4_does_it")
 
     def _take_jaw(self, state: StationState) -> None:
         """Take jaw 1 at the present position; visibly far from the mark, only after a second press."""
-        now_s, warned_s = self.desk.control.now_s(), self._warned_s
+        now_s, warned_s = self.ui.control.now_s(), self._warned_s
         off_deg = 0.0 if state.seen is None else abs(state.seen.jaw_1_past_mark_deg)
         again = warned_s is not None and now_s - warned_s <= CONFIRM_S
         if off_deg > align_lines.NEAR_MARK_DEG and not again:
             self._warned_s = now_s
-            self.desk.say("screen.jaw_far", value=f"{off_deg:.2f}°", limit=f"{CONFIRM_S:.0f} s")
+            self.ui.say("screen.jaw_far", value=f"{off_deg:.2f}°", limit=f"{CONFIRM_S:.0f} s")
             return
         self._warned_s = None
-        self.desk.control.post(commands.TakeJaw())
+        self.ui.control.post(commands.TakeJaw())
 
     def _take_back(self, key: str) -> None:
         """Forget the touch-off or, before it, jaw 1: that step is the present one again. Nothing moves."""
-        state = self.desk.control.state
-        if self.desk.refuses(key):
+        state = self.ui.control.state
+        if self.ui.refuses(key):
             return
         alignment = state.alignment
-        later = align_lines.step_now(alignment, self.desk.job) in (AlignStep.TOUCH_OFF, None)
+        later = align_lines.step_now(alignment, self.ui.job) in (AlignStep.TOUCH_OFF, None)
         if later and (alignment.jaw is not None or alignment.touch_off is not None):
-            self.desk.control.post(commands.Forget())
+            self.ui.control.post(commands.Forget())
         else:
-            self.desk.say("screen.nothing_to_take_back")
+            self.ui.say("screen.nothing_to_take_back")
 
     def _confirm_clamping(self, state: StationState, job: Job) -> None:
         if align_lines.drives_are_on(state):
-            self.desk.say("screen.drives_not_off")
-        elif align_lines.is_in_part(state, self.desk.machine.machine):
-            self.desk.say("machine.tool_in_part")
+            self.ui.say("screen.drives_not_off")
+        elif align_lines.is_in_part(state, self.ui.machine.machine):
+            self.ui.say("machine.tool_in_part")
         elif refused := force_problems(job):
-            self.desk.said = refused
+            self.ui.said = refused
         else:
-            self.desk.control.post(commands.ConfirmClamping(job=job))
+            self.ui.control.post(commands.ConfirmClamping(job=job))
 
     def _switch_off(self, key: str) -> None:
-        state = self.desk.control.state
-        if self._jog.stops_what_moves(state, key) or self.desk.refuses(key):
+        state = self.ui.control.state
+        if self._jog.stops_what_moves(state, key) or self.ui.refuses(key):
             return
         if align_lines.drives_are_on(state):
-            self.desk.control.post(commands.DisableDrives())
+            self.ui.control.post(commands.DisableDrives())
         else:
-            self.desk.say("screen.drives_are_off")
+            self.ui.say("screen.drives_are_off")
 
     def _later(self, after_s: float, call: Callable[[], None]) -> None:
         if self.is_attached:
             self.set_timer(after_s, call)
 
     def _why_title(self, state: StationState, job: Job | None) -> str:
-        text = self.desk.text
+        text = self.ui.text
         if state.activity is Activity.LOST:
             return text("align_page.unknown_title")
         valid = align_lines.is_valid(state.alignment, job)

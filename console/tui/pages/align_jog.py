@@ -95,8 +95,8 @@ class JogPresses:
 class JogKeys:
     """Jog keys of one page: whether enabled, the selected steps, and the accepted presses."""
 
-    def __init__(self, desk: UiContext, later: Later) -> None:
-        self.desk = desk
+    def __init__(self, ui: UiContext, later: Later) -> None:
+        self.ui = ui
         self._later = later
         self._steps = Steps()
         self._jogged: tuple[AlignStep | None, AxisName] | None = None
@@ -119,27 +119,27 @@ class JogKeys:
 
     def enable(self, key: str) -> None:
         """Enable the jog keys for a while."""
-        if not self.desk.refuses(key):
-            self._jog = JogEnable(used_s=self.desk.control.now_s(), stops=self.desk.control.state.stops)
+        if not self.ui.refuses(key):
+            self._jog = JogEnable(used_s=self.ui.control.now_s(), stops=self.ui.control.state.stops)
 
     def change_rung(self, key: str) -> None:
         """Select the next longer or shorter step of the axis."""
-        state = self.desk.control.state
+        state = self.ui.control.state
         if state.activity is Activity.JOGGING and self.stops_what_moves(state, key):
             return
         self._steps = self._steps.changed(self._axis(state), 1 if key == "align.larger" else -1)
-        self.renew(self.desk.control.now_s())
+        self.renew(self.ui.control.now_s())
 
     def press(self, key: str) -> None:
         """Handle a jog key: one step per press at rest; other presses are counted and reported."""
-        state, now_s = self.desk.control.state, self.desk.control.now_s()
-        continues = state.activity is Activity.JOGGING and key == self.desk.jog
-        if not continues and (self.stops_what_moves(state, key) or self.desk.refuses(key)):
+        state, now_s = self.ui.control.state, self.ui.control.now_s()
+        continues = state.activity is Activity.JOGGING and key == self.ui.jog
+        if not continues and (self.stops_what_moves(state, key) or self.ui.refuses(key)):
             self._presses.forget()
             return
         self.let_go(state, now_s)
         if self._jog is None:
-            self.desk.say("screen.jog_not_enabled")
+            self.ui.say("screen.jog_not_enabled")
             return
         if self._presses.press(key, now_s, at_rest=not state.moving):
             self._jog_by(key, state)
@@ -149,17 +149,17 @@ class JogKeys:
 
     def press_due(self) -> None:
         """Handle a press that might have been the first repeat of a held key, and was not."""
-        state, now_s = self.desk.control.state, self.desk.control.now_s()
+        state, now_s = self.ui.control.state, self.ui.control.now_s()
         self.let_go(state, now_s)
         if self._jog is None:
             self._presses.forget()
             return
         decides = self._presses.waits
         key = self._presses.due(now_s, at_rest=not state.moving)
-        if key is not None and not self.desk.refuses(key):
+        if key is not None and not self.ui.refuses(key):
             self._jog_by(key, state)
-        if decides and not self._presses.waits and self.desk.jog is not None:
-            self._report_presses(self.desk.jog)
+        if decides and not self._presses.waits and self.ui.jog is not None:
+            self._report_presses(self.ui.jog)
 
     def let_go(self, state: StationState, now_s: float) -> None:
         """Disable the jog after its timeout or a stop."""
@@ -175,7 +175,7 @@ class JogKeys:
     def view(self, state: StationState, now_s: float) -> JogView:
         """Return what the panel of the jog shows."""
         return JogView(
-            machine=self.desk.machine.machine,
+            machine=self.ui.machine.machine,
             state=state,
             steps=self._steps,
             axis=self._axis(state),
@@ -187,13 +187,13 @@ class JogKeys:
         """Stop first: another axis, direction or step during motion is a change of mind."""
         if not state.moving:
             return False
-        self.desk.say_until_key(Problem(code="screen.key_in_motion", key=KEYS[key]))
-        self.desk.control.stop(f"change {KEYS[key]}")
+        self.ui.say_until_key(Problem(code="screen.key_in_motion", key=KEYS[key]))
+        self.ui.control.stop(f"change {KEYS[key]}")
         return True
 
     def _axis(self, state: StationState) -> AxisName:
         """Return the axis whose step + and - change: the last one jogged in this step, else that of the step."""
-        step = step_now(state.alignment, self.desk.job)
+        step = step_now(state.alignment, self.ui.job)
         if self._jogged is not None and self._jogged[0] is step:
             return self._jogged[1]
         return AxisName.SPINDLE if step is AlignStep.JAW else AxisName.TOOL
@@ -201,22 +201,22 @@ class JogKeys:
     def _jog_by(self, key: str, state: StationState) -> None:
         axis, sign = JOGS[key]
         step = self._steps.of(axis)
-        longest = longest_toward_mm(state.snapshot, self.desk.machine.machine, state.alignment)
+        longest = longest_toward_mm(state.snapshot, self.ui.machine.machine, state.alignment)
         if key == "align.in" and is_too_long(step, longest):
             self._presses.forget()
-            self.desk.say("screen.step_too_long", value=f"{step:.3f} mm", limit=f"<= {longest:.3f} mm")
+            self.ui.say("screen.step_too_long", value=f"{step:.3f} mm", limit=f"<= {longest:.3f} mm")
             return
-        self._jogged, self.desk.jog = (step_now(state.alignment, self.desk.job), axis), key
-        self.renew(self.desk.control.now_s())
-        if not self.desk.control.post(Jog(axis=axis, distance=sign * step)):
+        self._jogged, self.ui.jog = (step_now(state.alignment, self.ui.job), axis), key
+        self.renew(self.ui.control.now_s())
+        if not self.ui.control.post(Jog(axis=axis, distance=sign * step)):
             self._presses.refused()
 
     def _report_presses(self, key: str) -> None:
         """Report which presses made no step; the text stays, because the machine comes to rest soon after."""
         presses = self._presses
         if presses.held:
-            self.desk.say_until_key(Problem(code="screen.jog_key_held", key=KEYS[key]))
+            self.ui.say_until_key(Problem(code="screen.jog_key_held", key=KEYS[key]))
         elif presses.missed:
             missed, pressed = str(presses.missed), str(presses.missed + presses.taken)
             code = "screen.presses_missed"
-            self.desk.say_until_key(Problem(code=code, key=KEYS[key], value=missed, limit=pressed))
+            self.ui.say_until_key(Problem(code=code, key=KEYS[key], value=missed, limit=pressed))

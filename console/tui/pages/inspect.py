@@ -53,9 +53,9 @@ class InspectPage(ChartPage):
     InspectPage.-bare #inspect-result { height: 1fr; }
     """
 
-    def __init__(self, desk: UiContext) -> None:
-        super().__init__(desk)
-        palette = desk.palette
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        palette = ui.palette
         self._polar = PolarView(palette=palette, id="inspect-polar")
         self._caption = Sheet(palette, id="inspect-caption")
         self._result = Sheet(palette, id="inspect-result", classes="panel")
@@ -69,7 +69,7 @@ class InspectPage(ChartPage):
         self.texts = (self._caption, self._result, self._harmonics, self._learn, self._message)
         self._seen: inspect_lines.Comparison | None = None
         self._parts: tuple[MeasuredPart | None, MeasuredPart | None] = (None, None)
-        self._harmonics.border_title = desk.text("inspect_page.harmonics")
+        self._harmonics.border_title = ui.text("inspect_page.harmonics")
         self._charts.display = self._learn.display = False
 
     def news(self, view: View) -> tuple[object, ...]:
@@ -82,21 +82,21 @@ class InspectPage(ChartPage):
         if action == "inspect.measure":
             self._measure()
         elif action == "inspect.accept":
-            with self.desk.answering():
-                accept_lesson(self.desk)
+            with self.ui.answering():
+                accept_lesson(self.ui)
         elif action == "inspect.revert":
-            with self.desk.answering():
-                revert_version(self.desk)
+            with self.ui.answering():
+                revert_version(self.ui)
         elif action == "inspect.next":
-            self.desk.go(PageName.ALIGN)
+            self.ui.go(PageName.ALIGN)
 
     def next_step(self, view: View) -> Line:
         """Return what comes next: cut, measure, or the next part."""
-        return line((self.desk.text(f"inspect_page.{_next_word(view)}"), Token.ACTION))
+        return line((self.ui.text(f"inspect_page.{_next_word(view)}"), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return what is wrong with the last part, and its learning step or why none; or how to get a part."""
-        text, part = self.desk.text, view.state.measured
+        text, part = self.ui.text, view.state.measured
         if part is None:
             return self._message_lines(view.state, width)
         lesson = part.lesson
@@ -105,15 +105,15 @@ class InspectPage(ChartPage):
 
     def _measure(self) -> None:
         """Measure the part, or show why not: the station refuses for the same reasons."""
-        state = self.desk.control.state
+        state = self.ui.control.state
         if not state.simulated:
-            self.desk.say("session.no_gauge")
+            self.ui.say("session.no_gauge")
         elif state.moving:
-            self.desk.say("machine.moving")
+            self.ui.say("machine.moving")
         elif not state.cut_done:
-            self.desk.say("session.nothing_cut")
+            self.ui.say("session.nothing_cut")
         else:
-            self.desk.control.post(Measure())
+            self.ui.control.post(Measure())
 
     def paint(self, view: View) -> None:
         """Show the last part that was measured."""
@@ -129,7 +129,7 @@ class InspectPage(ChartPage):
             self._message.show(self._message_lines(state, max(self._message.size.width, 1)))
             return
         self._show_lesson(view)
-        seen, text, scale = self._seen, self.desk.text, self._polar.scale_um_per_division
+        seen, text, scale = self._seen, self.ui.text, self._polar.scale_um_per_division
         self._caption.show(inspect_lines.caption_lines(seen, scale, text, self._caption.size.width))
         self._result.show(inspect_lines.result_lines(seen, state.simulated, text, *self._result.size))
         self._harmonics.show(inspect_lines.harmonic_lines(seen, text, *self._harmonics.size))
@@ -138,7 +138,7 @@ class InspectPage(ChartPage):
         part = view.state.measured
         if part is None or part.lesson is None:
             return
-        text, room = self.desk.text, self._learn.size
+        text, room = self.ui.text, self._learn.size
         rows = learn_lines(part.lesson, view.work, text, max(room.width, 1), failed=_fails(part))
         more = text("panel.more") if len(rows) > room.height else ""
         self._learn.show(rows[: room.height], learn_title(part.lesson, text), more)
@@ -155,8 +155,8 @@ class InspectPage(ChartPage):
             self._draw(self._seen)
 
     def _draw(self, seen: inspect_lines.Comparison) -> None:
-        figures = inspect_lines.named(seen.part.result, self.desk.text)
-        self._roundness.border_title = self.desk.text("inspect_page.roundness", figures=figures)
+        figures = inspect_lines.named(seen.part.result, self.ui.text)
+        self._roundness.border_title = self.ui.text("inspect_page.roundness", figures=figures)
         self._result.border_title = figures
         sides = ((seen.before, Token.BEFORE, True), (seen.after, Token.AFTER, False))
         traces = [
@@ -167,7 +167,7 @@ class InspectPage(ChartPage):
         self._polar.show(traces, marks=[Mark(angle_deg=seen.part.jaw_1_deg, label="1")])
 
     def _message_lines(self, state: StationState, width: int) -> list[Line]:
-        text = self.desk.text
+        text = self.ui.text
         lines = wrapped(text("inspect_page.nothing"), width)
         what = "how_measure" if state.cut_done else "how_cut"
         how = wrapped(text(f"inspect_page.{what}{_where(state)}"), width)

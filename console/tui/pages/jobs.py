@@ -37,10 +37,10 @@ class JobsPage(Page):
     }
     """
 
-    def __init__(self, desk: UiContext) -> None:
-        super().__init__(desk)
-        self._table = Sheet(desk.palette, classes="table")
-        self._summary = Sheet(desk.palette, classes="summary")
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        self._table = Sheet(ui.palette, classes="table")
+        self._summary = Sheet(ui.palette, classes="summary")
         self.panels = (self._table, self._summary)
         self._entries: tuple[LibraryEntry, ...] = ()
         self._fresh = False
@@ -81,19 +81,19 @@ class JobsPage(Page):
         entry = self._jobs.entry
         if entry is None or isinstance(self._load(entry), LoadedJob):
             return []
-        return summary_lines(self._jobs, self.desk.text, width, edited=False)
+        return summary_lines(self._jobs, self.ui.text, width, edited=False)
 
     def _read(self) -> None:
         """List the files again; the selection stays on its job, at first the open one."""
         before = self._jobs.entry
-        target = before.path if before else self.desk.work.loaded.path if self.desk.work else None
-        self._entries = list_jobs(jobs_folder(self.desk.data))
+        target = before.path if before else self.ui.work.loaded.path if self.ui.work else None
+        self._entries = list_jobs(jobs_folder(self.ui.data))
         paths = [entry.path for entry in self._entries]
         place = paths.index(target) if target in paths else self._selected
         self._selected = max(min(place, len(paths) - 1), 0)
         self._fresh = True
         self._loaded.clear()
-        self._results = last_results(self.desk.data, simulated=self._simulated)
+        self._results = last_results(self.ui.data, simulated=self._simulated)
         self._shown = None
 
     def _load(self, entry: LibraryEntry) -> Loaded:
@@ -106,29 +106,29 @@ class JobsPage(Page):
         return self._loaded[entry.name]
 
     def _open(self) -> None:
-        refused, entry = locked(self.desk.control.state, *_LOCKED), self._jobs.entry
+        refused, entry = locked(self.ui.control.state, *_LOCKED), self._jobs.entry
         if refused is not None:
-            self.desk.said = (refused,)
+            self.ui.said = (refused,)
         elif entry is not None:
-            with self.desk.answering():
+            with self.ui.answering():
                 self._take(load_job(str(entry.path)))
 
     def _take(self, loaded: LoadedJob) -> None:
         """Open a job. The open one keeps its edits; another's are discarded after a second Enter."""
-        work = self.desk.work
+        work = self.ui.work
         kept = work is not None and work.loaded.path == loaded.path
         if work is not None and work.edited and not kept and self._warned != (loaded.path, work.job):
             self._warned = (loaded.path, work.job)
-            self.desk.say("screen.edits_unsaved", value=printable(work.job.name))
+            self.ui.say("screen.edits_unsaved", value=printable(work.job.name))
             return
         if work is None or not kept or (not work.edited and work.loaded.sha256 != loaded.sha256):
             # Loads numerics, which the first page does without.
             from console.session.cut.compensated import with_accepted
 
-            work, simulated = opened(loaded, self.desk.machine), self.desk.control.state.simulated
-            self.desk.work = with_accepted(work, self.desk.data, simulated=simulated)
-            self.desk.said = self.desk.work.set_aside
-        self.desk.go(PageName.SETUP)
+            work, simulated = opened(loaded, self.ui.machine), self.ui.control.state.simulated
+            self.ui.work = with_accepted(work, self.ui.data, simulated=simulated)
+            self.ui.said = self.ui.work.set_aside
+        self.ui.go(PageName.SETUP)
 
     @property
     def _jobs(self) -> JobList:
@@ -141,13 +141,13 @@ class JobsPage(Page):
         )
 
     def _paint(self) -> None:
-        work = self.desk.work
+        work = self.ui.work
         sizes = self._table.size, self._summary.size
         shown = (self._entries, self._selected, work is not None and work.edited, sizes)
         if shown == self._shown:
             return
         self._shown = shown
-        jobs, entry, text = self._jobs, self._jobs.entry, self.desk.text
+        jobs, entry, text = self._jobs, self._jobs.entry, self.ui.text
         edited = work is not None and entry is not None and work.edited and work.loaded.path == entry.path
         size, hidden = self._summary.size, hidden_words(jobs, text, self._table.size.height)
         rows = table_lines(jobs, text, *self._table.size)
@@ -158,7 +158,7 @@ class JobsPage(Page):
         self._summary.show(rows, name_in(printable(entry.name), size.width - 4) if entry else "")
 
     def _next_words(self, state: StationState) -> str:
-        text, entry, refused = self.desk.text, self._jobs.entry, locked(state, *_LOCKED)
+        text, entry, refused = self.ui.text, self._jobs.entry, locked(state, *_LOCKED)
         if refused is not None:
             return text("jobs_page.next.moving") if state.moving else text("jobs_page.next.armed")
         if entry is None:

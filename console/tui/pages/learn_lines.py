@@ -58,7 +58,7 @@ def is_kept(lesson: PartLearning | None, work: Work | None) -> bool:
 def in_scatter(taught: Taught) -> bool:
     """Whether the remaining lobe is within the scatter of clamping and gauge."""
     lobe = taught.lesson.next.path.target.lobes
-    wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.waves if each.waves == lobe]
+    wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.harmonics if each.order == lobe]
     return max(wrong, default=0.0) < taught.lesson.expected_half_width_um_pp
 
 
@@ -86,15 +86,15 @@ def _half_words(taught: Taught, text: Catalogue) -> str:
 
 def _harmonics_words(taught: Taught, text: Catalogue) -> str:
     if taught.lesson.reasons:  # no promise for a next part that will not be cut with it
-        left = " · ".join(f"{each.waves}/rev {each.left_um_pp:.2f}" for each in taught.waves)
-        return text("inspect_page.left", waves=left)
+        left = " · ".join(f"{each.order}/rev {each.left_um_pp:.2f}" for each in taught.harmonics)
+        return text("inspect_page.left", harmonics=left)
     lobe = taught.lesson.next.path.target.lobes
     scatter, noise = f" ± {taught.lesson.expected_half_width_um_pp:.2f}", text("inspect_page.noise")
     words = []
-    for each in taught.waves:
-        expected_um = f"→ {each.expected_um_pp:.2f}{scatter if each.waves == lobe else ''}"
-        words.append(f"{each.waves}/rev {each.left_um_pp:.2f} {expected_um if each.learned else noise}")
-    return text("inspect_page.left", waves=" · ".join(words))
+    for each in taught.harmonics:
+        expected_um = f"→ {each.expected_um_pp:.2f}{scatter if each.order == lobe else ''}"
+        words.append(f"{each.order}/rev {each.left_um_pp:.2f} {expected_um if each.learned else noise}")
+    return text("inspect_page.left", harmonics=" · ".join(words))
 
 
 def _facts(taught: Taught, work: Work | None, text: Catalogue) -> list[str]:

@@ -13,7 +13,7 @@ from console.tui.ui_context import UiContext
 from profiles.problem import Problem
 
 
-def accept_lesson(desk: UiContext) -> None:
+def accept_lesson(ui: UiContext) -> None:
     """Keep the learning step of the measured part; the next cut of its job uses it.
 
     Raises:
@@ -21,32 +21,32 @@ def accept_lesson(desk: UiContext) -> None:
             `learned.edited_now`; those of `accept`.
         ProfileError: as `accept`. Nothing was changed.
     """
-    part = desk.control.state.measured
+    part = ui.control.state.measured
     lesson = None if part is None else part.lesson
     if part is None or lesson is None:
         raise SessionError(Problem(code="learned.no_part"))
     if lesson.taught is None:
         raise SessionError(*lesson.problems)
-    work, holds_for = desk.work, lesson.taught.lesson.next.holds_for
+    work, holds_for = ui.work, lesson.taught.lesson.next.holds_for
     if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
         raise SessionError(Problem(code="learned.other_job", key=part.job.name))
     _refuse_edited(work)
-    desk.work = using(work, accept(lesson, desk.data))
+    ui.work = using(work, accept(lesson, ui.data))
 
 
-def revert_version(desk: UiContext) -> None:
+def revert_version(ui: UiContext) -> None:
     """Keep the version before the one in use again, and use it.
 
     Raises:
         SessionError: `learned.edited_now`; `screen.nothing_to_cut`, no job is open; those of `revert`.
         ProfileError: as `revert`. Nothing was changed.
     """
-    work, simulated = desk.work, desk.control.state.simulated
+    work, simulated = ui.work, ui.control.state.simulated
     if work is None:
         raise SessionError(Problem(code="screen.nothing_to_cut"))
     _refuse_edited(work)
-    older = revert(work.compensation, work.loaded, work.machine, desk.data, simulated=simulated)
-    desk.work = using(work, older)
+    older = revert(work.compensation, work.loaded, work.machine, ui.data, simulated=simulated)
+    ui.work = using(work, older)
 
 
 def _refuse_edited(work: Work) -> None:
@@ -54,41 +54,41 @@ def _refuse_edited(work: Work) -> None:
         raise SessionError(Problem(code="learned.edited_now", key=work.loaded.job.name))
 
 
-def step_compensation(desk: UiContext) -> None:
+def step_compensation(ui: UiContext) -> None:
     """Toggle the open job between the newest version and the model; report anything unusual.
 
     Raises:
         SessionError: `learned.edited_now`, no version is for an edited job; `learned.none_yet`; those of `chosen`.
         ProfileError: versions that cannot be read. The choice stays.
     """
-    work = desk.work
+    work = ui.work
     if work is None:
         return
     if work.compensation is not None and not work.set_aside:
-        desk.work = without_learned(work)
+        ui.work = without_learned(work)
         return
     _refuse_edited(work)
-    simulated = desk.control.state.simulated
+    simulated = ui.control.state.simulated
     asked = asked_for(work.loaded, work.machine, work.strategy, simulated=simulated)
-    known = versions(desk.data, asked)
+    known = versions(ui.data, asked)
     if not known:
         raise SessionError(Problem(code="learned.none_yet", key=work.loaded.job.name))
     newest = chosen(NEWEST, known, asked)
     assert newest is not None
-    desk.work = using(work, newest)
-    desk.said = date_problems(newest)
+    ui.work = using(work, newest)
+    ui.said = date_problems(newest)
 
 
-def step_stage(desk: UiContext) -> None:
+def step_stage(ui: UiContext) -> None:
     """Select the next stage: whole, air, half; report a conflict with the other choices."""
-    work = desk.work
+    work = ui.work
     if work is None:
         return
-    desk.work = replace(work, stage=STAGES[(STAGES.index(work.stage) + 1) % len(STAGES)])
-    say_what_does_not_hold(desk)
+    ui.work = replace(work, stage=STAGES[(STAGES.index(work.stage) + 1) % len(STAGES)])
+    say_what_does_not_hold(ui)
 
 
-def say_what_does_not_hold(desk: UiContext) -> None:
+def say_what_does_not_hold(ui: UiContext) -> None:
     """Report why the open job may not be cut with the present choices, if so."""
-    if desk.work is not None:
-        desk.said = chosen_problems(desk.work, simulated=desk.control.state.simulated)
+    if ui.work is not None:
+        ui.said = chosen_problems(ui.work, simulated=ui.control.state.simulated)

@@ -135,9 +135,9 @@ class PreviewPage(ChartPage):
     PreviewPage.-bare #preview-strategy, PreviewPage.-bare #preview-margins { height: 1fr; }
     """
 
-    def __init__(self, desk: UiContext) -> None:
-        super().__init__(desk)
-        text, palette = desk.text, desk.palette
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        text, palette = ui.text, ui.palette
         self._polar = PolarView(palette=palette, id="preview-polar")
         self._caption = Sheet(palette, id="preview-caption")
         self._strategy = Sheet(palette, id="preview-strategy", classes="panel")
@@ -171,10 +171,10 @@ class PreviewPage(ChartPage):
     def act(self, action: str) -> None:
         """Select the next strategy, compensation or stage, open or close the program, scroll in it."""
         if action in _CHOICES:
-            with self.desk.answering():
-                _CHOICES[action](self.desk)
+            with self.ui.answering():
+                _CHOICES[action](self.ui)
             if self._view is not None:
-                self.show(replace(self._view, work=self.desk.work))
+                self.show(replace(self._view, work=self.ui.work))
         elif action == "preview.program":
             self._reading = not self._reading
             self.paint_again()
@@ -183,7 +183,7 @@ class PreviewPage(ChartPage):
 
     def next_step(self, view: View) -> Line:
         """Return what comes next: mostly the alignment."""
-        text, work = self.desk.text, view.work
+        text, work = self.ui.text, view.work
         if work is None:
             return line((text("preview_page.next_job"), Token.ACTION))
         seen, strategy = known_of(work), Strategy(work.strategy)
@@ -203,7 +203,7 @@ class PreviewPage(ChartPage):
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return why the chosen compensation does not apply, and the findings against the job."""
-        text, work = self.desk.text, view.work
+        text, work = self.ui.text, view.work
         if work is None:
             return []
         seen, strategy = known_of(work), Strategy(work.strategy)
@@ -221,7 +221,7 @@ class PreviewPage(ChartPage):
 
     def paint(self, view: View) -> None:
         """Show the preview of the open job."""
-        work, seen, text = view.work, known_of(view.work), self.desk.text
+        work, seen, text = view.work, known_of(view.work), self.ui.text
         if work is None or seen is None:
             self.see(self._message, self.panels)
             self._message.show(clipped(self._message_lines(view), self._message.size.height, text("panel.more")))
@@ -241,10 +241,10 @@ class PreviewPage(ChartPage):
     def _chosen_words(self, work: Work, state: StationState) -> str:
         against = chosen_problems(work, simulated=state.simulated)
         key = "made_not" if against else "made_aside" if work.set_aside else "made"
-        return self.desk.text(f"preview_page.{key}", made=chosen_words(self.desk.text, work))
+        return self.ui.text(f"preview_page.{key}", made=chosen_words(self.ui.text, work))
 
     def _message_lines(self, view: View) -> list[Line]:
-        text, width = self.desk.text, max(self._message.size.width, 1)
+        text, width = self.ui.text, max(self._message.size.width, 1)
         if view.work is None:
             return wrapped(text("preview_page.no_job"), width)
         if view.work.preview_problems:
@@ -265,7 +265,7 @@ class PreviewPage(ChartPage):
         self._path.show(picture)
 
     def _write(self, seen: Underway, strategy: Strategy, alignment: Alignment, band: Band | None) -> None:
-        text, scale = self.desk.text, self._polar.scale_um_per_division
+        text, scale = self.ui.text, self._polar.scale_um_per_division
         width, window = max(self._caption.size.width, 1), window_words(seen.job, seen.machine)
         caption = preview_lines.roundness_caption(seen, strategy, alignment, scale, text, width, band)
         self._caption.show(caption)
@@ -274,13 +274,13 @@ class PreviewPage(ChartPage):
         self._margins.show(preview_lines.margin_lines(needs, text, *self._margins.size, window))
 
 
-def _step_strategy(desk: UiContext) -> None:
+def _step_strategy(ui: UiContext) -> None:
     """Select the next strategy. A version learned with another one stays chosen, and does not apply; report it."""
-    work = desk.work
+    work = ui.work
     if work is not None:
         names = [each.value for each in Strategy]
-        desk.work = with_strategy(work, names[(names.index(work.strategy) + 1) % len(names)])
-        say_what_does_not_hold(desk)
+        ui.work = with_strategy(work, names[(names.index(work.strategy) + 1) % len(names)])
+        say_what_does_not_hold(ui)
 
 
 _CHOICES: dict[str, Callable[[UiContext], None]] = {

@@ -64,9 +64,9 @@ class RunPage(Page):
     RunPage.-roomy PolarView { display: block; }
     """
 
-    def __init__(self, desk: UiContext) -> None:
-        super().__init__(desk)
-        palette = desk.palette
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        palette = ui.palette
         self._left = Sheet(palette, id="run-left")
         self._right = Sheet(palette, id="run-right")
         self._progress = Sheet(palette, id="run-progress")
@@ -82,7 +82,7 @@ class RunPage(Page):
         self._view: View | None = None
         self._waits_for_room = False
         self._asked = False
-        self._errors.border_title = desk.text("run_page.errors")
+        self._errors.border_title = ui.text("run_page.errors")
 
     def show(self, view: View) -> None:
         """Show the newest state."""
@@ -104,10 +104,10 @@ class RunPage(Page):
 
     def _take_news(self) -> None:
         """Check once, when the page is shown again, whether a newer version was accepted meanwhile."""
-        work = self.desk.work
+        work = self.ui.work
         if not self._asked and work is not None:
             self._asked = True
-            self.desk.work = with_news(work, self.desk.data, simulated=self.desk.control.state.simulated)
+            self.ui.work = with_news(work, self.ui.data, simulated=self.ui.control.state.simulated)
 
     def _have_room(self, panels: tuple[Sheet, ...]) -> bool:
         """Whether these panels know their size. If not, they are filled as soon as they have a layout."""
@@ -148,15 +148,15 @@ class RunPage(Page):
     def next_step(self, view: View) -> Line:
         """Return what to do now."""
         if view.state.activity is Activity.LOST:
-            return line((self.desk.text("frame.lost"), Token.ACTION))
-        word, token = next_word(view, self.desk.machine.machine)
+            return line((self.ui.text("frame.lost"), Token.ACTION))
+        word, token = next_word(view, self.ui.machine.machine)
         armed = view.state.armed
         left_s = 0 if armed is None else max(math.ceil(armed.until_s - view.now_s), 0)
-        return line((self.desk.text(f"run_page.next.{word}", left=left_s), token))
+        return line((self.ui.text(f"run_page.next.{word}", left=left_s), token))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return what was armed, what is missing for a start, or what to do after a stop or a cut."""
-        text, state, machine = self.desk.text, view.state, self.desk.machine.machine
+        text, state, machine = self.ui.text, view.state, self.ui.machine.machine
         facts = min(width, WIDEST_FACT)
         match phase_of(state):
             case Phase.LOST:
@@ -173,14 +173,14 @@ class RunPage(Page):
         return [*moves, *found, *run_lines.input_lines(text, state.snapshot, width), *rows]
 
     def _arm(self) -> None:
-        state, work = self.desk.control.state, self.desk.work
+        state, work = self.ui.control.state, self.ui.work
         if state.armed is not None:
-            self.desk.control.post(Disarm())
+            self.ui.control.post(Disarm())
             return
-        if self.desk.refuses("run.arm"):
+        if self.ui.refuses("run.arm"):
             return
-        if reasons := run_lines.failing(run_lines.checks(state, work, self.desk.machine.machine)):
-            self.desk.said = reasons
+        if reasons := run_lines.failing(run_lines.checks(state, work, self.ui.machine.machine)):
+            self.ui.said = reasons
         elif work is not None:
             # The record must not name a file as the source of a job that differs from it.
             sha256 = f"{work.loaded.sha256} edited" if work.edited else work.loaded.sha256
@@ -192,38 +192,38 @@ class RunPage(Page):
                 compensation=work.compensation,
                 stage=work.stage,
             )
-            self.desk.control.post(command)
+            self.ui.control.post(command)
 
     def _start(self) -> None:
-        state = self.desk.control.state
-        if state.armed is None or self.desk.control.now_s() > state.armed.until_s:
-            self.desk.say("screen.not_armed")
-        elif not self.desk.refuses("run.start"):
-            self.desk.control.post(Start())
+        state = self.ui.control.state
+        if state.armed is None or self.ui.control.now_s() > state.armed.until_s:
+            self.ui.say("screen.not_armed")
+        elif not self.ui.refuses("run.start"):
+            self.ui.control.post(Start())
 
     def _hold(self) -> None:
-        state = self.desk.control.state
+        state = self.ui.control.state
         if state.activity is not Activity.CUTTING or state.cut is None:
-            self.desk.say("screen.nothing_to_hold")
+            self.ui.say("screen.nothing_to_hold")
         elif state.cut.holding:
-            self.desk.say("screen.holding_already")
+            self.ui.say("screen.holding_already")
         else:
-            self.desk.control.post(EndCut())
+            self.ui.control.post(EndCut())
 
     def _retract(self) -> None:
-        state = self.desk.control.state
-        if self.desk.refuses("run.retract"):
+        state = self.ui.control.state
+        if self.ui.refuses("run.retract"):
             return
-        if refused := no_retract(state.snapshot, self.desk.machine.machine, state.alignment):
-            self.desk.said = (refused,)
-        elif in_part(state, self.desk.machine.machine) is False:
-            self.desk.say("screen.tool_is_out")
+        if refused := no_retract(state.snapshot, self.ui.machine.machine, state.alignment):
+            self.ui.said = (refused,)
+        elif in_part(state, self.ui.machine.machine) is False:
+            self.ui.say("screen.tool_is_out")
         else:
-            self.desk.control.post(Retract())
+            self.ui.control.post(Retract())
 
     def _show_before(self, view: View) -> None:
-        text, state, work = self.desk.text, view.state, view.work
-        machine, size = self.desk.machine.machine, self._left.size
+        text, state, work = self.ui.text, view.state, view.work
+        machine, size = self.ui.machine.machine, self._left.size
         moves: list[Line] = []
         if state.armed is not None:
             moves = [*run_lines.moves_lines(text, state.armed, machine, size.width), BLANK]
@@ -238,7 +238,7 @@ class RunPage(Page):
         self._right.show(rows, text("run_page.summary" if state.armed is None else "run_page.armed_title"))
 
     def _show_cut(self, cut: CutProgress, view: View) -> None:
-        text, size = self.desk.text, self._values.size
+        text, size = self.ui.text, self._values.size
         where = text("run_page.cut_in_air" if cut.in_air else "run_page.cut")
         self._progress.show([progress_line(text, cut, self._progress.size.width)], where)
         width = min(size.width, WIDEST_FACT)
@@ -260,17 +260,17 @@ class RunPage(Page):
         marks = [] if jaw is None else [Mark(angle_deg=jaw.angle_deg, label="1")]
         self._polar.show([trace] if cut.judged else [], marks=marks)
         scale = f"{self._polar.scale_um_per_division:g}"
-        entitle(self._polar, self.desk.text("run_page.polar", scale=scale))
+        entitle(self._polar, self.ui.text("run_page.polar", scale=scale))
 
     def _show_end(self, cut: CutProgress, view: View) -> None:
-        text, machine = self.desk.text, self.desk.machine.machine
+        text, machine = self.ui.text, self.ui.machine.machine
         figures = run_lines.figure_lines(text, cut, min(self._left.size.width, WIDEST_FACT))
         self._left.show(figures, text("run_page.figures"))
         after = run_lines.after_lines(text, view.state, view.work, machine, self._right.size.width)
         self._right.show(clipped(after, self._right.size.height, text("panel.more")), text("run_page.what_next"))
 
     def _show_stop(self, view: View) -> None:
-        text, state, size = self.desk.text, view.state, self._left.size
+        text, state, size = self.ui.text, view.state, self._left.size
         how = stop_lines(text, state, min(size.width, WIDEST_FACT), size.height)
         self._left.show(how, text("run_page.stopped"))
         width, cut = min(self._right.size.width, WIDEST_FACT), cut_of_stop(state)
@@ -282,7 +282,7 @@ class RunPage(Page):
             self._right.show(live_lines(text, cut, view.job, width), text("run_page.last_values"))
 
     def _show_lost(self, view: View) -> None:
-        text, state, size = self.desk.text, view.state, self._left.size
+        text, state, size = self.ui.text, view.state, self._left.size
         lost = lost_lines(text, state, view.now_s, min(size.width, WIDEST_FACT), size.height)
         self._left.show(lost, text("run_page.lost.title"))
         width, cut, age_s = min(self._right.size.width, WIDEST_FACT), cut_of_stop(state), state.age_s(view.now_s)

@@ -66,11 +66,11 @@ class SetupPage(Page):
     .-wide SetupPage .form { width: 72; }
     """
 
-    def __init__(self, desk: UiContext) -> None:
-        super().__init__(desk)
-        self._form = Sheet(desk.palette, classes="form")
-        self._speed = Sheet(desk.palette, classes="speed")
-        self._findings = Sheet(desk.palette, classes="findings")
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        self._form = Sheet(ui.palette, classes="form")
+        self._speed = Sheet(ui.palette, classes="speed")
+        self._findings = Sheet(ui.palette, classes="findings")
         self._entry = Input(classes="entry", compact=True, select_on_focus=False)
         self._entry.cursor_blink = False
         self.panels = (self._form, Vertical(self._speed, self._findings, classes="side"), self._entry)
@@ -81,8 +81,8 @@ class SetupPage(Page):
         self._placed: tuple[int, int, int] | None = None
         self._shown: object = None
         self._shown_work: Work | None = None
-        self._machine = desk.machine.machine
-        self._warnings = warnings_of(desk.machine)
+        self._machine = ui.machine.machine
+        self._warnings = warnings_of(ui.machine)
 
     def fit(self) -> None:
         """Keep room for the findings on a low terminal."""
@@ -118,7 +118,7 @@ class SetupPage(Page):
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return why the values are locked or the entry is refused, then every finding."""
-        work, text = self.desk.work, self.desk.text
+        work, text = self.ui.work, self.ui.text
         if work is None:
             return []
         state = self._state(work)
@@ -141,8 +141,8 @@ class SetupPage(Page):
     # What the keys do ------------------------------------------------------------------------------------------
 
     def _do(self, action: str) -> None:
-        if self.desk.work is None:
-            self.desk.say("screen.no_job")
+        if self.ui.work is None:
+            self.ui.say("screen.no_job")
         elif action in ("setup.next", "setup.previous"):
             self._step(1 if action == "setup.next" else -1)
         elif action == "setup.edit":
@@ -154,9 +154,9 @@ class SetupPage(Page):
                 case Entering.NAME:
                     self._save()
         elif action == "setup.undo":
-            self._undo(self.desk.work)
+            self._undo(self.ui.work)
         elif action == "setup.save_as" and self._take():
-            self._ask_name(self.desk.work)
+            self._ask_name(self.ui.work)
         self._paint()
 
     def _step(self, by: int) -> None:
@@ -170,23 +170,23 @@ class SetupPage(Page):
 
     def _begin(self) -> None:
         """Open an entry in the selected field, with its value marked so that typing replaces it."""
-        if self.desk.work is None or self._refused_by_lock():
+        if self.ui.work is None or self._refused_by_lock():
             return
         field = self._field
         self._entry.max_length = _NUMBER_CAP_CHARACTERS if field.numeric else TEXT_CAP_CHARACTERS
-        self._open(Entering.VALUE, written(field, self.desk.work.job))
+        self._open(Entering.VALUE, written(field, self.ui.work.job))
 
     def _take(self) -> bool:
         """End an open entry with its value; False, with the reason shown, if it does not parse."""
-        if self._entering is not Entering.VALUE or self.desk.work is None:
+        if self._entering is not Entering.VALUE or self.ui.work is None:
             return True
         if self._refused_by_lock():
             return False
-        judged = judge(self.desk.work, self._field, self._entry.value)
+        judged = judge(self.ui.work, self._field, self._entry.value)
         if judged.problems:
-            self.desk.said = tuple(named(problem, self.desk.text) for problem in judged.problems)
+            self.ui.said = tuple(named(problem, self.ui.text) for problem in judged.problems)
             return False
-        self.desk.work = judged.work
+        self.ui.work = judged.work
         self._close()
         return True
 
@@ -194,14 +194,14 @@ class SetupPage(Page):
         if self._entering is not Entering.NOTHING:
             self._close()
         elif not work.undo:
-            self.desk.say("screen.nothing_to_undo")
+            self.ui.say("screen.nothing_to_undo")
         elif not self._refused_by_lock():
-            self.desk.work = undone(work)
+            self.ui.work = undone(work)
 
     def _ask_name(self, work: Work) -> None:
         if self._entering is Entering.NAME or self._refused_by_lock():
             return
-        self._taken = frozenset(entry.name for entry in list_jobs(jobs_folder(self.desk.data)))
+        self._taken = frozenset(entry.name for entry in list_jobs(jobs_folder(self.ui.data)))
         self._entry.max_length = TEXT_CAP_CHARACTERS
         self._open(Entering.NAME, free_name(work.loaded.path.stem, self._taken))
 
@@ -209,27 +209,27 @@ class SetupPage(Page):
         name = self._entry.value.strip()
         problem = name_problem(name, self._taken) if name else None
         if problem is not None:
-            self.desk.said = (problem,)
-        elif not name or self.desk.work is None:
+            self.ui.said = (problem,)
+        elif not name or self.ui.work is None:
             self._close()
         else:
-            with self.desk.answering():
-                self.desk.work = saved_as(self.desk.work, name, jobs_folder(self.desk.data))
+            with self.ui.answering():
+                self.ui.work = saved_as(self.ui.work, name, jobs_folder(self.ui.data))
                 self._close()
 
     def _drop(self) -> None:
         if self._entering is Entering.NAME:
-            self.desk.say("screen.not_saved")
-        elif self.desk.work is not None:
+            self.ui.say("screen.not_saved")
+        elif self.ui.work is not None:
             field = self._field
-            value, kept = printable(self._entry.value), with_unit(field, self.desk.work.job)
+            value, kept = printable(self._entry.value), with_unit(field, self.ui.work.job)
             dropped = Problem(code="screen.entry_dropped", key=field.key, value=value, limit=kept)
-            self.desk.said = (named(dropped, self.desk.text),)
+            self.ui.said = (named(dropped, self.ui.text),)
         self._close()
 
     def _refused_by_lock(self) -> bool:
-        if lock := locked(self.desk.control.state, *_LOCKED):
-            self.desk.said = (lock,)
+        if lock := locked(self.ui.control.state, *_LOCKED):
+            self.ui.said = (lock,)
         return lock is not None
 
     def _open(self, entering: Entering, value: str) -> None:
@@ -262,13 +262,13 @@ class SetupPage(Page):
         return state
 
     def _paint(self) -> None:
-        work = self.desk.work
+        work = self.ui.work
         sizes = (self._form.size, self._speed.size, self._findings.size)
         shown = (self._entering, self._entry.value, self._selected, self._locked, sizes)
         if work is self._shown_work and shown == self._shown:
             return
         self._shown_work, self._shown = work, shown
-        text = self.desk.text
+        text = self.ui.text
         if work is None:
             how = [line(text("setup.no_job")), line(dim(text("setup.how_to_open")))]
             self._form.show(how, text("setup.no_title"))
@@ -294,7 +294,7 @@ class SetupPage(Page):
             self._entry.styles.width = cells
 
     def _next_words(self) -> str:
-        text, work = self.desk.text, self.desk.work
+        text, work = self.ui.text, self.ui.work
         if work is None:
             return text("setup.next.no_job")
         if self._entering is Entering.NAME:

@@ -83,7 +83,7 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Ca
 
 def column_count(command: LobedPath) -> int:
     """Return the fewest columns, the same number for each lobe, that keep the chord error within its limit."""
-    columns = 4 * max(wave.lobes for wave in command.waves)
+    columns = 4 * max(wave.lobes for wave in command.harmonics)
     columns += -columns % command.lobes
     while _chord_error_um(command, columns) > CHORD_LIMIT_UM:
         columns += command.lobes
@@ -91,14 +91,14 @@ def column_count(command: LobedPath) -> int:
 
 
 def _chord_error_um(command: LobedPath, columns: int) -> float:
-    return sum(wave.amplitude_um * chord_error(columns / wave.lobes) for wave in command.waves)
+    return sum(wave.amplitude_um * chord_error(columns / wave.lobes) for wave in command.harmonics)
 
 
 def _corners_um(command: LobedPath, columns: int) -> NDArray[np.float64]:
     """Return the harmonics at the columns of a turn, both ends included, scaled up to compensate the chords."""
     angle_deg = 360.0 * np.arange(columns + 1) / columns
     corners = np.zeros(columns + 1)
-    for wave in command.waves:
+    for wave in command.harmonics:
         corners += chord_scale(columns / wave.lobes) * wave.at_um(angle_deg)
     return corners
 

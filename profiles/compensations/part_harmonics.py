@@ -28,7 +28,7 @@ _OF_A_PLAIN_CUT = ("lobe.not_significant", "lobe.compensated", "lobe.simulated")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PartWaves:
+class PartHarmonics:
     """A part: coefficients in um by order, in spindle angle, positive outwards, with standard errors.
 
     `angle_deg` and `deviation_um` are one turn of the trace, shape (M,), the angles its own; its angle 0 is at the
@@ -60,16 +60,16 @@ class PartWaves:
         """Return the coefficients above the noise."""
         return {n: c for n, c in self.coefficients_um.items() if abs(c) > SIGNIFICANT * self.sd_um[n]}
 
-    def turned(self, by_deg: float) -> PartWaves:
+    def turned(self, by_deg: float) -> PartHarmonics:
         """Return the part as if mounted so many degrees of spindle further on, as `LobedPath.turned`."""
         turn = math.radians(by_deg)
         turned = {n: c * cmath.exp(-1j * n * turn) for n, c in self.coefficients_um.items()}
         return replace(self, coefficients_um=turned, begins_deg=self.begins_deg + by_deg)
 
 
-def part_waves(
+def part_harmonics(
     trace: Trace, job: Job, *, filter_upr: float, extra: Iterable[int] = (), robust: bool = False
-) -> PartWaves:
+) -> PartHarmonics:
     """Return the harmonics of a part of this job; `filter_upr` filters its RONt, `extra` are further orders.
 
     Raises `ProfileError`: what the fit, or the roundness of such a trace, refuses.
@@ -85,14 +85,14 @@ def part_waves(
         turns = several_turns(angle_deg, deviation_um, header.turns)
         angle_deg, deviation_um = turns.angle_deg, turns.repeatable_um
     placed: dict[int, complex] = {}
-    for wave in found.fit.waves:
-        own = complex(wave.cos_um, -wave.sin_um)
+    for harmonic in found.fit.harmonics:
+        own = complex(harmonic.cos_um, -harmonic.sin_um)
         seen = own.conjugate() if header.against_spindle else own
-        placed[wave.n] = seen * cmath.exp(-1j * wave.n * math.radians(begins_deg))
-    return PartWaves(
+        placed[harmonic.n] = seen * cmath.exp(-1j * harmonic.n * math.radians(begins_deg))
+    return PartHarmonics(
         mean_um=found.fit.mean_um,
         coefficients_um=placed,
-        sd_um={wave.n: wave.sd_um for wave in found.fit.waves},
+        sd_um={harmonic.n: harmonic.sd_um for harmonic in found.fit.harmonics},
         angle_deg=angle_deg,
         deviation_um=deviation_um,
         against_spindle=header.against_spindle,
