@@ -100,8 +100,8 @@ def lobe_um_pp(part: MeasuredPart) -> float:
 
 
 def lesson(part: MeasuredPart) -> PartLearning:
-    assert part.lesson is not None
-    return part.lesson
+    assert part.learning is not None
+    return part.learning
 
 
 def learned(shop: Shop) -> LearnedCompensation:

@@ -93,15 +93,15 @@ def test_the_parts_get_better_by_what_two_of_them_foretell() -> None:
     before = 27.5
     for gain in (1.0, 0.7, 0.7):
         harmonics = left(cut.path, 1.0, true, {6: 2.0 + 1j})
-        lesson = taught(cut, part(harmonics, noise_um=1e-6))
-        assert lesson.next.gain == gain
-        assert lesson.contraction is not None
-        assert lesson.contraction.arrives == pytest.approx(true, abs=1e-5)
-        assert lesson.contraction.value == pytest.approx(abs(1 - gain * true), abs=1e-5)
-        assert lesson.contraction.verdict is Verdict.CONVERGES
+        step = taught(cut, part(harmonics, noise_um=1e-6))
+        assert step.next.gain == gain
+        assert step.contraction is not None
+        assert step.contraction.arrives == pytest.approx(true, abs=1e-5)
+        assert step.contraction.value == pytest.approx(abs(1 - gain * true), abs=1e-5)
+        assert step.contraction.verdict is Verdict.CONVERGES
         shrinks.append(abs(harmonics[3]) / before)
         before = abs(harmonics[3])
-        cut = CutWith(path=lesson.next.path, share=1.0, version=lesson.next)
+        cut = CutWith(path=step.next.path, share=1.0, version=step.next)
     assert shrinks == pytest.approx([abs(1 - true), abs(1 - true), abs(1 - 0.7 * true)], rel=1e-6)
     assert cut.path.target.overtones[0].lobes == 6
     assert [cut.version.version, cut.version.parent] == [3, 2] if cut.version else False
@@ -115,7 +115,7 @@ def test_half_of_the_compensation_tells_sign_and_angle() -> None:
         taught(half, part(left(MODEL, 0.5, true), noise_um=0.1))
         for true in (1.0, -1.0, cmath.exp(-1j * math.radians(3 * 10.0)))
     )
-    assert [2 * lesson.next.part.lobe.amplitude_um for lesson in (right, wrong) if lesson.next.part] == (
+    assert [2 * step.next.part.lobe.amplitude_um for step in (right, wrong) if step.next.part] == (
         pytest.approx([27.5, 82.5], abs=0.1)
     )
     assert [problem.code for problem in right.reasons] == ["learned.nothing"], "it is as it was to be: go on"
@@ -132,8 +132,8 @@ def test_half_of_the_compensation_tells_sign_and_angle() -> None:
 def test_only_what_stands_out_of_the_noise_is_learned() -> None:
     cut = CutWith(path=MODEL, share=1.0, version=None)
     sd_um = 1.0 * math.sqrt(2 / 360)
-    lesson = taught(cut, part({3: 1.5j, 6: 0.5 * sd_um, 9: 12.0 * sd_um}, noise_um=1.0))
-    assert lesson.learned == (3, 9)
+    step = taught(cut, part({3: 1.5j, 6: 0.5 * sd_um, 9: 12.0 * sd_um}, noise_um=1.0))
+    assert step.learned == (3, 9)
     nothing = taught(cut, part({}, noise_um=1.0))
     assert (nothing.learned, [problem.code for problem in nothing.reasons]) == ((), ["learned.nothing"])
     assert nothing.next.path.target.harmonics[0].coefficient == pytest.approx(LOBE)
@@ -146,8 +146,8 @@ def test_later_parts_learn_half_of_the_noise_of_one() -> None:
     cut, off = CutWith(path=MODEL, share=1.0, version=first), []
     for _ in range(150):
         clamped = complex(rng.normal(), rng.normal())
-        lesson = taught(cut, part({3: left(cut.path, 1.0, 1.0)[3] + clamped}, noise_um=1e-9))
-        cut = CutWith(path=lesson.next.path, share=1.0, version=first)
+        step = taught(cut, part({3: left(cut.path, 1.0, 1.0)[3] + clamped}, noise_um=1e-9))
+        cut = CutWith(path=step.next.path, share=1.0, version=first)
         off.append(abs(cut.path.target.harmonics[0].coefficient - LOBE) ** 2)
     assert np.mean(off) / 2 == pytest.approx(0.7 / 1.3, rel=0.3)
 
@@ -191,8 +191,8 @@ def test_a_part_without_a_place_on_the_spindle_teaches_nothing() -> None:
         ({"start_mark": "jaw 1"}, "learned.jaw_assumed"),
         ({"state": "clamped"}, "lobe.not_free"),
     ):
-        lesson = taught(cut, part({3: 3.0 + 0j}, 0.01, meta=meta))
-        assert code in [problem.code for problem in lesson.reasons]
+        step = taught(cut, part({3: 3.0 + 0j}, 0.01, meta=meta))
+        assert code in [problem.code for problem in step.reasons]
     with pytest.raises(ProfileError, match=r"learned\.gain"):
         taught(cut, part({3: 3.0 + 0j}), gain=1.5)
 
@@ -202,9 +202,9 @@ def test_waves_that_are_asked_for_are_learned_beside_the_lobe() -> None:
     true, odd = 0.9 + 0j, {2: 2.0 - 1j, 5: 1.5j}
     orders, cut = (2, 3, 5, 6, 9), CutWith(path=MODEL, share=1.0, version=None)
     harmonics = left(cut.path, 1.0, true, odd)
-    lesson = taught(cut, part(harmonics, noise_um=1e-6, extra=(5,)), orders=orders)
-    assert {2, 3, 5} <= set(lesson.learned)
-    again = left(lesson.next.path, 1.0, true, odd)
+    step = taught(cut, part(harmonics, noise_um=1e-6, extra=(5,)), orders=orders)
+    assert {2, 3, 5} <= set(step.learned)
+    again = left(step.next.path, 1.0, true, odd)
     for n, c in odd.items():
         assert again[n] == pytest.approx(0.1 * c, abs=1e-5)
     assert 5 not in part(harmonics, noise_um=1e-6).coefficients_um
@@ -216,13 +216,13 @@ def test_the_next_part_is_expected_as_sure_as_two_clampings_and_the_trace_allow(
     measured = part({3: 3.0 + 0j}, noise_um=1.0)
     trace_sd_um = 1.0 * math.sqrt(2 / 360)
     for scatter_um in (0.0, 0.4):
-        lesson = taught(cut, measured, scatter_um=scatter_um)
+        step = taught(cut, measured, scatter_um=scatter_um)
         sd_um = math.sqrt(trace_sd_um**2 + 2.0 * scatter_um**2)
-        assert lesson.expected_half_width_um_pp == pytest.approx(2.0 * 2.45 * sd_um, rel=0.1)
+        assert step.expected_half_width_um_pp == pytest.approx(2.0 * 2.45 * sd_um, rel=0.1)
         # By the job's own lobe, from 27.5 um to 3: T'/T shares the same doubt.
-        assert lesson.contraction is not None
+        assert step.contraction is not None
         noise_um = math.sqrt(measured.sd_um[3] ** 2 + 2.0 * scatter_um**2)
-        assert lesson.contraction.half_width == pytest.approx(2.45 * noise_um / 27.5, rel=1e-6)
+        assert step.contraction.half_width == pytest.approx(2.45 * noise_um / 27.5, rel=1e-6)
 
 
 def test_a_version_comes_back_from_its_file_and_holds_for_its_job_alone() -> None:
@@ -281,11 +281,11 @@ def test_an_overtone_that_the_axis_makes_too_much_of_is_no_lesson_but_with_a_sma
         first = taught(model, part(overtaken(MODEL, true, wants), noise_um=0.01)).next
         assert set(taught(model, part(overtaken(MODEL, true, wants), noise_um=0.01)).contractions) == {3}
         cut = CutWith(path=first.path, share=1.0, version=first, parent=MODEL)
-        lesson = taught(cut, part(overtaken(first.path, true, wants), noise_um=0.01), gain=gain)
-        assert lesson.contractions[9].arrives == pytest.approx(arrives, abs=0.02)
-        assert lesson.contractions[9].value == pytest.approx(factor, abs=0.02)
-        assert [problem.code for problem in lesson.reasons] == told
-        for problem in lesson.reasons:
+        step = taught(cut, part(overtaken(first.path, true, wants), noise_um=0.01), gain=gain)
+        assert step.contractions[9].arrives == pytest.approx(arrives, abs=0.02)
+        assert step.contractions[9].value == pytest.approx(factor, abs=0.02)
+        assert [problem.code for problem in step.reasons] == told
+        for problem in step.reasons:
             assert (problem.key, problem.value.startswith("9/rev: 1.2")) == ("--revert 0", True)
 
 
@@ -317,8 +317,8 @@ def turned(path: CutPath, off_deg: float, arrives: complex, share: float = 1.0) 
 def test_a_part_with_jaw_1_taken_elsewhere_teaches_nothing(off_deg: float, held: float, share: float) -> None:
     """|1 - exp(-j 75 deg)| is 1.22: worse than no compensation, though clamping may scatter by more than that."""
     cut = CutWith(path=MODEL, share=share, version=None)
-    lesson = taught(cut, turned(MODEL, off_deg, held, share), scatter_um=2.3)
-    (problem,) = lesson.reasons
+    step = taught(cut, turned(MODEL, off_deg, held, share), scatter_um=2.3)
+    (problem,) = step.reasons
     assert (problem.code, problem.limit) == ("learned.worse", "55.0 um")
     # The tool is taken for one that does its path: 17 to 25 degrees of 25.
     assert 16.0 <= math.copysign(1.0, off_deg) * float(problem.key.split()[0]) <= 25.0

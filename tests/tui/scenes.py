@@ -191,7 +191,7 @@ def taught(part: MeasuredPart) -> MeasuredPart:
     found = taught_by(
         trace, work.loaded, work.machine, Path("/nowhere"), made, gain=None, robust=False, date=CLOCK.isoformat()
     )
-    return replace(part, lesson=PartLearning(made=made, taught=found))
+    return replace(part, learning=PartLearning(made=made, taught=found))
 
 
 @cache

@@ -50,8 +50,8 @@ class OnPreview(PageScene):
 
 
 def learned() -> LearnedCompensation:
-    assert PART.lesson is not None and PART.lesson.taught is not None
-    return PART.lesson.taught.lesson.next
+    assert PART.learning is not None and PART.learning.taught is not None
+    return PART.learning.taught.step.next
 
 
 def cut_with(version: LearnedCompensation | None) -> Work:

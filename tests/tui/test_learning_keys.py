@@ -73,9 +73,9 @@ def kept(data: Path) -> list[int]:
 
 def without(reason: Problem) -> MeasuredPart:
     """The part, of which nothing may be kept."""
-    assert PART.lesson is not None and PART.lesson.taught is not None
-    lesson = replace(PART.lesson.taught.lesson, reasons=(reason,))
-    return replace(PART, lesson=replace(PART.lesson, taught=replace(PART.lesson.taught, lesson=lesson)))
+    assert PART.learning is not None and PART.learning.taught is not None
+    step = replace(PART.learning.taught.step, reasons=(reason,))
+    return replace(PART, learning=replace(PART.learning, taught=replace(PART.learning.taught, step=step)))
 
 
 def test_a_keeps_what_the_part_teaches_and_v_goes_back_to_the_model(tmp_path: Path) -> None:
@@ -147,18 +147,18 @@ def test_why_nothing_is_learned_and_what_comes_next_fit_the_screen(
     page = shown_on(InspectPage, replace(MEASURED, measured=measured), work=cam(), language=language)
     assert cell_len(page.next_step) <= 77 and re.search(key, page.next_step)
     assert len(page.text.splitlines()) <= 18
-    for reason in () if measured.lesson is None else measured.lesson.reasons:
+    for reason in () if measured.learning is None else measured.learning.reasons:
         assert load(language).problem(reason)[:30] in page.text
 
 
 def test_of_half_a_part_it_is_said_what_is_right_and_nothing_is_judged(tmp_path: Path) -> None:
-    assert PART.lesson is not None and PART.lesson.taught is not None
-    made = replace(PART.lesson.made, stage="partial")
-    half = replace(PART, lesson=PartLearning(made=made, problems=(Problem(code="learned.nothing"),)))
+    assert PART.learning is not None and PART.learning.taught is not None
+    made = replace(PART.learning.made, stage="partial")
+    half = replace(PART, learning=PartLearning(made=made, problems=(Problem(code="learned.nothing"),)))
     page = shown_on(InspectPage, replace(MEASURED, measured=half), work=cam())
     assert "PASS" not in page.text and "half cut: not judged" in page.text
     assert "full compensation next" in page.next_step
-    rows = plain(learn_lines(PART.lesson, cam(), load("en"), 76))
+    rows = plain(learn_lines(PART.learning, cam(), load("en"), 76))
     assert "± 11.55 um p-p); learning it may not help" in " ".join(rows.split())
 
 
@@ -249,8 +249,8 @@ def test_letters_of_learning_move_nothing() -> None:
 
 
 def learned() -> LearnedCompensation:
-    assert PART.lesson is not None and PART.lesson.taught is not None
-    return PART.lesson.taught.lesson.next
+    assert PART.learning is not None and PART.learning.taught is not None
+    return PART.learning.taught.step.next
 
 
 def previewed_cam() -> Work:

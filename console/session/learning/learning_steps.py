@@ -56,7 +56,7 @@ class LeftHarmonic:
 class Taught:
     """A learning step, its cut, warnings, and each harmonic that could be learned."""
 
-    lesson: LearningStep
+    step: LearningStep
     made: MadeWith
     stage: Stage
     warnings: tuple[Problem, ...]
@@ -127,7 +127,7 @@ def taught_by(
         return nominal_response(strategy, machine.machine, order * filed.spindle_speed_rpm / 60.0)
 
     orders = _orders(filed, strategy, extra, response)
-    lesson = next_version(
+    step = next_version(
         CutWith(path=path, share=stage.share, version=version, parent=_parent(version, known, filed)),
         part,
         asked,
@@ -139,9 +139,9 @@ def taught_by(
         scatter_um=scatter_um(filed, machine.machine),
         date=date,
     )
-    harmonics = tuple(_left(n, part, lesson, path, stage) for n in orders)
-    warnings = (*date_problems(version), *part.warnings, *lesson.warnings)
-    return Taught(lesson=lesson, made=made, stage=stage, warnings=warnings, harmonics=harmonics)
+    harmonics = tuple(_left(n, part, step, path, stage) for n in orders)
+    warnings = (*date_problems(version), *part.warnings, *step.warnings)
+    return Taught(step=step, made=made, stage=stage, warnings=warnings, harmonics=harmonics)
 
 
 def _simulated(trace: Trace) -> bool:
@@ -170,13 +170,13 @@ def _as_cut(job: Job, made: MadeWith) -> Job:
     return replace(found, assumed=tuple(key for key in job.assumed if key != "lobe_phase_deg"))
 
 
-def _left(n: int, part: PartHarmonics, lesson: LearningStep, path: CutPath, stage: Stage) -> LeftHarmonic:
+def _left(n: int, part: PartHarmonics, step: LearningStep, path: CutPath, stage: Stage) -> LeftHarmonic:
     """Return a harmonic of the part, whose height falls by as much as the tool goes deeper."""
     left = part.coefficients_um[n]
-    deeper = coefficient_of(lesson.next.path.target, n) - stage.share * coefficient_of(path.target, n)
+    deeper = coefficient_of(step.next.path.target, n) - stage.share * coefficient_of(path.target, n)
     expected_um_pp = 2.0 * abs(left - deeper)
     return LeftHarmonic(
-        order=n, left_um_pp=2.0 * abs(left), expected_um_pp=expected_um_pp, learned=n in lesson.learned
+        order=n, left_um_pp=2.0 * abs(left), expected_um_pp=expected_um_pp, learned=n in step.learned
     )
 
 
@@ -286,7 +286,7 @@ class PartLearning:
     @property
     def reasons(self) -> tuple[Problem, ...]:
         """Why nothing of it may be kept, empty where it may."""
-        return self.problems if self.taught is None else self.taught.lesson.reasons
+        return self.problems if self.taught is None else self.taught.step.reasons
 
 
 def learning_of(
@@ -305,16 +305,16 @@ def learning_of(
     return PartLearning(made=made, taught=taught)
 
 
-def accept(lesson: PartLearning, data: Path) -> LearnedCompensation:
+def accept(learning: PartLearning, data: Path) -> LearnedCompensation:
     """Keep a part's learning step as the newest version, whatever was kept since it was measured, and return it.
 
     Raises:
         SessionError: why it must not be kept; `learned.accepted`, the newest version is this one.
         ProfileError: as `store`, nothing was kept; versions that cannot be read.
     """
-    if lesson.taught is None or lesson.reasons:
-        raise SessionError(*lesson.reasons)
-    fresh = lesson.taught.lesson.next
+    if learning.taught is None or learning.reasons:
+        raise SessionError(*learning.reasons)
+    fresh = learning.taught.step.next
     known = versions(data, fresh.holds_for)
     if known and known[-1] == replace(fresh, version=known[-1].version):
         raise SessionError(Problem(code="learned.accepted", key=str(known[-1].version)))

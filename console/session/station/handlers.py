@@ -193,7 +193,7 @@ def measure(place: StationContext, _: commands.Measure) -> None:
         result=result,
         jaw_1_deg=started.job.jaw_1_deg,
         marks_mm=place.state.marks_mm,
-        lesson=learning_of(loaded, started.job.name, made, trace, place.loaded_machine, place.records),
+        learning=learning_of(loaded, started.job.name, made, trace, place.loaded_machine, place.records),
     )
     place.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)
     place.end_record()

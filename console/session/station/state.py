@@ -111,7 +111,7 @@ class Armed:
 class MeasuredPart:
     """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and the result.
 
-    `marks_mm` is where a stop left the tool in it, mm behind its face. `lesson` is its learning step.
+    `marks_mm` is where a stop left the tool in it, mm behind its face. `learning` is its learning step.
     """
 
     job: Job
@@ -120,12 +120,12 @@ class MeasuredPart:
     result: RoundnessResult
     jaw_1_deg: float
     marks_mm: tuple[float, ...] = ()
-    lesson: PartLearning | None = None
+    learning: PartLearning | None = None
 
     @property
     def is_half(self) -> bool:
         """Whether it was cut with half of its compensation: it was not meant to be round."""
-        return self.lesson is not None and self.lesson.made.stage == "partial"
+        return self.learning is not None and self.learning.made.stage == "partial"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

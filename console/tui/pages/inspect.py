@@ -99,8 +99,8 @@ class InspectPage(ChartPage):
         text, part = self.ui.text, view.state.measured
         if part is None:
             return self._message_lines(view.state, width)
-        lesson = part.lesson
-        taught = [] if lesson is None else learn_lines(lesson, view.work, text, width, failed=_fails(part))
+        learning = part.learning
+        taught = [] if learning is None else learn_lines(learning, view.work, text, width, failed=_fails(part))
         return [*inspect_lines.wrong_lines(part, text, width), *taught]
 
     def _measure(self) -> None:
@@ -119,7 +119,7 @@ class InspectPage(ChartPage):
         """Show the last part that was measured."""
         state = view.state
         self._compare(state)
-        learning = state.measured is not None and state.measured.lesson is not None
+        learning = state.measured is not None and state.measured.learning is not None
         if self._learn.display is not learning:
             self._learn.display = learning
             self.set_class(learning, "-learning")
@@ -136,14 +136,14 @@ class InspectPage(ChartPage):
 
     def _show_lesson(self, view: View) -> None:
         part = view.state.measured
-        if part is None or part.lesson is None:
+        if part is None or part.learning is None:
             return
         text, room = self.ui.text, self._learn.size
-        rows = learn_lines(part.lesson, view.work, text, max(room.width, 1), failed=_fails(part))
+        rows = learn_lines(part.learning, view.work, text, max(room.width, 1), failed=_fails(part))
         more = text("panel.more") if len(rows) > room.height else ""
-        self._learn.show(rows[: room.height], learn_title(part.lesson, text), more)
+        self._learn.show(rows[: room.height], learn_title(part.learning, text), more)
         # Why nothing is learned from a part is shown in full, at the cost of the plot.
-        reasons = len(reason_lines(part.lesson, text, max(room.width, 1)))
+        reasons = len(reason_lines(part.learning, text, max(room.width, 1)))
         self._learn.styles.min_height = min(reasons + _BORDER_ROWS, max(self.size.height // 2, 1))
 
     def _compare(self, state: StationState) -> None:
@@ -190,16 +190,16 @@ def _next_word(view: View) -> str:
         return ("next_measure" if state.cut_done else "next_cut") + _where(state)
     if not part.strategy.traits.follows_lobe:
         return "next_compensate"
-    lesson = part.lesson
-    teaches, kept = lesson is not None and not lesson.reasons, is_kept(lesson, view.work)
-    codes = [] if lesson is None else [reason.code for reason in lesson.reasons]
+    learning = part.learning
+    teaches, kept = learning is not None and not learning.reasons, is_kept(learning, view.work)
+    codes = [] if learning is None else [reason.code for reason in learning.reasons]
     if MADE_WORSE in codes:
         return "next_made_worse"
     if any(code in WORSE for code in codes):
         return "next_worse"
     if kept:
         return "next_half" if part.is_half else "next_kept"
-    taught = None if lesson is None or not teaches else lesson.taught
+    taught = None if learning is None or not teaches else learning.taught
     if taught is not None and any(warning.code == ELSEWHERE for warning in taught.warnings):
         return "next_check_jaw"
     # Clamping scatter alone is no reason to stay, for a part that passes.

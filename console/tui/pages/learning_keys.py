@@ -22,16 +22,16 @@ def accept_lesson(ui: UiContext) -> None:
         ProfileError: as `accept`. Nothing was changed.
     """
     part = ui.control.state.measured
-    lesson = None if part is None else part.lesson
-    if part is None or lesson is None:
+    learning = None if part is None else part.learning
+    if part is None or learning is None:
         raise SessionError(Problem(code="learned.no_part"))
-    if lesson.taught is None:
-        raise SessionError(*lesson.problems)
-    work, holds_for = ui.work, lesson.taught.lesson.next.holds_for
+    if learning.taught is None:
+        raise SessionError(*learning.problems)
+    work, holds_for = ui.work, learning.taught.step.next.holds_for
     if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
         raise SessionError(Problem(code="learned.other_job", key=part.job.name))
     _refuse_edited(work)
-    ui.work = using(work, accept(lesson, ui.data))
+    ui.work = using(work, accept(learning, ui.data))
 
 
 def revert_version(ui: UiContext) -> None:
