@@ -56,7 +56,7 @@ def stop_s(rig: Rig, since_s: float) -> float:
 
 
 def tool_is_out(rig: Rig) -> bool:
-    plan = rig.place.plan
+    plan = rig.context.plan
     assert plan is not None
     return rig.sim.controller.motors[1].position == pytest.approx(plan.setup.retracted, abs=5.0)
 

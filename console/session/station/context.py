@@ -73,7 +73,7 @@ class StationContext:
         return aligned_machine(self.loaded_machine.machine, self._state.alignment)
 
     @property
-    def context(self) -> CutContext:
+    def cut_context(self) -> CutContext:
         """The machine as a cut needs it."""
         if self.commissioned is None:
             return CutContext(lathe=self.lathe, workshop=self.shop)

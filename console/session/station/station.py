@@ -46,104 +46,104 @@ OBSERVERS_COMMANDS = (Verify, Recover, TakeControl)
 class Station:
     """One machine under one operator."""
 
-    def __init__(self, place: StationContext) -> None:
-        self._place = place
+    def __init__(self, context: StationContext) -> None:
+        self._context = context
         self._command: Command | None = None
         self._beat_s: float | None = None
         self._slot = threading.Lock()
         self._link_time = LinkTime()
-        self._spindle = SpindleWatch(place.loaded_machine.machine.spindle.counts_per_rev)
-        self._stops, self._sight = Stops(place, self._spindle.forget), ChuckSight(place)
+        self._spindle = SpindleWatch(context.loaded_machine.machine.spindle.counts_per_rev)
+        self._stops, self._sight = Stops(context, self._spindle.forget), ChuckSight(context)
 
     @property
     def state(self) -> StationState:
         """The newest state."""
-        return self._place.state
+        return self._context.state
 
     def seen(self, snapshot: Snapshot) -> None:
         """Take a status poll, from whatever wait it was made in: the lathe calls this."""
-        place, before = self._place, self._place.state
+        context, before = self._context, self._context.state
         alignment = observed(
             before.alignment,
             drives_on=snapshot.loops_closed,
             homed=snapshot.homed,
-            at=place.local_time(),
+            at=context.local_time(),
             chuck_open=not snapshot.inputs.get("chuck_closed", True),
         )
-        place.tell(
+        context.tell(
             snapshot=snapshot,
             spindle_rpm=self._spindle.see(snapshot),
             alignment=alignment,
-            at_s=place.clock.now_s(),
-            round_trip_ms=self._link_time.see(place.clock.now_s(), place.lathe.round_trip_s),
+            at_s=context.clock.now_s(),
+            round_trip_ms=self._link_time.see(context.clock.now_s(), context.lathe.round_trip_s),
         )
-        place.tell_standing()
-        watch_poll(place, before, snapshot)
+        context.tell_standing()
+        watch_poll(context, before, snapshot)
         self._stops.watch(snapshot)
-        if place.seen is not None:
-            place.seen(snapshot)
-            watch_phase(place)
+        if context.seen is not None:
+            context.seen(snapshot)
+            watch_phase(context)
         else:
-            place.end_alarms(*OF_A_CUT)
+            context.end_alarms(*OF_A_CUT)
         self._sight.sample()
-        silent = self._beat_s is not None and place.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
-        if silent and place.state.activity in MOVING and place.lathe.stop.reason is None:
-            place.lathe.stop.stop("screen")
-            place.alarm(Problem(code="session.screen_silent", limit=f"{SCREEN_TIMEOUT_S:g} s"))
+        silent = self._beat_s is not None and context.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
+        if silent and context.state.activity in MOVING and context.lathe.stop.reason is None:
+            context.lathe.stop.stop("screen")
+            context.alarm(Problem(code="session.screen_silent", limit=f"{SCREEN_TIMEOUT_S:g} s"))
 
     def connect(self) -> bool:
         """Set up the link and compare the controller with its profile; False when nothing like a PMAC answers."""
-        place = self._place
+        context = self._context
         try:
-            version, kind = place.lathe.connect()
+            version, kind = context.lathe.connect()
         except ProblemError as error:
             # Whatever is at the other end received no motion command, and may not understand a stop.
             for problem in error.problems:
-                place.alarm(problem)
-            place.tell(activity=Activity.LOST)
+                context.alarm(problem)
+            context.tell(activity=Activity.LOST)
             return False
-        place.tell(controller=f"{kind} {version}")
+        context.tell(controller=f"{kind} {version}")
         try:
-            place.owning.claim()
+            context.owning.claim()
         except ProblemError as error:  # only observe
             for problem in error.problems:
-                place.alarm(problem, Priority.MEDIUM)
-        place.tell_standing()
+                context.alarm(problem, Priority.MEDIUM)
+        context.tell_standing()
         self._carry_out(Verify())
         return True
 
     def post(self, intent: Command) -> bool:
         """Take a command, from any thread; False where it is refused because the machine is busy."""
-        place = self._place
+        context = self._context
         if isinstance(intent, Acknowledge):
-            place.change_alarms(partial(seen, shown=intent.shown))
+            context.change_alarms(partial(seen, shown=intent.shown))
             return True
         if isinstance(intent, EndCut):
-            if place.state.activity is not Activity.CUTTING:
+            if context.state.activity is not Activity.CUTTING:
                 return self._refuse(Problem(code="session.nothing_to_hold"))
-            place.end_asked = True
+            context.end_asked = True
             return True
         with self._slot:
-            if place.state.activity is Activity.LOST:
+            if context.state.activity is Activity.LOST:
                 return self._refuse(Problem(code="session.lost"))
-            if not place.state.controls and not isinstance(intent, OBSERVERS_COMMANDS):
-                holder = place.state.holder
+            if not context.state.controls and not isinstance(intent, OBSERVERS_COMMANDS):
+                holder = context.state.holder
                 free = Problem(code="owner.free")
                 return self._refuse(Problem(code="owner.observer", value=str(holder)) if holder else free)
-            if place.state.activity not in IDLE or self._command is not None:
+            if context.state.activity not in IDLE or self._command is not None:
                 return self._refuse(Problem(code="session.busy"))
-            if place.state.stop is not None and not isinstance(intent, Recover):
+            if context.state.stop is not None and not isinstance(intent, Recover):
                 return self._refuse(Problem(code="session.stopped"))
             self._command = intent
             return True
 
     def _refuse(self, problem: Problem) -> bool:
-        self._place.tell(refusals=(problem,))
+        self._context.tell(refusals=(problem,))
         return False
 
     def beat(self) -> None:
         """Note that the screen is alive."""
-        self._beat_s = self._place.clock.now_s()
+        self._beat_s = self._context.clock.now_s()
 
     def step(self) -> None:
         """Settle a stop, or carry out a command, or poll. Never raises."""
@@ -154,26 +154,26 @@ class Station:
         except Exception as fault:
             # An internal fault; the thread continues, because nothing else could stop the machine.
             if self.state.controls:
-                self._place.lathe.stop.stop("fault")
-            self._place.alarm(fault_problem(fault))
+                self._context.lathe.stop.stop("fault")
+            self._context.alarm(fault_problem(fault))
 
     def _step(self, command: Command | None) -> None:
-        place = self._place
+        context = self._context
         if self._stops.gone:
             return
-        if place.lathe.stop.reason is not None and not isinstance(command, Recover):
+        if context.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
         elif command is not None:
             self._carry_out(command)
         else:
             self._guarded(self._poll)
-        armed = place.state.armed
-        if armed is not None and place.clock.now_s() > armed.until_s:
-            place.tell(armed=None, refusals=(Problem(code="session.arm_expired"),))
+        armed = context.state.armed
+        if armed is not None and context.clock.now_s() > armed.until_s:
+            context.tell(armed=None, refusals=(Problem(code="session.arm_expired"),))
 
     def close(self, reason: str) -> None:
         """Leave the machine at rest with its drives off, as far as possible. Never raises."""
-        place, lathe, snapshot = self._place, self._place.lathe, self.state.snapshot
+        context, lathe, snapshot = self._context, self._context.lathe, self.state.snapshot
         # A drive may be on: enabled by us, or on when control was taken.
         if self.state.controls and (lathe.has_moved or snapshot is None or not snapshot.loops_open):
             if self.state.may_move or lathe.stop.reason is not None:
@@ -185,77 +185,77 @@ class Station:
                 with suppress(ProblemError):
                     lathe.program.put_back()
         if not lathe.stop.given_up:  # a machine left in doubt stays ours: the next console must check it
-            place.owning.release()
-        place.end_record()
+            context.owning.release()
+        context.end_record()
 
     def _carry_out(self, command: Command) -> None:
         activity, work = HANDLERS[type(command)]
-        place = self._place
-        place.end_asked = False
+        context = self._context
+        context.end_asked = False
         if not isinstance(command, Start):
-            place.tell(armed=None)  # what was read in the summary may have changed
-        place.tell(refusals=(), activity=activity if place.state.stop is None else place.state.activity)
+            context.tell(armed=None)  # what was read in the summary may have changed
+        context.tell(refusals=(), activity=activity if context.state.stop is None else context.state.activity)
 
         def worked() -> None:
-            work(place, command)
+            work(context, command)
             self._sight.sample_now()
 
         self._guarded(worked)
 
     def _poll(self) -> None:
-        place = self._place
-        snapshot = place.lathe.snapshot()
-        watch_loss(place, snapshot)
+        context = self._context
+        snapshot = context.lathe.snapshot()
+        watch_loss(context, snapshot)
         on = not snapshot.loops_open
-        if self.state.controls and place.lathe.stop.inside_guard and on:
+        if self.state.controls and context.lathe.stop.inside_guard and on:
             # It was not us: somebody else, or a PLC of the controller. The stop is a control-K then.
             raise DriverError(Problem(code="machine.energised"))
-        place.limits_seen &= snapshot.limits  # a limit that was left and is reached again is reported again
-        faults = tuple(fault for fault in snapshot.axis_faults if fault not in place.limits_seen)
-        if faults and not on and place.state.armed is not None:
-            place.tell(armed=None)
+        context.limits_seen &= snapshot.limits  # a limit that was left and is reached again is reported again
+        faults = tuple(fault for fault in snapshot.axis_faults if fault not in context.limits_seen)
+        if faults and not on and context.state.armed is not None:
+            context.tell(armed=None)
         if faults and on and self.state.controls:
-            place.lathe.stop.stop(faults[0])
+            context.lathe.stop.stop(faults[0])
             raise DriverError(Problem(code="machine.fault", key="look", value=", ".join(faults)))
-        place.end_alarms("link.silent")
-        watch_axes(place, snapshot)
+        context.end_alarms("link.silent")
+        watch_axes(context, snapshot)
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Run an operation on the machine; on any error, report it and stop the machine."""
-        place = self._place
+        context = self._context
         try:
             work()
         except StoppedError:
             self._stops.settle()
         except (SessionError, ControllerError, RefusedError) as refused:
             # Before any motion a refusal leaves the machine alone; during a motion it stops it.
-            snapshot, activity = place.state.snapshot, place.state.activity
+            snapshot, activity = context.state.snapshot, context.state.activity
             at_rest = snapshot is not None and snapshot.at_rest
             if activity is Activity.CUTTING or (activity in MOVING and not at_rest):
                 self._failed(refused)
             else:
-                place.tell(refusals=tuple(refused.problems), activity=Activity.READY)
+                context.tell(refusals=tuple(refused.problems), activity=Activity.READY)
         except ProblemError as error:
             self._failed(error)
         except Exception as fault:
             # A fault of the console itself must stop the machine too.
             self._failed(SessionError(fault_problem(fault)))
         else:
-            place.tell(activity=Activity.READY if place.lathe.stop.reason is None else Activity.STOPPING)
+            context.tell(activity=Activity.READY if context.lathe.stop.reason is None else Activity.STOPPING)
 
     def _failed(self, error: ProblemError) -> None:
-        place, lost = self._place, isinstance(error, LinkError)
-        if place.lathe.anothers:  # another console controls the machine: nothing is sent to it
+        context, lost = self._context, isinstance(error, LinkError)
+        if context.lathe.anothers:  # another console controls the machine: nothing is sent to it
             for problem in error.problems:
-                place.alarm_once(problem)
+                context.alarm_once(problem)
             self._stops.gone = any(problem.code in GONE for problem in error.problems)
-            place.tell(activity=Activity.LOST if lost else Activity.READY, armed=None)
+            context.tell(activity=Activity.LOST if lost else Activity.READY, armed=None)
             return
         if lost:
-            place.lathe.in_doubt()
-        place.lathe.stop.stop(error.problems[0].code)
+            context.lathe.in_doubt()
+        context.lathe.stop.stop(error.problems[0].code)
         for problem in error.problems:
-            place.alarm(problem)
+            context.alarm(problem)
         self._stops.settle(lost=lost)
 
 
@@ -283,7 +283,7 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
             station.seen(snapshot)
 
     reached = reach(machine, address, data, tracing, tell)
-    place = StationContext(
+    context = StationContext(
         lathe=reached.lathe,
         owning=reached.owning,
         loaded_machine=machine,
@@ -295,13 +295,13 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
             reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
         ),
     )
-    place.tell(address=reached.address)
+    context.tell(address=reached.address)
     for problem in warnings_of(machine):
-        place.alarm(problem, Priority.LOW)
+        context.alarm(problem, Priority.LOW)
     remove_all_left(data)
     for problem in killed_or_refused(data, machine.machine.name, simulated=reached.simulated):
-        place.alarm(problem, Priority.MEDIUM)
-    seen.append(Station(place))
+        context.alarm(problem, Priority.MEDIUM)
+    seen.append(Station(context))
     return Opened(station=seen[0], stop=reached.stop, close=reached.close)
 
 

@@ -24,16 +24,16 @@ SIGHT_PERIOD_IN_MOTION_S = 1.0
 """The same in motion, when polls and the watchdog come first; collisions must still be reported."""
 
 
-def watch_poll(place: StationContext, before: StationState, snapshot: Snapshot) -> None:
+def watch_poll(context: StationContext, before: StationState, snapshot: Snapshot) -> None:
     """Check what every poll may show, in motion and at rest; `before` is the state of the poll before."""
-    _watch_home(place, before, snapshot)
-    _watch_devices(place, before.snapshot, snapshot)
-    if place.lathe.unguarded is not None:  # something moves, and the controller's watchdog no longer guards it
-        place.alarm_once(place.lathe.unguarded)
-    _watch_stop_way(place)
+    _watch_home(context, before, snapshot)
+    _watch_devices(context, before.snapshot, snapshot)
+    if context.lathe.unguarded is not None:  # something moves, and the controller's watchdog no longer guards it
+        context.alarm_once(context.lathe.unguarded)
+    _watch_stop_way(context)
 
 
-def _watch_home(place: StationContext, before: StationState, snapshot: Snapshot) -> None:
+def _watch_home(context: StationContext, before: StationState, snapshot: Snapshot) -> None:
     """Raise one alarm where an axis has lost its home since the last poll: a reset, or another host's home search.
 
     In motion, the wait for the motion stops the machine and raises the alarm; an axis that comes to rest after a
@@ -49,65 +49,65 @@ def _watch_home(place: StationContext, before: StationState, snapshot: Snapshot)
         return
     problem = reset_problem(homed, snapshot)
     if problem is not None:
-        place.tell(armed=None)
-        place.alarm(problem)
+        context.tell(armed=None)
+        context.alarm(problem)
 
 
-def _watch_devices(place: StationContext, before: Snapshot | None, snapshot: Snapshot) -> None:
+def _watch_devices(context: StationContext, before: Snapshot | None, snapshot: Snapshot) -> None:
     """Report the safety device that drops while drives are on: automatic motion ends, and no command is sent.
 
     In motion, the wait for it stops the machine, and reports it.
     """
     problems = device_problems(snapshot.inputs)
     if snapshot.inputs and not problems:
-        place.end_alarms("safety.not_good")
+        context.end_alarms("safety.not_good")
     on = not snapshot.loops_open or (before is not None and not before.loops_open)
-    if problems and on and place.state.controls and place.state.activity not in MOVING:
-        place.tell(armed=None)
-        place.alarm_new(problems)
+    if problems and on and context.state.controls and context.state.activity not in MOVING:
+        context.tell(armed=None)
+        context.alarm_new(problems)
 
 
-def _watch_stop_way(place: StationContext) -> None:
+def _watch_stop_way(context: StationContext) -> None:
     """Report once that the stop connection is lost: every stop still works, but no new cut is begun."""
-    problems = way_problems(place.lathe.stop.way)
+    problems = way_problems(context.lathe.stop.way)
     if not problems:
-        place.end_alarms("stops.connection_lost")
+        context.end_alarms("stops.connection_lost")
         return
-    place.tell(armed=None)
-    place.alarm_new(problems)
+    context.tell(armed=None)
+    context.alarm_new(problems)
 
 
-def watch_axes(place: StationContext, snapshot: Snapshot) -> None:
+def watch_axes(context: StationContext, snapshot: Snapshot) -> None:
     """Report who controls the machine, and axis faults not reported elsewhere."""
-    if place.state.standing is Standing.OUSTED:  # the alignment made here is no longer known
-        place.tell(alignment=handed_over(place.state.alignment, place.local_time()))
-        if not place.alarmed("owner.ousted"):
-            place.tell(armed=None)
-            place.alarm(Problem(code="owner.ousted", value=str(snapshot.owner)))
+    if context.state.standing is Standing.OUSTED:  # the alignment made here is no longer known
+        context.tell(alignment=handed_over(context.state.alignment, context.local_time()))
+        if not context.alarmed("owner.ousted"):
+            context.tell(armed=None)
+            context.alarm(Problem(code="owner.ousted", value=str(snapshot.owner)))
     if snapshot.homed:
-        place.end_alarms(*HOME_LOST)
-    now_s = place.clock.now_s()
-    place.change_alarms(lambda alarms: with_faults(alarms, snapshot.axis_faults, now_s))
+        context.end_alarms(*HOME_LOST)
+    now_s = context.clock.now_s()
+    context.change_alarms(lambda alarms: with_faults(alarms, snapshot.axis_faults, now_s))
 
 
-def watch_loss(place: StationContext, snapshot: Snapshot) -> None:
+def watch_loss(context: StationContext, snapshot: Snapshot) -> None:
     """Report once what the controller has ended after losing its host; after a stop, settling the stop does."""
     if not snapshot.lost:
-        place.end_alarms("heartbeat.lost")
-    elif not place.alarmed("heartbeat.lost"):
-        place.alarm(lost_problem(snapshot.lost))
+        context.end_alarms("heartbeat.lost")
+    elif not context.alarmed("heartbeat.lost"):
+        context.alarm(lost_problem(snapshot.lost))
 
 
-def watch_phase(place: StationContext) -> None:
+def watch_phase(context: StationContext) -> None:
     """Report once per cut that tool and lobe are out of phase, or that the spindle has stopped."""
-    cut = place.state.cut
+    cut = context.state.cut
     if cut is None or cut.stage is not CutStage.CUT:
         return
     if cut.in_phase is False:
         limit = f"± {cut.phase_limit_deg:.2g} deg"
-        place.alarm_once(Problem(code="cut.out_of_phase", limit=limit), Priority.MEDIUM)
+        context.alarm_once(Problem(code="cut.out_of_phase", limit=limit), Priority.MEDIUM)
     elif cut.is_lost:
-        place.alarm_once(Problem(code="cut.spindle_stands"))
+        context.alarm_once(Problem(code="cut.spindle_stands"))
 
 
 class LinkTime:
@@ -138,8 +138,8 @@ def rounded_up_ms(answer_ms: float) -> float:
 class ChuckSight:
     """Periodic samples of the chuck view of a simulated workshop, with an alarm for each collision."""
 
-    def __init__(self, place: StationContext) -> None:
-        self._place, self._seen_s = place, float("-inf")
+    def __init__(self, context: StationContext) -> None:
+        self._context, self._seen_s = context, float("-inf")
         self._collisions: tuple[str, ...] = ()
 
     def sample_now(self) -> None:
@@ -149,29 +149,29 @@ class ChuckSight:
 
     def sample(self) -> None:
         """Sample, unless that was done a moment ago."""
-        place = self._place
-        now_s = place.clock.now_s()
-        period_s = SIGHT_PERIOD_IN_MOTION_S if place.state.activity in MOVING else SIGHT_PERIOD_S
-        if place.shop is None or now_s - self._seen_s < period_s:
+        context = self._context
+        now_s = context.clock.now_s()
+        period_s = SIGHT_PERIOD_IN_MOTION_S if context.state.activity in MOVING else SIGHT_PERIOD_S
+        if context.shop is None or now_s - self._seen_s < period_s:
             return
         self._seen_s = now_s
         try:
-            view = place.shop.look()
+            view = context.shop.look()
         except LinkError as error:
             # The chuck view is no part of the machine: a failure is reported, and nothing else depends on it.
-            place.tell(seen=None)
-            place.alarm_once(error.problems[0], Priority.MEDIUM)
+            context.tell(seen=None)
+            context.alarm_once(error.problems[0], Priority.MEDIUM)
         else:
-            place.tell(seen=view)
-            place.end_alarms("simulator.gone", "simulator.refused")
+            context.tell(seen=view)
+            context.end_alarms("simulator.gone", "simulator.refused")
             self._report(view.collisions)
 
     def _report(self, collisions: tuple[str, ...]) -> None:
         """Raise an alarm once for each collision; a new blank starts without any."""
         known, self._collisions = self._collisions, collisions
         if known and not collisions:
-            self._place.end_alarms(*COLLISION_CODES)
+            self._context.end_alarms(*COLLISION_CODES)
         fresh = [kind for kind in collisions if kind not in known]
         for kind, problem in zip(fresh, collision_problems(fresh), strict=True):
-            self._place.alarm(problem)
-            self._place.note_anyway("collision", met=kind)
+            self._context.alarm(problem)
+            self._context.note_anyway("collision", met=kind)
