@@ -202,8 +202,8 @@ _SCIENCE: tuple[Mutation, ...] = (
     Mutation(
         rule="The command comes earlier by the lag of the axis.",
         file=PATH,
-        old="wave.crest_deg + math.degrees(cmath.phase(here)) / wave.lobes",
-        new="wave.crest_deg - math.degrees(cmath.phase(here)) / wave.lobes",
+        old="harmonic.crest_deg + math.degrees(cmath.phase(here)) / harmonic.lobes",
+        new="harmonic.crest_deg - math.degrees(cmath.phase(here)) / harmonic.lobes",
         test=f"{COMPENSATION}::test_an_axis_undoes_its_inverse",
     ),
     Mutation(
