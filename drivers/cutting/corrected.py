@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from drivers.pmac.check import CheckedMove, CheckedProgram
 from drivers.pmac.compensation.table import CompensationTable
+from drivers.pmac.trajectory.cubics import Floats, Motion, between, shifted
 from drivers.pmac.trajectory.linear import Timing
-from drivers.pmac.trajectory.pieces import Cubic, Floats, Motion, Piece, Vector, between, shifted
+from drivers.pmac.trajectory.pieces import Cubic, Piece, Vector
 from drivers.pmac.trajectory.planned import MoveRecord
 
 Whole = NDArray[np.int_]

@@ -15,7 +15,7 @@ from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines
 from drivers.pmac.motor_settings import MotorSettings
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.setup import SERVO
-from drivers.pmac.trajectory.pieces import motion_of
+from drivers.pmac.trajectory.cubics import motion_of
 from profiles.axis.servo import following_error_um
 from profiles.compensations.path import LobedPath
 from profiles.findings import Finding, Severity

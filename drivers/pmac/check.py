@@ -15,8 +15,9 @@ from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.program_text import ProgramText
+from drivers.pmac.trajectory.cubics import motion_of
 from drivers.pmac.trajectory.linear import Timing
-from drivers.pmac.trajectory.pieces import Piece, motion_of
+from drivers.pmac.trajectory.pieces import Piece
 from drivers.pmac.trajectory.planned import MoveRecord
 
 ENDLESS_MOVES = 200_000  # Number of moves after which a program counts as endless

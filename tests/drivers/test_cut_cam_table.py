@@ -19,8 +19,9 @@ from drivers.pmac.compensation.table_text import table_lines
 from drivers.pmac.program_text import read_program
 from drivers.pmac.programs.cam_table import CHORD_LIMIT_UM, Cam, make_cam
 from drivers.pmac.programs.setup import cut_setup
+from drivers.pmac.trajectory.cubics import motion_of
 from drivers.pmac.trajectory.linear import Timing
-from drivers.pmac.trajectory.pieces import Piece, motion_of, position_at
+from drivers.pmac.trajectory.pieces import Piece, position_at
 from drivers.pmac.trajectory.planned import MoveRecord
 from profiles.compensations.path import LobedPath, target_path
 from profiles.store import load_job, load_machine
