@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 
 from benchmarks.hostile_lines import DEEDS, Deed
 from benchmarks.measure import extent, print_table
-from console.session.cut.context import CutContext
-from console.session.cut.engine import Step
-from console.session.cut.headless import cut_part
+from console.session.cut.engine import CutContext, Step
+from console.session.cut.run import cut_part
 from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import Heartbeat

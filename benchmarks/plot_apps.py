@@ -17,7 +17,7 @@ from textual.containers import Horizontal
 from textual_plotext import PlotextPlot
 
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
-from console.tui.plot.trace_view import Series, TraceView
+from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.theme import Token
 
 FRAME_S = 0.1
@@ -94,15 +94,13 @@ class OurPage(Page):
 
     def show(self, sweep: Sweep) -> None:
         """Put the data into the plots."""
-        self.query_one(TraceView).show(
-            [
-                Series(x=sweep.angle_deg, y=sweep.mean_um, token=Token.COMMAND),
-                Series(x=sweep.angle_deg, y=sweep.error_um, token=Token.AFTER),
-            ],
-            (0.0, 360.0),
-            (-LIMIT_UM, LIMIT_UM),
-            "um",
-        )
+        series = [
+            Series(x=sweep.angle_deg, y=sweep.mean_um, token=Token.COMMAND),
+            Series(x=sweep.angle_deg, y=sweep.error_um, token=Token.AFTER),
+        ]
+        limits = (-LIMIT_UM, LIMIT_UM)
+        picture = TracePicture(series=series, x_limits=(0.0, 360.0), y_limits=limits, y_unit="um")
+        self.query_one(TraceView).show(picture)
         self.query_one(PolarView).show(
             [
                 PolarTrace(angle_deg=sweep.angle_deg, deviation_um=sweep.mean_um, token=Token.BEFORE),

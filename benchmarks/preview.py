@@ -86,9 +86,9 @@ async def first_look(app: ConsoleApp, pilot: Pilot[None], rpm: int, looks: Polle
     Raises:
         AssertionError: the new number is not on the page.
     """
-    assert app.desk.work is not None
+    assert app.ui.work is not None
     wall_s, cpu_s = time.perf_counter(), time.thread_time()
-    app.desk.work = edited(app.desk.work, "spindle_speed_rpm", str(rpm))
+    app.ui.work = edited(app.ui.work, "spindle_speed_rpm", str(rpm))
     app.tick()
     rows = rows_of(app)
     looks.wall_s.append(time.perf_counter() - wall_s)
@@ -103,11 +103,11 @@ async def shown(size: tuple[int, int], *, busy: bool) -> Poller:
     with tempfile.TemporaryDirectory() as folder:
         app, _ = application(Scene(page=PageName.PREVIEW, state=state_of(Activity.READY)), Path(folder))
         async with app.run_test(size=size) as pilot:
-            app.desk.work = experiment()
+            app.ui.work = experiment()
             await pilot.press("3")
             await settle(app, pilot)
             for turn in range(RUNS + 1):
-                while not busy and app.desk.work.preview is None:
+                while not busy and app.ui.work.preview is None:
                     await asyncio.sleep(FRAME_S)
                     app.tick()
                 await pilot.pause()

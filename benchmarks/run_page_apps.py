@@ -118,7 +118,7 @@ def console(moments: Sequence[StationState]) -> tuple[App[None], Replay]:
     replay = Replay(
         moments,
         leave=lambda: app.exit(),
-        ready=lambda: app.desk.work is not None and app.desk.work.preview is not None,
+        ready=lambda: app.ui.work is not None and app.ui.work.preview is not None,
     )
     app = ConsoleApp(
         text=load("en"),
@@ -130,7 +130,7 @@ def console(moments: Sequence[StationState]) -> tuple[App[None], Replay]:
         local_time=lambda: CLOCK,
         driver_class=CountingDriver,
     )
-    app.desk.work = opened(load_job(EXPERIMENT), load_machine(MACHINE))
+    app.ui.work = opened(load_job(EXPERIMENT), load_machine(MACHINE))
     return app, replay
 
 
@@ -215,7 +215,7 @@ class Stock(App[None]):
         if self._shown.get(name) == tuple(lines):
             return
         self._shown[name] = tuple(lines)
-        rows = [Text.assemble(*((words, COLOUR.style(token)) for words, token in pieces)) for pieces in lines]
+        rows = [Text.assemble(*((words, COLOUR[token]) for words, token in pieces)) for pieces in lines]
         self.query_one(f"#{name}", Static).update(Text("\n").join(rows), layout=False)
 
     def _plot_errors(self, cut: CutProgress) -> None:

@@ -19,7 +19,7 @@ from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import Strategy
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.gathering.gather import gather_settings
-from drivers.pmac.gathering.gathered_data import motor_channel
+from drivers.pmac.gathering.gather_client import motor_channel
 from drivers.pmac.language.text import format_number
 from drivers.pmac.settings import settings_with
 from drivers.simulator.card.controller import Controller

@@ -93,10 +93,10 @@ def measured(situation: Situation, card: Card, moments: Path, stops: int) -> lis
         )
         stack.callback(process.wait)
         stack.callback(process.kill)
-        desk: UiContext = at.desk
-        desk.wait_until_ready()
-        desk.stalled = situation.screen == "stalled"
-        return desk.stops(stops)
+        ui: UiContext = at.ui
+        ui.wait_until_ready()
+        ui.stalled = situation.screen == "stalled"
+        return ui.stops(stops)
 
 
 def row(name: str, found: Sequence[Stopped], baseline_s: float) -> tuple[str, ...]:

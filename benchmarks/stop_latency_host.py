@@ -147,7 +147,7 @@ def show(moments: Sequence[StationState], stop: Stop, told: Told) -> None:
         waiting = app.set_interval(DRAW_PERIOD_S, lambda: ready())
 
         def ready() -> None:
-            if app.desk.work is not None and app.desk.work.preview is not None:
+            if app.ui.work is not None and app.ui.work.preview is not None:
                 waiting.stop()
                 told(time.monotonic())
 
@@ -162,7 +162,7 @@ def show(moments: Sequence[StationState], stop: Stop, told: Told) -> None:
         ticking=False,
         driver_class=StopDriver,
     )
-    app.desk.work = opened(load_job(EXPERIMENT), load_machine(MACHINE))
+    app.ui.work = opened(load_job(EXPERIMENT), load_machine(MACHINE))
     app.run(mouse=False)
 
 

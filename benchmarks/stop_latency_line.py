@@ -181,7 +181,7 @@ class Bench:
     address: str
     pipe: int
     terminal: int
-    desk: UiContext
+    ui: UiContext
 
 
 def bench(stack: ExitStack, link: str, baud: int, byte_s: float, card: Card) -> Bench:
@@ -200,7 +200,7 @@ def bench(stack: ExitStack, link: str, baud: int, byte_s: float, card: Card) -> 
     else:
         listening = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         near, address = -1, f"{link}:127.0.0.1:{listening.getsockname()[1]}"
-    desk = UiContext(
+    ui = UiContext(
         terminal=screen,
         calls=calls,
         there=Way(source=near, sink=far.fileno(), byte_s=byte_s),
@@ -208,8 +208,8 @@ def bench(stack: ExitStack, link: str, baud: int, byte_s: float, card: Card) -> 
         stop=STOP_REQUEST if link == "ethernet" else KILL_ALL,
         listening=listening,
     )
-    stack.callback(desk.hang_up)
-    return Bench(address=address, pipe=pipe, terminal=terminal, desk=desk)
+    stack.callback(ui.hang_up)
+    return Bench(address=address, pipe=pipe, terminal=terminal, ui=ui)
 
 
 def _pty(stack: ExitStack) -> tuple[int, int]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
+from contextlib import suppress
 
 TYPE_CHECKING = False  # importing `typing` for it would be the slowest import of this file
 if TYPE_CHECKING:
@@ -28,19 +29,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return the exit code: 0 done, 1 refused or failed, 2 wrong usage."""
     text: Catalogue | None = None
     try:
-        _replace_closed_streams()
-        _escape_streams()
+        for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+            if getattr(sys, name) is None:  # closed by the caller: no other file may take its number
+                setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))
+        from console.cli.output import escape_streams
+        from console.text.catalogue import choose_language, load
+
+        escape_streams()
         words = list(sys.argv[1:] if arguments is None else arguments)
-        text = _catalogue(words)
+        text = load(choose_language(words, os.environ))
         return _flushed(_run(words, text), text)
     except KeyboardInterrupt as interrupted:
         return _interrupted(interrupted, text)
-
-
-def _catalogue(words: list[str]) -> Catalogue:
-    from console.text.catalogue import choose_language, load
-
-    return load(choose_language(words, os.environ))
 
 
 def _run(words: list[str], text: Catalogue) -> int:
@@ -82,13 +82,10 @@ def _dispatch(words: list[str], text: Catalogue) -> int:
 
 def _version(as_json: bool) -> int:
     from importlib.metadata import version
+    from json import dumps
 
-    if as_json:
-        from json import dumps
-
-        print(dumps({"name": "trilobe", "version": version("trilobe")}, indent=2))
-    else:
-        print(f"trilobe {version('trilobe')}")
+    said = {"name": "trilobe", "version": version("trilobe")}
+    print(dumps(said, indent=2) if as_json else " ".join(said.values()))
     return DONE
 
 
@@ -115,19 +112,18 @@ def _explain(error: Exception, text: Catalogue) -> int:
 
 
 def _complain(line: str) -> int:
-    try:
+    with suppress(OSError):  # the terminal is gone; the exit code still reports the result
         print(f"console: {line}", file=sys.stderr)
-    except OSError:
-        pass  # the terminal is gone; the exit code still reports the result
     return FAILED
 
 
 def _flushed(code: int, text: Catalogue) -> int:
     """Return the exit code; a result that could not be written counts as a failure."""
-    fault = _output_fault()
-    if isinstance(fault, BrokenPipeError):
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
         _forget_output()
-    elif fault is not None:
+    except OSError as fault:
         if code == DONE:
             return _lost(fault, text)
         _forget_output()  # the failure has been reported
@@ -136,15 +132,6 @@ def _flushed(code: int, text: Catalogue) -> int:
     except OSError:
         _forget_output()
     return code
-
-
-def _output_fault() -> OSError | None:
-    """Return why the output cannot be written, None where it can; retry what was not written."""
-    try:
-        sys.stdout.flush()
-    except OSError as error:
-        return error
-    return None
 
 
 def _lost(fault: OSError, text: Catalogue) -> int:
@@ -158,22 +145,6 @@ def _forget_output() -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-
-
-def _escape_streams() -> None:
-    from console.cli.output import escape_streams
-
-    escape_streams()
-
-
-def _replace_closed_streams() -> None:
-    """Put the null device where the caller closed a stream, so that no other file takes its number."""
-    if sys.stdin is None:
-        sys.stdin = open(os.devnull, encoding="utf-8")
-    if sys.stdout is None:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")
-    if sys.stderr is None:
-        sys.stderr = open(os.devnull, "w", encoding="utf-8")
 
 
 if __name__ == "__main__":

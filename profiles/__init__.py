@@ -24,10 +24,10 @@ _PLACES = {
     "response": "axis.response",
     "roundness": "roundness",
     "rules": "rules",
-    "safe_speed": "axis.safe_speed",
+    "safe_speed": "axis.envelope",
     "servo": "axis.servo",
     "store": "store",
-    "tool_stiffness": "axis.tool_stiffness",
+    "tool_stiffness": "axis.servo",
     "traces": "traces",
 }
 """Each public name and its module."""

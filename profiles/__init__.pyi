@@ -10,11 +10,11 @@ from profiles import rules as rules
 from profiles import store as store
 from profiles import traces as traces
 from profiles.axis import envelope as envelope
+from profiles.axis import envelope as safe_speed
 from profiles.axis import identification as identification
 from profiles.axis import response as response
-from profiles.axis import safe_speed as safe_speed
 from profiles.axis import servo as servo
-from profiles.axis import tool_stiffness as tool_stiffness
+from profiles.axis import servo as tool_stiffness
 from profiles.compensations import learning as learning
 from profiles.compensations import next_version as next_version
 from profiles.compensations import path as compensation

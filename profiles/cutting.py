@@ -13,16 +13,10 @@ from dataclasses import dataclass
 
 from profiles.materials import Material
 
-PASSIVE_SHARE = 0.4
-"""Radial force over main cutting force: 0.3 to 0.5 for a sharp tool square to the axis."""
-
-FEED_SHARE = 0.4
-"""Axial force over main cutting force; no better value is known for a finishing cut."""
-
+PASSIVE_SHARE = 0.4  # radial force over main cutting force: 0.3 to 0.5 for a sharp tool square to the axis
+FEED_SHARE = 0.4  # axial force over main cutting force; no better value is known for a finishing cut
 THIN_CHIP_MM = 0.02
-EDGE_N_PER_MM = 7.5
-"""Edge force at zero chip thickness, per mm of width: the middle of 5 to 10."""
-
+EDGE_N_PER_MM = 7.5  # edge force at zero chip thickness, per mm of width: the middle of 5 to 10
 NEAR_A_MODE = 0.10
 
 

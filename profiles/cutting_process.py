@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from profiles.axis.tool_stiffness import tool_compliance_um_per_n
-from profiles.chucking.held_part import HeldPart
+from profiles.axis.servo import tool_compliance_um_per_n
+from profiles.chucking.held_part import HeldPart, held_part
 from profiles.chucking.ring import THIN_WALL
-from profiles.cutting import Copying, CuttingForce, copying, nearest_mode
-from profiles.findings import Finding, Severity
-from profiles.lobe.one_pass import width_without_chatter_mm
+from profiles.cutting import Copying, CuttingForce, copying, nearest_mode, radial_cutting_stiffness_n_per_mm2
+from profiles.cutting import chatter_limit_mm as limit_mm
+from profiles.findings import Finding, Severity, judged
+from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-NEAR_BORDER = 0.1
-"""Relative distance of a wall from the border between ring and bar within which it may be either."""
+NEAR_BORDER = 0.1  # relative distance of a wall from the border between ring and bar within which it may be either
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,8 +46,21 @@ def cutting_process(part: HeldPart, machine: MachineProfile, error_um_pp: float)
         lobed_force_n=lobed_n,
         lobed_motion_um=lobed_n * tool_um_per_n,
         work_n_per_um=part.softest_n_per_um,
-        chatter_limit_mm=width_without_chatter_mm(part),
+        chatter_limit_mm=_width_without_chatter_mm(part),
     )
+
+
+def chatter_limit_mm(job: Job, machine: MachineProfile) -> float:
+    """Return the width of cut below which the part of a job does not chatter, at its point of least stiffness.
+
+    Fast enough for every key. Raises `ProfileError` (`rule.material_unknown`).
+    """
+    return _width_without_chatter_mm(held_part(job, machine))
+
+
+def _width_without_chatter_mm(part: HeldPart) -> float:
+    radial = radial_cutting_stiffness_n_per_mm2(part.material, part.job.feed_mm_per_rev)
+    return limit_mm(part.softest_n_per_um, part.damping_ratio, radial)
 
 
 def process_findings(part: HeldPart, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -57,33 +70,21 @@ def process_findings(part: HeldPart, machine: MachineProfile) -> tuple[Finding, 
     - `rule.wall_border`    (warning) a wall within 10 % of where a ring that bends becomes a bar
     - `rule.mode_near`      (warning) one, two or three times the lobe frequency within 10 % of a mode of the part
     """
-    return (*_lifted(part), _border(part), *_mode(part, machine))
+    job, mode_hz, findings = part.job, machine.chuck.work_mode_hz, []
 
+    def warn_unless(holds: bool, code: str, key: str, value: str, limit: str) -> None:
+        problem = Problem(code=code, key=key, value=value, limit=limit)
+        findings.append(judged(holds, problem, Severity.WARNING))
 
-def _lifted(part: HeldPart) -> tuple[Finding, ...]:
-    if part.thin:
-        return ()
-    value, limit = f"{part.force.passive_n:.6g} N", f"{part.per_jaw_n:.6g} N"
-    return (_unless(part.lifted(), Problem(code="rule.jaw_lifts", key="overhang_mm", value=value, limit=limit)),)
-
-
-def _border(part: HeldPart) -> Finding:
-    """Warn near the border of the two models: a wall may be either, and their errors differ many times."""
-    wall_mm, border_mm = part.job.wall_thickness_mm, THIN_WALL * part.job.radius_mm
-    value, limit = f"{wall_mm:.6g} mm", f"{border_mm:.6g} mm"
-    near = Problem(code="rule.wall_border", key="wall_thickness_mm", value=value, limit=limit)
-    return _unless(abs(wall_mm / border_mm - 1.0) <= NEAR_BORDER, near)
-
-
-def _mode(part: HeldPart, machine: MachineProfile) -> tuple[Finding, ...]:
-    mode_hz = machine.chuck.work_mode_hz
-    if mode_hz is None:
-        return ()
-    met = nearest_mode(part.job.lobe_frequency_hz, (mode_hz,))
-    value = f"{part.job.lobe_frequency_hz * (met[0] if met else 1):.6g} Hz"
-    near = Problem(code="rule.mode_near", key="spindle_speed_rpm", value=value, limit=f"{mode_hz:.6g} Hz")
-    return (_unless(met is not None, near),)
-
-
-def _unless(warned: bool, problem: Problem) -> Finding:
-    return Finding(severity=Severity.WARNING if warned else Severity.OK, problem=problem)
+    if not part.thin:
+        value, limit = f"{part.force.passive_n:.6g} N", f"{part.per_jaw_n:.6g} N"
+        warn_unless(not part.lifted(), "rule.jaw_lifts", "overhang_mm", value, limit)
+    # Near the border of the two models a wall may be either, and their errors differ many times.
+    wall_mm, border_mm = job.wall_thickness_mm, THIN_WALL * job.radius_mm
+    clear, value = abs(wall_mm / border_mm - 1.0) > NEAR_BORDER, f"{wall_mm:.6g} mm"
+    warn_unless(clear, "rule.wall_border", "wall_thickness_mm", value, f"{border_mm:.6g} mm")
+    if mode_hz is not None:
+        found = nearest_mode(job.lobe_frequency_hz, (mode_hz,))
+        value = f"{job.lobe_frequency_hz * (found[0] if found else 1):.6g} Hz"
+        warn_unless(found is None, "rule.mode_near", "spindle_speed_rpm", value, f"{mode_hz:.6g} Hz")
+    return tuple(findings)

@@ -3,17 +3,13 @@
 Both profiles (job and machine) are lists of `Field`. Reading collects every problem, so that a file needs to be
 corrected only once. Nothing is guessed: a truth value is not a number, a text is not a number, and 3.0 is not a
 whole number.
-
-Problem codes: `key.unknown`, `key.missing`, `key.missing_several`, `key.twice`, `value.not_number`,
-`value.not_whole`, `value.not_text`, `value.blank`, `value.not_choice`, `value.not_finite`, `value.out_of_range`,
-`value.too_small`, `schema.unsupported`.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import islice
@@ -28,11 +24,11 @@ TEXT_CAP_CHARACTERS = 80
 LEAST_MAGNITUDE = 1e-9
 """Below this, in any unit, a number is 0 or a mistake: its squares and quotients leave the range of a float."""
 
+_Place = tuple[str, ...]
 _DEPTH_CAP_TABLES = 8
 # Invisible letters and symbols: Hangul fillers, an empty Braille cell.
 _INVISIBLE = frozenset("\u115f\u1160\u3164\uffa0\u2800")
-# More than these in one file mean that it is another kind of file.
-_UNKNOWN_CAP = 20
+_UNKNOWN_CAP = 20  # more than these in one file mean that it is another kind of file
 # More missing keys than these, and nothing else, are one problem: the file is empty or hardly begun.
 _MISSING_CAP = 3
 
@@ -45,6 +41,9 @@ class Kind(StrEnum):
     TEXT = "text"
     CHOICE = "choice"
     TEXTS = "texts"
+
+
+_CONVERSIONS: Mapping[Kind, Callable[[Any], object]] = {Kind.NUMBER: float, Kind.TEXTS: tuple}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,32 +105,32 @@ def read_fields(
         if code:
             problems.append(Problem(code=code, where=where, key=key, value=spelled(value), limit=field.limit))
         else:
-            values[field.key] = _converted(field, value)
+            convert = _CONVERSIONS.get(field.kind)
+            values[field.key] = convert(value) if convert else value
     return values, _gathered(problems, where)
 
 
 def fault(field: Field, value: object) -> str:
     """Return the problem code of `value` in `field`, or "" where it is valid."""
-    if field.kind is Kind.TEXTS:
-        return _fault_of_texts(field, value)
-    if field.kind is Kind.TEXT:
-        return _fault_of_text(field, value)
-    if field.kind is Kind.CHOICE:
-        return "" if isinstance(value, str) and value in field.choices else "value.not_choice"
-    if field.kind is Kind.WHOLE and (isinstance(value, bool) or not isinstance(value, int)):
-        return "value.not_whole"
+    match field.kind:
+        case Kind.TEXT:
+            return _fault_of_text(field, value)
+        case Kind.TEXTS:
+            texts = value if isinstance(value, list | tuple) else [""]
+            if not all(_is_text(each) and not is_blank(each) for each in texts):
+                return "value.not_text"
+            return "value.not_choice" if field.choices and not set(texts) <= set(field.choices) else ""
+        case Kind.CHOICE:
+            return "" if isinstance(value, str) and value in field.choices else "value.not_choice"
+        case Kind.WHOLE if isinstance(value, bool) or not isinstance(value, int):
+            return "value.not_whole"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return "value.not_number"
     if isinstance(value, float) and not math.isfinite(value):
         return "value.not_finite"
-    return _fault_of_size(field, value)
-
-
-def _fault_of_size(field: Field, value: float) -> str:
-    low = (field.above is not None and value <= field.above) or (
-        field.at_least is not None and value < field.at_least
-    )
-    if low or (field.at_most is not None and value > field.at_most):
+    above, least, most = field.above, field.at_least, field.at_most
+    low = (above is not None and value <= above) or (least is not None and value < least)
+    if low or (most is not None and value > most):
         return "value.out_of_range"
     return "value.too_small" if 0 < abs(value) < LEAST_MAGNITUDE else ""
 
@@ -144,15 +143,14 @@ def flatten(table: Mapping[str, Any], *, where: str) -> tuple[dict[str, object],
     for place, key, value in _leaves(table):
         full = ".".join((*place, key))
         if len(place) >= _DEPTH_CAP_TABLES:
-            problems.append(
-                Problem(code="key.unknown", where=where, key=printable(full), limit=f"<= {len(place)} tables")
-            )
+            limit = f"<= {len(place)} tables"
+            problems.append(Problem(code="key.unknown", where=where, key=printable(full), limit=limit))
             continue
         places.setdefault(key, []).append(full)
         leaves.setdefault(key, value)
-    for key, met in places.items():
-        if len(met) > 1:
-            value = printable(", ".join(met))
+    for key, found in places.items():
+        if len(found) > 1:
+            value = printable(", ".join(found))
             problems.append(Problem(code="key.twice", where=where, key=printable(key), value=value))
     return leaves, problems[:_UNKNOWN_CAP]
 
@@ -207,12 +205,6 @@ def _gathered(problems: list[Problem], where: str) -> list[Problem]:
     return [Problem(code="key.missing_several", where=where, key=keys, value=str(len(problems)))]
 
 
-def _converted(field: Field, value: Any) -> object:
-    if field.kind is Kind.NUMBER:
-        return float(value)
-    return tuple(value) if field.kind is Kind.TEXTS else value
-
-
 def is_blank(text: str) -> bool:
     """Whether a text is empty or contains only blank characters of some kind."""
     return all(character.isspace() or character in _INVISIBLE for character in text)
@@ -230,21 +222,10 @@ def _fault_of_text(field: Field, value: object) -> str:
     return "value.not_text" if field.required else "value.blank"
 
 
-def _fault_of_texts(field: Field, value: object) -> str:
-    if not isinstance(value, list | tuple) or not all(_is_text(item) and not is_blank(item) for item in value):
-        return "value.not_text"
-    strange = field.choices and not set(value) <= set(field.choices)
-    return "value.not_choice" if strange else ""
-
-
-def _leaves(table: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str, object]]:
+def _leaves(table: Mapping[str, Any], place: _Place = ()) -> Iterator[tuple[_Place, str, object]]:
     """Walk nested tables in their order; a table at the depth cap counts as a leaf."""
-    waiting: list[tuple[tuple[str, ...], str, object]] = [((), key, value) for key, value in table.items()]
-    waiting.reverse()
-    while waiting:
-        place, key, value = waiting.pop()
+    for key, value in table.items():
         if isinstance(value, dict) and len(place) < _DEPTH_CAP_TABLES:
-            inner = [((*place, key), name, item) for name, item in value.items()]
-            waiting.extend(reversed(inner))
+            yield from _leaves(value, (*place, key))
         else:
             yield place, key, value

@@ -1,13 +1,16 @@
 """All disk access of this package: regular files in, regular files out.
 
 A path may name anything: a folder, a pipe without a writer, an endless device. Each of these becomes one
-`Problem`, none of them blocks. Writing replaces a file atomically, so that a reader (or a power cut) finds the
-old bytes or the new ones, never half of them.
+`Problem`, none of them blocks. Writing replaces a file atomically, so that a reader (or a power cut) finds the old
+bytes or the new ones, never half of them. A running writer holds a lock on its temporary file, which the kernel
+releases when the process ends, however it ends. So a file that can be locked was left by a killed one, whatever
+its date; on a file system without locks none counts as left.
 """
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import re
 import secrets
@@ -17,8 +20,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from profiles.left_files import made_locked, remove_if_left
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
 TOML_CAP_BYTES = 1_000_000
 # Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
@@ -27,8 +29,7 @@ TOML_LINE_CAP_DOTS = 100
 
 _TEMPORARY = re.compile(r"\.(.+)\.[0-9a-f]{8}\.tmp", re.DOTALL)
 
-PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600
-"""Permissions of private files and folders."""
+PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600  # permissions of private files and folders
 
 
 def printable(text: str, most_characters: int = 200) -> str:
@@ -56,12 +57,10 @@ def read_regular_file(path: Path, *, cap_bytes: int, area: str = "file") -> byte
             content = file.read(cap_bytes + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise ProfileError(Problem(code=f"{area}.unreadable", where=where, value=reason)) from error
+        raise refused(f"{area}.unreadable", where=where, value=reason) from error
     if len(content) > cap_bytes:
         value = f"> {cap_bytes} bytes"
-        raise ProfileError(
-            Problem(code=f"{area}.too_large", where=where, value=value, limit=f"<= {cap_bytes} bytes")
-        )
+        raise refused(f"{area}.too_large", where=where, value=value, limit=f"<= {cap_bytes} bytes")
     return content
 
 
@@ -79,13 +78,14 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
                 raise ValueError(f"line {number} > {TOML_LINE_CAP_DOTS} dots")
         return tomllib.loads(text)
     except UnicodeDecodeError as error:
-        row, column = _line_and_column(content, error.start)
+        before = content[: error.start]
+        row, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
         detail = f"not UTF-8 (at line {row}, column {column})"
     except RecursionError:
         detail = "nested too deeply"
     except ValueError as error:  # tomllib.TOMLDecodeError is one; an integer of 5000 digits is another
         detail = str(error)
-    raise ProfileError(Problem(code="file.not_toml", where=where, limit=printable(detail)))
+    raise refused("file.not_toml", where=where, limit=printable(detail))
 
 
 def read_toml(path: Path) -> tuple[bytes, dict[str, Any]]:
@@ -146,10 +146,10 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
             _move(temporary, target, overwrite=overwrite)
         _synchronise_folder(target.parent)
     except FileExistsError as error:
-        raise ProfileError(Problem(code="file.exists", where=where)) from error
+        raise refused("file.exists", where=where) from error
     except (OSError, ValueError, RuntimeError) as error:  # RuntimeError: a loop of symbolic links
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise ProfileError(Problem(code="file.not_writable", where=where, value=reason)) from error
+        raise refused("file.not_writable", where=where, value=reason) from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
@@ -176,9 +176,56 @@ def remove_all_left(folder: Path) -> None:
         remove_left(Path(inner))
 
 
-def _line_and_column(content: bytes, offset: int) -> tuple[int, int]:
-    before = content[:offset]
-    return before.count(b"\n") + 1, offset - (before.rfind(b"\n") + 1) + 1
+def made_locked(path: Path, mode: int) -> int:
+    """Create a new file, and return its descriptor, for writing, with the lock held.
+
+    Raises `OSError`: it cannot be created, or exists.
+    """
+    while True:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        if _is_at(descriptor, path):
+            return descriptor
+        os.close(descriptor)  # in between, another process has taken it for left and removed it
+
+
+def taken_if_left(path: Path) -> int | None:
+    """Return a locked descriptor of a file left by a dead process; None of any other file.
+
+    Only a regular file of this user is ever taken.
+    """
+    try:
+        # Neither follows a link nor waits for a pipe.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return None
+    try:
+        status = os.fstat(descriptor)
+        if stat.S_ISREG(status.st_mode) and status.st_uid == os.geteuid():
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_at(descriptor, path):
+                return descriptor
+    except OSError:  # a running process holds the lock
+        pass
+    os.close(descriptor)
+    return None
+
+
+def remove_if_left(path: Path) -> None:
+    """Remove a file left by a dead process, if there is one."""
+    descriptor = taken_if_left(path)
+    if descriptor is not None:
+        with suppress(OSError):
+            path.unlink()
+        os.close(descriptor)
+
+
+def _is_at(descriptor: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.stat(path, follow_symlinks=False))
+    except OSError:
+        return False
 
 
 def _mode_of_existing(target: Path) -> int | None:

@@ -32,6 +32,11 @@ class Finding:
     problem: Problem
 
 
+def judged(holds: bool, problem: Problem, otherwise: Severity = Severity.REFUSAL) -> Finding:
+    """Return the finding of a condition: ok where it holds, else of the severity `otherwise`."""
+    return Finding(severity=Severity.OK if holds else otherwise, problem=problem)
+
+
 class Judged(Protocol):
     """Anything with a severity."""
 

@@ -13,9 +13,8 @@ from typing import Any
 from profiles.fields import Field, Kind, flatten, read_fields, schema_problem
 from profiles.problem import ProfileError
 
+# Suffix of the source of a job whose lobe was found on a simulated part.
 SIMULATED_SOURCE = "lobe of a simulated part, for practice"
-"""Suffix of the source of a job whose lobe was found on a simulated part."""
-
 LOBE_ERROR_SOURCES = ("measured", "fitted", "model", "assumed")
 
 
@@ -112,11 +111,9 @@ def copy_of(job: Job, name: str, original: str) -> Job:
     return replace(job, name=name, source=source, copied_from=original)
 
 
+# Minimum length, force and speed of a job: below these there is no part, and quotients become unphysical.
 LEAST_MM, LEAST_N, LEAST_RPM = 0.001, 0.1, 0.1
-"""Minimum length, force and speed of a job: below these there is no part, and quotients become unphysical."""
-
-LEAST_CUT_MM = 0.0001
-"""Minimum depth and feed: a tenth of a micrometre."""
+LEAST_CUT_MM = 0.0001  # minimum depth and feed: a tenth of a micrometre
 
 
 def _number(key: str, table: str, unit: str, at_least: float, at_most: float, *, optional: bool = False) -> Field:

@@ -16,16 +16,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from profiles.arrays import Floats, floats
 
-HUBER = 1.345
-"""Residuals in standard deviations from which Huber's weights fall: 95 % efficient for white noise."""
-
-SIGMA_OF_MEDIAN = 1.4826
-"""Standard deviation over the median of the absolute residuals, for white noise."""
-
+CONFIDENCE = 0.95  # the one confidence level used everywhere
+ROUNDING = 1e-9  # fraction of the largest measurement below which residuals are rounding and are not judged
+HUBER = 1.345  # residuals in standard deviations from which Huber's weights fall: 95 % efficient for white noise
+SIGMA_OF_MEDIAN = 1.4826  # standard deviation over the median of the absolute residuals, for white noise
 _HUBER_ROUNDS = 50
 
 
@@ -133,4 +130,34 @@ def _solved(columns: Floats) -> tuple[Floats, float]:
     least = np.finfo(np.float64).eps * squares.size * squares[-1]
     inverse = np.divide(1.0, squares, out=np.zeros_like(squares), where=squares > least)
     condition = math.sqrt(squares[-1] * inverse[0]) if inverse[0] else math.inf
-    return np.asarray((directions * inverse) @ directions.T, dtype=np.float64), condition
+    return floats((directions * inverse) @ directions.T), condition
+
+
+def student(freedom: float, chance: float = 1.0 - CONFIDENCE) -> float:
+    """Return the half-width in standard errors: both tails of Student's t together hold `chance`."""
+    from scipy.special import ndtri, stdtrit
+
+    below = 1.0 - 0.5 * chance
+    return float(ndtri(below) if math.isinf(freedom) else stdtrit(freedom, below))
+
+
+def chance_of(ratio: float, added: int, freedom: float) -> float:
+    """Return the probability of Fisher's F of `ratio` or more, with `added` over `freedom` degrees of freedom."""
+    from scipy.special import fdtrc
+
+    return float(fdtrc(added, freedom, ratio))
+
+
+def outliers(design: Floats, left: Floats) -> tuple[int, ...]:
+    """Return the indices of residuals that chance would produce in one of twenty tables.
+
+    `design` has shape (M, k), `left` (M,) are the residuals. Each is studentised by the fit of the others;
+    Student's t with M - k - 1 degrees of freedom, Bonferroni-corrected for M.
+    """
+    freedom = left.size - design.shape[1] - 1
+    spared = 1.0 - np.einsum("ij,jk,ik->i", design, cofactors(design), design)
+    with np.errstate(all="ignore"):  # a measurement that alone determines a parameter gives 0 / 0
+        others = (float(left @ left) - left**2 / spared) / freedom
+        limit = student(freedom, (1.0 - CONFIDENCE) / left.size)
+        found = left**2 > limit**2 * np.maximum(others, 0.0) * spared
+    return tuple(int(place) for place in np.flatnonzero(found & (spared > ROUNDING)))

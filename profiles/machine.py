@@ -17,23 +17,15 @@ from profiles.machine_fields import (
     SECTIONS,
     SIGNED_FOR,
     TOP_FIELDS,
+    impossible,
     inverter_problems,
     read_assumed,
     read_variables,
 )
+from profiles.machine_fields import SAFETY_DEVICES as SAFETY_DEVICES
 from profiles.problem import Problem, ProfileError
 
 _AXES = ("tool", "spindle", "carriage")
-
-SAFETY_DEVICES = (
-    "emergency_stop",
-    "safe_torque_off",
-    "guard",
-    "enabling_device",
-    "chuck_closed",
-    "key_removed",
-    "spindle_permit",
-)
 
 MACHINE, SIMULATOR = SIGNED_FOR
 
@@ -154,12 +146,11 @@ class Chuck:
     `max_force_n` is the total over all jaws. `safety_factor` is S_sp of VDI 3106: what the force at rest is
     divided by before the centrifugal loss is taken from it.
 
-    Data for predictions, None if unknown: the length of the jaws along the axis; the stiffness of one jaw at
-    1000 N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the total force
-    per N m at the wrench, the force at no torque (None beside the first is 0), and its scatter between
-    clampings; the lowest mode of parts in it. `name` is the name of the chuck at the lathe.
-    `force_line_variance` is that of the wrench line from a calibration, not a key of a file: of the offset
-    (N^2), of both together, of the slope.
+    Data for predictions, None if unknown: the length of the jaws along the axis; the stiffness of one jaw at 1000
+    N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the total force per N m at
+    the wrench, the force at no torque (None beside the first is 0), and its scatter between clampings; the lowest
+    mode of parts in it. `name` is the name of the chuck at the lathe. `force_line_variance` is that of the wrench
+    line from a calibration, not a key of a file: of the offset (N^2), of both together, of the slope.
     """
 
     jaws: int
@@ -268,7 +259,6 @@ def machine_from_table(table: Mapping[str, Any], *, where: str = "") -> MachineP
 
 
 def _read_sections(table: Mapping[str, Any], where: str, problems: list[Problem]) -> dict[str, dict[str, Any]]:
-    """Return the values of each section that is present; add its problems to `problems`."""
     sections: dict[str, dict[str, Any]] = {}
     given: dict[str, Any] | None = None
     for name, fields in SECTIONS.items():
@@ -297,45 +287,30 @@ def _table(
     inner = table.get(name)
     if isinstance(inner, dict):
         return inner
-    key, limit = prefix + name, f"[{prefix}{name}]"
-    if inner is None:
-        problems.append(Problem(code="key.missing", where=where, key=key, limit=limit))
-    else:
-        problems.append(Problem(code="value.not_table", where=where, key=key, value=spelled(inner), limit=limit))
+    code, value = ("key.missing", "") if inner is None else ("value.not_table", spelled(inner))
+    problems.append(Problem(code=code, where=where, key=prefix + name, value=value, limit=f"[{prefix}{name}]"))
     return None
 
 
 def _crossings(sections: Mapping[str, Mapping[str, Any]], where: str) -> list[Problem]:
-    """Return the contradictions that make the machine impossible: reversed travel limits, a shared motor."""
-    met: list[tuple[str, str, str]] = []
+    """Return the contradictions that make the machine impossible.
+
+    Reversed travel limits, a shared motor, a force without torque whose line is otherwise unknown.
+    """
+    problems = []
+    chuck, slope = sections.get("chuck", {}), "force_per_torque_n_per_n_m"
+    if chuck.get("force_offset_n") is not None and chuck.get(slope) is None:
+        problems.append(Problem(code="key.missing", where=where, key=f"chuck.{slope}", limit="force_offset_n"))
     for name in ("tool", "carriage"):
-        low = sections.get(name, {}).get("travel_min_mm")
-        high = sections.get(name, {}).get("travel_max_mm")
+        low, high = (sections.get(name, {}).get(f"travel_{end}_mm") for end in ("min", "max"))
         if low is not None and high is not None and low >= high:
-            met.append((f"{name}.travel_max_mm", f"{high:g} mm", f"> {low:g} mm"))
+            problems.append(impossible(f"{name}.travel_max_mm", f"{high:g} mm", f"> {low:g} mm", where))
     owners: dict[int, str] = {}
     for name in _AXES:
         motor = sections.get(name, {}).get("motor")
-        if motor is None:
-            continue
-        if motor in owners:
-            met.append((f"{name}.motor", str(motor), f"≠ {owners[motor]}.motor"))
-        owners.setdefault(motor, name)
-    return [
-        *_half_a_wrench(sections.get("chuck", {}), where),
-        *(
-            Problem(code="value.out_of_range", where=where, key=key, value=value, limit=limit)
-            for key, value, limit in met
-        ),
-    ]
-
-
-def _half_a_wrench(chuck: Mapping[str, Any], where: str) -> list[Problem]:
-    """Report a force without torque whose line is otherwise unknown."""
-    slope = "force_per_torque_n_per_n_m"
-    if chuck.get("force_offset_n") is None or chuck.get(slope) is not None:
-        return []
-    return [Problem(code="key.missing", where=where, key=f"chuck.{slope}", limit="force_offset_n")]
+        if motor is not None and owners.setdefault(motor, name) != name:
+            problems.append(impossible(f"{name}.motor", str(motor), f"≠ {owners[motor]}.motor", where))
+    return problems
 
 
 def is_signature(signed_by: str) -> bool:
@@ -344,10 +319,7 @@ def is_signature(signed_by: str) -> bool:
 
 
 def signature_gaps(sections: Mapping[str, Mapping[str, Any]], *, where: str) -> list[Problem]:
-    """Return the refusal of a signature without a name, or without what was signed for.
-
-    Problem codes: `safety.nobody_named`, `key.missing`.
-    """
+    """Return the refusal (`safety.nobody_named`, `key.missing`) of a signature without a name or a use."""
     safety = sections.get("safety", {})
     signed_by, key = safety.get("signed_by"), "safety.signed_by"
     if not signed_by:
@@ -364,13 +336,7 @@ def real_machine_problems(machine: MachineProfile) -> tuple[Problem, ...]:
 
     A copy of a bundled profile carries its signature along; it must be signed again for the real machine.
     """
-    if machine.safety.signed_for != SIMULATOR:
+    signed_for, code = machine.safety.signed_for, "safety.signed_for_simulator"
+    if signed_for != SIMULATOR:
         return ()
-    problem = Problem(
-        code="safety.signed_for_simulator",
-        where=machine.name,
-        key="safety.signed_for",
-        value=machine.safety.signed_for,
-        limit=MACHINE,
-    )
-    return (problem,)
+    return (Problem(code=code, where=machine.name, key="safety.signed_for", value=signed_for, limit=MACHINE),)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -18,34 +19,26 @@ SPINDLE_DRIVES = ("servo", "inverter")
 LOSS_POLICIES = ("retract", "finish", "stop")
 FITTED = ("wired", "not fitted", "unknown")
 SIGNED_FOR = ("machine", "simulator")
+SAFETY_DEVICES = (
+    "emergency_stop",
+    "safe_torque_off",
+    "guard",
+    "enabling_device",
+    "chuck_closed",
+    "key_removed",
+    "spindle_permit",
+)
 
 # Suffixes (Ixx..) whose value 0 means "no limit" on this controller: following error, abort deceleration,
 # program velocity, program acceleration, jog acceleration.
 LIMIT_SUFFIXES = ("11", "15", "16", "17", "19")
-_REQUIRED_SUFFIXES = (
-    "00",
-    "08",
-    "09",
-    "11",
-    "12",
-    "13",
-    "14",
-    "15",
-    "16",
-    "17",
-    "19",
-    "20",
-    "21",
-    "22",
-    "23",
-)
+_REQUIRED_SUFFIXES = ("00", "08", "09", "11", "12", "13", "14", "15", "16", "17", "19", "20", "21", "22", "23")
 _REQUIRED_GLOBALS = ("I10", "I15")
 _VARIABLE = re.compile(r"I(0|[1-9]\d{0,3})")
 _VARIABLE_FIELD = Field(key="", at_least=-(2.0**47), at_most=2.0**47)
 
+# Minimum ratio of a value above 0 to its maximum: smaller ones are a wrong unit, and break quotients.
 LEAST_SHARE = 1e-8
-"""Minimum ratio of a value above 0 to its maximum: smaller ones are a wrong unit, and break quotients."""
-
 _MOTOR = Field(key="motor", kind=Kind.WHOLE, at_least=1, at_most=8)
 
 TOP_FIELDS: tuple[Field, ...] = (
@@ -56,28 +49,22 @@ TOP_FIELDS: tuple[Field, ...] = (
     Field(key="link", kind=Kind.TEXT, default=""),
 )
 
+# Optional sections of a profile: every key of them has a default.
 OPTIONAL_SECTIONS = frozenset({"heartbeat", "safety"})
-"""Optional sections of a profile: every key of them has a default."""
-
 _OF_INVERTER = ("ramp_rpm_per_s", "slip_rpm")
 _DEFINED_MOTOR = re.compile(r"\s*#\s*(\d+)\s*->\s*(?!0\s*$)", re.ASCII)
 
 
-def _positive(key: str, unit: str, at_most: float) -> Field:
-    return Field(key=key, unit=unit, at_least=LEAST_SHARE * at_most, at_most=at_most)
+def _positive(key: str, unit: str, at_most: float, *, optional: bool = False) -> Field:
+    return Field(key=key, unit=unit, at_least=LEAST_SHARE * at_most, at_most=at_most, optional=optional)
 
 
-def _known(key: str, unit: str, at_most: float) -> Field:
-    """Return the field of a number above 0 that a profile may leave out if unknown."""
-    return Field(key=key, unit=unit, at_least=LEAST_SHARE * at_most, at_most=at_most, optional=True)
+_known = partial(_positive, optional=True)
+"""A number above 0 that a profile may leave out if unknown."""
 
 
 def _travel(key: str) -> Field:
     return Field(key=key, unit="mm", at_least=-10_000, at_most=10_000)
-
-
-def _fitted(key: str) -> Field:
-    return Field(key=key, kind=Kind.CHOICE, choices=FITTED, default="unknown")
 
 
 SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
@@ -155,13 +142,7 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             Field(key="grace_ms", unit="ms", at_least=1, at_most=60_000, default=1100.0),
         ),
         "safety": (
-            _fitted("emergency_stop"),
-            _fitted("safe_torque_off"),
-            _fitted("guard"),
-            _fitted("enabling_device"),
-            _fitted("chuck_closed"),
-            _fitted("key_removed"),
-            _fitted("spindle_permit"),
+            *(Field(key=key, kind=Kind.CHOICE, choices=FITTED, default="unknown") for key in SAFETY_DEVICES),
             Field(key="signed_by", kind=Kind.TEXT, default=""),
             Field(key="signed_for", kind=Kind.CHOICE, choices=SIGNED_FOR, default=""),
             Field(key="inputs", kind=Kind.TEXTS, default=()),
@@ -189,16 +170,11 @@ def read_variables(
             problems.append(Problem(code=code, where=where, key=key, value=spelled(value), limit=limit))
         elif isinstance(value, int | float):
             if name in limits and value <= 0:
-                problems.append(
-                    Problem(code="value.out_of_range", where=where, key=key, value=spelled(value), limit="> 0")
-                )
+                problems.append(impossible(key, spelled(value), "> 0", where))
             values[name] = value
     needed = [*_REQUIRED_GLOBALS, *(f"I{motor}{suffix}" for motor in motors for suffix in _REQUIRED_SUFFIXES)]
-    problems.extend(
-        Problem(code="key.missing", where=where, key=f"controller.variables.{name}")
-        for name in needed
-        if name not in given
-    )
+    missing = (f"controller.variables.{name}" for name in needed if name not in given)
+    problems += [Problem(code="key.missing", where=where, key=key) for key in missing]
     return MappingProxyType(values), problems
 
 
@@ -217,41 +193,27 @@ def inverter_problems(sections: Mapping[str, Mapping[str, Any]], *, where: str) 
     """Return the contradictions between the spindle's drive and the rest of the machine.
 
     A program moves every axis of its coordinate system in closed loop: a spindle that the controller cannot move
-    must be none of them.
+    must be none of them; `->0` defines none.
     """
-    spindle = sections.get("spindle", {})
-    drive = spindle.get("drive")
-    if drive == "inverter":
-        return [*_missing(spindle, where), *_defined(spindle, sections.get("controller", {}), where)]
-    needed = 'spindle.drive = "inverter"'
+    spindle, controller = sections.get("spindle", {}), sections.get("controller", {})
+    given = [key for key in _OF_INVERTER if spindle.get(key) is not None]
+    if spindle.get("drive") == "servo":
+        needed = 'spindle.drive = "inverter"'
+        return [impossible(f"spindle.{key}", spelled(spindle[key]), needed, where) for key in given]
+    if spindle.get("drive") != "inverter":
+        return []
+    motor, axes = spindle.get("motor"), "axis_definitions"
+    missing = [f"spindle.{key}" for key in _OF_INVERTER if key not in given]
     return [
-        Problem(
-            code="value.out_of_range", where=where, key=f"spindle.{key}", value=spelled(spindle[key]), limit=needed
-        )
-        for key in _OF_INVERTER
-        if drive == "servo" and spindle.get(key) is not None
+        *(Problem(code="key.missing", where=where, key=key) for key in missing),
+        *(
+            impossible(f"controller.{axes}", spelled(text), f"#{motor}->0", where)
+            for text in controller.get(axes, ())
+            if (found := _DEFINED_MOTOR.match(text)) and int(found[1]) == motor
+        ),
     ]
 
 
-def _missing(spindle: Mapping[str, Any], where: str) -> list[Problem]:
-    return [
-        Problem(code="key.missing", where=where, key=f"spindle.{key}")
-        for key in _OF_INVERTER
-        if spindle.get(key) is None
-    ]
-
-
-def _defined(spindle: Mapping[str, Any], controller: Mapping[str, Any], where: str) -> list[Problem]:
-    """Return a refusal for each definition that makes the spindle an axis; `->0` defines none."""
-    motor, name = spindle.get("motor"), "axis_definitions"
-    return [
-        Problem(
-            code="value.out_of_range",
-            where=where,
-            key=f"controller.{name}",
-            value=spelled(text),
-            limit=f"#{motor}->0",
-        )
-        for text in controller.get(name, ())
-        if (found := _DEFINED_MOTOR.match(text)) and int(found[1]) == motor
-    ]
+def impossible(key: str, value: str, limit: str, where: str) -> Problem:
+    """Return the refusal of a value that is out of range beside the others."""
+    return Problem(code="value.out_of_range", where=where, key=key, value=value, limit=limit)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from profiles.problem import Problem, ProfileError
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Material:
     """One group: Kienzle's two constants, Young's modulus, Poisson's ratio, and its yield strength."""
 
@@ -29,27 +29,16 @@ class Material:
         return 1000 * self.youngs_modulus_gpa
 
 
-def _group(name: str, kc1: float, exponent: float, modulus: float, poisson: float, strength: float) -> Material:
-    return Material(
-        name=name,
-        kc1_n_per_mm2=kc1,
-        chip_exponent=exponent,
-        youngs_modulus_gpa=modulus,
-        poisson=poisson,
-        yield_mpa=strength,
-    )
-
-
 MATERIALS: tuple[Material, ...] = (
-    _group("aluminium, wrought, not hardenable", 700, 0.25, 70, 0.33, 120),
-    _group("aluminium, wrought, hardenable", 800, 0.25, 70, 0.33, 240),
-    _group("aluminium, cast, up to 12 % Si", 700, 0.25, 73, 0.33, 90),
-    _group("steel, below 0.25 % C", 1350, 0.21, 206, 0.30, 235),
-    _group("steel, from 0.25 % C, annealed", 1500, 0.22, 206, 0.30, 340),
-    _group("steel, below 0.55 % C, quenched and tempered", 1675, 0.24, 206, 0.30, 490),
-    _group("steel, low alloy, annealed", 1775, 0.24, 206, 0.30, 415),
-    _group("steel, low alloy, quenched and tempered", 1800, 0.24, 206, 0.30, 700),
-    _group("stainless steel, austenitic", 2150, 0.20, 193, 0.29, 205),
+    Material("aluminium, wrought, not hardenable", 700, 0.25, 70, 0.33, 120),
+    Material("aluminium, wrought, hardenable", 800, 0.25, 70, 0.33, 240),
+    Material("aluminium, cast, up to 12 % Si", 700, 0.25, 73, 0.33, 90),
+    Material("steel, below 0.25 % C", 1350, 0.21, 206, 0.30, 235),
+    Material("steel, from 0.25 % C, annealed", 1500, 0.22, 206, 0.30, 340),
+    Material("steel, below 0.55 % C, quenched and tempered", 1675, 0.24, 206, 0.30, 490),
+    Material("steel, low alloy, annealed", 1775, 0.24, 206, 0.30, 415),
+    Material("steel, low alloy, quenched and tempered", 1800, 0.24, 206, 0.30, 700),
+    Material("stainless steel, austenitic", 2150, 0.20, 193, 0.29, 205),
 )
 
 _WORDS: dict[str, int] = {
@@ -75,8 +64,7 @@ def material_or_none(word: str) -> Material | None:
 def material_named(word: str) -> Material:
     """Return the material that a job names.
 
-    Raises:
-        ProfileError: `rule.material_unknown`, with the known words.
+    Raises `ProfileError`: `rule.material_unknown`, with the known words.
     """
     found = material_or_none(word)
     if found is None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from datetime import date
 from enum import Enum
@@ -16,42 +16,33 @@ from types import NoneType, UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from profiles.files import printable
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
 Record = TypeVar("Record")
 
-DEPTH_CAP = 40
-"""Far deeper than any of our files: deeper nesting would fail in Python when it is read or shown."""
+DEPTH_CAP = 40  # far deeper than any of our files: deeper nesting would fail in Python when it is read or shown
 
 
 def from_json(content: str | bytes) -> Any:
-    """Parse a JSON text.
-
-    Raises:
-        ValueError: it is none, or nested too deeply.
-    """
+    """Parse a JSON text. Raises `ValueError`: it is none, or nested too deeply."""
     try:
         found = json.loads(content)
     except RecursionError:
         raise ValueError(f"> {DEPTH_CAP} levels") from None
     level: list[Any] = [found]
     for _ in range(DEPTH_CAP):
-        level = [inner for each in level if isinstance(each, dict | list) for inner in _inside(each)]
+        nested = (each for each in level if isinstance(each, dict | list))
+        level = [inner for each in nested for inner in (each.values() if isinstance(each, dict) else each)]
         if not level:
             return found
     raise ValueError(f"> {DEPTH_CAP} levels")
 
 
-def _inside(value: dict[str, Any] | list[Any]) -> Iterable[Any]:
-    return value.values() if isinstance(value, dict) else value
-
-
 def number(value: object) -> float:
     """Return a finite number as a float.
 
-    Raises:
-        TypeError: a text, a truth value, anything that is no number.
-        ValueError: infinity, NaN, or an integer that no float can hold.
+    Raises `TypeError` of a text, a truth value, anything that is no number; `ValueError` of infinity, NaN, or an
+    integer that no float can hold.
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{value!r} is no number")
@@ -73,35 +64,22 @@ def positive(value: object) -> float:
 
 
 def whole(value: object) -> int:
-    """Return a whole number unchanged: nothing is rounded.
-
-    Raises:
-        TypeError: anything else.
-    """
+    """Return a whole number unchanged: nothing is rounded. Raises `TypeError` of anything else."""
     if type(value) is not int:
         raise TypeError(f"{value!r} is no whole number")
     return value
 
 
-def flag(value: object) -> bool:
-    """Return a truth value.
-
-    Raises:
-        TypeError: anything else.
-    """
-    if not isinstance(value, bool):
-        raise TypeError(f"{value!r} is neither true nor false")
+def text(value: object) -> str:
+    """Return a text. Raises `TypeError` of anything else."""
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
     return value
 
 
-def text(value: object) -> str:
-    """Return a text.
-
-    Raises:
-        TypeError: anything else.
-    """
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r} is no text")
+def _flag(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise TypeError(f"{value!r} is neither true nor false")
     return value
 
 
@@ -117,34 +95,28 @@ def read_own(
     """Read the content of one of our files from its JSON; every kind of file is read by this.
 
     `code` is the problem code for a file that is not such a record. `judge` raises a ValueError for impossible
-    values.
-
-    Raises:
-        ProfileError: `schema.unsupported`, it was written by another version of the console; `code`.
+    values. Raises `ProfileError`: `schema.unsupported`, it was written by another version of the console; `code`.
     """
     try:
         if not isinstance(table, Mapping):
             raise TypeError(f"{type(table).__name__} in the place of an object")
         version = table["schema"]
         if type(version) is not int or version != schema:
-            value = printable(str(version), 60)
-            raise ProfileError(
-                Problem(code="schema.unsupported", where=where, key="schema", value=value, limit=str(schema))
-            )
+            shown = printable(str(version), 60)
+            raise refused("schema.unsupported", where=where, key="schema", value=shown, limit=str(schema))
         own = {field.name for field in fields(kind)}  # type: ignore[arg-type]
         found = record(kind, {key: value for key, value in table.items() if key != "schema" or key in own})
         judge(found)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         value = printable(" ".join(f"{type(error).__name__}: {error}".split()))
-        raise ProfileError(Problem(code=code, where=where, value=value)) from error
+        raise refused(code, where=where, value=value) from error
     return found
 
 
 def record(kind: type[Record], table: Mapping[str, Any]) -> Record:
     """Return a dataclass of plain values, each of the type of its field; a field with a default may be missing.
 
-    Raises:
-        TypeError, ValueError: a value of another type, a key that is missing, or one that is unknown.
+    Raises `TypeError`, `ValueError`: a value of another type, a key that is missing, or one that is unknown.
     """
     hints = get_type_hints(kind)
     known = {field.name for field in fields(kind)}  # type: ignore[arg-type]
@@ -166,7 +138,10 @@ def _typed(hint: Any, value: object) -> Any:
         (other,) = (each for each in inner if each is not NoneType)
         return None if value is None else _typed(other, value)
     if origin is tuple and isinstance(value, list | tuple):
-        return _members(inner, value)
+        kinds = [inner[0]] * len(value) if inner[1:] == (...,) else list(inner)
+        if len(kinds) != len(value):
+            raise ValueError(f"{len(value)} values in the place of {len(kinds)}")
+        return tuple(_typed(kind, each) for kind, each in zip(kinds, value, strict=True))
     if isinstance(origin, type) and issubclass(origin, Mapping) and isinstance(value, Mapping):
         return {text(key): _typed(inner[1], each) for key, each in value.items()}
     if isinstance(hint, type) and issubclass(hint, Enum):
@@ -174,15 +149,10 @@ def _typed(hint: Any, value: object) -> Any:
     raise TypeError(f"{value!r} is no {hint}")
 
 
-def _members(inner: tuple[Any, ...], value: list[Any] | tuple[Any, ...]) -> tuple[Any, ...]:
-    kinds = [inner[0]] * len(value) if inner[1:] == (...,) else list(inner)
-    if len(kinds) != len(value):
-        raise ValueError(f"{len(value)} values in the place of {len(kinds)}")
-    return tuple(_typed(kind, each) for kind, each in zip(kinds, value, strict=True))
-
-
-def _day(value: object) -> date:
-    return date.fromisoformat(text(value))
-
-
-_PLAIN: Mapping[Any, Callable[[object], Any]] = {float: number, int: whole, bool: flag, str: text, date: _day}
+_PLAIN: Mapping[Any, Callable[[object], Any]] = {
+    float: number,
+    int: whole,
+    bool: _flag,
+    str: text,
+    date: lambda value: date.fromisoformat(text(value)),
+}

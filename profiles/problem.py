@@ -49,3 +49,8 @@ class ProblemError(Exception):
 
 class ProfileError(ProblemError):
     """A job, a machine profile or a trace that cannot be used."""
+
+
+def refused(code: str, *, where: str = "", key: str = "", value: str = "", limit: str = "") -> ProfileError:
+    """Return the error of one problem."""
+    return ProfileError(Problem(code=code, where=where, key=key, value=value, limit=limit))

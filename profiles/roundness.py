@@ -5,10 +5,7 @@ limacon model (deviation = R + x cos + y sin), which holds while eccentricity^2 
 part of known radius is taken about its own centre. Names after ISO 12181-1 (RONt, RONp, RONv, RONq; LSC: least
 squares circle, MZC: minimum zone, MCC: minimum circumscribed, MIC: maximum inscribed) and ISO 16610-21 (the
 Gaussian filter, here for a closed profile: no end effects). Where a circle may slide (MCC and MIC of an oval)
-the position with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.sliding`.
-
-Problem codes: those of `profiles.metrology`, and `trace.unequal_angles`, `trace.eccentric`; as a warning also
-`trace.few_points` and `trace.off_axis`.
+the position with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.exchange`.
 """
 
 from __future__ import annotations
@@ -19,27 +16,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from profiles.arrays import Floats
 from profiles.metrology.circles import LEAST_SQUARES, ReferenceCircle, least_squares
 from profiles.metrology.filters import POINTS_PER_UNDULATION, gaussian_filter
 from profiles.metrology.geometric import circles_about_axis, geometric_circle, polar
-from profiles.metrology.harmonics import Harmonic, harmonics
-from profiles.metrology.points import (
-    FloatArray,
-    at_equal_angles,
-    checked,
-    equally_spaced,
-    largest_gap_deg,
-)
-from profiles.metrology.robust import filled, suspects
-from profiles.problem import Problem, ProfileError
+from profiles.metrology.harmonics import Harmonic, filled, harmonics, suspects
+from profiles.metrology.points import at_equal_angles, checked, equally_spaced, largest_gap_deg
+from profiles.problem import Problem, refused
 
 # The ovality, p-p, that the limacon model may add before the part is taken about its own centre.
 _MOST_OVALITY_UM = 0.05
-OFF_AXIS = "trace.off_axis"
-"""Code of the warning that a part is off the axis and its radius is not stated."""
-
-SMALLEST_MM = 5.0
-"""Smallest assumed part radius where a trace does not state it."""
+OFF_AXIS = "trace.off_axis"  # code of the warning that a part is off the axis and its radius is not stated
+SMALLEST_MM = 5.0  # smallest assumed part radius where a trace does not state it
 # Fraction of the radius: further off centre the angles about the axis say little about those of the part.
 _MOST_ECCENTRIC = 0.1
 
@@ -96,8 +84,8 @@ class _Centred:
     `out` are the excluded points.
     """
 
-    angle_deg: FloatArray
-    profile_um: FloatArray
+    angle_deg: Floats
+    profile_um: Floats
     out: NDArray[np.bool_]
     mean_um: float
     x_um: float
@@ -155,7 +143,7 @@ def evaluate(
     )
 
 
-def centred_profile(angle_deg: ArrayLike, deviation_um: ArrayLike, filter_upr: float | None = 50.0) -> FloatArray:
+def centred_profile(angle_deg: ArrayLike, deviation_um: ArrayLike, filter_upr: float | None = 50.0) -> Floats:
     """Return the local deviations from the least squares circle, filtered, in the given order; shape (M,)."""
     angle, deviation = checked(angle_deg, deviation_um)
     centred = _centred(angle, deviation, np.ones(angle.shape, dtype=bool), None)
@@ -163,7 +151,7 @@ def centred_profile(angle_deg: ArrayLike, deviation_um: ArrayLike, filter_upr: f
 
 
 def _centred(
-    angle_deg: FloatArray, deviation_um: FloatArray, kept: NDArray[np.bool_], radius_mm: float | None
+    angle_deg: Floats, deviation_um: Floats, kept: NDArray[np.bool_], radius_mm: float | None
 ) -> _Centred:
     """Subtract the circle of the points that are kept from all points."""
     mean_um, x_um, y_um = least_squares(angle_deg[kept], deviation_um[kept])
@@ -174,7 +162,7 @@ def _centred(
         return centred
     if math.hypot(x_um, y_um) > 1000 * _MOST_ECCENTRIC * radius_mm:
         value, limit = f"{math.hypot(x_um, y_um):.0f} um", f"<= {1000 * _MOST_ECCENTRIC * radius_mm:.0f} um"
-        raise ProfileError(Problem(code="trace.eccentric", key="eccentricity", value=value, limit=limit))
+        raise refused("trace.eccentric", key="eccentricity", value=value, limit=limit)
     distance = 1000 * radius_mm + deviation_um
     x, y = distance * np.cos(theta), distance * np.sin(theta)
     circle = geometric_circle(LEAST_SQUARES, x[kept], y[kept], (x_um, y_um))
@@ -192,16 +180,13 @@ def _centred(
 
 
 def _filtered(
-    measured_deg: FloatArray, centred: _Centred, filter_upr: float | None, above_upr: float | None
+    measured_deg: Floats, centred: _Centred, filter_upr: float | None, above_upr: float | None
 ) -> _Centred:
-    """Return the profile through the filter, at equal angles where it was taken about its own centre."""
     if filter_upr is None:
-        raise ProfileError(
-            Problem(code="value.out_of_range", key="filter_upr", value="none", limit=f"> {above_upr} UPR")
-        )
+        raise refused("value.out_of_range", key="filter_upr", value="none", limit=f"> {above_upr} UPR")
     if not equally_spaced(measured_deg):
         value, limit = f"{largest_gap_deg(measured_deg):g} deg", f"{360 / measured_deg.size:g} deg"
-        raise ProfileError(Problem(code="trace.unequal_angles", key="angle_deg", value=value, limit=limit))
+        raise refused("trace.unequal_angles", key="angle_deg", value=value, limit=limit)
     if centred.out.any():
         centred = replace(centred, profile_um=filled(centred.angle_deg, centred.profile_um, centred.out))
     if centred.recentred:
@@ -216,7 +201,6 @@ def _filtered(
 
 
 def _from_axis(circle: ReferenceCircle, centred: _Centred) -> ReferenceCircle:
-    """Return a circle of the centred profile relative to the axis of measurement."""
     return replace(
         circle,
         centre_x_um=circle.centre_x_um + centred.x_um,

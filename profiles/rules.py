@@ -35,47 +35,43 @@ from __future__ import annotations
 
 import math
 
-from profiles.chucking.advice import force_span
-from profiles.chucking.grip import MOST_GRIP_LOSS
-from profiles.chucking.holding import holding_of
-from profiles.chucking.job_grip import (
+from profiles.chucking.advice import force_span, wall_stress_mpa
+from profiles.chucking.grip import (
+    MOST_GRIP_LOSS,
     centrifugal_loss_n,
     force_sd_n,
     grip_margin_n,
     lobe_um_per_n,
     needed_grip_n,
 )
-from profiles.chucking.ring import Ring, bending_stress_mpa, is_thin
-from profiles.findings import Finding, Severity, refusals
+from profiles.findings import Finding, Severity, judged, refusals
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import any_stated, force_as_found, lobe_differences, lobe_unstated
-from profiles.machine import MachineProfile
+from profiles.machine import Carriage, MachineProfile, ToolAxis
 from profiles.materials import material_or_none, unknown_material
 from profiles.problem import Problem
 
+# Refusals where no model applies: a part that cannot be held or cut at all.
 IMPOSSIBLE = ("rule.wall_over_radius", "rule.depth_over_wall", "rule.grip_margin")
-"""Refusals where no model applies: a part that cannot be held or cut at all."""
-
+# Of the wall left where the tool is deepest. A thinner one yields to the chip, not to the jaws.
 LEAST_WALL_MM = 0.2
-"""Of the wall left where the tool is deepest. A thinner one yields to the chip, not to the jaws."""
-
-SAME_FORCE = 0.005
-"""Relative difference at which two chucking forces are still the same setting of the wrench."""
+SAME_FORCE = 0.005  # relative difference at which two chucking forces are still the same setting of the wrench
 
 
 def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     """Return one finding for every rule that can be judged, in the order of the module's list."""
     of_part, of_grip = _part(job, machine), _grip(job, machine)
+    span, key = force_span(job, machine), "chucking_force_n"
+    jaws = Problem(code="rule.jaws_differ", key="jaws", value=str(job.jaws), limit=str(machine.chuck.jaws))
     return (
         *of_part,
         *of_grip,
         *_clamping(job, machine),
-        _clamp_span(job, machine),
+        _finding("rule.clamp_span", key, not span.empty, span.least_n, "<=", span.most_n, "N", Severity.WARNING),
         _at_most("rule.feed_over_land", "feed_mm_per_rev", job.feed_mm_per_rev, machine.tool.wiper_land_mm, "mm"),
-        _tool_travel(job, machine),
-        _carriage_travel(job, machine),
+        *_travel(job, machine),
         *_tool_load(job, machine),
-        _jaws(job, machine),
+        judged(job.jaws == machine.chuck.jaws, jaws, Severity.WARNING),
         *(() if job.lobe_force_n is None else (force_as_measured(job),)),
         *lobe_as_found(job, machine),
         *_chatter(job, machine, (*of_part, *of_grip)),
@@ -89,10 +85,9 @@ def same_force(one_n: float, other_n: float) -> bool:
 
 def force_as_measured(job: Job) -> Finding:
     """Return whether the part is held as when its lobe error was found: the error depends on the force."""
-    severity = Severity.OK if force_as_found(job) else Severity.WARNING
     value, limit = f"{job.chucking_force_n:.6g} N", f"{job.error_force_n:.6g} N"
     problem = Problem(code="rule.force_differs", key="chucking_force_n", value=value, limit=limit)
-    return Finding(severity=severity, problem=problem)
+    return judged(force_as_found(job), problem, Severity.WARNING)
 
 
 def lobe_as_found(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -103,122 +98,79 @@ def lobe_as_found(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     differing = lobe_differences(job, chuck=machine.chuck.name, tool=machine.tool.name)
     minded = (*differing, *lobe_unstated(job))
     if minded:
-        return tuple(Finding(severity=Severity.WARNING, problem=problem) for problem in minded)
+        return tuple(judged(False, problem, Severity.WARNING) for problem in minded)
     if not any_stated(job):
         return ()
-    return (Finding(severity=Severity.OK, problem=Problem(code="rule.lobe_differs", key="lobe_error_um_pp")),)
+    return (judged(True, Problem(code="rule.lobe_differs", key="lobe_error_um_pp")),)
 
 
 def _chatter(job: Job, machine: MachineProfile, judged: tuple[Finding, ...]) -> tuple[Finding, ...]:
-    """Judge whether a part that can be held and cut tolerates the width of cut."""
     impossible = any(finding.problem.code in IMPOSSIBLE for finding in refusals(judged))
     if impossible or material_or_none(job.material) is None:
         return ()
-    from profiles.lobe.one_pass import chatter_limit_mm  # loads numerics, which the first page does not need
+    from profiles.cutting_process import chatter_limit_mm  # loads numerics, which the first page does not need
 
     depth_mm, most_mm = job.depth_of_cut_mm, chatter_limit_mm(job, machine)
     return (_at_most("rule.chatter_width", "depth_of_cut_mm", depth_mm, most_mm, "mm", Severity.WARNING),)
 
 
 def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    wall, carriage = job.wall_thickness_mm, machine.carriage
-    lobe_mm = job.largest_amplitude_um / 1000
-    left_mm, depth_mm = wall - job.depth_of_cut_mm - lobe_mm, job.depth_of_cut_mm
-    free_mm = job.overhang_mm - carriage.jaw_clearance_mm
-    speed, force = job.spindle_speed_rpm, job.chucking_force_n
+    wall_mm, depth_mm, lobe_mm = job.wall_thickness_mm, job.depth_of_cut_mm, job.largest_amplitude_um / 1000
+    left_mm, free_mm = wall_mm - depth_mm - lobe_mm, job.overhang_mm - machine.carriage.jaw_clearance_mm
+    speed_rpm, force_n = job.spindle_speed_rpm, job.chucking_force_n
     return (
-        _at_most("rule.wall_over_radius", "wall_thickness_mm", wall, job.radius_mm, "mm"),
-        _at_least("rule.depth_over_wall", "depth_of_cut_mm", left_mm, LEAST_WALL_MM, "mm"),
-        _depth_under_lobe(depth_mm, lobe_mm),
+        _at_most("rule.wall_over_radius", "wall_thickness_mm", wall_mm, job.radius_mm, "mm"),
+        _finding(
+            "rule.depth_over_wall", "depth_of_cut_mm", left_mm >= LEAST_WALL_MM, left_mm, ">=", LEAST_WALL_MM
+        ),
+        # The initial surface was turned in this clamping, and is round there. Where the tool is out of it nothing
+        # is removed, and the released part keeps that much of its lobe.
+        _finding("rule.depth_under_lobe", "depth_of_cut_mm", depth_mm > lobe_mm, depth_mm, ">", lobe_mm),
         _at_most("rule.length_over_overhang", "cut_length_mm", job.cut_length_mm, free_mm, "mm"),
-        _at_most("rule.speed_over_machine", "spindle_speed_rpm", speed, machine.spindle.max_speed_rpm, "rpm"),
-        _at_most("rule.force_over_chuck", "chucking_force_n", force, machine.chuck.max_force_n, "N"),
+        _at_most("rule.speed_over_machine", "spindle_speed_rpm", speed_rpm, machine.spindle.max_speed_rpm, "rpm"),
+        _at_most("rule.force_over_chuck", "chucking_force_n", force_n, machine.chuck.max_force_n, "N"),
     )
 
 
-def _depth_under_lobe(depth_mm: float, lobe_mm: float) -> Finding:
-    """Check the path, mean depth plus and minus the lobe: its outermost point must be in the part.
-
-    The initial surface was turned in this clamping, and is round there. Where the tool is out of it nothing is
-    removed, and the released part keeps that much of its lobe.
-    """
-    return _finding("rule.depth_under_lobe", "depth_of_cut_mm", depth_mm > lobe_mm, depth_mm, ">", lobe_mm, "mm")
-
-
 def _grip(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    margin_n, loss_n = grip_margin_n(job, machine), centrifugal_loss_n(job, machine)
-    most_n = MOST_GRIP_LOSS * job.chucking_force_n
-    need_n = needed_grip_n(job, machine)
+    margin_n, need_n = grip_margin_n(job, machine), needed_grip_n(job, machine)
+    loss_n, most_n = centrifugal_loss_n(job, machine), MOST_GRIP_LOSS * job.chucking_force_n
+    key, warning = "chucking_force_n", Severity.WARNING
     return (
-        _finding("rule.grip_margin", "chucking_force_n", margin_n >= 0, margin_n, ">=", 0, "N"),
-        _finding(
-            "rule.grip_need",
-            "chucking_force_n",
-            margin_n >= need_n,
-            margin_n,
-            ">=",
-            need_n,
-            "N",
-            Severity.WARNING,
-        ),
+        _finding("rule.grip_margin", key, margin_n >= 0, margin_n, ">=", 0, "N"),
+        _finding("rule.grip_need", key, margin_n >= need_n, margin_n, ">=", need_n, "N", warning),
         _at_most("rule.grip_loss", "spindle_speed_rpm", loss_n, most_n, "N"),
     )
 
 
 def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     """Check the effect of the force; the stress if the material is known and the wall thin enough to bend."""
-    material, holding = material_or_none(job.material), holding_of(machine)
+    material, key, most_um = material_or_none(job.material), "chucking_force_n", job.roundness_tolerance_um
     scatter_um = lobe_um_per_n(job, machine) * force_sd_n(job, machine)
-    scatter = _at_most(
-        "rule.clamp_scatter", "chucking_force_n", scatter_um, job.roundness_tolerance_um, "um", Severity.WARNING
-    )
-    if material is None:
-        unknown = Finding(severity=Severity.WARNING, problem=unknown_material(job.material))
-        return (unknown, scatter)
-    known = Finding(severity=Severity.OK, problem=unknown_material(job.material))
-    if not is_thin(job.wall_thickness_mm, job.radius_mm):
+    known = judged(material is not None, unknown_material(job.material), Severity.WARNING)
+    scatter = _at_most("rule.clamp_scatter", key, scatter_um, most_um, "um", Severity.WARNING)
+    stress_mpa = wall_stress_mpa(job, machine, job.chucking_force_n / job.jaws)
+    if material is None or stress_mpa is None:
         return (known, scatter)
-    ring = Ring(
-        outside_mm=job.diameter_mm,
-        wall_mm=job.wall_thickness_mm,
-        length_mm=holding.jaw_length_mm,
-        material=material,
-    )
-    stress_mpa = bending_stress_mpa(ring, job.jaws, job.chucking_force_n / job.jaws)
-    return (known, _stress(job, stress_mpa, material.yield_mpa), scatter)
+    # The limit also gives the force, rounded down, at which the part still springs back.
+    most_n = math.floor(job.chucking_force_n * material.yield_mpa / stress_mpa)
+    value, limit = f"{stress_mpa:.6g} MPa", f"<= {material.yield_mpa:.6g} MPa ({most_n} N)"
+    stress = Problem(code="rule.clamp_stress", key=key, value=value, limit=limit)
+    return (known, judged(stress_mpa <= material.yield_mpa, stress), scatter)
 
 
-def _stress(job: Job, stress_mpa: float, yield_mpa: float) -> Finding:
-    """Check the stress; the limit also gives the force, rounded down, at which the part still springs back."""
-    most_n = math.floor(job.chucking_force_n * yield_mpa / stress_mpa)
-    limit = f"<= {yield_mpa:.6g} MPa ({most_n} N)"
-    problem = Problem(code="rule.clamp_stress", key="chucking_force_n", value=f"{stress_mpa:.6g} MPa", limit=limit)
-    return Finding(severity=Severity.OK if stress_mpa <= yield_mpa else Severity.REFUSAL, problem=problem)
-
-
-def _clamp_span(job: Job, machine: MachineProfile) -> Finding:
-    span = force_span(job, machine)
-    least_n, most_n, severity = span.least_n, span.most_n, Severity.WARNING
-    return _finding("rule.clamp_span", "chucking_force_n", not span.empty, least_n, "<=", most_n, "N", severity)
-
-
-def _tool_travel(job: Job, machine: MachineProfile) -> Finding:
-    """Check that the tool can clear the blank by the retract distance and reach the deepest point of the cut."""
-    tool = machine.tool
+def _travel(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+    """Check that the tool clears the blank and reaches the deepest point of the cut, and the carriage its ends."""
+    tool, carriage = machine.tool, machine.carriage
     surface_mm = tool.home_radius_mm - job.radius_mm
     out_mm = surface_mm - tool.retract_mm
     in_mm = surface_mm + job.depth_of_cut_mm + job.largest_amplitude_um / 1000
-    holds = tool.travel_min_mm <= out_mm and in_mm <= tool.travel_max_mm
-    return _span("rule.tool_travel", "diameter_mm", holds, (out_mm, in_mm), tool.travel_min_mm, tool.travel_max_mm)
-
-
-def _carriage_travel(job: Job, machine: MachineProfile) -> Finding:
-    carriage = machine.carriage
     start_mm = carriage.jaw_face_mm - job.overhang_mm
     end_mm = start_mm + job.cut_length_mm
-    low_mm, high_mm = carriage.travel_min_mm, carriage.travel_max_mm
-    holds = low_mm <= start_mm and end_mm <= high_mm
-    return _span("rule.carriage_travel", "overhang_mm", holds, (start_mm, end_mm), low_mm, high_mm)
+    return (
+        _within("rule.tool_travel", "diameter_mm", (out_mm, in_mm), tool),
+        _within("rule.carriage_travel", "overhang_mm", (start_mm, end_mm), carriage),
+    )
 
 
 def _tool_load(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -235,22 +187,10 @@ def _tool_load(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     )
 
 
-def _jaws(job: Job, machine: MachineProfile) -> Finding:
-    severity = Severity.OK if job.jaws == machine.chuck.jaws else Severity.WARNING
-    value, limit = str(job.jaws), str(machine.chuck.jaws)
-    return Finding(
-        severity=severity, problem=Problem(code="rule.jaws_differ", key="jaws", value=value, limit=limit)
-    )
-
-
 def _at_most(
     code: str, key: str, value: float, most: float, unit: str, otherwise: Severity = Severity.REFUSAL
 ) -> Finding:
     return _finding(code, key, value <= most, value, "<=", most, unit, otherwise)
-
-
-def _at_least(code: str, key: str, value: float, least: float, unit: str) -> Finding:
-    return _finding(code, key, value >= least, value, ">=", least, unit)
 
 
 def _finding(
@@ -260,18 +200,15 @@ def _finding(
     value: float,
     relation: str,
     bound: float,
-    unit: str,
+    unit: str = "mm",
     otherwise: Severity = Severity.REFUSAL,
 ) -> Finding:
     problem = Problem(code=code, key=key, value=f"{value:.6g} {unit}", limit=f"{relation} {bound:.6g} {unit}")
-    return Finding(severity=Severity.OK if holds else otherwise, problem=problem)
+    return judged(holds, problem, otherwise)
 
 
-def _span(code: str, key: str, holds: bool, met_mm: tuple[float, float], low_mm: float, high_mm: float) -> Finding:
-    problem = Problem(
-        code=code,
-        key=key,
-        value=f"{met_mm[0]:.6g} … {met_mm[1]:.6g} mm",
-        limit=f"{low_mm:.6g} … {high_mm:.6g} mm",
-    )
-    return Finding(severity=Severity.OK if holds else Severity.REFUSAL, problem=problem)
+def _within(code: str, key: str, ends_mm: tuple[float, float], axis: ToolAxis | Carriage) -> Finding:
+    low_mm, high_mm = axis.travel_min_mm, axis.travel_max_mm
+    value, limit = f"{ends_mm[0]:.6g} … {ends_mm[1]:.6g} mm", f"{low_mm:.6g} … {high_mm:.6g} mm"
+    problem = Problem(code=code, key=key, value=value, limit=limit)
+    return judged(low_mm <= ends_mm[0] and ends_mm[1] <= high_mm, problem)

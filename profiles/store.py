@@ -2,9 +2,6 @@
 
 A reference is the name of a saved profile (its file name without `.toml`; the operator's folder comes first)
 or a path, which contains a separator or ends in `.toml`. Bundled profiles are never written.
-
-Problem codes: `file.unreadable`, `file.not_toml`, `file.too_large`, `file.exists`, `file.bundled`,
-`file.not_writable`, `job.unknown`, `machine.unknown`, and those of `profiles.fields`.
 """
 
 from __future__ import annotations
@@ -20,7 +17,7 @@ from profiles.fields import spelled
 from profiles.files import parse_toml, printable, read_toml, write_atomically
 from profiles.job import JOB_FIELDS, Job, job_from_table
 from profiles.machine import MachineProfile, machine_from_table
-from profiles.problem import Problem, ProfileError
+from profiles.problem import ProfileError, refused
 
 _LIBRARY = Path(__file__).parent / "library"
 BUNDLED_JOBS = _LIBRARY / "jobs"
@@ -92,9 +89,9 @@ def save_job(job: Job, path: Path, *, overwrite: bool = False, private: bool = F
     try:
         bundled = _LIBRARY.resolve() in path.resolve().parents
     except (OSError, ValueError, RuntimeError) as error:
-        raise ProfileError(Problem(code="file.not_writable", where=where, value=str(error))) from error
+        raise refused("file.not_writable", where=where, value=str(error)) from error
     if bundled:
-        raise ProfileError(Problem(code="file.bundled", where=where))
+        raise refused("file.bundled", where=where)
     content = _job_text(values, path if overwrite else None).encode("utf-8")
     write_atomically(path, content, overwrite=overwrite, private=private)
 
@@ -119,7 +116,7 @@ def _find(reference: str, entries: tuple[LibraryEntry, ...], code: str) -> Path:
         if entry.name == reference:
             return entry.path
     known = " | ".join(printable(entry.name) for entry in entries)
-    raise ProfileError(Problem(code=code, value=spelled(reference), limit=known))
+    raise refused(code, value=spelled(reference), limit=known)
 
 
 def _job_text(values: dict[str, Any], existing: Path | None) -> str:

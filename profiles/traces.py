@@ -1,18 +1,14 @@
 """Read and write roundness traces.
 
 The plain file is UTF-8 text: lines `# key: value` in any number, the header `angle_deg,deviation_um`, and one
-point a line, with angles in [0, 360) and each angle once. A last point at 360 that repeats the one at 0 closes
-the turn and is left out. Blank lines, lines that start with `#` (after the first point they are remarks and no
-more), spaces, quoted cells, a byte order mark, UTF-16 with one and any kind of line end are accepted. Columns
-may have common names, "Angle [deg]" and "Deviation [µm]". Cells may also be separated by semicolons, tabs or
-blanks, and numbers then have a decimal comma. Deviations may be in mm or nm, angles may be left out where the
-header says that they are equal, run from -180 to 180 or over several turns where it says so, and points may be
-x and y in the plane, each once. Files of one profile at equal steps (`profiles.trace_files.formats`) are taken
-as a closed turn. Anything else is refused with its line, all problems (up to a cap) at once. A fault on every
-line is reported once.
-
-Problem codes: those of `profiles.trace_files`, `trace.unreadable`, `trace.too_large`; for writing `file.exists`
-and `file.not_writable`.
+point a line, with angles in [0, 360) and each angle once. A last point at 360 that repeats the one at 0 closes the
+turn and is left out. Blank lines, lines that start with `#` (after the first point they are remarks and no more),
+spaces, quoted cells, a byte order mark, UTF-16 with one and any kind of line end are accepted. Columns may have
+common names, "Angle [deg]" and "Deviation [µm]". Cells may also be separated by semicolons, tabs or blanks, and
+numbers then have a decimal comma. Deviations may be in mm or nm, angles may be left out where the header says that
+they are equal, run from -180 to 180 or over several turns where it says so, and points may be x and y in the
+plane, each once. Files of one profile at equal steps (`OF_BYTES`, `OF_TEXT`) are taken as a closed turn. Anything
+else is refused with its line, all problems (up to a cap) at once. A fault on every line is reported once.
 """
 
 from __future__ import annotations
@@ -23,20 +19,22 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from profiles.arrays import Floats, read_only
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.metrology.circles import LEAST_SQUARES
 from profiles.metrology.geometric import geometric_circle, polar
-from profiles.problem import Problem, ProfileError
-from profiles.trace_files.closed import ClosedProfile
-from profiles.trace_files.decoded import decoded
-from profiles.trace_files.formats import OF_BYTES, OF_TEXT, recognised
-from profiles.trace_files.limits import lines_of
+from profiles.problem import refused
+from profiles.trace_files.closed import ClosedProfile, TraceFormat
+from profiles.trace_files.limits import decoded, lines_of
+from profiles.trace_files.records import PRF, SDF, SMD
 from profiles.trace_files.table import PLAIN_HEADER, PROBLEM_CAP, TableReader
+from profiles.trace_files.x3p import X3P
 
-CAP_BYTES = 20_000_000
-"""Forty bytes for each of the maximum number of points."""
+OF_BYTES: tuple[TraceFormat[bytes], ...] = (X3P,)
+# The single-profile formats beside tables: to add one, write a reader and list it here.
+OF_TEXT: tuple[TraceFormat[str], ...] = (SDF, SMD, PRF)
+CAP_BYTES = 20_000_000  # forty bytes for each of the maximum number of points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,8 +47,8 @@ class Trace:
     meta keys `centre_x_mm` and `centre_y_mm`, with its radius as `radius_mm`. Both arrays are read only.
     """
 
-    angle_deg: NDArray[np.float64]
-    deviation_um: NDArray[np.float64]
+    angle_deg: Floats
+    deviation_um: Floats
     meta: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
@@ -62,11 +60,13 @@ def read_trace(path: Path) -> Trace:
 
 def parse_trace(content: bytes, *, where: str = "") -> Trace:
     """Parse the trace in the bytes of a file; `where` names them in the problems."""
-    if binary := recognised(content, OF_BYTES):
-        return _from_profile(binary.read(content, where))
+    for binary in OF_BYTES:
+        if binary.begins(content):
+            return _from_profile(binary.read(content, where))
     text = decoded(content, where)
-    if textual := recognised(text, OF_TEXT):
-        return _from_profile(textual.read(text, where))
+    for textual in OF_TEXT:
+        if textual.begins(text):
+            return _from_profile(textual.read(text, where))
     reader = TableReader(where)
     for number, line_text in enumerate(lines_of(text, where), start=1):
         stripped = line_text.strip(" \t")
@@ -86,18 +86,18 @@ def write_trace(path: Path, trace: Trace, *, overwrite: bool = False) -> None:
     where = printable(str(path))
     if trace.angle_deg.ndim != 1 or trace.angle_deg.shape != trace.deviation_um.shape:
         value = f"{trace.angle_deg.shape} {trace.deviation_um.shape}"
-        raise ProfileError(Problem(code="trace.columns", where=where, value=value, limit="(M,) (M,)"))
+        raise refused("trace.columns", where=where, value=value, limit="(M,) (M,)")
     lines = [f"# {key}: {value}" for key, value in trace.meta.items()]
     lines.append(PLAIN_HEADER)
     pairs = zip(trace.angle_deg.tolist(), trace.deviation_um.tolist(), strict=True)
     lines.extend(f"{angle!r},{deviation!r}" for angle, deviation in pairs)
     # What cannot be encoded becomes a question mark, and the comparison below refuses it.
     content = ("\n".join(lines) + "\n").encode("utf-8", errors="replace")
-    met = parse_trace(content, where=where).meta
+    found = parse_trace(content, where=where).meta
     for key, value in trace.meta.items():
-        if met.get(key) != value:
+        if found.get(key) != value:
             shown = printable(f"# {key}: {value}", 60)
-            raise ProfileError(Problem(code="trace.meta", where=where, value=shown, limit="# key: value"))
+            raise refused("trace.meta", where=where, value=shown, limit="# key: value")
     write_atomically(path, content, overwrite=overwrite)
 
 
@@ -113,11 +113,11 @@ def _from_table(reader: TableReader) -> Trace:
         for key, value_um in found.items():
             if key in meta:
                 value = printable(f"# {key}: {meta[key]}", 60)
-                raise ProfileError(Problem(code="trace.meta", where=reader.where, value=value, limit="x_mm,y_mm"))
+                raise refused("trace.meta", where=reader.where, value=value, limit="x_mm,y_mm")
             meta[key] = repr(value_um / 1000.0)
     elif len(reader.columns.names) == 1:
         first = np.arange(second.size) * (360.0 * int(meta.get("turns", "1")) / second.size)
-    return Trace(angle_deg=_read_only(first), deviation_um=_read_only(second), meta=MappingProxyType(meta))
+    return Trace(angle_deg=read_only(first), deviation_um=read_only(second), meta=MappingProxyType(meta))
 
 
 def _from_profile(profile: ClosedProfile) -> Trace:
@@ -126,13 +126,7 @@ def _from_profile(profile: ClosedProfile) -> Trace:
     if profile.radius_mm is not None:
         meta["radius_mm"] = repr(profile.radius_mm)
     return Trace(
-        angle_deg=_read_only(np.arange(size) * 360.0 / size),
-        deviation_um=_read_only(profile.deviation_um),
+        angle_deg=read_only(np.arange(size) * 360.0 / size),
+        deviation_um=read_only(profile.deviation_um),
         meta=MappingProxyType(meta),
     )
-
-
-def _read_only(values: ArrayLike) -> NDArray[np.float64]:
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array

@@ -79,15 +79,15 @@ _STOPPING: tuple[Mutation, ...] = (
     Mutation(
         rule="A cut begins with zeros that were found.",
         file=INTERLOCKS,
-        old='_yes_or_no("homed", snapshot.homed,',
-        new='_yes_or_no("homed", True,',
+        old='"machine.not_homed": snapshot.homed,',
+        new='"machine.not_homed": True,',
         test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut_by_its_name",
     ),
     Mutation(
         rule="A cut begins with every loop closed.",
         file=INTERLOCKS,
-        old='_yes_or_no("drives_on", snapshot.loops_closed,',
-        new='_yes_or_no("drives_on", True,',
+        old='"machine.not_enabled": snapshot.loops_closed,',
+        new='"machine.not_enabled": True,',
         test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut_by_its_name",
     ),
     Mutation(
@@ -202,8 +202,8 @@ _SCIENCE: tuple[Mutation, ...] = (
     Mutation(
         rule="The command comes earlier by the lag of the axis.",
         file=PATH,
-        old="wave.crest_deg + math.degrees(cmath.phase(here)) / wave.lobes",
-        new="wave.crest_deg - math.degrees(cmath.phase(here)) / wave.lobes",
+        old="harmonic.crest_deg + math.degrees(cmath.phase(here)) / harmonic.lobes",
+        new="harmonic.crest_deg - math.degrees(cmath.phase(here)) / harmonic.lobes",
         test=f"{COMPENSATION}::test_an_axis_undoes_its_inverse",
     ),
     Mutation(

@@ -8,9 +8,8 @@ from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.chucking.advice import force_span
 from profiles.chucking.diagnosis import Diagnosis
-from profiles.chucking.holding import holding_of
-from profiles.chucking.job_grip import wrench_force_sd_n
-from profiles.chucking.wrench import torque_or_none_n_m
+from profiles.chucking.grip import wrench_force_sd_n
+from profiles.chucking.holding import holding_of, torque_or_none_n_m
 from profiles.findings import Finding, Severity
 from profiles.job import Job
 from profiles.machine import MachineProfile

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from profiles.problem import ProblemError
+from collections.abc import Iterable
+
+from profiles.problem import Problem, ProblemError
 
 
 class SessionError(ProblemError):
@@ -11,3 +13,15 @@ class SessionError(ProblemError):
 
 class Interrupted(KeyboardInterrupt):
     """A signal came before there was a machine to stop."""
+
+
+def fault_problem(fault: Exception) -> Problem:
+    """Return the problem of an internal fault, on one line."""
+    return Problem(code="session.fault", value=" ".join(f"{type(fault).__name__}: {fault}".split()))
+
+
+def refuse(*groups: Iterable[Problem]) -> None:
+    """Raise a SessionError with all problems, if there is any."""
+    problems = [problem for group in groups for problem in group]
+    if problems:
+        raise SessionError(*problems)

@@ -18,10 +18,6 @@ LEAVE_WITHIN_S = 6.0
 """How long to wait for rest once this process is asked to end: a supervisor kills it after ten."""
 
 
-def _never() -> bool:
-    return False
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Guarded:
     """A machine, whether another console controls it, and whether a claim or a release is in progress."""
@@ -60,8 +56,8 @@ class Interruption:
         self,
         stop: StopPath,
         *,
-        anothers: Callable[[], bool] = _never,
-        changing: Callable[[], bool] = _never,
+        anothers: Callable[[], bool] = lambda: False,
+        changing: Callable[[], bool] = lambda: False,
         now_s: Callable[[], float] | None = None,
     ) -> None:
         """Stop this machine on a signal from now on, unless it is `anothers`; at once if one has already come.
@@ -74,11 +70,7 @@ class Interruption:
 
     @contextmanager
     def holding(self) -> Iterator[None]:
-        """Defer signals until an operation that must not end half done is complete; then end the command.
-
-        Raises:
-            Interrupted: after it.
-        """
+        """Defer signals until an operation that must not end half done is complete; then raise Interrupted."""
         self._holds = True
         try:
             yield
@@ -99,8 +91,11 @@ class Interruption:
             return
         if guarded is None:
             raise Interrupted(self.reason)
-        if reason != signal.SIGINT.name or guarded.stop.reason is not None:
-            self._hurry(guarded)
+        hurried = reason != signal.SIGINT.name or guarded.stop.reason is not None
+        if hurried and self.hurried_s is None:
+            self.hurried_s = time.monotonic()
+            if guarded.now_s is not None:
+                guarded.stop.leave_by_s = guarded.now_s() + LEAVE_WITHIN_S
         if guarded.changing():
             guarded.stop.note(self.reason)
         elif not guarded.anothers():
@@ -109,12 +104,6 @@ class Interruption:
             raise Interrupted(self.reason)
         else:
             guarded.stop.note(self.reason)  # our own stop is still being followed until rest
-
-    def _hurry(self, guarded: _Guarded) -> None:
-        if self.hurried_s is None:
-            self.hurried_s = time.monotonic()
-            if guarded.now_s is not None:
-                guarded.stop.leave_by_s = guarded.now_s() + LEAVE_WITHIN_S
 
     def _handle(self, number: int, _: FrameType | None) -> None:
         self.end(signal.Signals(number).name)

@@ -13,16 +13,11 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-AIR_MM = 1.0
-"""Clearance of the tool in an air cut, more than any depth of cut and lobe."""
+AIR_MM = 1.0  # clearance of the tool in an air cut, more than any depth of cut and lobe
 
 
 class Stage(StrEnum):
-    """Stages of a first part.
-
-    `air` is the whole program clear of the part, `partial` half of the compensation at the full depth, `full` the
-    part as it is meant.
-    """
+    """Stages of a first part: the program clear of it, half of the compensation at full depth, and all of it."""
 
     AIR = "air"
     PARTIAL = "partial"
@@ -37,30 +32,24 @@ class Stage(StrEnum):
 def nominal_path(
     job: Job, machine: MachineProfile, strategy: Strategy, response: ServoResponse | None = None
 ) -> CutPath:
-    """Return the path of a cut with nothing learned; `response` is what it inverts, None the model's.
-
-    Raises:
-        ProfileError: those of `nominal_command`.
-    """
-    command = nominal_command(job, machine, strategy, response)
-    return CutPath(target=target_path(job), command=command)
+    """Return the path of a cut with nothing learned; `response` is what it inverts, None the model's."""
+    return CutPath(target=target_path(job), command=nominal_command(job, machine, strategy, response))
 
 
 def staged(
     job: Job, machine: MachineProfile, strategy: Strategy, stage: Stage, path: CutPath | None
 ) -> CutPath | None:
-    """Return the path of a stage; `path` is what was learned, None as for `plan_cut`.
-
-    Raises:
-        ProblemError: `stage.strategy`, a strategy that follows no path has no fraction of it; those of
-            `nominal_path`.
-    """
+    """Return the path of a stage; `path` is what was learned, None as for `plan_cut`. Refused: `not_staged`."""
     if stage is not Stage.PARTIAL:
         return path
     if not strategy.traits.inverts:
-        limit = " | ".join(INVERTING)
-        raise SessionError(Problem(code="stage.strategy", key=stage, value=strategy, limit=limit))
+        raise SessionError(not_staged(stage, strategy))
     return share_of(path or nominal_path(job, machine, strategy), stage.share)
+
+
+def not_staged(stage: Stage, strategy: Strategy) -> Problem:
+    """Return the problem that this strategy follows no path, and has no fraction of it."""
+    return Problem(code="stage.strategy", key=stage, value=strategy, limit=" | ".join(INVERTING))
 
 
 def air_mm(job: Job, stage: Stage) -> float:

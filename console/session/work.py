@@ -86,9 +86,6 @@ def edited(work: Work, key: str, text: str) -> Work:
 
     A value entered by the operator is no longer an assumed one, except for those of the lobe, which nobody
     measured: the error is an assumed one from then on. The error stays with its cut, see `kept_condition`.
-
-    Raises:
-        ProfileError: see `parsed`; the work stays as it is.
     """
     value = parsed(text, key)
     if getattr(work.job, key) == value:
@@ -97,14 +94,16 @@ def edited(work: Work, key: str, text: str) -> Work:
     source = "assumed" if key in _OF_LOBE else work.job.lobe_error_source
     kept = kept_condition(work.loaded.job, key, value)
     job = replace(work.job, **{"assumed": assumed, "lobe_error_source": source, **kept, key: value})
-    return replace(work, job=job, undo=(*work.undo, work.job), outlook=None, preview=None, preview_problems=())
+    return _with_job(work, job, (*work.undo, work.job))
 
 
 def undone(work: Work) -> Work:
     """Return the work before its last edit."""
-    if not work.undo:
-        return work
-    return replace(work, job=work.undo[-1], undo=work.undo[:-1], outlook=None, preview=None, preview_problems=())
+    return _with_job(work, work.undo[-1], work.undo[:-1]) if work.undo else work
+
+
+def _with_job(work: Work, job: Job, undo: tuple[Job, ...]) -> Work:
+    return replace(work, job=job, undo=undo, outlook=None, preview=None, preview_problems=())
 
 
 def with_strategy(work: Work, strategy: str) -> Work:
@@ -129,7 +128,10 @@ def saved_as(work: Work, name: str, folder: Path) -> Work:
 
 def _number(text: str, field_: Field) -> float | int | str:
     """Parse an entry; a text that is no number is returned unchanged, for the refusal to quote."""
-    if _ambiguous(text):
+    before, comma, after = text.partition(",")
+    # A separator could mean thousands: more than one of them, or a comma before exactly three digits.
+    thousands = bool(comma) and len(after) == 3 and before.lstrip("+-")[:1] not in ("0", "")
+    if thousands or text.count(".") + text.count(",") > 1:
         raise ProfileError(Problem(code="value.ambiguous", key=field_.key, value=text, limit=field_.limit))
     plain = text.replace(",", ".")
     if not _NUMBER.fullmatch(plain):
@@ -138,11 +140,3 @@ def _number(text: str, field_: Field) -> float | int | str:
         return int(plain) if field_.kind is Kind.WHOLE else float(plain)
     except ValueError:
         return text
-
-
-def _ambiguous(text: str) -> bool:
-    """Whether a separator could mean thousands: more than one of them, or a comma before exactly three digits."""
-    separators = [c for c in text if c in ".,"]
-    if len(separators) > 1:
-        return True
-    return separators == [","] and len(text.rpartition(",")[2]) == 3 and text.lstrip("+-")[:1] not in ("0", ",")

@@ -15,11 +15,6 @@ def cell_width(text: str) -> int:
     )
 
 
-def pad(text: str, width: int) -> str:
-    """Pad with spaces on the right."""
-    return text + " " * max(0, width - cell_width(text))
-
-
 def pad_left(text: str, width: int) -> str:
     """Pad with spaces on the left, for numbers."""
     return " " * max(0, width - cell_width(text)) + text
@@ -33,7 +28,7 @@ def table(rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> list[st
     widths = [max(cell_width(row[i]) for row in rows) for i in range(len(rows[0]))]
     return [
         "  ".join(
-            pad_left(cell, width) if i in numeric else pad(cell, width)
+            pad_left(cell, width) if i in numeric else cell + " " * (width - cell_width(cell))
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
         for row in rows

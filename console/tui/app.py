@@ -15,7 +15,7 @@ from textual.app import App, ComposeResult
 from textual.containers import Container
 from textual.driver import Driver
 
-from console.session.station.control import Control
+from console.session.station.commands import Control
 from console.session.station.state import Activity
 from console.text.catalogue import Catalogue
 from console.tui.driver import StopSent, TooFast, Written
@@ -25,32 +25,23 @@ from console.tui.keymap import Action, PageName
 from console.tui.lines import Line, Sheet
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.page import Page
-from console.tui.previewing import ChosenPath, Previewer
+from console.tui.previewing import ChosenPath, Previewer, fault_of
 from console.tui.standing_orders import StandingOrders
 from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette
 from console.tui.ui_context import UiContext, View
 from profiles.files import printable
 from profiles.job import Job
-from profiles.problem import Problem, ProblemError
+from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
 TICK_S = 0.1
-SMALLEST = (60, 18)
-"""Columns and rows below which no page is shown and nothing can be started."""
-
-SMALLEST_TO_MOVE = (80, 24)
-"""Columns and rows below which pages are shown, but motion cannot be commanded."""
-
-SETTLED_S = 1.0
-"""Time after the last command until a poll shows whether it causes motion."""
+SMALLEST = (60, 18)  # columns and rows below which no page is shown and nothing can be started
+SMALLEST_TO_MOVE = (80, 24)  # columns and rows below which pages are shown, but motion cannot be commanded
+SETTLED_S = 1.0  # time after the last command until a poll shows whether it causes motion
 
 
 class ConsoleApp(App[None]):
-    """The console of one machine.
-
-    `begin` is called after the first paint, for everything that can wait for it. `local_time` and `ticking` are
-    for screenshots that must be reproducible.
-    """
+    """The console of one machine. `begin` is called after the first paint; the rest is for screenshots."""
 
     CSS = """
     Screen { layout: vertical; background: $background; color: $foreground; }
@@ -83,11 +74,11 @@ class ConsoleApp(App[None]):
     ) -> None:
         # Without colour, Textual must know before it chooses its filters to use the terminal's own colours.
         super().__init__(driver_class=driver_class, ansi_color=None if palette is COLOUR else True)
-        for theme in (DARK_THEME, MONO_THEME):
-            self.register_theme(theme)
-        self.theme = (DARK_THEME if palette is COLOUR else MONO_THEME).name
+        theme = DARK_THEME if palette is COLOUR else MONO_THEME
+        self.register_theme(theme)
+        self.theme = theme.name
         self.title = f"SIM {machine.machine.name}" if control.state.simulated else machine.machine.name
-        self.desk = UiContext(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
+        self.ui = UiContext(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
         self._begin = begin
         self._ui_loop: asyncio.AbstractEventLoop | None = None
         self._leaving = False
@@ -99,7 +90,7 @@ class ConsoleApp(App[None]):
         self._given_up: Job | None = None
         self._dismissed: tuple[Problem, ...] = ()
         self._acted_s = float("-inf")
-        self._orders = StandingOrders(self.desk)
+        self._orders = StandingOrders(self.ui)
         self._held = HeldKeys()
         self._collector_spared = False
         self._previewer = Previewer()
@@ -128,8 +119,7 @@ class ConsoleApp(App[None]):
         self.call_after_refresh(self._first_paint)
 
     def _first_paint(self) -> None:
-        """Fill the page, now that its size is known, and start the heavy work."""
-        self.tick()
+        self.tick()  # the size of the page is known now
         self.call_after_refresh(self._begin)
 
     def leave_soon(self) -> None:
@@ -140,19 +130,21 @@ class ConsoleApp(App[None]):
 
     def tick(self) -> None:
         """Show the newest state; the only place where anything live is drawn."""
-        desk = self.desk
-        desk.control.beat()
-        state = desk.control.state
+        ui = self.ui
+        ui.control.beat()
+        state = ui.control.state
         self._spare_the_stop(state.may_move)
-        desk.forget_stale_answer(state)
-        if desk.work is not None and self._wants_preview(state.alignment.settings is not None):
-            path = self._path.of(desk.work, state.alignment, simulated=state.simulated)
-            desk.work = self._previewer.refreshed(desk.work, state.alignment, path=path)
+        ui.forget_stale_answer(state)
+        # The link thread loads the numerics before it reads the settings; any page but the first needs them.
+        loaded = state.alignment.settings is not None or self._page is not PageName.JOBS
+        if ui.work is not None and loaded:
+            path = self._path.of(ui.work, state.alignment, simulated=state.simulated)
+            ui.work = self._previewer.refreshed(ui.work, state.alignment, path=path)
         self.screen.set_class(self._is_small, "small")
-        view = View(state=state, work=desk.work, now_s=desk.control.now_s())
+        view = View(state=state, work=ui.work, now_s=ui.control.now_s())
         page = self._pages[self._page]
         if self._is_small:
-            self._small.show(small_rows(desk.text, state, SMALLEST, max(self.size.width, 1)))
+            self._small.show(small_rows(ui.text, state, SMALLEST, max(self.size.width, 1)))
             return
         if not self._list.is_open and page.size.area:  # before the first layout no panel knows its room
             page.fit()
@@ -160,16 +152,10 @@ class ConsoleApp(App[None]):
         self._safely(lambda: self._show_frame(page, view))
 
     def _spare_the_stop(self, may_move: bool) -> None:
-        """While something moves, limit garbage collection to new objects.
-
-        A full collection after a preview takes a tenth of a second, in which no key is processed.
-        """
+        """Collect only new objects while something moves: a full collection would delay a key by 0.1 s."""
         if may_move is not self._collector_spared:
             self._collector_spared = may_move
-            if may_move:
-                gc.freeze()
-            else:
-                gc.unfreeze()
+            (gc.freeze if may_move else gc.unfreeze)()
 
     def go(self, name: PageName) -> None:
         """Show another page."""
@@ -187,28 +173,27 @@ class ConsoleApp(App[None]):
 
     def situation(self) -> Situation:
         """Return what a key is judged by now. Also called from the thread that reads the terminal."""
-        state = self.desk.control.state
+        state = self.ui.control.state
         return Situation(
             page=self._page,
             field=self._field,
             moving=state.may_move,
             small=self._is_small,
             jogging=state.activity is Activity.JOGGING,
-            jog=self.desk.jog,
+            jog=self.ui.jog,
             reading=self._list.is_open,
             at_rest=self._is_known_at_rest,
         )
 
     @property
     def _field(self) -> FieldKind:
-        """Return the kind of field that has the focus. A page under construction has none."""
         page = self._pages.get(self._page)
         return FieldKind.NONE if page is None else page.field
 
     @property
     def _is_known_at_rest(self) -> bool:
         """Whether nothing moves, nor will by a command that the machine has not begun yet."""
-        state, now_s = self.desk.control.state, self.desk.control.now_s()
+        state, now_s = self.ui.control.state, self.ui.control.now_s()
         if state.activity is Activity.CONNECTING:
             return True
         settled = now_s - self._acted_s > SETTLED_S and not state.is_stale(now_s)
@@ -216,11 +201,11 @@ class ConsoleApp(App[None]):
 
     def stop_now(self, reason: str) -> None:
         """Stop the machine. Also called from the thread that reads the terminal."""
-        self.desk.control.stop(reason)
+        self.ui.control.stop(reason)
 
     def kill_now(self, reason: str) -> None:
         """Open every loop of the machine. Also called from the thread that reads the terminal."""
-        self.desk.control.kill(reason)
+        self.ui.control.kill(reason)
 
     async def on_event(self, event: events.Event) -> None:
         """Judge every key before any widget sees it."""
@@ -228,7 +213,12 @@ class ConsoleApp(App[None]):
             if self._took(event):
                 return
         elif isinstance(event, events.Paste) and not event.is_forwarded and self._field is not FieldKind.TEXT:
-            self._pasted()
+            # It was not typed, does nothing, and stops any motion.
+            moving = self.ui.control.state.may_move
+            self.ui.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
+            if moving:
+                self.stop_now(PASTED)
+            self.call_after_refresh(self.tick)
             return
         await super().on_event(event)
 
@@ -244,38 +234,29 @@ class ConsoleApp(App[None]):
             code = "screen.too_fast_entry"
         else:
             code = "screen.too_fast_stopped" if keys.stopped else "screen.too_fast"
-        self.desk.say_until_key(Problem(code=code))
+        self.ui.say_until_key(Problem(code=code))
         self.tick()
 
     def action_quit(self) -> None:  # type: ignore[override]
         """Leave, unless something moves."""
-        state, work = self.desk.control.state, self.desk.work
+        state, work = self.ui.control.state, self.ui.work
         unsaved = work is not None and work.edited and work.job is not self._given_up
         if state.moving:
-            self.desk.said = (Problem(code="screen.quit_moving"),)
+            self.ui.say("screen.quit_moving")
         elif work is not None and unsaved:
             self._given_up = work.job
-            self.desk.said = (Problem(code="screen.quit_unsaved", value=work.job.name),)
+            self.ui.say("screen.quit_unsaved", value=work.job.name)
         else:
             self.exit()
 
     @property
     def _is_small(self) -> bool:
-        return min(self.size.width - SMALLEST[0], self.size.height - SMALLEST[1]) < 0
-
-    @property
-    def _is_cramped(self) -> bool:
-        """Whether the terminal shows too little of a page to command motion."""
-        return self.size.width < SMALLEST_TO_MOVE[0] or self.size.height < SMALLEST_TO_MOVE[1]
-
-    def _wants_preview(self, verified: bool) -> bool:
-        """Whether to compute a preview: once the link thread has loaded the numerics, or on request."""
-        return verified or self._page is not PageName.JOBS
+        return self.size.width < SMALLEST[0] or self.size.height < SMALLEST[1]
 
     def _made(self, name: PageName) -> Page:
         if name not in self._pages:
             page = getattr(import_module(f"console.tui.pages.{name}"), f"{name.capitalize()}Page")
-            self._pages[name] = page(self.desk)
+            self._pages[name] = page(self.ui)
         return self._pages[name]
 
     def _show_frame(self, page: Page, view: View) -> None:
@@ -283,13 +264,13 @@ class ConsoleApp(App[None]):
         if state.refusals is self._dismissed:  # answers to an earlier key
             state = replace(state, refusals=())
         frame = Frame(
-            text=self.desk.text,
+            text=self.ui.text,
             state=state,
-            machine=self.desk.machine.machine,
+            machine=self.ui.machine.machine,
             page=self._page,
             field=page.field,
             next_step=page.next_step(view),
-            said=self.desk.said,
+            said=self.ui.said,
             clock=self._local_time(),
             now_s=view.now_s,
             job="" if view.work is None else printable(view.work.job.name),
@@ -328,73 +309,62 @@ class ConsoleApp(App[None]):
             case Verdict.KILL:
                 self.kill_now(event.key)
             case Verdict.ACTION if isinstance(event, Written):
-                self.desk.said = (Problem(code="screen.entry_over"),)
+                self.ui.say("screen.entry_over")
             case Verdict.ACTION if action is not None and action.id in ("messages", "list.up", "list.down"):
                 self._list.read(action)  # what was said stays said: it is to be read
             case Verdict.ACTION | Verdict.STOP if action is not None:
-                self.desk.said = ()
-                self._dismissed = self.desk.control.state.refusals
+                self.ui.said = ()
+                self._dismissed = self.ui.control.state.refusals
                 self._do(action, page)
         self.call_after_refresh(self.tick)
         if stray := is_stray(event.key, event.character, now):
-            self.desk.said = (Problem(code="screen.not_of_a_number", value=event.character or ""),)
+            self.ui.say("screen.not_of_a_number", value=event.character or "")
         return not stray
 
     def _say_changed(self, action: Action) -> None:
-        """Report the key for which the machine was stopped because it requests another motion."""
         if not is_page(action):
-            self.desk.say_until_key(Problem(code="screen.key_in_motion", key=action.shown))
+            self.ui.say_until_key(Problem(code="screen.key_in_motion", key=action.shown))
 
     def _do(self, action: Action, page: Page) -> None:
-        kind, _, rest = action.id.partition(".")
-        repeats = self._held.repeats(action, self.desk.control.now_s())
-        if action.moves and self._is_cramped:
-            columns, rows = SMALLEST_TO_MOVE
-            self.desk.said = (Problem(code="screen.cramped", limit=f"{columns} x {rows}"),)
-        elif repeats:
-            self.desk.said = (Problem(code="screen.key_repeats"),)
-        elif kind == "page":
-            self.go(PageName(rest))
-        elif action.id == "help":
-            self._list.step()
-        elif action.id == "close":
-            self._list.open(PAGE)
-        elif action.id == "quit":
-            self.action_quit()
-        elif action.id == "recover":
-            self._acted_s = self.desk.control.now_s()
-            self._orders.recover()
-        elif action.id == "acknowledge":
-            self._orders.acknowledge(all_of_them=self._list.shown == MESSAGES)
-        elif action.id == "take_over":
-            self._orders.take_control()
-        else:
-            self._list.open(PAGE)
-            self._acted_s = self.desk.control.now_s()
-            self._safely(lambda: page.act(action.id))
+        now_s = self.ui.control.now_s()
+        repeats = self._held.repeats(action, now_s)
+        columns, rows = SMALLEST_TO_MOVE
+        if action.moves and (self.size.width < columns or self.size.height < rows):
+            self.ui.say("screen.cramped", limit=f"{columns} x {rows}")
+            return
+        if repeats:
+            self.ui.say("screen.key_repeats")
+            return
+        match action.id.split("."):
+            case ["page", name]:
+                self.go(PageName(name))
+            case ["help"]:
+                self._list.step()
+            case ["close"]:
+                self._list.open(PAGE)
+            case ["quit"]:
+                self.action_quit()
+            case ["recover"]:
+                self._acted_s = now_s
+                self._orders.recover()
+            case ["acknowledge"]:
+                self._orders.acknowledge(all_of_them=self._list.shown == MESSAGES)
+            case ["take_over"]:
+                self._orders.take_control()
+            case _:
+                self._list.open(PAGE)
+                self._acted_s = now_s
+                self._safely(lambda: page.act(action.id))
 
     def _safely(self, work: Callable[[], None]) -> None:
         """Run an operation of one page. Its faults stay its own: the rows, the stop and the machine continue."""
         try:
-            work()
-        except ProblemError as error:
-            self.desk.said = tuple(error.problems)
+            with self.ui.answering():
+                work()
         except Exception as fault:
-            what = " ".join(f"{type(fault).__name__}: {fault}".split())
-            self.desk.said = (Problem(code="session.fault", value=what),)
+            self.ui.said = (fault_of(fault),)
 
     def _handle_exception(self, error: Exception) -> None:
-        """Leave without a traceback; `fault` is reported in one line after the terminal is restored.
-
-        The name is Textual's, which has no public hook for this.
-        """
+        """Leave without a traceback (Textual has no public hook); `fault` is reported in one line afterwards."""
         self.fault = self.fault or error
         self.exit(return_code=1)
-
-    def _pasted(self) -> None:
-        """Handle text pasted outside a field: it was not typed, does nothing, and stops any motion."""
-        moving = self.desk.control.state.may_move
-        self.desk.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
-        if moving:
-            self.stop_now(PASTED)
-        self.call_after_refresh(self.tick)

@@ -20,55 +20,35 @@ from textual.app import App
 from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
-from console.tui.gate import (
-    PASTED,
-    UNREADABLE,
-    FieldKind,
-    Situation,
-    Verdict,
-    is_modifier,
-    is_page,
-    is_stray,
-    judge,
-    stop_reason,
-)
+from console.tui import gate
 from console.tui.keymap import STOP_KEYS, Action, PageName
 from console.tui.pace import QUIET_S, Pace
 
-WAIT_S = 0.1
-"""Time that the reading thread waits for a key before it checks whether to end."""
-
+WAIT_S = 0.1  # time that the reading thread waits for a key before it checks whether to end
 CHUNK = 4096
 
 PASTE_BEGINS, PASTE_ENDS = "\x1b[200~", "\x1b[201~"
-PASTE_SILENCE_S = 0.5
-"""Timeout within a paste."""
+PASTE_SILENCE_S = 0.5  # timeout within a paste
 
 
 class StopSent(Message):
     """A stop key was acted on; `action` is the other meaning of the key, when something moved."""
 
-    def __init__(self, action: Action | None = None) -> None:
+    def __init__(self, action: Action | None) -> None:
         super().__init__()
         self.action = action
 
 
 class TooFast(Message):
-    """Keys came faster than a person types: they did nothing, except for a stop among them (`stopped`).
+    """Keys came faster than a person types; they only stopped (`stopped`) or wrote into a field (`written`)."""
 
-    With `written` they have written into a field, and a key that would have ended the entry was dropped.
-    """
-
-    def __init__(self, *, written: bool = False, stopped: bool = False) -> None:
+    def __init__(self, *, written: bool, stopped: bool) -> None:
         super().__init__()
         self.written, self.stopped = written, stopped
 
 
 class Written(events.Key):
-    """A key judged as a field's, and so not held back: it may write or stop, and nothing else.
-
-    The field may be closed before the application handles it. With `stopped` it was a stop, already sent.
-    """
+    """A key of a field, not held back: it may write, or stop (`stopped`: sent already), and nothing else."""
 
     def __init__(self, key: str, character: str | None, *, stopped: bool = False) -> None:
         super().__init__(key, character)
@@ -81,7 +61,7 @@ Written.handler_name = events.Key.handler_name  # so that key handlers receive i
 class StopTarget(Protocol):
     """Interface of the driver to the application; nothing of it blocks, whatever the application does."""
 
-    def situation(self) -> Situation:
+    def situation(self) -> gate.Situation:
         """Return what a key is judged by now."""
 
     def stop_now(self, reason: str) -> None:
@@ -94,10 +74,8 @@ class StopTarget(Protocol):
 class StopDriver(LinuxDriver):
     """Textual's terminal driver, which handles stop keys first."""
 
-    def __init__(
-        self, app: App[Any], *, debug: bool = False, mouse: bool = True, size: tuple[int, int] | None = None
-    ) -> None:
-        super().__init__(app, debug=debug, mouse=mouse, size=size)
+    def __init__(self, app: App[Any], **options: Any) -> None:
+        super().__init__(app, **options)
         self._pace: Pace[events.Key] = Pace()
         self._stopped_s = float("-inf")
         # A suspended console cannot stop anything. And Textual answers each SIGCONT, which comes with a hang-up,
@@ -107,16 +85,13 @@ class StopDriver(LinuxDriver):
 
     def process_message(self, message: Message) -> None:
         """Act on a stop key in the thread that read it; hold an action back, and pass everything else on."""
-        if isinstance(message, events.Key) and not is_modifier(message.key):
+        if isinstance(message, events.Key) and not gate.is_modifier(message.key):
             self._hear(message, time.monotonic())
         else:
             super().process_message(message)
 
     def run_input_thread(self) -> None:
-        """Read keys until the screen is left. Only the end of the terminal itself ends the loop.
-
-        Textual's own loop would end with the first key release, or the first byte that is no UTF-8.
-        """
+        """Read keys until the screen is left; a key release or invalid UTF-8 would end Textual's own loop."""
         reader = Reader()
         decode = getincrementaldecoder("utf-8")("replace").decode
         while not self.exit_event.is_set():
@@ -141,20 +116,20 @@ class StopDriver(LinuxDriver):
         try:
             now = target.situation()
         except Exception:  # in doubt assume motion: this thread continues, and every stop key stops
-            now = Situation(page=PageName.JOBS, moving=True)
-        verdict, action = judge(key.key, key.character, now)
-        written = now.field is not FieldKind.NONE
-        if verdict in (Verdict.STOP, Verdict.KILL):
-            send = target.kill_now if verdict is Verdict.KILL else target.stop_now
-            send(stop_reason(key.key, key.character, action))
+            now = gate.Situation(page=PageName.JOBS, moving=True)
+        verdict, action = gate.judge(key.key, key.character, now)
+        written = now.field is not gate.FieldKind.NONE
+        if verdict in (gate.Verdict.STOP, gate.Verdict.KILL):
+            send = target.kill_now if verdict is gate.Verdict.KILL else target.stop_now
+            send(gate.stop_reason(key.key, key.character, action))
             self._stopped_s = now_s
             burst = self._pace.hear(key.key, now_s)
             super().process_message(StopSent(action))
-            if is_stray(key.key, key.character, now):
+            if gate.is_stray(key.key, key.character, now):
                 super().process_message(Written(key.key, key.character, stopped=True))
-            if action is not None and is_page(action) and not burst:
+            if action is not None and gate.is_page(action) and not burst:
                 self._pace.hold(key.key, key, now_s)  # after the stop, the action is harmless
-        elif verdict is Verdict.FIELD or is_stray(key.key, key.character, now):
+        elif verdict is gate.Verdict.FIELD or gate.is_stray(key.key, key.character, now):
             # A scanner may write, but its input must be read before it is accepted.
             character = key.character is not None and key.character.isprintable()
             burst = self._pace.write(key.key, now_s, character=character)
@@ -188,7 +163,7 @@ class Reader:
             return self._begun_anew()
         if self._last == PASTE_BEGINS:
             self._pasting = True
-            said.append(events.Key(PASTED, None))
+            said.append(events.Key(gate.PASTED, None))
         elif self._last == PASTE_ENDS:
             self._pasting = False
         # An escape sequence abandoned for the next arrives with a caret in place of its Escape.
@@ -203,7 +178,7 @@ class Reader:
 
     def _begun_anew(self) -> list[Message]:
         self._parser, self._pasting = XTermParser(), False
-        return [_unreadable()]
+        return [events.Key(gate.UNREADABLE, None)]
 
 
 def _whole(said: list[Message]) -> list[Message]:
@@ -211,15 +186,10 @@ def _whole(said: list[Message]) -> list[Message]:
     if len(said) < 2:
         return said
     stops: list[Message] = [key for key in said if isinstance(key, events.Key) and key.key in STOP_KEYS]
-    return stops or [_unreadable()]
-
-
-def _unreadable() -> events.Key:
-    return events.Key(UNREADABLE, None)
+    return stops or [events.Key(gate.UNREADABLE, None)]
 
 
 def _read(terminal: int) -> bytes:
-    """Return the input, nothing when the terminal is gone."""
     try:
         return os.read(terminal, CHUNK)
     except OSError:

@@ -25,20 +25,13 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}
-
-LEAST_BODY = 4
-"""Lines of the page that no message takes. A longer message continues in the list of messages."""
-
-_FIRST_SERVED = ("stop", "alarm", "next")
-"""Rows that may have several lines, in the order in which they get them."""
+LEAST_BODY = 4  # lines of the page that no message takes. A longer message continues in the list of messages.
+_FIRST_SERVED = ("stop", "alarm", "next")  # rows that may have several lines, in the order in which they get them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """Input of the rows. `said` answers the last key; `clock` is local time; `now_s` machine time.
-
-    `job` is the name of the open job, "" where none is.
-    """
+    """Input of the rows. `said` answers the last key; `clock` is local, `now_s` machine time."""
 
     text: Catalogue
     state: StationState
@@ -64,7 +57,7 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     if state.activity is Activity.CUTTING and state.cut is not None and state.cut.synchronisation is not None:
         activity = f"{activity} · {text(f'frame.sync.{state.cut.synchronisation}')}"
         token = Token.WARNING if state.cut.is_lost else token
-    if _looks_on(state):
+    if _observes(state):
         held = text("frame.looks_on", holder=state.holder) if state.holder else text("frame.looks_on_free")
         activity, token = held, Token.WARNING
     right = (*_age(frame), dim(f"   {frame.clock:%H:%M} "))
@@ -73,13 +66,11 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     return [ranged((*head, (f"{machine} · ", Token.DIM), (activity, token)), right, width)]
 
 
-def _looks_on(state: StationState) -> bool:
-    """Whether another console controls the machine, as far as that is known."""
+def _observes(state: StationState) -> bool:
     return not state.controls and state.activity not in (Activity.CONNECTING, Activity.LOST)
 
 
 def _age(frame: Frame) -> Line:
-    """Return how long the last poll took, or how long ago it was."""
     state = frame.state
     age_s = state.age_s(frame.now_s)
     if age_s is None:
@@ -93,15 +84,15 @@ def alarm_row(frame: Frame, width: int) -> list[Line]:
     """Return the foremost alarm, with the number of unseen ones; else the answer to the last key."""
     text, alarms = frame.text, frame.state.alarms
     waiting, front = unseen(alarms), foremost(alarms)
+    more = text("frame.all") if len(alarms) > 1 else ""
     if waiting and front is not None:
-        count = f"{text('frame.acknowledge', count=len(waiting))} {_all_key(text, len(alarms))}"
+        count = f"{text('frame.acknowledge', count=len(waiting))} {more}"
         return _alarm(text, front, count, Token.ALARM, width)
     if answer_of(frame):
         return _answer(frame, width)
     if front is not None:
-        count = f"({len(alarms)}) {_all_key(text, len(alarms))}" if len(alarms) > 1 else ""
-        return _alarm(text, front, count, Token.WARNING, width)
-    return [line(dim(f" · {text(_quiet(frame.state))}"))]
+        return _alarm(text, front, f"({len(alarms)}) {more}" if more else "", Token.WARNING, width)
+    return hanging(dim(" · "), text(_quiet(frame.state)), width, Token.DIM)
 
 
 def _quiet(state: StationState) -> str:
@@ -131,13 +122,8 @@ def _alarm(text: Catalogue, alarm: Alarm, count: str, token: Token, width: int) 
 def _answer(frame: Frame, width: int) -> list[Line]:
     """Return the first answer in full, and how many more the list of messages shows."""
     text, (first, *others) = frame.text, answer_of(frame)
-    beside = line((f" +{len(others)} {_all_key(text, len(others) + 1)} ", Token.WARNING)) if others else BLANK
+    beside = line((f" +{len(others)} {text('frame.all')} ", Token.WARNING)) if others else BLANK
     return hanging((" – ", Token.WARNING), text.problem(named(first, text)), width, Token.WARNING, beside=beside)
-
-
-def _all_key(text: Catalogue, count: int) -> str:
-    """Return which key shows all of several messages."""
-    return text("frame.all") if count > 1 else ""
 
 
 def pages_row(frame: Frame, width: int) -> list[Line]:
@@ -160,7 +146,7 @@ def next_row(frame: Frame, width: int) -> list[Line]:
         step = line((text("frame.lost"), Token.ACTION))
     elif state.activity is Activity.CONNECTING:
         step = line(dim(text("frame.connecting")))
-    elif _looks_on(state) and state.stop is None:
+    elif _observes(state) and state.stop is None:
         step = line((text("frame.observer"), Token.ACTION))
     elif state.stop is not None:
         key = "frame.recover" if state.stop.rest_s is not None else "frame.stopping"
@@ -172,20 +158,16 @@ def next_row(frame: Frame, width: int) -> list[Line]:
 def stop_row(frame: Frame, width: int) -> list[Line]:
     """Return the stop key, and what a stop would and would not do now; the key is in the last line."""
     text, state = frame.text, frame.state
-    key = text("frame.stop_in_text") if frame.field is FieldKind.TEXT else text("frame.stop")
+    key = text("frame.stop_in_text" if frame.field is FieldKind.TEXT else "frame.stop")
     left = line((f" {key} ", Token.STOP))
-    said, token = _stop_tells(text, state, frame.machine)
-    rows = wrapped(said, max(width - width_of(left) - 2, 1), token)
+    words, token = _of_stop(text, state, frame.machine)
+    rows = wrapped(words, max(width - width_of(left) - 2, 1), token)
     column = max(width_of(row) for row in rows) + 1
-    above = [ranged(BLANK, _filled(row, column), width) for row in rows[:-1]]
-    return [*above, ranged(left, _filled(rows[-1], column), width)]
+    filled = [(*row, dim(" " * (column - width_of(row)))) for row in rows]
+    return [*(ranged(BLANK, row, width) for row in filled[:-1]), ranged(left, filled[-1], width)]
 
 
-def _filled(row: Line, cells: int) -> Line:
-    return (*row, dim(" " * (cells - width_of(row))))
-
-
-def _stop_tells(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:
+def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:
     stop = state.stop
     if stop is not None and not stop.delivered:
         return text("frame.not_delivered"), Token.ALARM

@@ -14,19 +14,13 @@ from console.tui.keymap import CLOSE, KILL_KEYS, READING, STOP_KEYS, Action, Pag
 
 NUMBER_CHARACTERS = frozenset("0123456789+-.,")
 FIELD_KEYS = frozenset({"backspace", "delete", "left", "right", "home", "end"})
-LISTS = ("help", "messages")
-"""Actions that open a list in place of the page, also during the entry of a number."""
-
+LISTS = ("help", "messages")  # actions that open a list in place of the page, also during the entry of a number
 UNREADABLE, PASTED = "unreadable", "paste"
 """Keys for terminal input that is no key: unbound, so that they stop any motion."""
 
-WRITTEN = {"pageup": "PgUp", "pagedown": "PgDn"}
-"""Keys written otherwise than by their Textual names."""
-
+WRITTEN = {"pageup": "PgUp", "pagedown": "PgDn"}  # keys written otherwise than by their Textual names
 HARMLESS_KEYS = frozenset({"shift", "ctrl", "alt", "super", "hyper", "meta", "caps_lock", "num_lock"})
-
-REPEAT_S = 0.8
-"""Presses of one key that come sooner than this are the terminal's repeats of a held key."""
+REPEAT_S = 0.8  # presses of one key that come sooner than this are the terminal's repeats of a held key
 
 
 class FieldKind(Enum):
@@ -49,7 +43,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Situation:
-    """Situation in which a key is judged. `small`: the terminal is too small for a page, nothing may be moved.
+    """What a key is judged by. `small`: the terminal is too small for a page, nothing may be moved.
 
     `reading`: a list is in place of the page, and the keys that scroll it do nothing else. `jogging` is
     whether the motion is a jog step, `jog` the action that requested the last one. `at_rest`: it is known that
@@ -67,10 +61,7 @@ class Situation:
 
 
 def stops_at_once(key: str, now: Situation) -> bool:
-    """Return whether a key is a stop in any state. Space writes a space in free text; F12 stops there.
-
-    Escape closes a list while nothing moves.
-    """
+    """Return whether a key stops in any state: not Space in free text, nor Escape that closes a list at rest."""
     if key == "space":
         # Nothing can be typed while a list is open, so Space is no space there.
         return now.reading or now.field is not FieldKind.TEXT
@@ -100,29 +91,21 @@ def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Act
 
 
 def is_stray(key: str, character: str | None, now: Situation) -> bool:
-    """Whether a typed character cannot be part of a number.
-
-    It must not vanish: 1e3 without its e is another number. It stays in the entry, which is refused for it; so
-    does a Space, which stops as well.
-    """
+    """Whether a typed character is no part of a number; it stays, for 1e3 without its e is another number."""
     printable = character is not None and character.isprintable()
     vanishes = key == "space" or judge(key, character, now)[0] is Verdict.NOTHING
     return now.field is FieldKind.NUMBER and not now.reading and printable and vanishes
 
 
 def _action(key: str, character: str | None, now: Situation) -> Action | None:
-    """Return the action of a key. Nothing is typed, accepted or left behind a list that hides an open entry.
-
-    A character bound on every page would interrupt a number, unless it opens a list.
-    """
+    """Return the action of a key: of the open list or the page, and none that would interrupt a number."""
     if now.reading and (scrolling := next((each for each in READING if key in each.keys), None)):
         return scrolling
     action = action_of(key, character, now.page)
     if action is None or (now.small and action.id != "quit"):
         return None
-    everywhere = action.page is None and not action.id.startswith("page.")
     if now.field is not FieldKind.NONE and now.reading:
-        return action if everywhere else None
+        return action if action.page is None and not is_page(action) else None
     printable = character is not None and character.isprintable()
     interrupts = action.page is None and action.id not in LISTS and printable
     return None if interrupts and now.field is FieldKind.NUMBER else action

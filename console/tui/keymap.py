@@ -57,15 +57,19 @@ class Action:
     keys: tuple[str, ...]
     shown: str
     row: str | None = None
-    page: PageName | None = None
     moves: bool = False
     once: bool = False
     stops: Stops = Stops.NOTHING
 
+    @property
+    def page(self) -> PageName | None:
+        """The page of the key, by which its id begins; None for a key of every page."""
+        return next((page for page in PageName if self.id.startswith(f"{page}.")), None)
+
 
 CLOSE = Action(id="close", keys=("backspace",), shown="⌫")
 
-_EVERYWHERE = (
+ACTIONS: tuple[Action, ...] = (
     *(
         Action(id=f"page.{page}", keys=(str(number),), shown=str(number), stops=Stops.JOG)
         for number, page in enumerate(PageName, start=1)
@@ -77,72 +81,41 @@ _EVERYWHERE = (
     Action(id="help", keys=("?", "f1"), shown="?"),
     Action(id="quit", keys=("ctrl+q",), shown="^Q"),
     CLOSE,
-)
-
-_JOBS = (
-    Action(id="jobs.up", keys=("up",), shown="↑", row="↑↓", page=PageName.JOBS),
-    Action(id="jobs.down", keys=("down",), shown="↓", row="", page=PageName.JOBS),
-    Action(id="jobs.open", keys=("enter",), shown="Enter", page=PageName.JOBS),
-)
-
-_SETUP = (
-    Action(id="setup.next", keys=("tab", "down"), shown="↓ Tab", row="↑↓", page=PageName.SETUP),
-    Action(id="setup.previous", keys=("shift+tab", "up"), shown="↑", row="", page=PageName.SETUP),
-    Action(id="setup.edit", keys=("enter",), shown="Enter", page=PageName.SETUP),
-    Action(id="setup.undo", keys=("u", "ㅕ"), shown="u", page=PageName.SETUP),
-    Action(id="setup.save_as", keys=("s", "ㄴ"), shown="s", page=PageName.SETUP),
-)
-
-_PREVIEW = (
-    Action(id="preview.strategy", keys=("c", "ㅊ"), shown="c", page=PageName.PREVIEW),
-    Action(id="preview.learned", keys=("l", "ㅣ"), shown="l", page=PageName.PREVIEW),
-    Action(id="preview.stage", keys=("s", "ㄴ"), shown="s", page=PageName.PREVIEW),
-    Action(id="preview.program", keys=("p", "ㅔ"), shown="p", page=PageName.PREVIEW),
-    Action(id="preview.up", keys=("up", "pageup"), shown="↑", row="↑↓", page=PageName.PREVIEW),
-    Action(id="preview.down", keys=("down", "pagedown"), shown="↓", row="", page=PageName.PREVIEW),
-)
-
-
-def _jog(way: str, key: str, shown: str, *, row: str) -> Action:
-    return Action(
-        id=f"align.{way}",
-        keys=(key,),
-        shown=shown,
-        row=row,
-        page=PageName.ALIGN,
-        moves=True,
-        stops=Stops.MOTION,
-    )
-
-
-_ALIGN = (
-    Action(id="align.step", keys=("f4",), shown="F4", page=PageName.ALIGN, moves=True, once=True),
-    Action(id="align.take", keys=("enter",), shown="Enter", page=PageName.ALIGN, once=True),
-    Action(id="align.enable", keys=("j", "ㅓ"), shown="j", page=PageName.ALIGN),
-    _jog("in", "down", "↓", row=""),
-    _jog("out", "up", "↑", row="↑↓"),
-    _jog("chuck", "left", "←", row="←→"),
-    _jog("tail", "right", "→", row=""),
-    _jog("forward", "pageup", "PgUp", row="PgUp/Dn"),
-    _jog("backward", "pagedown", "PgDn", row=""),
-    Action(id="align.larger", keys=("+", "="), shown="+", row="+-", page=PageName.ALIGN, stops=Stops.JOG),
-    Action(id="align.smaller", keys=("-",), shown="-", row="", page=PageName.ALIGN, stops=Stops.JOG),
-    Action(id="align.back", keys=("b", "ㅠ"), shown="b", row="", page=PageName.ALIGN),
-    Action(id="align.off", keys=("f3",), shown="F3", page=PageName.ALIGN, stops=Stops.MOTION),
-)
-
-_RUN = (
-    Action(id="run.arm", keys=("f5",), shown="F5", page=PageName.RUN, once=True),
-    Action(id="run.start", keys=("f6",), shown="F6", page=PageName.RUN, moves=True, once=True),
-    Action(id="run.hold", keys=("f7",), shown="F7", page=PageName.RUN, moves=True, once=True),
-    Action(id="run.retract", keys=("f8",), shown="F8", page=PageName.RUN, moves=True, once=True),
-)
-
-_INSPECT = (
-    Action(id="inspect.measure", keys=("m", "ㅡ"), shown="m", page=PageName.INSPECT),
-    Action(id="inspect.accept", keys=("a", "ㅁ"), shown="a", page=PageName.INSPECT, once=True),
-    Action(id="inspect.revert", keys=("v", "ㅍ"), shown="v", page=PageName.INSPECT, once=True),
-    Action(id="inspect.next", keys=("enter",), shown="Enter", page=PageName.INSPECT),
+    Action(id="jobs.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="jobs.down", keys=("down",), shown="↓", row=""),
+    Action(id="jobs.open", keys=("enter",), shown="Enter"),
+    Action(id="setup.next", keys=("tab", "down"), shown="↓ Tab", row="↑↓"),
+    Action(id="setup.previous", keys=("shift+tab", "up"), shown="↑", row=""),
+    Action(id="setup.edit", keys=("enter",), shown="Enter"),
+    Action(id="setup.undo", keys=("u", "ㅕ"), shown="u"),
+    Action(id="setup.save_as", keys=("s", "ㄴ"), shown="s"),
+    Action(id="preview.strategy", keys=("c", "ㅊ"), shown="c"),
+    Action(id="preview.learned", keys=("l", "ㅣ"), shown="l"),
+    Action(id="preview.stage", keys=("s", "ㄴ"), shown="s"),
+    Action(id="preview.program", keys=("p", "ㅔ"), shown="p"),
+    Action(id="preview.up", keys=("up", "pageup"), shown="↑", row="↑↓"),
+    Action(id="preview.down", keys=("down", "pagedown"), shown="↓", row=""),
+    Action(id="align.step", keys=("f4",), shown="F4", moves=True, once=True),
+    Action(id="align.take", keys=("enter",), shown="Enter", once=True),
+    Action(id="align.enable", keys=("j", "ㅓ"), shown="j"),
+    Action(id="align.in", keys=("down",), shown="↓", row="", moves=True, stops=Stops.MOTION),
+    Action(id="align.out", keys=("up",), shown="↑", row="↑↓", moves=True, stops=Stops.MOTION),
+    Action(id="align.chuck", keys=("left",), shown="←", row="←→", moves=True, stops=Stops.MOTION),
+    Action(id="align.tail", keys=("right",), shown="→", row="", moves=True, stops=Stops.MOTION),
+    Action(id="align.forward", keys=("pageup",), shown="PgUp", row="PgUp/Dn", moves=True, stops=Stops.MOTION),
+    Action(id="align.backward", keys=("pagedown",), shown="PgDn", row="", moves=True, stops=Stops.MOTION),
+    Action(id="align.larger", keys=("+", "="), shown="+", row="+-", stops=Stops.JOG),
+    Action(id="align.smaller", keys=("-",), shown="-", row="", stops=Stops.JOG),
+    Action(id="align.back", keys=("b", "ㅠ"), shown="b", row=""),
+    Action(id="align.off", keys=("f3",), shown="F3", stops=Stops.MOTION),
+    Action(id="run.arm", keys=("f5",), shown="F5", once=True),
+    Action(id="run.start", keys=("f6",), shown="F6", moves=True, once=True),
+    Action(id="run.hold", keys=("f7",), shown="F7", moves=True, once=True),
+    Action(id="run.retract", keys=("f8",), shown="F8", moves=True, once=True),
+    Action(id="inspect.measure", keys=("m", "ㅡ"), shown="m"),
+    Action(id="inspect.accept", keys=("a", "ㅁ"), shown="a", once=True),
+    Action(id="inspect.revert", keys=("v", "ㅍ"), shown="v", once=True),
+    Action(id="inspect.next", keys=("enter",), shown="Enter"),
 )
 
 READING = (
@@ -151,16 +124,11 @@ READING = (
 )
 """Actions of these keys while a list is in place of the page, instead of those on the page."""
 
-ACTIONS: tuple[Action, ...] = (*_EVERYWHERE, *_JOBS, *_SETUP, *_PREVIEW, *_ALIGN, *_RUN, *_INSPECT)
-
 
 def action_of(key: str, character: str | None, page: PageName) -> Action | None:
     """Return the action of a key on a page, None where it has none."""
-    names = {key, character}
-    for action in ACTIONS:
-        if action.page in (None, page) and names & set(action.keys):
-            return action
-    return None
+    of_page = (action for action in ACTIONS if action.page in (None, page))
+    return next((action for action in of_page if key in action.keys or character in action.keys), None)
 
 
 def actions_of(page: PageName) -> tuple[Action, ...]:
@@ -176,8 +144,8 @@ def help_lines(text: Catalogue, page: PageName, number: int, width: int) -> list
             rows += _row(action.shown, text(f"key_help.{action.id}"), width)
         return [*rows, BLANK, line(dim(text("help.more")))]
     rows = [line((text("help.everywhere"), Token.TITLE))]
-    rows += _row("Space", text("help.stop"), width) + _row("F9", text("help.kill"), width)
-    rows += _row("", text("help.unbound"), width)
+    for shown, said in (("Space", text("help.stop")), ("F9", text("help.kill")), ("", text("help.unbound"))):
+        rows += _row(shown, said, width)
     for action in ACTIONS:
         if action.page is None:
             rows += _row(action.shown, text(f"key_help.{action.id}"), width)

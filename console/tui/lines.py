@@ -1,14 +1,13 @@
-"""Lines of text as values, aligned by cells, and the panel that repaints only the changed ones.
-
-A line consists of pieces with tokens; a Hangul syllable is two cells.
-"""
+"""Lines of text as pieces with tokens, aligned by cells, and the panel that repaints only changed cells."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import zip_longest
 
 from rich.cells import cell_len, set_cell_size
 from rich.segment import Segment
+from textual.content import Content
 from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
@@ -19,10 +18,7 @@ from console.tui.theme import Palette, Token
 Piece = tuple[str, Token]
 Line = tuple[Piece, ...]
 BLANK: Line = ()
-NOTHING = "–"
-"""Placeholder where there is no value, or none that may be judged."""
-
-_EMPTY: Piece = (" ", Token.TEXT)
+NOTHING = "–"  # placeholder where there is no value, or none that may be judged
 
 
 def line(*pieces: str | Piece) -> Line:
@@ -62,11 +58,17 @@ def to_the_right(text: str, width: int) -> str:
     return " " * max(width - cell_len(text), 0) + text
 
 
-def clipped(lines: list[Line], height: int, more: str) -> list[Line]:
-    """Return what fits; otherwise the last row is `more`: that it continues, and how to show it."""
-    if len(lines) <= height:
+def clipped(lines: list[Line], height: int | None, more: str) -> list[Line]:
+    """Return what fits, all without a height; the last row is `more` where it continues: how to see the rest."""
+    if height is None or len(lines) <= height:
         return lines
     return [*lines[: max(height - 1, 0)], ((more, Token.WARNING),)][: max(height, 0)]
+
+
+def first_fitting(height: int | None, more: str, *layouts: list[Line]) -> list[Line]:
+    """Return the first of the layouts that fits, the first without a height; clip the last where none fits."""
+    fitting = (lines for lines in layouts if height is None or len(lines) <= height)
+    return next(fitting, None) or clipped(layouts[-1], height, more)
 
 
 def ranged(left: Line, right: Line, width: int) -> Line:
@@ -83,16 +85,12 @@ def ranged(left: Line, right: Line, width: int) -> Line:
 def fact(label: str, value: str, width: int, *, label_width: int, token: Token = Token.TEXT) -> Line:
     """Return a row of a panel: a dim label, and its value right-aligned in `width`."""
     room = max(width - label_width, 0)
-    value_width = cell_len(value)
-    shown = fitted(value, room) if value_width > room else " " * (room - value_width) + value
+    shown = fitted(value, room) if cell_len(value) > room else to_the_right(value, room)
     return (fitted(label, label_width), Token.DIM), (shown, token)
 
 
 def wrapped(text: str, width: int, token: Token = Token.TEXT, *, first: int | None = None) -> list[Line]:
-    """Return a text broken at spaces into lines of at most `width` cells; a longer word is broken anywhere.
-
-    The first line has `first` cells, where that is given.
-    """
+    """Return a text broken at spaces (long words anywhere) into lines of `width` cells, the first of `first`."""
     lines: list[str] = []
     current = ""
     for word in text.split():
@@ -117,10 +115,7 @@ def wrapped(text: str, width: int, token: Token = Token.TEXT, *, first: int | No
 
 
 def hanging(mark: Piece, text: str, width: int, token: Token = Token.TEXT, *, beside: Line = BLANK) -> list[Line]:
-    """Return a text after its mark, on as many lines as it needs, with a hanging indent.
-
-    `beside` is at the right end of the first line.
-    """
+    """Return a text with a hanging indent after its mark; `beside` is at the right end of the first line."""
     indent = cell_len(mark[0])
     room = max(width - indent, 1)
     free = max(room - width_of(beside) - bool(beside), 1)
@@ -130,9 +125,8 @@ def hanging(mark: Piece, text: str, width: int, token: Token = Token.TEXT, *, be
 
 def to_strip(pieces: Iterable[Piece], width: int, palette: Palette) -> Strip:
     """Return a strip of exactly `width` cells; every cell has a style."""
-    segments = [Segment(text, palette.style(token)) for text, token in pieces if text]
-    strip = Strip(segments)
-    return strip.adjust_cell_length(width, palette.style(Token.TEXT))
+    strip = Strip([Segment(text, palette[token]) for text, token in pieces if text])
+    return strip.adjust_cell_length(width, palette[Token.TEXT])
 
 
 def plain(lines: Sequence[Line]) -> str:
@@ -145,31 +139,22 @@ def changed(before: Line, after: Line) -> tuple[int, int]:
     # Most often a label stays and its value changes: cells are compared from the first piece that differs.
     same = next((place for place, pair in enumerate(zip(before, after, strict=False)) if pair[0] != pair[1]), 0)
     start = width_of(before[:same])
-    old, new = _cells(before[same:]), _cells(after[same:])
-    length = max(len(old), len(new))
-    old += [_EMPTY] * (length - len(old))
-    new += [_EMPTY] * (length - len(new))
-    places = [place for place in range(length) if old[place] != new[place]]
+    cells = zip_longest(_cells(before[same:]), _cells(after[same:]), fillvalue=(" ", Token.TEXT))
+    places = [place for place, (old, new) in enumerate(cells) if old != new]
     return (start + places[0], start + places[-1] + 1) if places else (0, 0)
 
 
-def _cells(pieces: Line) -> list[Piece]:
-    """Return one entry for each cell; the second cell of a wide character belongs to the first."""
-    cells: list[Piece] = []
+def _cells(pieces: Line) -> Iterator[Piece]:
+    """Yield one entry for each cell; the second cell of a wide character belongs to the first."""
     for text, token in pieces:
         for character in text:
-            cells += [(character, token)] * cell_len(character)
-    return cells
+            yield from [(character, token)] * cell_len(character)
 
 
 def _head(word: str, width: int) -> str:
     """Return the longest prefix of `word` that fits, one character at least."""
-    head = word[:1]
-    for character in word[1:]:
-        if cell_len(head + character) > width:
-            break
-        head += character
-    return head
+    fitting = (word[:end] for end in range(len(word), 1, -1) if cell_len(word[:end]) <= width)
+    return next(fitting, word[:1])
 
 
 class Sheet(Widget, can_focus=False):
@@ -178,27 +163,33 @@ class Sheet(Widget, can_focus=False):
     def __init__(self, palette: Palette, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
         self._palette = palette
-        self._lines: tuple[Line, ...] = ()
+        self.lines: tuple[Line, ...] = ()
 
-    @property
-    def lines(self) -> tuple[Line, ...]:
-        """The lines shown."""
-        return self._lines
-
-    def show(self, lines: Sequence[Line]) -> None:
-        """Show these lines; unchanged cells are not painted again."""
-        before, self._lines = self._lines, tuple(_harmless(each) for each in lines)
+    def show(self, lines: Sequence[Line], title: str | None = None, subtitle: str = "") -> None:
+        """Show these lines, and these titles where they are given; unchanged cells are not painted again."""
+        if title is not None:
+            entitle(self, title, subtitle)
+        before, self.lines = self.lines, tuple(_harmless(each) for each in lines)
         regions = []
-        for row in range(max(len(before), len(self._lines))):
-            if _row(before, row) != _row(self._lines, row):
-                first, end = changed(_row(before, row), _row(self._lines, row))
+        for row, (old, new) in enumerate(zip_longest(before, self.lines, fillvalue=BLANK)):
+            if old != new:
+                first, end = changed(old, new)
                 regions.append(Region(first, row, end - first, 1))
         if regions:
             self.refresh(*regions)
 
     def render_line(self, y: int) -> Strip:
         """Return one row."""
-        return to_strip(_row(self._lines, y), self.size.width, self._palette)
+        pieces = self.lines[y] if y < len(self.lines) else BLANK
+        return to_strip(pieces, self.size.width, self._palette)
+
+
+def entitle(panel: Widget, title: str, subtitle: str = "") -> None:
+    """Set the titles of a panel where they differ. Names in them may contain brackets, which are no markup."""
+    for name, words in (("border_title", title), ("border_subtitle", subtitle)):
+        content = Content(words)
+        if getattr(panel, name) != content.markup:
+            setattr(panel, name, content)
 
 
 def _harmless(pieces: Line) -> Line:
@@ -206,7 +197,3 @@ def _harmless(pieces: Line) -> Line:
     if all(text.isprintable() for text, _ in pieces):
         return pieces
     return tuple((escaped_line(text), token) for text, token in pieces)
-
-
-def _row(lines: tuple[Line, ...], row: int) -> Line:
-    return lines[row] if row < len(lines) else BLANK

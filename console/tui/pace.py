@@ -10,23 +10,14 @@ from __future__ import annotations
 
 from typing import Generic, TypeVar
 
-APART_S = 0.04
-"""Different keys closer together than this were not typed by a person, who needs some 60 ms."""
-
-QUIET_S = 0.5
-"""Dead time after a burst: a slow line may bring its Enter later than the rest."""
-
-WRITTEN = 3
-"""This many characters in a row come from a scanner; two may be a fast hand, or a slow line."""
-
+APART_S = 0.04  # different keys closer together than this were not typed by a person, who needs some 60 ms
+QUIET_S = 0.5  # dead time after a burst: a slow line may bring its Enter later than the rest
+WRITTEN = 3  # this many characters in a row come from a scanner; two may be a fast hand, or a slow line
 Held = TypeVar("Held")
 
 
 class Pace(Generic[Held]):
-    """Judge every key by its time, of any monotonic clock.
-
-    A key that repeats while it is held down is no burst: it is always the same one.
-    """
+    """Judge every key by its time, of any monotonic clock. The repeats of one key are no burst."""
 
     def __init__(self) -> None:
         self._held: list[tuple[float, Held]] = []

@@ -1,25 +1,38 @@
-"""Base class of the pages: a container that gets a view ten times a second, and the actions of its keys."""
+"""Base classes of the pages: containers that get a view ten times a second, and the actions of their keys."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
+from textual.app import ComposeResult
 from textual.containers import Container
+from textual.events import Resize
+from textual.geometry import Size
+from textual.widget import Widget
 
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line
 from console.tui.ui_context import UiContext, View
 
+ROWS_FOR_PLOTS = 16  # rows of the page below which numbers take the room of the plots
+_ROOMY_ROWS, _TALL_ROWS = 22, 36
+
 
 class Page(Container):
-    """One of the numbered pages. Nothing covers it, and it covers nothing."""
+    """One of the numbered pages, made of `panels`. Nothing covers it, and it covers nothing."""
 
     name_: ClassVar[PageName]
 
-    def __init__(self, desk: UiContext) -> None:
+    def __init__(self, ui: UiContext) -> None:
         super().__init__(id=f"page-{self.name_}", classes="page")
-        self.desk = desk
+        self.ui = ui
+        self.panels: Sequence[Widget] = ()
+
+    def compose(self) -> ComposeResult:
+        """Return the panels."""
+        yield from self.panels
 
     def fit(self) -> None:
         """Choose the layout for the height: at each tick, because an event may be missed while it is mounted."""
@@ -45,3 +58,54 @@ class Page(Container):
 
     def leave(self) -> None:
         """End an entry, and disable what was enabled: the operator leaves the page."""
+
+
+class ChartPage(Page):
+    """A page of plots with texts beside them, or another panel in their place; painted when something changed."""
+
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        self.texts: Sequence[Widget] = ()
+        self._view: View | None = None
+        self._painted_for: list[Size] = []
+
+    def news(self, view: View) -> tuple[object, ...]:
+        """Return what the page shows of a view; immutable objects by their identity."""
+        raise NotImplementedError
+
+    def paint(self, view: View) -> None:
+        """Show everything anew."""
+        raise NotImplementedError
+
+    def show(self, view: View) -> None:
+        """Show the newest state; also where a text has another size, some time after a resize."""
+        before, self._view = self._view, view
+        sizes = [text.size for text in self.texts]
+        if before is None or self.news(before) != self.news(view) or sizes != self._painted_for:
+            self.paint_again()
+
+    def paint_again(self) -> None:
+        """Show the last view again."""
+        if self._view is not None:
+            self._painted_for = [text.size for text in self.texts]
+            self.paint(self._view)
+
+    def fit(self) -> None:
+        """Show plots where there is room for them."""
+        height = self.size.height
+        self.set_class(height < ROWS_FOR_PLOTS, "-bare")
+        self.set_class(height >= _ROOMY_ROWS, "-roomy")
+        self.set_class(height >= _TALL_ROWS, "-tall")
+
+    def on_resize(self, event: Resize) -> None:
+        """Adapt to the new size."""
+        self.fit()
+        self.call_after_refresh(self.paint_again)
+
+    def see(self, target: Widget, panels: Sequence[Widget]) -> None:
+        """Show one of these panels in the place of the others; it needs a layout before it knows its size."""
+        if not target.display:
+            for each in panels:
+                each.display = each is target
+            if self.is_attached:
+                self.call_after_refresh(self.paint_again)

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from console.session.cut.alignment import Alignment, aligned_job, aligned_machine
 from console.session.work import Work
-from console.tui.kept import Kept
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
@@ -22,25 +21,43 @@ if TYPE_CHECKING:
     from drivers.cutting.strategy import Strategy
     from drivers.preview.outlook import Outlook
     from drivers.preview.preview import Asked, Preview, Program, Underway
-    from profiles.axis.response import ServoResponse
     from profiles.axis.servo import Eq9Summary
     from profiles.compensations.learned import ExpectedPart
     from profiles.compensations.path import CutPath
 
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from profiles.compensations.path import CutPath
-
-PROGRAMS_KEPT = 60
-"""Those of a dozen jobs, between which an operator steps back and forth."""
-
+Key = TypeVar("Key")
+Value = TypeVar("Value")
+PROGRAMS_KEPT = 60  # those of a dozen jobs, between which an operator steps back and forth
 LOOPS_KEPT = 4
+
+
+class Kept(Generic[Key, Value]):
+    """Cache of the last `most` values, for two threads. Keys are compared: a profile with tables has no hash."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._lock = threading.Lock()
+        self._entries: list[tuple[Key, Value]] = []
+
+    def find(self, key: Key) -> Value | None:
+        """Return the value kept under an equal key."""
+        with self._lock:
+            for place in range(len(self._entries) - 1, -1, -1):
+                if self._entries[place][0] == key:
+                    self._entries.append(self._entries.pop(place))
+                    return self._entries[-1][1]
+            return None
+
+    def keep(self, key: Key, value: Value) -> None:
+        """Keep a value."""
+        with self._lock:
+            self._entries.append((key, value))
+            del self._entries[: -self._most]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """What is to be predicted; `response` and `path` are those of a cut with `strategy`, None for the model's.
+    """What is to be predicted; `path` is that of a cut with `strategy`, None for the model's.
 
     `taught` is the result expected from the part that the path was learned from. A cut `in_air` has its program
     further out.
@@ -49,7 +66,6 @@ class Question:
     job: Job
     machine: MachineProfile
     strategy: str
-    response: ServoResponse | None = None
     path: CutPath | None = None
     taught: ExpectedPart | None = None
     in_air: bool = False
@@ -57,10 +73,7 @@ class Question:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Begun:
-    """A question, and its immediate answer; `asked` are its programs, that of its strategy first.
-
-    Where there is no outlook, `problems` say why, and no program is computed.
-    """
+    """A question, its outlook or the `problems` of it, and its programs (`asked`), that of its strategy first."""
 
     question: Question
     outlook: Outlook | None = None
@@ -77,37 +90,25 @@ class Previewer:
         self._begun: _Begun | None = None
         self._fault: tuple[_Begun, Problem] | None = None
         self._shown: tuple[_Begun, Eq9Summary | None, dict[Strategy, Program], Underway] | None = None
-        self._settled: tuple[Work, Alignment, ServoResponse | None, CutPath | None] | None = None
+        self._settled: tuple[Work, Alignment, CutPath | None] | None = None
         self._thread: threading.Thread | None = None
 
-    def refreshed(
-        self,
-        work: Work,
-        alignment: Alignment,
-        *,
-        response: ServoResponse | None = None,
-        path: CutPath | None = None,
-    ) -> Work:
-        """Return the work with what is known of exactly this job so far; begin to compute the rest.
-
-        Jaw 1 is where the alignment found it, the tool tip where the touch-off did. `response` is what a cut with
-        the strategy of the work inverts, `path` what was learned of it.
-        """
-        asked = (work, alignment, response, path)
+    def refreshed(self, work: Work, alignment: Alignment, *, path: CutPath | None = None) -> Work:
+        """Return the work with what is known of exactly this job, aligned, so far; begin to compute the rest."""
+        asked = (work, alignment, path)
         if self._settled is not None and all(a is b for a, b in zip(self._settled, asked, strict=True)):
             return work
         question = Question(
             job=aligned_job(work.job, alignment),
             machine=aligned_machine(work.machine.machine, alignment),
             strategy=work.strategy,
-            response=response,
             path=path,
             taught=None if path is None else _taught(work, alignment),
             in_air=work.stage == "air",
         )
         answered = self._answered(work, question)
         done = answered.preview is not None or answered.preview_problems
-        self._settled = (answered, alignment, response, path) if done else None
+        self._settled = (answered, alignment, path) if done else None
         return answered
 
     def _answered(self, work: Work, question: Question) -> Work:
@@ -133,8 +134,8 @@ class Previewer:
         from drivers.preview.preview import Preview, underway, whole
 
         loop = self._loops.find(begun.question.machine)
-        found = {each.strategy: self._programs.find(each) for each in begun.asked}
-        programs = {each: program for each, program in found.items() if program is not None}
+        found = ((each.strategy, self._programs.find(each)) for each in begun.asked)
+        programs = {each: program for each, program in found if program is not None}
         shown = self._shown
         if shown is None or shown[0] is not begun or shown[1] is not loop or shown[2] != programs:
             if loop is not None and len(programs) == len(begun.asked):
@@ -151,7 +152,7 @@ class Previewer:
                 if not self._add_to(begun):
                     return
             except Exception as fault:
-                self._fault = (begun, _fault(fault))
+                self._fault = (begun, fault_of(fault))
                 return
 
     def _add_to(self, begun: _Begun) -> bool:
@@ -189,19 +190,20 @@ def _begin(question: Question) -> _Begun:
     from drivers.preview.outlook import outlook
     from drivers.preview.preview import all_asked
 
-    parts = (question.job, question.machine, Strategy(question.strategy), question.response)
+    parts = (question.job, question.machine, Strategy(question.strategy), None)
     try:
         seen = outlook(*parts, path=question.path, taught=question.taught)
     except ProblemError as error:
         return _Begun(question=question, problems=tuple(error.problems))
     except Exception as fault:
-        return _Begun(question=question, problems=(_fault(fault),))
+        return _Begun(question=question, problems=(fault_of(fault),))
     out_mm = air_mm(question.job, Stage.AIR) if question.in_air else 0.0
     asked = sorted(all_asked(*parts, question.path, out_mm), key=lambda each: each.strategy is not seen.strategy)
     return _Begun(question=question, outlook=seen, asked=tuple(asked))
 
 
-def _fault(fault: Exception) -> Problem:
+def fault_of(fault: Exception) -> Problem:
+    """Return a fault of the program as a problem of one line."""
     return Problem(code="session.fault", value=" ".join(f"{type(fault).__name__}: {fault}".split()))
 
 

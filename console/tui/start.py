@@ -12,12 +12,13 @@ from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
 from console.cli.library import data_of, machine_of, simulated_address
 from console.session.data.calibrated_chuck import calibrated_or_stated
 from console.session.errors import SessionError
 from console.session.signals import ENDING_SIGNALS
-from console.session.station.link_thread import LinkThread, Opened
+from console.session.station.link_thread import LinkThread
 from console.session.station.whereabouts import address_of
 from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
@@ -29,19 +30,14 @@ from drivers.link.tracing import Tracing
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
+if TYPE_CHECKING:
+    from console.session.station.station import Opened
+
 WRONG_USAGE = 2
-
-QUIET_S = 2.0
-"""Time after the end of the screen until a wait for the machine is reported."""
-
-COAST_LIMIT_S = 75.0
-"""Time limit for proving a machine at rest after the screen has ended."""
-
-ENDING_LIMIT_S = 8.0
-"""The same after a signal: a supervisor kills this process after ten seconds."""
-
+QUIET_S = 2.0  # time after the end of the screen until a wait for the machine is reported
+COAST_LIMIT_S = 75.0  # time limit for proving a machine at rest after the screen has ended
+ENDING_LIMIT_S = 8.0  # the same after a signal: a supervisor kills this process after ten seconds
 WAIT_S = 0.1
-
 
 SWITCH_INTERVAL_S = 0.0005
 """Longest time for the drawing thread to keep the interpreter while the link waits: watchdog and polls first."""
@@ -64,12 +60,11 @@ def main(options: Namespace, text: Catalogue) -> int:
     address = address_of(machine.machine, options.link, simulated=options.sim)
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"console {machine.machine.name}")
     simulated = isinstance(address, SimulatedAddress)
-    told = simulated_address(options, machine.machine)
-    if told is not None and not simulated:
+    requested = simulated_address(options, machine.machine)
+    if requested is not None and not simulated:
         print(f"console: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE
-    address = told or address
-    link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, address, data, tracing))
+    link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
     app = ConsoleApp(
         text=text,
         palette=MONO if os.environ.get("NO_COLOR") else COLOUR,
@@ -95,7 +90,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _open(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
     """Open the machine in the link thread: its imports take longer than the first paint."""
-    from console.session.station.opening import open_machine
+    from console.session.station.station import open_machine
 
     return open_machine(machine, address, data, tracing)
 
@@ -114,8 +109,7 @@ class _Ending:
             signal.signal(number, self._handle)
 
     def ignore(self) -> None:
-        """Ignore further signals: during interpreter exit they must not change the exit code."""
-        for number in ENDING_SIGNALS:
+        for number in ENDING_SIGNALS:  # during interpreter exit they must not change the exit code
             signal.signal(number, signal.SIG_IGN)
 
     def _handle(self, number: int, _: FrameType | None) -> None:
@@ -149,7 +143,5 @@ def _leave(link: LinkThread, ending: _Ending, text: Catalogue) -> None:
 
 
 def _say(line: str) -> None:
-    try:
+    with suppress(OSError):  # the terminal is gone; the exit code still reports the result
         print(f"console: {line}", file=sys.stderr)
-    except OSError:
-        pass  # the terminal is gone; the exit code still reports the result

@@ -7,8 +7,8 @@ has a word and a mark. Magenta is the simulator's. All colours are distinct in 2
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum, auto
+from typing import Any
 
 from rich.style import Style
 from textual.theme import Theme
@@ -18,19 +18,15 @@ class Token(Enum):
     """Meaning of a piece of the screen."""
 
     TEXT = auto()
-    DIM = auto()
-    """Needs no attention: units, frames, finished steps."""
+    DIM = auto()  # needs no attention: units, frames, finished steps
     STRONG = auto()
     TITLE = auto()
-    SELECTED = auto()
-    """The row or page with the focus."""
-    ACTION = auto()
-    """What the operator does next."""
+    SELECTED = auto()  # the row or page with the focus
+    ACTION = auto()  # what the operator does next
     OK = auto()
     WARNING = auto()
     ALARM = auto()
-    STALE = auto()
-    """A value that is out of date."""
+    STALE = auto()  # a value that is out of date
     SIM = auto()
     STOP = auto()
     KEY = auto()
@@ -44,27 +40,10 @@ class Token(Enum):
 
 
 BACKGROUND = "#121416"
-PANEL = "#121416"
 _GREY, _DIM, _BRIGHT = "#c6c6c6", "#8a8a8a", "#ffffff"
-_BLUE, _YELLOW, _RED, _MAGENTA, _CYAN, _ORANGE = (
-    "#5fafff",
-    "#ffd75f",
-    "#ff5f5f",
-    "#d75fd7",
-    "#5fd7d7",
-    "#ffaf5f",
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Palette:
-    """A style for every token: a strip without a style is not drawn safely."""
-
-    styles: Mapping[Token, Style]
-
-    def style(self, token: Token) -> Style:
-        """Return the style of a token."""
-        return self.styles[token]
+_BLUE, _YELLOW, _RED = "#5fafff", "#ffd75f", "#ff5f5f"
+_MAGENTA, _CYAN, _ORANGE = "#d75fd7", "#5fd7d7", "#ffaf5f"
+Palette = Mapping[Token, Style]  # a style for every token: a strip without a style is not drawn safely
 
 
 def _on_dark(colour: str, bold: bool = False, strike: bool = False) -> Style:
@@ -75,40 +54,36 @@ def _block(background: str) -> Style:
     return Style(color="#000000", bgcolor=background, bold=True)
 
 
-COLOUR = Palette(
-    {
-        Token.TEXT: _on_dark(_GREY),
-        Token.DIM: _on_dark(_DIM),
-        Token.STRONG: _on_dark(_BRIGHT, bold=True),
-        Token.TITLE: _on_dark(_GREY, bold=True),
-        Token.SELECTED: _block(_GREY),
-        Token.ACTION: _on_dark(_BLUE, bold=True),
-        Token.OK: _on_dark(_GREY),
-        Token.WARNING: _on_dark(_YELLOW, bold=True),
-        Token.ALARM: _block(_RED),
-        Token.STALE: _on_dark(_DIM, strike=True),
-        Token.SIM: _block(_MAGENTA),
-        Token.STOP: _block(_BRIGHT),
-        Token.KEY: _on_dark(_BRIGHT),
-        Token.AXIS: _on_dark(_DIM),
-        Token.RING: _on_dark("#626262"),
-        Token.MARK: _on_dark(_BRIGHT, bold=True),
-        Token.BEFORE: _on_dark(_ORANGE),
-        Token.AFTER: _on_dark(_CYAN),
-        Token.COMMAND: _on_dark(_ORANGE),
-        Token.WANTED: _on_dark(_CYAN),
-    }
-)
+COLOUR: Palette = {
+    Token.TEXT: _on_dark(_GREY),
+    Token.DIM: _on_dark(_DIM),
+    Token.STRONG: _on_dark(_BRIGHT, bold=True),
+    Token.TITLE: _on_dark(_GREY, bold=True),
+    Token.SELECTED: _block(_GREY),
+    Token.ACTION: _on_dark(_BLUE, bold=True),
+    Token.OK: _on_dark(_GREY),
+    Token.WARNING: _on_dark(_YELLOW, bold=True),
+    Token.ALARM: _block(_RED),
+    Token.STALE: _on_dark(_DIM, strike=True),
+    Token.SIM: _block(_MAGENTA),
+    Token.STOP: _block(_BRIGHT),
+    Token.KEY: _on_dark(_BRIGHT),
+    Token.AXIS: _on_dark(_DIM),
+    Token.RING: _on_dark("#626262"),
+    Token.MARK: _on_dark(_BRIGHT, bold=True),
+    Token.BEFORE: _on_dark(_ORANGE),
+    Token.AFTER: _on_dark(_CYAN),
+    Token.COMMAND: _on_dark(_ORANGE),
+    Token.WANTED: _on_dark(_CYAN),
+}
 
 _REVERSED = (Token.SELECTED, Token.ALARM, Token.SIM, Token.STOP)
 _BOLD = (Token.STRONG, Token.TITLE, Token.ACTION, Token.WARNING, Token.KEY, Token.MARK)
 
-
-def _mono(token: Token) -> Style:
-    return Style(color="default", bgcolor="default", reverse=token in _REVERSED, bold=token in _BOLD)
-
-
-MONO = Palette({token: _mono(token) for token in Token})
+MONO: Palette = {
+    token: Style(color="default", bgcolor="default", reverse=token in _REVERSED, bold=token in _BOLD)
+    for token in Token
+}
 """For terminals without colour: words and marks carry everything."""
 
 DARK_THEME = Theme(
@@ -122,22 +97,15 @@ DARK_THEME = Theme(
     foreground=_GREY,
     background=BACKGROUND,
     surface=BACKGROUND,
-    panel=PANEL,
+    panel=BACKGROUND,
     dark=True,
 )
 
+_ANSI: Any = "ansi_default"
 MONO_THEME = Theme(
     name="trilobe-mono",
-    primary="ansi_default",
-    secondary="ansi_default",
-    accent="ansi_default",
-    warning="ansi_default",
-    error="ansi_default",
-    success="ansi_default",
-    foreground="ansi_default",
-    background="ansi_default",
-    surface="ansi_default",
-    panel="ansi_default",
+    **dict.fromkeys(("primary", "secondary", "accent", "warning", "error", "success"), _ANSI),
+    **dict.fromkeys(("foreground", "background", "surface", "panel"), _ANSI),
     dark=True,
     ansi=True,
     variables={"ansi-background": "ansi_default", "ansi-foreground": "ansi_default"},

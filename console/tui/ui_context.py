@@ -1,50 +1,55 @@
-"""UI context of all pages: the texts, the colours, the machine's control, and the open job."""
+"""UI context of all pages: the texts, the colours, the machine's control, the open job; and answers to keys."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.session.station.control import Control
+from console.session.station.commands import Control
 from console.session.station.state import Activity, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.tui.keymap import PageName
+from console.tui.keymap import ACTIONS, PageName
 from console.tui.theme import Palette
-from profiles.problem import Problem
+from profiles.job import Job
+from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 Moment = tuple[Activity, bool, bool]
 """Activity of the machine, whether a cut is armed, whether a stop is in force: what most answers refer to."""
 
+KEYS = {action.id: action.shown for action in ACTIONS}  # the written name of each action's key
 
+_REFUSALS = {
+    "lost": "session.lost",
+    "stopping": "screen.in_motion",
+    "stopped": "screen.stopped_first",
+    "connecting": "screen.nothing_known",
+    "moving": "screen.in_motion",
+    "busy": "screen.busy",
+    "observing": "screen.observes",
+}
+
+
+@dataclass(kw_only=True, eq=False)
 class UiContext:
     """The single UI context. `work` is replaced, never changed; `said` is the answer to the last key.
 
     `go` shows another page. `data` is the operator's folder. `jog` is the action that requested the last jog step.
     """
 
-    def __init__(
-        self,
-        *,
-        text: Catalogue,
-        palette: Palette,
-        control: Control,
-        machine: LoadedMachine,
-        data: Path,
-        go: Callable[[PageName], None],
-    ) -> None:
-        self.text = text
-        self.palette = palette
-        self.control = control
-        self.machine = machine
-        self.data = data
-        self.go = go
-        self.work: Work | None = None
-        self.jog: str | None = None
-        self._said: tuple[Problem, ...] = ()
-        self._said_at: Moment | None = None
+    text: Catalogue
+    palette: Palette
+    control: Control
+    machine: LoadedMachine
+    data: Path
+    go: Callable[[PageName], None]
+    work: Work | None = None
+    jog: str | None = None
+    _said: tuple[Problem, ...] = ()
+    _said_at: Moment | None = None
 
     @property
     def said(self) -> tuple[Problem, ...]:
@@ -54,6 +59,29 @@ class UiContext:
     @said.setter
     def said(self, problems: tuple[Problem, ...]) -> None:
         self._said, self._said_at = problems, _moment(self.control.state)
+
+    @property
+    def job(self) -> Job | None:
+        """The open job, None without one."""
+        return None if self.work is None else self.work.job
+
+    def say(self, code: str, *, key: str = "", value: str = "", limit: str = "") -> None:
+        """Answer the last key with a problem."""
+        self.said = (Problem(code=code, key=key, value=value, limit=limit),)
+
+    @contextmanager
+    def answering(self) -> Iterator[None]:
+        """Answer the last key with the problems of what fails inside."""
+        try:
+            yield
+        except ProblemError as error:
+            self.said = tuple(error.problems)
+
+    def refuses(self, action: str) -> bool:
+        """Whether the station cannot take the command of this action now; the answer says why."""
+        if word := waiting(self.control.state):
+            self.say(_REFUSALS[word], key=KEYS[action])
+        return bool(word)
 
     def say_until_key(self, problem: Problem) -> None:
         """Show until the next key a text that holds in any state, such as why the machine is being stopped."""
@@ -72,6 +100,35 @@ class View:
     state: StationState
     work: Work | None
     now_s: float
+
+    @property
+    def job(self) -> Job | None:
+        """The open job, None without one."""
+        return None if self.work is None else self.work.job
+
+
+def waiting(state: StationState) -> str:
+    """Return what must end before a command is accepted, in a word; empty for nothing."""
+    if state.activity is Activity.LOST:
+        return "lost"
+    if state.stop is not None:
+        return "stopping" if state.stop.rest_s is None else "stopped"
+    if not state.controls and state.activity is not Activity.CONNECTING:
+        return "observing"
+    if state.snapshot is None or state.activity is Activity.CONNECTING:
+        return "connecting"
+    if state.moving:
+        return "stopping" if state.activity is Activity.STOPPING else "moving"
+    return "" if state.activity is Activity.READY else "busy"
+
+
+def locked(state: StationState, moving: str, armed: str) -> Problem | None:
+    """Return why the job cannot be changed now, one of two codes; None when it can."""
+    if state.moving:
+        return Problem(code=moving)
+    if state.armed is not None or state.activity is Activity.ARMING:
+        return Problem(code=armed)
+    return None
 
 
 def _moment(state: StationState) -> Moment:

@@ -8,9 +8,7 @@ from drivers.pmac.language.text import format_number
 from drivers.pmac.settings import PARTS_PER_COUNT
 from profiles.machine import MachineProfile
 
-DAC_BITS = 32_768
-"""DAC bits at full output."""
-
+DAC_BITS = 32_768  # DAC bits at full output
 _PLAIN_DIGITS = 1e5
 
 
@@ -24,23 +22,25 @@ def digits(value: float) -> str:
 
 def amount(value: float, of: Named, machine: MachineProfile) -> str:
     """Return a value such as `40 counts/ms2 (8000 mm/s2)`."""
+    counted, motor = digits(value), of.motor
     match of.name.quantity:
         case Quantity.ADDRESS:
             return f"${int(value):X}" if value == int(value) and value >= 0 else format_number(value)
-        case Quantity.TIME_MS:
-            return f"{digits(value)} ms"
-        case Quantity.DAC_BITS:
-            return _output(value, of.motor, machine)
-        case Quantity.COUNTS:
-            return _with(f"{digits(value)} counts", _length(value, of.motor, machine))
-        case Quantity.SIXTEENTHS:
-            return _with(f"{digits(value)} /16 counts", _length(value / PARTS_PER_COUNT, of.motor, machine))
-        case Quantity.SPEED:
-            return _with(f"{digits(value)} counts/ms", _speed(value, of.motor, machine))
-        case Quantity.ACCELERATION:
-            return _with(f"{digits(value)} counts/ms2", _acceleration(value, of.motor, machine))
         case Quantity.NUMBER:
             return format_number(value)
+        case Quantity.TIME_MS:
+            return f"{counted} ms"
+        case Quantity.DAC_BITS:
+            unit, converted = "bits", _current(value, motor, machine)
+        case Quantity.COUNTS:
+            unit, converted = "counts", _length(value, motor, machine)
+        case Quantity.SIXTEENTHS:
+            unit, converted = "/16 counts", _length(value / PARTS_PER_COUNT, motor, machine)
+        case Quantity.SPEED:
+            unit, converted = "counts/ms", _speed(value, motor, machine)
+        case Quantity.ACCELERATION:
+            unit, converted = "counts/ms2", _acceleration(value, motor, machine)
+    return f"{counted} {unit} ({converted})" if converted else f"{counted} {unit}"
 
 
 def length(counts: float, motor: int, machine: MachineProfile) -> str:
@@ -51,10 +51,6 @@ def length(counts: float, motor: int, machine: MachineProfile) -> str:
 def speed(counts_per_ms: float, motor: int, machine: MachineProfile) -> str:
     """Return a speed in the unit of its axis, counts/ms where there is none."""
     return _speed(counts_per_ms, motor, machine) or f"{digits(counts_per_ms)} counts/ms"
-
-
-def _with(counted: str, told: str) -> str:
-    return f"{counted} ({told})" if told else counted
 
 
 def _length(counts: float, motor: int, machine: MachineProfile) -> str:
@@ -76,9 +72,7 @@ def _acceleration(counts_per_ms2: float, motor: int, machine: MachineProfile) ->
     return f"{digits(counts_per_ms2 * 1e3 * unit.velocity)} {per_second}"
 
 
-def _output(bits: float, motor: int, machine: MachineProfile) -> str:
+def _current(bits: float, motor: int, machine: MachineProfile) -> str:
     tool = machine.tool
-    if motor != tool.motor:
-        return f"{digits(bits)} bits"
     current_a = bits / DAC_BITS * tool.dac_full_scale_v * tool.amplifier_gain_a_per_v
-    return f"{digits(bits)} bits ({digits(current_a)} A)"
+    return f"{digits(current_a)} A" if motor == tool.motor else ""

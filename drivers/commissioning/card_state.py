@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from drivers.commissioning.check import Check, Group
+from drivers.commissioning.check import Check, Group, severity
 from drivers.commissioning.judged import Judged
+from drivers.commissioning.reading import out_of_step
 from drivers.controller import Controller
-from drivers.errors import LinkError
 from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.status import BitTable, decode
 from profiles.findings import Severity
-from profiles.problem import Problem
 
 STATUS_A_LINE = 8
 
@@ -61,11 +60,7 @@ class CardState:
 
 
 def read_state(client: Controller, dialect: Dialect) -> CardState:
-    """Query the status of the controller, of every system and of every motor.
-
-    Raises:
-        LinkError: the link broke, or the reply is no status.
-    """
+    """Query the status of the controller, of every system and of every motor; raises LinkError."""
     (card,) = _flags(client, ["???"], dialect.global_bits)
     systems, motors = list(dialect.numbers(Scope.SYSTEM)), list(dialect.numbers(Scope.MOTOR))
     of_systems = _flags(client, [f"&{number}??" for number in systems], dialect.system_bits)
@@ -79,34 +74,26 @@ def read_state(client: Controller, dialect: Dialect) -> CardState:
 
 def state_checks(state: CardState, judged: Judged) -> list[Check]:
     """Return the checks of this state before anything moves."""
-    faults = [name for name in CARD_FAULTS if name in state.card]
-    running = [f"&{number}" for number in state.running]
     checks = [
-        _check(Group.CARD, "card_faults", faults),
-        _check(Group.PROGRAMS, "running", running),
-        *_motor_faults(state, judged),
+        _check(Group.CARD, "card_faults", (name for name in CARD_FAULTS if name in state.card)),
+        _check(Group.PROGRAMS, "running", (f"&{number}" for number in state.running)),
     ]
+    for axis in judged.axes:
+        flags = state.motors.get(axis.motor, frozenset())
+        faults = (name for name in MOTOR_FAULTS if name in flags)
+        checks.append(_check(axis.group, "motor_faults", faults, axis.name))
     enabled = [f"#{number}" for number in state.enabled]
     code = "drives_on" if enabled else "drives_off"
-    checks.append(Check(group=Group.STOPS, code=code, severity=Severity.NOTICE, found=", ".join(enabled)))
+    checks.append(Check(Group.STOPS, code, Severity.NOTICE, found=", ".join(enabled)))
     if "gathering" in state.card:
-        checks.append(Check(group=Group.PROGRAMS, code="gathering", severity=Severity.WARNING))
+        checks.append(Check(Group.PROGRAMS, "gathering", Severity.WARNING))
     return checks
 
 
-def _motor_faults(state: CardState, judged: Judged) -> Iterator[Check]:
-    for axis in judged.axes:
-        flags = state.motors.get(axis.motor, frozenset())
-        faults = [name for name in MOTOR_FAULTS if name in flags]
-        yield _check(axis.group, "motor_faults", faults, axis.name)
-
-
-def _check(group: Group, code: str, found: Sequence[str], subject: str = "") -> Check:
+def _check(group: Group, code: str, names: Iterable[str], subject: str = "") -> Check:
     """Return a check that passes when nothing was found."""
-    severity = Severity.REFUSAL if found else Severity.OK
-    return Check(
-        group=group, code=code, severity=severity, subject=subject, found=", ".join(found) or "-", wanted="-"
-    )
+    found = ", ".join(names)
+    return Check(group, code, severity(not found), subject, found=found or "-", wanted="-")
 
 
 def _flags(client: Controller, questions: Sequence[str], table: BitTable) -> list[Flags]:
@@ -116,7 +103,5 @@ def _flags(client: Controller, questions: Sequence[str], table: BitTable) -> lis
             try:
                 found.append(decode(digits.strip(), table))
             except ValueError as error:
-                where = client.link.address
-                problem = Problem(code="link.out_of_step", where=where, key="?", value=str(error))
-                raise LinkError(problem) from error
+                raise out_of_step(client.link.address, "?", str(error)) from error
     return found

@@ -23,7 +23,7 @@ class Group(StrEnum):
     PROOFS = auto()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Check:
     """One judged setting. Not a `Finding`: it belongs to a group, and exists also when it passes.
 
@@ -43,3 +43,8 @@ class Check:
     found: str = ""
     wanted: str = ""
     facts: Mapping[str, str] = field(default_factory=dict)
+
+
+def severity(holds: bool, otherwise: Severity = Severity.REFUSAL) -> Severity:
+    """Return the severity of a check that holds, or not."""
+    return Severity.OK if holds else otherwise

@@ -2,75 +2,95 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
+from itertools import zip_longest
 from typing import TypeVar
 
 from drivers.commissioning.amounts import amount
-from drivers.commissioning.backup_text import setting_text
+from drivers.commissioning.backup import setting_text
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.configuration import Configuration
-from drivers.commissioning.judged import Judged, same
+from drivers.commissioning.judged import Judged, same, stated_settings_of
+from drivers.commissioning.reading import read_settings
 from drivers.commissioning.setting_names import named
+from drivers.controller import Controller
+from drivers.pmac.axes import read_definitions
+from drivers.pmac.dialect import Dialect, Scope
+from drivers.pmac.language.text import format_number
 from profiles.findings import Severity
+from profiles.machine import Controller as ControllerSettings
 from profiles.machine import MachineProfile
+from profiles.problem import Problem
 
-_Entry = TypeVar("_Entry")
+_Key = TypeVar("_Key", int, str)
+
+
+def profile_problems(
+    client: Controller, wanted: ControllerSettings, dialect: Dialect, motors: frozenset[int]
+) -> tuple[Problem, ...]:
+    """Return every setting and axis definition that differs, and every unexpected active motor, in a few requests.
+
+    TA, TS and F of the coordinate system are left out: they are what the last program left behind.
+    Raises DriverError: the link broke, or the controller refused to answer.
+    """
+    stated, definitions = stated_settings_of(wanted, dialect), read_definitions(wanted.axis_definitions)
+    settings = read_settings(client, stated)
+    found = client.query(*(f"#{each.motor}->" for each in definitions), again=True)
+    others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in motors]
+    active = {index: value for index, value in read_settings(client, others).items() if value != 0.0}
+    differing = [
+        (f"I{index}", format_number(value), format_number(stated[index]))
+        for index, value in settings.items()
+        if not same(value, stated[index])
+    ]
+    for each, text in zip(definitions, found, strict=True):
+        if text.strip() != str(each):
+            differing.append((f"#{each.motor}->", text, str(each)))
+    problems = [
+        Problem(code="controller.setting", key=key, value=now, limit=target) for key, now, target in differing
+    ]
+    for index, value in active.items():
+        text = format_number(value)
+        problems.append(Problem(code="controller.strange_motor", key=f"I{index}", value=text, limit="0"))
+    return tuple(problems)
 
 
 def stated_settings(judged: Judged) -> list[Check]:
     """Return each setting that differs from the profile, and one line for each group that does not."""
     checks: list[Check] = []
-    held: dict[tuple[Group, str], int] = {}
+    held: Counter[tuple[Group, str]] = Counter()
     for index, wanted in judged.wanted.items():
-        of = named(index, judged.dialect)
-        found = judged.value(index)
+        of, found = named(index, judged.dialect), judged.value(index)
         if found is not None and same(found, wanted):
-            place = judged.group_of(of), judged.subject_of(of)
-            held[place] = held.get(place, 0) + 1
+            held[judged.place_of(of)] += 1
             continue
         factory = found is not None and same(found, judged.dialect.factory.get(index, 0.0))
         code = "factory" if factory else "differs"
-        words = amount(wanted, of, judged.machine)
-        checks.append(judged.told(code, Severity.REFUSAL, index, wanted=words))
-    checks += [
-        Check(
-            group=group, code="settings_hold", severity=Severity.OK, subject=subject, facts={"count": str(count)}
-        )
-        for (group, subject), count in held.items()
-    ]
+        checks.append(judged.about(code, Severity.REFUSAL, index, wanted=amount(wanted, of, judged.machine)))
+    for (group, subject), count in held.items():
+        facts = {"count": str(count)}
+        checks.append(Check(group, "settings_hold", Severity.OK, subject=subject, facts=facts))
     return checks
 
 
 def differences(before: Configuration, now: Configuration, machine: MachineProfile) -> list[Check]:
     """Return what differs in `now` from `before`; what ordinary work changes is left out."""
-    checks = [
-        Check(
-            group=Group.CARD,
-            code="changed",
-            severity=Severity.REFUSAL,
-            facts={"what_changed": what},
-            found=new,
-            wanted=old,
-        )
-        for what, old, new in (
-            ("TYPE", before.kind, now.kind),
-            ("VERSION", before.version, now.version),
-        )
-        if old != new
+    both, first = (before, now), now.dialect.conversion_table.first_address
+    cards = ({"TYPE": each.kind, "VERSION": each.version} for each in both)
+    axes = ({motor: f"&{a.system} {a.text}" for motor, a in each.axes.items()} for each in both)
+    tables = ({motor: f"{t.definition} {t.sha256[:12]}" for motor, t in each.tables.items()} for each in both)
+    words = ({first + line: f"${word:X}" for line, word in enumerate(each.conversion)} for each in both)
+    return [
+        *_entries("{}", Group.CARD, *cards),
+        *_settings(before, now, machine),
+        *_entries("#{}->", Group.SYSTEM, *axes),
+        *_entries("M{}->", Group.PROGRAMS, before.pointers, now.pointers),
+        *_buffers("PLC", before.plcs, now.plcs),
+        *_buffers("PROG", before.programs, now.programs),
+        *_entries("#{} COMP", Group.PROGRAMS, *tables),
+        *_entries("Y:${:X}", Group.CARD, *words),
     ]
-    checks += _settings(before, now, machine)
-    checks += _entries("#{}->", Group.SYSTEM, *(_axes(each) for each in (before, now)))
-    checks += _entries("M{}->", Group.PROGRAMS, before.pointers, now.pointers)
-    checks += _buffers("PLC", before.plcs, now.plcs)
-    checks += _buffers("PROG", before.programs, now.programs)
-    tables = [
-        {motor: f"{t.definition} {t.sha256[:12]}" for motor, t in each.tables.items()} for each in (before, now)
-    ]
-    checks += _entries("#{} COMP", Group.PROGRAMS, tables[0], tables[1])
-    first = now.dialect.conversion_table.first_address
-    words = [{first + line: f"${word:X}" for line, word in enumerate(each.conversion)} for each in (before, now)]
-    checks += _entries("Y:${:X}", Group.CARD, words[0], words[1])
-    return checks
 
 
 def _settings(before: Configuration, now: Configuration, machine: MachineProfile) -> Iterator[Check]:
@@ -79,30 +99,16 @@ def _settings(before: Configuration, now: Configuration, machine: MachineProfile
         old, new = before.standing.get(index), now.standing.get(index)
         if old is not None and new is not None and same(old, new):
             continue
-        of = named(index, now.dialect)
-        wanted = "-" if old is None else amount(old, of, machine)
+        wanted = "-" if old is None else amount(old, named(index, now.dialect), machine)
         typed = "" if old is None else f"I{index}={setting_text(index, old, now.dialect)}"
-        yield judged.told("setting_changed", Severity.REFUSAL, index, wanted=wanted, facts={"typed": typed})
+        yield judged.about("setting_changed", Severity.REFUSAL, index, wanted=wanted, facts={"typed": typed})
 
 
-def _axes(configuration: Configuration) -> dict[int, str]:
-    return {motor: f"&{axis.system} {axis.text}" for motor, axis in configuration.axes.items()}
-
-
-def _entries(form: str, group: Group, before: Mapping[int, _Entry], now: Mapping[int, _Entry]) -> Iterator[Check]:
+def _entries(form: str, group: Group, before: Mapping[_Key, str], now: Mapping[_Key, str]) -> Iterator[Check]:
     for key in sorted(before.keys() | now.keys()):
-        old, new = before.get(key), now.get(key)
+        old, new = before.get(key, "-"), now.get(key, "-")
         if old != new:
-            found, wanted = ("-" if each is None else str(each) for each in (new, old))
-            what = form.format(key)
-            yield Check(
-                group=group,
-                code="changed",
-                severity=Severity.REFUSAL,
-                facts={"what_changed": what},
-                found=found,
-                wanted=wanted,
-            )
+            yield _changed(group, form.format(key), new, old)
 
 
 def _buffers(
@@ -110,19 +116,14 @@ def _buffers(
 ) -> Iterator[Check]:
     """Yield the first differing line of each buffer."""
     for number in sorted(before.keys() | now.keys()):
-        old, new = before.get(number, ()), now.get(number, ())
-        if old == new:
-            continue
-        place = next(
-            (i for i, pair in enumerate(zip(old, new, strict=False)) if pair[0] != pair[1]),
-            min(len(old), len(new)),
-        )
-        found, wanted = (each[place] if place < len(each) else "-" for each in (new, old))
-        yield Check(
-            group=Group.PROGRAMS,
-            code="changed",
-            severity=Severity.REFUSAL,
-            facts={"what_changed": f"{kind} {number}:{place + 1}"},
-            found=found,
-            wanted=wanted,
-        )
+        for line, (old, new) in enumerate(
+            zip_longest(before.get(number, ()), now.get(number, ()), fillvalue="-"), start=1
+        ):
+            if old != new:
+                yield _changed(Group.PROGRAMS, f"{kind} {number}:{line}", new, old)
+                break
+
+
+def _changed(group: Group, what: str, found: str, wanted: str) -> Check:
+    facts = {"what_changed": what}
+    return Check(group, "changed", Severity.REFUSAL, facts=facts, found=found, wanted=wanted)

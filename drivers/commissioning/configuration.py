@@ -13,8 +13,7 @@ from functools import cached_property
 from drivers.pmac.dialect import DIALECTS, Dialect, Scope
 from drivers.pmac.variables import MODAL_NUMBERS
 
-HOST_SETTINGS = (3, 4, 6, 63, 64)
-"""Handshake, checksums, errors, echo, message marks: every host sets them for itself when it connects."""
+HOST_SETTINGS = (3, 4, 6, 63, 64)  # handshake, checksums, errors, echo, marks: set by every host when it connects
 
 
 @dataclass(frozen=True, slots=True)

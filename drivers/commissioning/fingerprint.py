@@ -16,16 +16,13 @@ from drivers.commissioning.reading import PROGRAM_NUMBERS, of_motors, read_confi
 from drivers.commissioning.setting_names import named
 from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.language.reading import HIGHEST_PLC
+from drivers.pmac.language.expressions import HIGHEST_PLC
 from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-OWN_PROGRAMS = frozenset((1, 2, 3, 4))
-"""What the strategies load (`drivers.pmac.programs`)."""
-
-SHOWN = 12
-"""Digits of a hash that are shown."""
+OWN_PROGRAMS = frozenset((1, 2, 3, 4))  # what the strategies load (`drivers.pmac.programs`)
+SHOWN = 12  # digits of a hash that are shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,39 +101,32 @@ def read_fingerprint(
 
 def fingerprint_problems(before: Fingerprint, after: Fingerprint, ours: frozenset[str]) -> tuple[Problem, ...]:
     """Return everything that another host has changed, by name, with its present and previous value."""
-    return (*_settings(before, after, ours), *_facts(before, after, ours))
+    problems = []
+    for name, was, found in (*_settings(before, after), *_facts(before, after)):
+        if name not in ours:
+            code = "fingerprint.changed"
+            if not (was and found):
+                code = "fingerprint.gone" if was else "fingerprint.appeared"
+            problems.append(Problem(code=code, key=name, value=found, limit=was))
+    return tuple(problems)
 
 
-def _settings(before: Fingerprint, after: Fingerprint, ours: frozenset[str]) -> Iterator[Problem]:
+def _settings(before: Fingerprint, after: Fingerprint) -> Iterator[tuple[str, str, str]]:
+    """Yield each setting that differs: its name, its value before and after."""
     old, new = before.configuration.standing, after.configuration.standing
     for index in sorted(old.keys() | new.keys()):
-        name, values = f"I{index}", (old.get(index), new.get(index))
-        if name in ours or _same(*values):
-            continue
-        of = named(index, after.configuration.dialect)
-        was, found = ("" if value is None else amount(value, of, after.machine) for value in values)
-        yield _problem(name, was, found)
+        values = old.get(index), new.get(index)
+        if values[0] is None or values[1] is None or not same(values[0], values[1]):
+            of = named(index, after.configuration.dialect)
+            was, found = ("" if value is None else amount(value, of, after.machine) for value in values)
+            yield f"I{index}", was, found
 
 
-def _same(first: float | None, second: float | None) -> bool:
-    return first is not None and second is not None and same(first, second)
-
-
-def _facts(before: Fingerprint, after: Fingerprint, ours: frozenset[str]) -> Iterator[Problem]:
+def _facts(before: Fingerprint, after: Fingerprint) -> Iterator[tuple[str, str, str]]:
     for old, new in zip(before.facts, after.facts, strict=True):
-        for name in sorted((old.keys() | new.keys()) - ours, key=_by_number):
-            was, found = old.get(name, ""), new.get(name, "")
-            if was != found:
-                yield _problem(name, was, found)
-
-
-def _problem(name: str, was: str, found: str) -> Problem:
-    code = "fingerprint.changed" if was and found else "fingerprint.gone" if was else "fingerprint.appeared"
-    return Problem(code=code, key=name, value=found, limit=was)
-
-
-def _by_number(name: str) -> tuple[int, str]:
-    return len(name), name
+        for name in sorted(old.keys() | new.keys(), key=lambda name: (len(name), name)):
+            if old.get(name) != new.get(name):
+                yield name, old.get(name, ""), new.get(name, "")
 
 
 def _texts(kind: str, buffers: Mapping[int, Iterable[str]]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Compare the gains of a profile and a controller, and derive the few lines that bring the controller into line.
+"""Compare the gains of a profile and a controller, and write the few lines that bring the controller into line.
 
 Gains and axis definitions are all that is ever written: with the drives killed, after a backup, each value read
 back, and nothing saved. Limits, kill mode, commutation and addresses are never written.
@@ -6,25 +6,28 @@ back, and nothing saved. Limits, kill mode, commutation and addresses are never 
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from drivers.commissioning.amounts import digits
+from drivers.commissioning.card_state import read_state
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.judged import Judged, same
+from drivers.commissioning.reading import number_in
 from drivers.commissioning.setting_names import GAIN_NUMBERS
-from drivers.errors import RefusedError
+from drivers.controller import Controller
+from drivers.errors import DriverError, RefusedError
 from drivers.pmac.axes import read_definitions
+from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_constant
 from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables, variables_from_gains
 from profiles.findings import Severity
-from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
-ROUNDED = 0.01
-"""Relative tolerance between a gain in whole numbers and the one in V/m."""
+ROUNDED = 0.01  # relative tolerance between a gain in whole numbers and the one in V/m
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Write:
     """One line to send, the query that reads it back, and its expected answer; `found` is the present value."""
 
@@ -39,100 +42,117 @@ def gain_checks(judged: Judged) -> list[Check]:
     stated = judged.machine.controller.variables
     meant = variables_from_gains(judged.machine, eq9_gains(judged.machine))
     differing = [name for name, value in meant.items() if name in stated and not _near(stated[name], value)]
-    checks = [
-        Check(
-            group=Group.TOOL,
-            code="profile_gains",
-            severity=Severity.REFUSAL,
-            subject="tool",
-            variable=name,
-            found=format_constant(stated[name]),
-            wanted=str(meant[name]),
+    checks = []
+    for name in differing:
+        found, wanted = format_constant(stated[name]), str(meant[name])
+        checks.append(
+            Check(Group.TOOL, "profile_gains", Severity.REFUSAL, "tool", variable=name, found=found, wanted=wanted)
         )
-        for name in differing
-    ]
-    found = _gains_found(judged)
-    return checks if found is None else [*checks, _meaning(found)]
+    gains = _gains_found(judged)
+    return checks if gains is None else [*checks, _meaning(gains)]
 
 
 def gain_writes(judged: Judged) -> tuple[Write, ...]:
     """Return the lines that set gains and axis definitions as in the profile; none where they agree.
 
-    Raises:
-        RefusedError: `controller.profile_gains`, the profile contradicts itself and cannot be trusted.
+    Raises RefusedError: `controller.profile_gains`, the profile contradicts itself and cannot be trusted.
     """
-    contradictions = [check for check in gain_checks(judged) if check.code == "profile_gains"]
+    contradictions = [
+        Problem(code="controller.profile_gains", key=check.variable, value=check.found, limit=check.wanted)
+        for check in gain_checks(judged)
+        if check.code == "profile_gains"
+    ]
     if contradictions:
-        raise RefusedError(
-            *(
-                Problem(code="controller.profile_gains", key=c.variable, value=c.found, limit=c.wanted)
-                for c in contradictions
-            )
-        )
+        raise RefusedError(*contradictions)
     return (*_gain_lines(judged), *_axis_lines(judged))
 
 
-def _gain_lines(judged: Judged) -> list[Write]:
-    writes = []
+def _gain_lines(judged: Judged) -> Iterator[Write]:
     for axis in judged.driven_axes:
         for number in GAIN_NUMBERS:
             index = judged.dialect.motor_index(axis.motor, number)
             wanted, found = judged.wanted.get(index), judged.value(index)
-            if wanted is None or found is None or same(wanted, found):
-                continue
-            text = format_constant(wanted)
-            writes.append(
-                Write(line=f"I{index}={text}", question=f"I{index}", wanted=text, found=format_constant(found))
-            )
-    return writes
+            if wanted is not None and found is not None and not same(wanted, found):
+                text, question = format_constant(wanted), f"I{index}"
+                yield Write(f"{question}={text}", question, text, format_constant(found))
 
 
-def _axis_lines(judged: Judged) -> list[Write]:
+def _axis_lines(judged: Judged) -> Iterator[Write]:
     """Define the axes of the profile. Definitions that the profile does not have are left alone."""
-    writes = []
     for definition in read_definitions(judged.machine.controller.axis_definitions):
-        entry = judged.configuration.axes.get(definition.motor)
+        entry, wanted = judged.configuration.axes.get(definition.motor), str(definition)
         found = "0" if entry is None else entry.text
         if entry is not None and entry.system != 1:
             continue  # its coordinate system would have to release it first: shown, not written
-        if found != str(definition):
-            line = f"#{definition.motor}->{definition}"
+        if found != wanted:
             question = f"#{definition.motor}->"
-            writes.append(Write(line=f"&1{line}", question=question, wanted=str(definition), found=found))
-    return writes
+            yield Write(f"&1{question}{wanted}", question, wanted, found)
 
 
 def _gains_found(judged: Judged) -> PidGains | None:
-    """Return what the controller's settings mean for the tool; None where some are missing."""
-    machine, motor = judged.machine, judged.machine.tool.motor
-    numbers = ("08", "09", "30", "31", "32", "33", "34", "35")
-    names = [f"I{motor}{number}" for number in numbers]
-    read = {name: judged.value(int(name[1:])) for name in names}
-    variables = {name: value for name, value in read.items() if value is not None}
+    machine, settings = judged.machine, judged.configuration.settings
+    indices = (100 * machine.tool.motor + number for number in (8, 9, *GAIN_NUMBERS))
+    variables = {f"I{index}": settings[index] for index in indices if index in settings}
     try:
-        return gains_from_variables(_with_variables(machine, variables))
+        return gains_from_variables(replace(machine, controller=replace(machine.controller, variables=variables)))
     except ProfileError:
         return None
 
 
-def _with_variables(machine: MachineProfile, variables: dict[str, float]) -> MachineProfile:
-    return replace(machine, controller=replace(machine.controller, variables=variables))
-
-
 def _meaning(gains: PidGains) -> Check:
-    return Check(
-        group=Group.TOOL,
-        code="gains_mean",
-        severity=Severity.NOTICE,
-        subject="tool",
-        facts={
-            "kp": f"{digits(gains.kp_v_per_m)} V/m",
-            "ki": f"{digits(gains.ki_v_per_m_s)} V/(m s)",
-            "kd": f"{digits(gains.kd_v_s_per_m)} V s/m",
-            "velocity": f"{digits(gains.velocity_feedforward_v_s_per_m)} V s/m",
-        },
-    )
+    facts = {
+        "kp": f"{digits(gains.kp_v_per_m)} V/m",
+        "ki": f"{digits(gains.ki_v_per_m_s)} V/(m s)",
+        "kd": f"{digits(gains.kd_v_s_per_m)} V s/m",
+        "velocity": f"{digits(gains.velocity_feedforward_v_s_per_m)} V s/m",
+    }
+    return Check(Group.TOOL, "gains_mean", Severity.NOTICE, subject="tool", facts=facts)
 
 
 def _near(first: float, second: float) -> bool:
     return abs(first - second) <= max(1.0, ROUNDED * abs(second))
+
+
+def refuse_unready(client: Controller, dialect: Dialect) -> None:
+    """Make sure that no motor of the controller is enabled and no program runs.
+
+    Raises RefusedError: `controller.drives_on`, `controller.program_running`; LinkError: the link broke.
+    """
+    state = read_state(client, dialect)
+    motors = ", ".join(f"#{number}" for number in state.enabled)
+    systems = ", ".join(f"&{number}" for number in state.running)
+    if motors or systems:
+        code = "controller.drives_on" if motors else "controller.program_running"
+        raise RefusedError(Problem(code=code, where=client.link.address, value=motors or systems))
+
+
+def apply(client: Controller, dialect: Dialect, writes: Sequence[Write]) -> int:
+    """Send each line once and read its value back; return how many lines there were. Nothing is saved.
+
+    The caller must have a backup.
+
+    Raises:
+        RefusedError: `controller.drives_on`, `controller.program_running`; nothing was sent.
+        DriverError: `controller.not_taken`, a value differs from the one that was sent: nothing was sent after it.
+        LinkError: the link broke; check what its last line did.
+    """
+    refuse_unready(client, dialect)
+    for write in writes:
+        client.request(write.line)
+        (found,) = client.query(write.question, again=True)
+        if not _is(found, write.wanted, client.link.address):
+            value = found.strip()
+            raise DriverError(
+                Problem(code="controller.not_taken", key=write.line, value=value, limit=write.wanted)
+            )
+    return len(writes)
+
+
+def _is(found: str, wanted: str, where: str) -> bool:
+    if found.strip() == wanted:
+        return True
+    try:
+        number = float(wanted)
+    except ValueError:
+        return False
+    return same(number_in(found, where), number)

@@ -16,8 +16,7 @@ from drivers.pmac.settings import named_settings
 from profiles.findings import Severity
 from profiles.machine import Controller, MachineProfile
 
-SAME = 1e-6
-"""Relative tolerance for equal numbers: a controller has fewer digits than a host."""
+SAME = 1e-6  # relative tolerance for equal numbers: a controller has fewer digits than a host
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +58,7 @@ class Judged:
     @property
     def driven_axes(self) -> tuple[JudgedAxis, ...]:
         """The axes that the controller moves: a spindle on an inverter is only read."""
-        followed = self.machine.spindle.drive == "inverter"
+        followed = self.machine.spindle.followed
         return tuple(axis for axis in self.axes if not (followed and axis.name == "spindle"))
 
     def value(self, index: int) -> float | None:
@@ -74,36 +73,26 @@ class Judged:
         """Return Ix`number` of coordinate system 1; 0 where the controller has none."""
         return self.configuration.settings.get(self.dialect.system_index(1, number), 0.0)
 
-    def group_of(self, of: Named) -> Group:
-        """Return the group of a setting's checks."""
-        groups = {axis.motor: axis.group for axis in self.axes}
-        return groups.get(of.motor, Group.SYSTEM if of.system else Group.CARD)
+    def place_of(self, of: Named) -> tuple[Group, str]:
+        """Return the group of a setting's checks, and what the setting belongs to."""
+        if of.system:
+            return Group.SYSTEM, f"system {of.system}"
+        if not of.motor:
+            return Group.CARD, ""
+        axis = next((axis for axis in self.axes if axis.motor == of.motor), None)
+        return (Group.CARD, f"motor {of.motor}") if axis is None else (axis.group, axis.name)
 
-    def subject_of(self, of: Named) -> str:
-        """Return what a setting belongs to."""
-        names = {axis.motor: axis.name for axis in self.axes}
-        if of.motor:
-            return names.get(of.motor, f"motor {of.motor}")
-        return f"system {of.system}" if of.system else ""
-
-    def told(
-        self,
-        code: str,
-        severity: Severity,
-        index: int,
-        *,
-        found: float | None = None,
-        wanted: str = "",
-        facts: Mapping[str, str] | None = None,
+    def about(
+        self, code: str, severity: Severity, index: int, wanted: str = "", facts: Mapping[str, str] | None = None
     ) -> Check:
         """Return a check about one setting, with its value as text."""
-        of = named(index, self.dialect)
-        value = self.value(index) if found is None else found
+        of, value = named(index, self.dialect), self.value(index)
+        group, subject = self.place_of(of)
         return Check(
-            group=self.group_of(of),
-            code=code,
-            severity=severity,
-            subject=self.subject_of(of),
+            group,
+            code,
+            severity,
+            subject=subject,
             setting=of.name.key,
             variable=f"I{index}",
             found="-" if value is None else amount(value, of, self.machine),

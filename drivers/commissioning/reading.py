@@ -1,4 +1,7 @@
-"""Read the configuration of a controller through a client. Nothing is written and nothing moves."""
+"""Read the configuration of a controller through a client. Nothing is written and nothing moves.
+
+Everything here raises `DriverError` when the link breaks or the controller answers something unexpected.
+"""
 
 from __future__ import annotations
 
@@ -12,32 +15,22 @@ from drivers.errors import ControllerError, LinkError, RefusedError
 from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language.errors import ErrorCode
-from drivers.pmac.language.reading import HIGHEST_PLC
+from drivers.pmac.language.expressions import HIGHEST_PLC
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 
-NUMBERS_A_LINE = 50
-"""Variables per query of a range: a third of a second on a 9600-baud line."""
-
+NUMBERS_A_LINE = 50  # variables per query of a range: a third of a second on a 9600-baud line
 WORDS_A_LINE = 16
 MOTORS_A_LINE = 8
 SETTINGS_A_LINE = 12
 TIMEOUT_S = 10.0
-LISTING_TIMEOUT_S = 60.0
-PLC_TIMEOUT_S = 30.0
-"""Timeout for a program or table; the longest PLC is listed in a third of that at 9600 baud."""
+LISTING_TIMEOUT_S = 60.0  # of a program or table
+PLC_TIMEOUT_S = 30.0  # the longest PLC is listed in a third of that at 9600 baud
+TABLE_LINES = 32  # lines of the conversion table that are read where only the machine matters
 
-PROGRAM_NUMBERS = (*range(1, 100), *range(1000, 1004))
-"""Motion programs that are searched for: a controller does not list its program numbers."""
-
-TABLE_LINES = 32
-"""Lines of the conversion table that are read where only the machine matters."""
-
-BUFFERS_OPEN = ("motion_buffer_open", "plc_buffer_open", "rotary_open")
-"""Bits of the controller status: a program is being entered."""
-
+PROGRAM_NUMBERS = (*range(1, 100), *range(1000, 1004))  # a controller does not list its program numbers
+BUFFERS_OPEN = ("motion_buffer_open", "plc_buffer_open", "rotary_open")  # a program is being entered
 _SYSTEM_SHIFT = 20
-_REFUSED = (ErrorCode.DATA_ERROR,)
 _FORM = re.compile(r"M\d+->")
 
 
@@ -70,30 +63,24 @@ def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] =
     `pointers` are the M-variables whose definitions matter. Axis definitions and Ix00 are those of every motor.
     """
     blocks = {0, *motors, dialect.system_index(1, 0) // 100}
+    every_motor = tuple(dialect.numbers(Scope.MOTOR))
     settings = [range(100 * block, 100 * block + 100) for block in sorted(blocks)]
-    settings += [range(100 * each, 100 * each + 1) for each in dialect.numbers(Scope.MOTOR) if each not in blocks]
+    settings += [range(100 * each, 100 * each + 1) for each in every_motor if each not in blocks]
     first = dialect.conversion_table.first_setting
     if first is not None:
         settings.append(range(first, first + TABLE_LINES))
-    return Extent(
-        settings=tuple(settings),
-        pointers=tuple(range(index, index + 1) for index in sorted(pointers)),
-        motors=tuple(dialect.numbers(Scope.MOTOR)),
-        programs=(),
-    )
+    single = tuple(range(index, index + 1) for index in sorted(pointers))
+    return Extent(settings=tuple(settings), pointers=single, motors=every_motor, programs=())
 
 
 def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> Configuration:
     """Read everything in `extent`, with PLCs, tables and the conversion table.
 
-    Raises:
-        RefusedError: `controller.entering`, somebody is entering a program: queries would become lines of it.
-        DriverError: the link broke, or the controller answers something unexpected.
+    Raises RefusedError: `controller.entering`, somebody is entering a program: queries would become lines of it.
     """
-    refuse_open_buffer(client, dialect)
+    _refuse_open_buffer(client, dialect)
     kind, version = (text.strip() for text in client.query("TYPE", "VERSION", again=True))
-    listings = _Listings(client)
-    motors = extent.motors
+    motors, locked = extent.motors, list[str]()
     return Configuration(
         family=dialect.name,
         kind=kind,
@@ -101,28 +88,21 @@ def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> 
         settings=read_ranges(client, dialect, extent.settings),
         axes=dict(_axes(client, dialect, motors)),
         pointers=dict(_pointers(client, extent.pointers)),
-        plcs=dict(listings.of("PLC", extent.plcs)),
-        programs=dict(listings.of("PROG", extent.programs)),
+        plcs=dict(_listings(client, "PLC", extent.plcs, PLC_TIMEOUT_S, locked)),
+        programs=dict(_listings(client, "PROG", extent.programs, LISTING_TIMEOUT_S, locked)),
         tables=dict(_tables(client, motors if extent.tables is None else extent.tables, extent.unlisted_table)),
         conversion=_conversion(client, dialect),
-        locked=tuple(listings.locked),
+        locked=tuple(locked),
     )
 
 
-def refuse_open_buffer(client: Controller, dialect: Dialect) -> None:
-    """Make sure that nobody is entering a program.
-
-    Raises:
-        RefusedError: `controller.entering`.
-        DriverError: the link broke.
-    """
-    where = client.link.address
+def _refuse_open_buffer(client: Controller, dialect: Dialect) -> None:
     try:
         status = decode(client.query("???", again=True)[0], dialect.global_bits)
     except ValueError as error:
-        raise LinkError(Problem(code="link.out_of_step", where=where, key="???", value=str(error))) from error
+        raise out_of_step(client.link.address, "???", str(error)) from error
     if not status.isdisjoint(BUFFERS_OPEN):
-        raise RefusedError(Problem(code="controller.entering", where=where))
+        raise RefusedError(Problem(code="controller.entering", where=client.link.address))
 
 
 def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> tuple[str, ...] | None:
@@ -130,44 +110,37 @@ def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> 
     try:
         return client.question(line, timeout_s)
     except ControllerError as error:
-        if error.error_number in _REFUSED:
+        if error.error_number == ErrorCode.DATA_ERROR:
             return None
         raise
 
 
 def number_in(text: str, where: str) -> float:
-    """Parse the reported value of an I-variable, in any format that I9 selects.
-
-    Raises:
-        LinkError: `link.out_of_step`, it is not a number.
-    """
+    """Parse an I-variable as reported, in any format of I9. Raises LinkError: `link.out_of_step`."""
     try:
         return number_of(text)
     except ValueError as error:
-        raise LinkError(Problem(code="link.out_of_step", where=where, key="I", value=text[:40])) from error
+        raise out_of_step(where, "I", text[:40]) from error
 
 
 def read_settings(client: Controller, numbers: Iterable[int]) -> Mapping[int, float]:
-    """Return some I-variables by number.
-
-    Raises:
-        DriverError: the link broke, or the controller lacks some of them.
-    """
-    asked, found = list(numbers), {}
+    """Return some I-variables by number; the controller must have all of them."""
+    asked, found, where = list(numbers), dict[int, float](), client.link.address
     for start in range(0, len(asked), SETTINGS_A_LINE):
         part = asked[start : start + SETTINGS_A_LINE]
         texts = client.query(*(f"I{index}" for index in part), again=True)
-        where = client.link.address
         found.update({index: number_in(text, where) for index, text in zip(part, texts, strict=True)})
     return found
 
 
-def read_ranges(client: Controller, dialect: Dialect, ranges: Iterable[range]) -> dict[int, float]:
-    """Return I-variables by number, without those that the host sets when it connects, and without timers.
+def read_gathering(client: Controller, dialect: Dialect) -> Mapping[int, float]:
+    """Return the settings that gathering two channels changes, by number."""
+    gather = dialect.gathering
+    return read_settings(client, (gather.period, *gather.masks, gather.first_source, gather.first_source + 1))
 
-    Raises:
-        DriverError: the link broke, or the controller answers something unexpected.
-    """
+
+def read_ranges(client: Controller, dialect: Dialect, ranges: Iterable[range]) -> dict[int, float]:
+    """Return I-variables by number, without those that the host sets when it connects, and without timers."""
     where, left_out = client.link.address, fleeting_settings(dialect)
     reports = _reports(client, ranges, "I{first}..{last}")
     return {index: number_in(text, where) for index, text in reports if index not in left_out}
@@ -188,8 +161,7 @@ def _reports(client: Controller, ranges: Iterable[range], form: str) -> Iterator
 
 
 def _part(client: Controller, part: range, form: str) -> Iterator[tuple[int, str]]:
-    line = form.format(first=part.start, last=part.stop - 1)
-    texts = ask_or_none(client, line)
+    texts = ask_or_none(client, form.format(first=part.start, last=part.stop - 1))
     if texts is not None:
         yield from zip(part, texts, strict=True)
     elif len(part) > 1:
@@ -214,8 +186,24 @@ def _system_of(status: str, dialect: Dialect, where: str) -> int:
         assigned = "assigned" in decode(status, dialect.motor_bits)
         second = int(status[6:12], 16)
     except ValueError as error:
-        raise LinkError(Problem(code="link.out_of_step", where=where, key="?", value=str(error))) from error
+        raise out_of_step(where, "?", str(error)) from error
     return (second >> _SYSTEM_SHIFT) % dialect.system_count + 1 if assigned else 1
+
+
+def _listings(
+    client: Controller, kind: str, numbers: Iterable[int], timeout_s: float, locked: list[str]
+) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """Yield the text of each buffer that has one; what is behind a password is named in `locked`."""
+    for number in numbers:
+        try:
+            lines = ask_or_none(client, f"LIST {kind}{number}", timeout_s)
+        except ControllerError as error:
+            if error.error_number != ErrorCode.PASSWORD:
+                raise
+            locked.append(f"{kind} {number}")
+            continue
+        if lines:
+            yield number, tuple(line.strip() for line in lines)
 
 
 def _tables(client: Controller, motors: Sequence[int], unlisted: int | None) -> Iterator[tuple[int, TableEntry]]:
@@ -238,28 +226,10 @@ def _conversion(client: Controller, dialect: Dialect) -> tuple[int, ...]:
         try:
             words += [int(word, 16) for word in text.split()]
         except ValueError as error:
-            where = client.link.address
-            raise LinkError(Problem(code="link.out_of_step", where=where, key="RHY", value=str(error))) from error
+            raise out_of_step(client.link.address, "RHY", str(error)) from error
     return tuple(words)
 
 
-class _Listings:
-    """Queries buffers by number; those behind a password are kept in `locked`."""
-
-    def __init__(self, client: Controller) -> None:
-        self.locked: list[str] = []
-        self._client = client
-
-    def of(self, kind: str, numbers: Iterable[int]) -> Iterator[tuple[int, tuple[str, ...]]]:
-        """Return the text of each buffer that has one."""
-        for number in numbers:
-            try:
-                timeout_s = PLC_TIMEOUT_S if kind == "PLC" else LISTING_TIMEOUT_S
-                lines = ask_or_none(self._client, f"LIST {kind}{number}", timeout_s)
-            except ControllerError as error:
-                if error.error_number != ErrorCode.PASSWORD:
-                    raise
-                self.locked.append(f"{kind} {number}")
-                continue
-            if lines:
-                yield number, tuple(line.strip() for line in lines)
+def out_of_step(where: str, key: str, value: str) -> LinkError:
+    """Return the error for an answer that does not match its query."""
+    return LinkError(Problem(code="link.out_of_step", where=where, key=key, value=value))

@@ -14,12 +14,9 @@ class Quantity(StrEnum):
     NUMBER = auto()
     ADDRESS = auto()
     COUNTS = auto()
-    SIXTEENTHS = auto()
-    """Of a count."""
-    SPEED = auto()
-    """counts/ms."""
-    ACCELERATION = auto()
-    """counts/ms2."""
+    SIXTEENTHS = auto()  # of a count
+    SPEED = auto()  # counts/ms
+    ACCELERATION = auto()  # counts/ms2
     TIME_MS = auto()
     DAC_BITS = auto()
 
@@ -46,9 +43,7 @@ class Name:
 GAIN_NUMBERS = (30, 31, 32, 33, 34, 35)
 """Ix30 to Ix35, which `apply` writes. Ix63 limits the integrator: a limit, so not included."""
 
-OTHER = "other"
-"""The key of a setting without a name of its own."""
-
+OTHER = "other"  # the key of a setting without a name of its own
 _Q, _N = Quantity, Nature
 
 _MOTOR = {
@@ -141,10 +136,13 @@ def named(index: int, dialect: Dialect) -> Named:
     """Return the name of an I-variable of a family."""
     setting, owner = dialect.settings.get(index, (None, 0))
     if setting in _MOVED:
-        return _owned(_MOVED[setting], dialect.places[setting].scope, owner)
+        of = dialect.places[setting].scope
+        motor, system = (owner if of is scope else 0 for scope in (Scope.MOTOR, Scope.SYSTEM))
+        return Named(name=_MOVED[setting], motor=motor, system=system)
     block, number = divmod(index, 100)
     if index < 100:
-        return Named(name=_card_name(number, dialect))
+        numbered = {dialect.watchdog.number: "watchdog_time", dialect.system_activation: "timers"}
+        return Named(name=Name(numbered[number]) if number in numbered else _CARD.get(number, Name(OTHER)))
     system = block - dialect.system_offset // 100
     of_system = dialect.system_offset > 0 or number >= _FIRST_SYSTEM_NUMBER
     if of_system and number in _SYSTEM and 1 <= system <= dialect.system_count:
@@ -159,21 +157,3 @@ def keys() -> frozenset[str]:
     tables = (_MOTOR, _SYSTEM, _CARD)
     every = {name.key for table in tables for name in table.values()} | {name.key for name in _MOVED.values()}
     return frozenset(every | {"watchdog_time", "timers", OTHER})
-
-
-def _card_name(number: int, dialect: Dialect) -> Name:
-    if number == dialect.watchdog.number:
-        return Name("watchdog_time")
-    if number == dialect.system_activation:
-        return Name("timers")
-    return _CARD.get(number, Name(OTHER))
-
-
-def _owned(name: Name, scope: Scope, owner: int) -> Named:
-    match scope:
-        case Scope.GLOBAL:
-            return Named(name=name)
-        case Scope.MOTOR:
-            return Named(name=name, motor=owner)
-        case Scope.SYSTEM:
-            return Named(name=name, system=owner)

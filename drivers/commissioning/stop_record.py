@@ -18,32 +18,23 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD
 from profiles.machine import MachineProfile
 
-MOTION_SETTINGS, FILTER_SETTINGS = range(15, 26), range(30, 36)
-"""Ix15 to Ix25, which determine stops, ramps and flags of a motor; Ix30 to Ix35, its gains."""
-
-OUTPUT_SETTINGS = range(68, 70)
-"""Ix68 and Ix69: the available braking force."""
+MOTION_SETTINGS, FILTER_SETTINGS = range(15, 26), range(30, 36)  # Ix15-25: stops, ramps and flags; Ix30-35: gains
+OUTPUT_SETTINGS = range(68, 70)  # Ix68 and Ix69: the available braking force
 
 
 class Way(StrEnum):
     """How the machine is stopped."""
 
-    ABORT = "abort"
-    """Control-A: every loop stays closed."""
-
-    KILL = "kill"
-    """Control-K: every loop is opened, the spindle coasts."""
-
-    WATCHDOG = "lease"
-    """The host falls silent, and the controller ends the motion by itself."""
+    ABORT = "abort"  # control-A: every loop stays closed
+    KILL = "kill"  # control-K: every loop is opened, the spindle coasts
+    WATCHDOG = "lease"  # the host falls silent, and the controller ends the motion by itself
 
 
 class Origin(StrEnum):
     """The motion before the stop."""
 
     JOG = "jog"
-    CUT = "cut"
-    """In air, at full speed."""
+    CUT = "cut"  # in air, at full speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,8 +86,7 @@ def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
 def stop_key(client: Controller, machine: MachineProfile, dialect: Dialect) -> str:
     """Read the settings that determine how the machine stops, and return their hash.
 
-    Raises:
-        DriverError: the link broke, or the controller answers something unexpected.
+    Raises DriverError: the link broke, or the controller answers something unexpected.
     """
     kind, version = client.query("TYPE", "VERSION", again=True)
     blocks = [

@@ -1,21 +1,32 @@
-"""Validate a stopping-performance record: of this machine at this link, complete, plausible, and recent."""
+"""Validate a stopping-performance record: of this machine at this link, complete, plausible, and recent.
+
+A stop takes time, and nothing travels further in that time than its speed allows. Impossible numbers were not
+measured.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import date
 
-from drivers.commissioning.stop_numbers import number_problems
-from drivers.commissioning.stop_record import StopRecord, needed_stops
+from drivers.commissioning.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops
 from drivers.link.address import without_options
 from drivers.link.base import StopWay
+from drivers.pmac.motor_settings import MotorSettings
 from profiles.files import printable
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-VALID_DAYS = 180
-"""Validity of a record: drives, brakes and friction change. Half a year is a usual inspection interval."""
+VALID_DAYS = 180  # drives, brakes and friction change; half a year is a usual inspection interval
+LATE_S = 0.5  # age of the last poll before a stop, from which its distance counts, on the slowest line
+FASTER = 1.1  # factor by which an axis may exceed its set speed: ripple, and the 10 % uncertainty of two polls
+LONGEST_S = {Way.ABORT: 20.0, Way.KILL: 70.0, Way.WATCHDOG: 20.0}
+"""Longest possible waits for rest (`REST_LIMIT_S` of the tests, plus the time until the stop is obeyed)."""
+
+LINEAR, ROTARY = ("distance_mm", "speed_mm_per_s"), ("distance_deg", "speed_rpm")
+DEG_PER_S_OF_RPM = 6.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,4 +80,52 @@ def _measured(record: StopRecord, now: StopsNow) -> Iterator[Problem]:
     missing = needed_stops(now.machine) - {(entry.way, entry.origin, entry.axis) for entry in record.entries}
     if missing:
         yield Problem(code="stops.incomplete", value=", ".join(sorted(" ".join(each) for each in missing)))
-    yield from number_problems(record.entries, now.machine)
+    yield from _number_problems(record.entries, now.machine)
+
+
+def _number_problems(entries: Iterable[StopEntry], machine: MachineProfile) -> Iterator[Problem]:
+    seen: set[tuple[Way, Origin, str]] = set()
+    for entry in entries:
+        name = (entry.way, entry.origin, entry.axis)
+        reason = ("2 x", "1 x") if name in seen else _reason(entry, machine)
+        seen.add(name)
+        if reason is not None:
+            value = f"{' '.join(name)}: {reason[0]}"
+            yield Problem(code="stops.impossible", key=machine.name, value=value, limit=reason[1])
+
+
+def _reason(entry: StopEntry, machine: MachineProfile) -> tuple[str, str] | None:
+    """Return what is wrong with an entry, and what is allowed; None where nothing is."""
+    longest_s = LONGEST_S[entry.way]
+    if not 0.0 < entry.time_s <= longest_s:
+        return f"{entry.time_s:g} s", f"> 0, <= {longest_s:g} s"
+    bounds = _bounds(entry.axis, machine)
+    if bounds is None:
+        return entry.axis, "tool | spindle | carriage"
+    unit, least, most, fastest = bounds
+    own, others = (LINEAR, ROTARY) if unit == "mm" else (ROTARY, LINEAR)
+    way, speed = (getattr(entry, key) for key in own)
+    if way is None or speed is None or any(getattr(entry, key) is not None for key in others):
+        return "-", ", ".join(own)
+    speed *= DEG_PER_S_OF_RPM if unit == "deg" else 1.0
+    if not 0.0 < speed <= FASTER * fastest:
+        return f"{speed:g} {unit}/s", f"> 0, <= {FASTER * fastest:g} {unit}/s"
+    # Without its host the cutting program retracts the tool, faster than the tool follows its lobe.
+    meanwhile = fastest if entry.axis == "tool" and entry.origin is Origin.CUT else speed
+    most = min(most, FASTER * meanwhile * (entry.time_s + LATE_S))
+    if not least <= way <= most:
+        return f"{way:g} {unit}", f">= {least:g}, <= {most:g} {unit}"
+    return None
+
+
+def _bounds(name: str, machine: MachineProfile) -> tuple[str, float, float, float] | None:
+    """Return unit, minimum and maximum distance (mm, deg), and maximum speed (mm/s, deg/s) of an axis."""
+    if name == "spindle":
+        spindle = machine.spindle
+        return "deg", 360.0 / spindle.counts_per_rev, math.inf, DEG_PER_S_OF_RPM * spindle.max_speed_rpm
+    if name not in ("tool", "carriage"):
+        return None
+    linear = machine.tool if name == "tool" else machine.carriage
+    settings = MotorSettings(machine, linear.motor)
+    fastest = max(abs(settings.program_speed), settings.jog_speed)
+    return "mm", 1.0 / linear.counts_per_mm, linear.travel_max_mm - linear.travel_min_mm, fastest

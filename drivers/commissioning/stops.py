@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass
 
 from drivers.commissioning.amounts import digits, length, speed
-from drivers.commissioning.check import Check, Group
+from drivers.commissioning.check import Check, Group, severity
 from drivers.commissioning.judged import Judged, JudgedAxis
 from drivers.lathe.motion import LINK_LATENCY_MS
 from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS, JogSettings, change_speed
-from profiles.findings import Severity
 from profiles.machine import MachineProfile
 
 
@@ -38,11 +37,6 @@ def after_jog_stop(settings: JogSettings, late_ms: float) -> StoppingDistance:
     return StoppingDistance(late_ms + ramp_ms, settings.speed * (late_ms + ramp_ms / 2.0))
 
 
-def overruns(judged: Judged) -> list[Check]:
-    """Return the stopping distance of each axis in mid-jog, by control-A and by J/."""
-    return [_overrun(judged, axis) for axis in judged.driven_axes]
-
-
 def jog_settings_of(judged: Judged, axis: JudgedAxis) -> JogSettings:
     """Return the jog settings read from an axis; Ix20 and Ix21 both 0 count as 1 ms."""
     ta_ms, ts_ms = max(0.0, judged.of_motor(axis, 20)), max(0.0, judged.of_motor(axis, 21))
@@ -54,6 +48,11 @@ def jog_settings_of(judged: Judged, axis: JudgedAxis) -> JogSettings:
     )
 
 
+def overruns(judged: Judged) -> list[Check]:
+    """Return the stopping distance of each axis in mid-jog, by control-A and by J/."""
+    return [_overrun(judged, axis) for axis in judged.driven_axes]
+
+
 def _overrun(judged: Judged, axis: JudgedAxis) -> Check:
     machine = judged.machine
     late_ms = machine.controller.background_ms + LINK_LATENCY_MS
@@ -62,9 +61,9 @@ def _overrun(judged: Judged, axis: JudgedAxis) -> Check:
     jog = after_jog_stop(settings, late_ms)
     limit = _clearance_counts(machine, axis)
     return Check(
-        group=Group.STOPS,
-        code="overrun",
-        severity=Severity.OK if max(abort.counts, jog.counts) <= limit else Severity.REFUSAL,
+        Group.STOPS,
+        "overrun",
+        severity(max(abort.counts, jog.counts) <= limit),
         subject=axis.name,
         wanted=f"<= {length(limit, axis.motor, machine)}",
         facts={
@@ -76,12 +75,10 @@ def _overrun(judged: Judged, axis: JudgedAxis) -> Check:
     )
 
 
-def _way(stopping_distance: StoppingDistance, axis: JudgedAxis, machine: MachineProfile) -> str:
-    if math.isinf(stopping_distance.counts):
+def _way(stopping: StoppingDistance, axis: JudgedAxis, machine: MachineProfile) -> str:
+    if math.isinf(stopping.counts):
         return "∞"
-    return (
-        f"{length(stopping_distance.counts, axis.motor, machine)}, {digits(stopping_distance.time_ms / 1000.0)} s"
-    )
+    return f"{length(stopping.counts, axis.motor, machine)}, {digits(stopping.time_ms / 1000.0)} s"
 
 
 def _clearance_counts(machine: MachineProfile, axis: JudgedAxis) -> float:

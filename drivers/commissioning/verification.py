@@ -9,14 +9,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from drivers.commissioning.card_state import CardState, read_state, state_checks
-from drivers.commissioning.check import Check, Group
+from drivers.commissioning.check import Check, Group, severity
 from drivers.commissioning.comparison import stated_settings
 from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.gains import gain_checks
 from drivers.commissioning.judged import Judged
 from drivers.commissioning.reading import number_in, of_motors, read_configuration
-from drivers.commissioning.rules_of_card import card_rules
-from drivers.commissioning.rules_of_motors import motor_rules
+from drivers.commissioning.rules import card_rules, motor_rules
 from drivers.commissioning.stops import overruns
 from drivers.controller import Controller
 from drivers.errors import DriverError
@@ -27,25 +26,17 @@ from profiles.findings import Severity
 from profiles.machine import MachineProfile, Safety, is_signature
 
 
-def safety_checks(client: Controller, safety: Safety) -> list[Check]:
-    """Return one check for each device, and for each that the controller sees. Only those are queried.
-
-    Raises:
-        DriverError: the link broke, or the controller answers something unexpected.
-    """
-    return [*_fitted(safety), *_seen(client, safety)]
-
-
 def _fitted(safety: Safety) -> Iterator[Check]:
     for device, fitted in safety.devices.items():
         if fitted == WIRED:
-            yield _check("device_wired", Severity.OK, device)
+            yield Check(Group.SAFETY, "device_wired", Severity.OK, device)
         elif fitted == NOT_FITTED and is_signature(safety.signed_by):
-            yield _check("device_signed", Severity.NOTICE, device, safety.signed_by)
+            yield Check(Group.SAFETY, "device_signed", Severity.NOTICE, device, found=safety.signed_by)
         elif fitted == NOT_FITTED:
-            yield _check("device_unsigned", Severity.REFUSAL, device)
+            yield Check(Group.SAFETY, "device_unsigned", Severity.REFUSAL, device)
         else:
-            yield _check("device_unknown", Severity.REFUSAL, device, fitted, f"{WIRED} | {NOT_FITTED}")
+            wanted = f"{WIRED} | {NOT_FITTED}"
+            yield Check(Group.SAFETY, "device_unknown", Severity.REFUSAL, device, found=fitted, wanted=wanted)
 
 
 def _seen(client: Controller, safety: Safety) -> Iterator[Check]:
@@ -53,19 +44,15 @@ def _seen(client: Controller, safety: Safety) -> Iterator[Check]:
         inputs = inputs_of(safety)
     except DriverError as error:
         for problem in error.problems:
-            yield _check("input_unreadable", Severity.REFUSAL, "", problem.value, FORM)
+            yield Check(Group.SAFETY, "input_unreadable", Severity.REFUSAL, found=problem.value, wanted=FORM)
         return
     items = list(dict.fromkeys(each.item for each in inputs))
-    found = client.query(*items, again=True) if items else ()
-    words = {item: int(number_in(text, client.link.address)) for item, text in zip(items, found, strict=True)}
+    answers = client.query(*items, again=True) if items else ()
+    words = {item: int(number_in(text, client.link.address)) for item, text in zip(items, answers, strict=True)}
     for each in inputs:
-        good = each.is_good(words[each.item])
-        severity = Severity.OK if good else Severity.REFUSAL
-        yield _check("input", severity, each.device, str(words[each.item] >> each.bit & 1), str(each.good))
-
-
-def _check(code: str, severity: Severity, device: str, found: str = "", wanted: str = "") -> Check:
-    return Check(group=Group.SAFETY, code=code, severity=severity, subject=device, found=found, wanted=wanted)
+        word, wanted = words[each.item], str(each.good)
+        found = str(word >> each.bit & 1)
+        yield Check(Group.SAFETY, "input", severity(each.is_good(word)), each.device, found=found, wanted=wanted)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,20 +71,14 @@ def verify(client: Controller, machine: MachineProfile, dialect: Dialect) -> Ver
         RefusedError: `controller.entering`.
         DriverError: the link broke, or the controller answers something unexpected.
     """
-    configuration = read_of_machine(client, machine, dialect)
-    judged = Judged(configuration=configuration, machine=machine)
-    state = read_state(client, dialect)
-    checks = [*checks_of(judged), *state_checks(state, judged), *safety_checks(client, machine.safety)]
+    judged = Judged(configuration=read_of_machine(client, machine, dialect), machine=machine)
+    state, safety = read_state(client, dialect), machine.safety
+    checks = [*checks_of(judged), *state_checks(state, judged), *_fitted(safety), *_seen(client, safety)]
     return Verification(judged=judged, state=state, checks=in_order(checks))
 
 
 def read_of_machine(client: Controller, machine: MachineProfile, dialect: Dialect) -> Configuration:
-    """Read what concerns a machine, for its checks.
-
-    Raises:
-        RefusedError: `controller.entering`.
-        DriverError: the link broke, or the controller answers something unexpected.
-    """
+    """Read what concerns a machine, for its checks; errors as for `verify`."""
     motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
     return read_configuration(client, dialect, of_motors(dialect, motors, (END_FLAG, WATCHDOG_TIMER)))
 
@@ -105,28 +86,24 @@ def read_of_machine(client: Controller, machine: MachineProfile, dialect: Dialec
 def checks_of(judged: Judged) -> list[Check]:
     """Return every check of a configuration alone, read from a controller or from a backup."""
     rules = [*card_rules(judged), *motor_rules(judged)]
-    return [
-        *_once(stated_settings(judged), rules),
-        *gain_checks(judged),
-        *overruns(judged),
-    ]
+    return [*_once(stated_settings(judged), rules), *gain_checks(judged), *overruns(judged)]
 
 
 def _once(stated: list[Check], rules: list[Check]) -> list[Check]:
     """Return all checks; a setting that a rule also finds wrong appears once, in the words of the rule."""
     wrong = {check.variable: check for check in stated if check.severity is Severity.REFUSAL}
-    told = [check for check in rules if _speaks_for(check) and check.variable in wrong]
-    names = {check.variable for check in told}
+    # A rule with a wanted value covers its setting completely.
+    covering = [
+        check
+        for check in rules
+        if check.wanted and check.severity in (Severity.REFUSAL, Severity.WARNING) and check.variable in wrong
+    ]
+    names = {check.variable for check in covering}
     return [
         *(check for check in stated if check.variable not in names),
-        *(check for check in rules if check not in told),
-        *(replace(check, severity=Severity.REFUSAL, wanted=wrong[check.variable].wanted) for check in told),
+        *(check for check in rules if check not in covering),
+        *(replace(check, severity=Severity.REFUSAL, wanted=wrong[check.variable].wanted) for check in covering),
     ]
-
-
-def _speaks_for(check: Check) -> bool:
-    """Whether a rule's sentence covers its setting completely."""
-    return bool(check.wanted) and check.severity in (Severity.REFUSAL, Severity.WARNING)
 
 
 def in_order(checks: Iterable[Check]) -> tuple[Check, ...]:

@@ -26,11 +26,8 @@ from drivers.pmac.trajectory.planned import MoveRecord
 
 Whole = NDArray[np.int_]
 
-COLUMNS_A_PIECE = 3.0
-"""Table columns, at most, that a source travels along a row in one cubic."""
-
-SLOPE_MS = 0.25
-"""Half of the interval over which the slope at the ends of a cubic is taken."""
+COLUMNS_A_PIECE = 3.0  # table columns, at most, that a source travels along a row in one cubic
+SLOPE_MS = 0.25  # half of the interval over which the slope at the ends of a cubic is taken
 
 
 def source_is_late(table: CompensationTable, source: int) -> bool:
@@ -40,18 +37,17 @@ def source_is_late(table: CompensationTable, source: int) -> bool:
 
 def with_table(checked: CheckedProgram, table: CompensationTable, servo_period_ms: float) -> CheckedProgram:
     """Return the motion with the correction added to the target of the table, to its peaks and extent too."""
-    motor = table.definition.target
-    target = checked.motors.index(motor)
-    adder = _Adder(
-        table=table,
-        grid=np.array(table.grid),
-        target=target,
-        sources=tuple(checked.motors.index(source.motor) for source in table.definition.sources),
-        late_ms=tuple(
-            servo_period_ms if source_is_late(table, place) else 0.0
-            for place in range(len(table.definition.sources))
-        ),
+    motor, sizes = table.definition.target, (table.definition.columns, table.definition.rows)
+    sources = tuple(
+        _Source(
+            place=checked.motors.index(source.motor),
+            span_counts=source.span_counts,
+            size=sizes[number],
+            late_ms=servo_period_ms * source_is_late(table, number),
+        )
+        for number, source in enumerate(table.definition.sources)
     )
+    adder = _Adder(grid=np.array(table.grid), target=checked.motors.index(motor), sources=sources)
     pieces = [piece for move in checked.moves for piece in move.pieces]
     counts, parts, motion = adder.parts(pieces)
     part, count = iter(parts), iter(counts)
@@ -70,12 +66,20 @@ def with_table(checked: CheckedProgram, table: CompensationTable, servo_period_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Source:
+    """A source of the table: its place among the motors, and its columns or rows per span."""
+
+    place: int
+    span_counts: float
+    size: int
+    late_ms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Adder:
-    table: CompensationTable
     grid: Floats
     target: int
-    sources: tuple[int, ...]
-    late_ms: tuple[float, ...]
+    sources: tuple[_Source, ...]
 
     def parts(self, pieces: Sequence[Piece]) -> tuple[list[int], Iterator[Piece], Motion]:
         """Split pieces into shorter ones with the correction added to the target's cubics, all at once.
@@ -100,19 +104,13 @@ class _Adder:
         return counts.tolist(), parts, motion
 
     def _counts(self, motors: Floats, duration_ms: Floats) -> Whole:
-        """Return the number of parts of each piece."""
         most = np.ones_like(duration_ms)
-        for place, (source, size) in enumerate(zip(self.table.definition.sources, self._sizes, strict=False)):
-            motion = Motion(cubics=motors[self.sources[place]], duration_ms=duration_ms)
+        # Along the rows the correction oscillates; across them it grows, and a few cubics per row suffice.
+        for source, fraction in zip(self.sources, (COLUMNS_A_PIECE, 0.125), strict=False):
+            motion = Motion(cubics=motors[source.place], duration_ms=duration_ms)
             way = np.abs(motion.at(duration_ms) - motion.cubics[0])
-            # Along the rows the correction is a wave; across them it grows, and a few cubics per row suffice.
-            share = COLUMNS_A_PIECE if place == 0 else 0.125
-            most = np.maximum(most, way * size / source.span_counts / share)
+            most = np.maximum(most, way * source.size / source.span_counts / fraction)
         return np.ceil(most).astype(int)
-
-    @property
-    def _sizes(self) -> tuple[int, int]:
-        return self.table.definition.columns, self.table.definition.rows
 
     def _added(self, cubics: Floats, begin_ms: Floats, end_ms: Floats, step_ms: Floats) -> Floats:
         """Return what is added to the target's cubics, shape (4, n); a piece of no duration adds nothing."""
@@ -129,16 +127,16 @@ class _Adder:
     def _corrections(self, cubics: Floats, instants_ms: Floats) -> Floats:
         """Return the corrections at given times, each counted from the start of the piece with these cubics."""
         places = []
-        for place, (source, size) in enumerate(zip(self.table.definition.sources, self._sizes, strict=False)):
-            motion = Motion(cubics=cubics[self.sources[place]], duration_ms=instants_ms)
-            seen = motion.at(instants_ms - self.late_ms[place])
-            places.append(np.mod(seen, source.span_counts) * size / source.span_counts)
+        for source in self.sources:
+            motion = Motion(cubics=cubics[source.place], duration_ms=instants_ms)
+            seen = motion.at(instants_ms - source.late_ms)
+            places.append(np.mod(seen, source.span_counts) * source.size / source.span_counts)
         column = places[0]
-        left = np.minimum(column.astype(int), self.table.definition.columns - 1)
+        left = np.minimum(column.astype(int), self.sources[0].size - 1)
         if len(places) == 1:
-            return _line(self.grid[0], left, column - left)
+            return _row(self.grid, np.zeros_like(left), left, column - left)
         row = places[1]
-        above = np.minimum(row.astype(int), self.table.definition.rows - 1)
+        above = np.minimum(row.astype(int), self.sources[1].size - 1)
         upper = _row(self.grid, above, left, column - left)
         lower = _row(self.grid, above + 1, left, column - left)
         return np.asarray(upper + (lower - upper) * (row - above), dtype=np.float64)
@@ -150,22 +148,15 @@ def _part(piece: Piece, step_ms: float, cubics: tuple[Cubic, ...]) -> Piece:
     return Piece(step_ms, cubics, False, piece.real_time, piece.deferred)
 
 
-def _line(line: Floats, left: Whole, share: Floats) -> Floats:
-    return np.asarray(line[left] + (line[left + 1] - line[left]) * share, dtype=np.float64)
-
-
-def _row(grid: Floats, row: Whole, left: Whole, share: Floats) -> Floats:
+def _row(grid: Floats, row: Whole, left: Whole, fraction: Floats) -> Floats:
     before = grid[row, left]
-    return np.asarray(before + (grid[row, left + 1] - before) * share, dtype=np.float64)
+    return np.asarray(before + (grid[row, left + 1] - before) * fraction, dtype=np.float64)
 
 
 def with_spindle(
     checked: CheckedProgram, motor: int, counts_per_ms: float, first_counts: float = 0.0, stretch: float = 1.0
 ) -> CheckedProgram:
-    """Add a spindle that turns at `counts_per_ms` from `first_counts` on.
-
-    Every move takes `stretch` times its programmed time.
-    """
+    """Add a spindle at `counts_per_ms` from `first_counts` on; moves take `stretch` times as long."""
     motors = tuple(sorted((*checked.motors, motor)))
     place = motors.index(motor)
     moves = []
@@ -188,7 +179,6 @@ def with_spindle(
 
 
 def _beside(piece: Piece, place: int, turning: Cubic, stretch: float) -> Piece:
-    """Return a piece stretched in time by `stretch`, with the motion of the spindle added."""
     cubics = piece.cubics
     if stretch != 1.0:
         square, cube = stretch**2, stretch**3

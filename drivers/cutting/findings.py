@@ -23,8 +23,7 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-STEADY_FEED = 0.999999
-"""Fraction of the longest feed in a loop from which a move belongs to the steady cut."""
+STEADY_FEED = 0.999999  # fraction of the longest feed in a loop from which a move belongs to the steady cut
 
 
 def steady_moves(
@@ -58,12 +57,9 @@ def stroke(loop: tuple[CheckedMove, ...], checked: CheckedProgram, machine: Mach
     return motion_of([piece for move in loop[1:] for piece in move.pieces], index).extent()
 
 
-LEAVING_STEP_DEG = 0.5
-"""Step in which a path is sampled round the part: it sees at least 97 % of the highest harmonic, 50 UPR."""
-
+LEAVING_STEP_DEG = 0.5  # sampling round the part: sees at least 97 % of the highest harmonic, 50 UPR
 LEAST_TURNS = 3.0
-LEAST_CUT_S = 0.2
-"""The shortest cut, in turns and in time, so that the machine can be polled during it."""
+LEAST_CUT_S = 0.2  # the shortest cut, in turns and in time, so that the machine can be polled during it
 
 
 def cut_findings(
@@ -93,8 +89,8 @@ def leaving_findings(job: Job, target: LobedPath) -> tuple[Finding, ...]:
     """
     angle_deg = np.arange(0.0, 360.0, LEAVING_STEP_DEG)
     half_mm = 0.5 * job.cut_length_mm
-    waves_um = [target.at_um(angle_deg, end_mm) - target.mean_um for end_mm in (-half_mm, half_mm)]
-    least_um = 1000.0 * job.depth_of_cut_mm + float(np.min(waves_um))
+    path_um = [target.at_um(angle_deg, end_mm) - target.mean_um for end_mm in (-half_mm, half_mm)]
+    least_um = 1000.0 * job.depth_of_cut_mm + float(np.min(path_um))
     if least_um > 0.0:
         return ()
     needed_mm = job.depth_of_cut_mm - least_um / 1000.0
@@ -122,14 +118,8 @@ def _path_findings(
     if used > asked * (1.0 + 1e-9):
         findings.append(_warning("cut.segment_stretched", "TM", f"{used:g} ms", f"{asked:g} ms"))
     if not math.isclose(speed_rpm, job.spindle_speed_rpm, rel_tol=1e-6):
-        findings.append(
-            _warning(
-                "cut.speed_differs",
-                "spindle_speed_rpm",
-                f"{speed_rpm:.6g} rpm",
-                f"{job.spindle_speed_rpm:g} rpm",
-            )
-        )
+        value, limit = f"{speed_rpm:.6g} rpm", f"{job.spindle_speed_rpm:g} rpm"
+        findings.append(_warning("cut.speed_differs", "spindle_speed_rpm", value, limit))
     index = checked.motors.index(machine.tool.motor)
     targets = [move.record.target[index] for move in loop]
     asked_um = (max(targets) - min(targets)) * machine.tool.count_um
@@ -150,14 +140,14 @@ def _limit_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Fi
         if checked.peak_velocity[motor] > fastest * (1.0 + 1e-9):
             value = speed(checked.peak_velocity[motor], motor, machine)
             findings.append(_refusal("cut.too_fast", f"I{motor}16", value, f"<= {speed(fastest, motor, machine)}"))
-        high, low = variables[f"I{motor}13"], variables[f"I{motor}14"]
-        highest, lowest = checked.highest[motor], checked.lowest[motor]
-        if high and highest > high:
-            value, limit = (length(each, motor, machine) for each in (highest, high))
-            findings.append(_refusal("cut.beyond_travel", f"I{motor}13", value, f"<= {limit}"))
-        if low and lowest < low:
-            value, limit = (length(each, motor, machine) for each in (lowest, low))
-            findings.append(_refusal("cut.beyond_travel", f"I{motor}14", value, f">= {limit}"))
+        for number, sign, extent, above in (
+            ("13", "<=", checked.highest, 1.0),
+            ("14", ">=", checked.lowest, -1.0),
+        ):
+            end, furthest = variables[f"I{motor}{number}"], extent[motor]
+            if end and above * (furthest - end) > 0.0:
+                value, limit = (length(each, motor, machine) for each in (furthest, end))
+                findings.append(_refusal("cut.beyond_travel", f"I{motor}{number}", value, f"{sign} {limit}"))
     return findings
 
 
@@ -172,10 +162,7 @@ def _jaw_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Find
 
 
 def _servo_findings(machine: MachineProfile, job: Job, speed_rpm: float, stroke_um: float) -> list[Finding]:
-    """Refuse a path whose following error alone would trip its limit.
-
-    Whatever its shape, the path is taken as a sine of its own stroke at the lobe frequency.
-    """
+    """Judge the following error of the path, taken as a sine of its own stroke at the lobe frequency."""
     error_um = following_error_um(machine, 0.5 * stroke_um, job.jaws * speed_rpm / 60.0)
     key = f"I{machine.tool.motor}11"
     limit_um = MotorSettings(machine, machine.tool.motor).error_limit_counts * machine.tool.count_um

@@ -13,43 +13,27 @@ from drivers.pmac.axes import read_definitions
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-TOOL_MARGIN_UM = 30.0
-"""Margin beyond the planned extent: a trim within the cut, and the rounding of a table."""
-
+TOOL_MARGIN_UM = 30.0  # margin beyond the planned extent: a trim within the cut, and the rounding of a table
 CARRIAGE_MARGIN_MM = 0.1
 SPINDLE_MARGIN_DEG = 5.0
-LENGTH_MARGIN_MM = 0.2
-"""By this much less than planned the carriage may be seen to travel: it stops between two polls."""
-
-
-def cut_ranges(plan: CutPlan, machine: MachineProfile) -> tuple[AxisRange, ...]:
-    """Return the ranges in which the program's axes may be commanded, with a margin."""
-    return tuple(
-        AxisRange(
-            axis=axis,
-            low=plan.checked.lowest[motor] - margin,
-            high=plan.checked.highest[motor] + margin,
-        )
-        for axis, motor, margin in _axes(plan, machine)
-    )
+LENGTH_MARGIN_MM = 0.2  # how much less travel may be seen than planned: the carriage stops between two polls
 
 
 def cut_guard(plan: CutPlan, machine: MachineProfile) -> ProgramGuard:
-    """Return the guard that judges each poll of this cut."""
-    real_time = not plan.strategy.traits.spindle_time
-    return ProgramGuard(Lengths(machine), cut_ranges(plan, machine), real_time=real_time)
-
-
-def _axes(plan: CutPlan, machine: MachineProfile) -> Iterator[tuple[AxisName, int, float]]:
-    """Yield the axes that the program itself moves, their motors, and their margins in counts."""
+    """Return the guard that judges each poll of this cut: the program's axes within their extent and a margin."""
     programmed = {definition.motor for definition in read_definitions(plan.axis_definitions)}
-    tool, spindle, carriage = machine.tool, machine.spindle, machine.carriage
+    tool, spindle, carriage, checked = machine.tool, machine.spindle, machine.carriage, plan.checked
     margins = (
         (AxisName.TOOL, tool.motor, TOOL_MARGIN_UM / tool.count_um),
         (AxisName.SPINDLE, spindle.motor, SPINDLE_MARGIN_DEG / 360.0 * spindle.counts_per_rev),
         (AxisName.CARRIAGE, carriage.motor, CARRIAGE_MARGIN_MM * carriage.counts_per_mm),
     )
-    return (each for each in margins if each[1] in programmed)
+    ranges = [
+        AxisRange(axis=axis, low=checked.lowest[motor] - margin, high=checked.highest[motor] + margin)
+        for axis, motor, margin in margins
+        if motor in programmed
+    ]
+    return ProgramGuard(Lengths(machine), ranges, real_time=not plan.strategy.traits.spindle_time)
 
 
 class CutLength:
@@ -75,8 +59,8 @@ class CutLength:
         """Report a cut shorter than planned; None where the whole length was cut."""
         if self._highest >= self._planned - LENGTH_MARGIN_MM * self._per_mm:
             return None
-        met, planned = (max(end - self._begin, 0.0) / self._per_mm for end in (self._highest, self._planned))
-        return Problem(code="cut.length_short", key="carriage", value=f"{met:.2f} mm", limit=f"{planned:.2f} mm")
+        cut, planned = (max(end - self._begin, 0.0) / self._per_mm for end in (self._highest, self._planned))
+        return Problem(code="cut.length_short", key="carriage", value=f"{cut:.2f} mm", limit=f"{planned:.2f} mm")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

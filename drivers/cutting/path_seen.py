@@ -19,27 +19,15 @@ from profiles.least_squares import fit, harmonic_columns, harmonic_slice
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-LEAST_TOOL_UM = 4.0
-"""Deviations below this do not stand out in any real cut."""
-
+LEAST_TOOL_UM = 4.0  # deviations below this do not stand out in any real cut
 LEAST_CARRIAGE_MM = 0.02
-LEAST_SPINDLE_S = 0.1
-"""Time is that of the host; a delayed host, or a delayed simulated controller, loses some of it."""
-
-MOST_OF_LOBE = 0.5
-"""Fraction of the lobe by which a following tool may deviate throughout: half as large, or 29 degrees late."""
-
-TIMES_USUAL = 12.0
-"""Multiple of the median deviation that stands out even where tool and spindle are read separately."""
-
-LATE = 1.5
-"""A poll that took this many times the usual was interrupted: its values are not of one instant."""
-
+LEAST_SPINDLE_S = 0.1  # in time of the host; a delayed host, or a delayed simulated controller, loses some of it
+MOST_OF_LOBE = 0.5  # fraction of the lobe by which a following tool may deviate: half as large, or 29 degrees late
+TIMES_USUAL = 12.0  # times the median deviation: stands out even where tool and spindle are read separately
+LATE = 1.5  # a poll that took this many times the usual was interrupted: its values are not of one instant
 LEAST_POLLS = 16
 POLLS_A_TERM = 6
-LAST_TURN = 0.15
-"""Fraction of the last turn that is left out: after it the tool retracts."""
-
+LAST_TURN = 0.15  # fraction of the last turn that is left out: after it the tool retracts
 SWEEPS = 20
 
 Floats = NDArray[np.float64]
@@ -100,15 +88,12 @@ class PathSeen:
         left_um, lobe_um = np.abs(left), float(np.hypot(*found[harmonic_slice(0, trends=1)]))
         most_um = MOST_OF_LOBE * target.amplitude_um + LEAST_TOOL_UM
         if plan.strategy.traits.inverts and lobe_um > most_um:
-            value, limit = f"{lobe_um:.1f} um", f"{most_um:.1f} um"
-            yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
+            yield from _off_path(AxisName.TOOL, lobe_um, most_um, "{:.1f} um")
             return
-        # A trim within the cut goes from none to at most its largest wave, and may reverse.
+        # A trim within the cut goes from none to at most its largest amplitude, and may reverse.
         trim_um = 2.0 * MOST_TRIM_UM if plan.trimmed else 0.0
         limit_um = max(LEAST_TOOL_UM, TIMES_USUAL * float(np.median(left_um))) + trim_um
-        if left_um.max() > limit_um:
-            value, limit = f"{left_um.max():.1f} um", f"{limit_um:.1f} um"
-            yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
+        yield from _off_path(AxisName.TOOL, left_um.max(), limit_um, "{:.1f} um")
 
     def _carriage(self, turns: Floats, carriage: Floats) -> Iterator[Problem]:
         """Model the carriage: feed in proportion to turns; an external spindle may turn slower or faster."""
@@ -117,18 +102,19 @@ class PathSeen:
         trends = [turns - turns[0]] if self._machine.spindle.followed else []
         left_mm = np.abs(_left(off_mm, harmonic_columns(turns, (), *trends))[0])
         limit_mm = max(LEAST_CARRIAGE_MM, TIMES_USUAL * float(np.median(left_mm)))
-        if left_mm.max() > limit_mm:
-            value, limit = f"{left_mm.max():.3f} mm", f"{limit_mm:.3f} mm"
-            yield Problem(code="cut.off_path", key=AxisName.CARRIAGE, value=value, limit=limit)
+        yield from _off_path(AxisName.CARRIAGE, left_mm.max(), limit_mm, "{:.3f} mm")
 
     def _spindle(self, turns: Floats, at_s: Floats) -> Iterator[Problem]:
         """Model the spindle: constant speed, unless the program was held or continued elsewhere."""
         off, (_, slope) = _left(turns, harmonic_columns(turns, (), at_s - at_s[0]))
         left, turns_a_second = np.abs(off), abs(float(slope))
         limit = max(LEAST_SPINDLE_S * turns_a_second, TIMES_USUAL * float(np.median(left)))
-        if left.max() > limit:
-            value, allowed = f"{left.max():.2f} rev", f"{limit:.2f} rev"
-            yield Problem(code="cut.off_path", key=AxisName.SPINDLE, value=value, limit=allowed)
+        yield from _off_path(AxisName.SPINDLE, left.max(), limit, "{:.2f} rev")
+
+
+def _off_path(axis: AxisName, value: float, limit: float, form: str) -> Iterator[Problem]:
+    if value > limit:
+        yield Problem(code="cut.off_path", key=axis, value=form.format(value), limit=form.format(limit))
 
 
 def _left(values: Floats, columns: Floats) -> tuple[Floats, Floats]:

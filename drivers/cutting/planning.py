@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 from drivers.cutting.corrected import with_spindle, with_table
 from drivers.cutting.findings import clock_findings, cut_findings, leaving_findings, speed_rpm, steady_moves
 from drivers.cutting.plan import CutPlan
-from drivers.cutting.strategies.traits import Made, Planning
 from drivers.cutting.strategy import BY_TABLE, TRIMMED, TURNED_BY_OTHERS, Strategy
+from drivers.cutting.traits import Made, Planning
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response, path_response
 from drivers.pmac.axes import read_definitions
@@ -23,8 +23,7 @@ from drivers.pmac.settings import settings_with
 from profiles.axis.friction import held_back_um
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.axis.servo import sampled_response
-from profiles.compensations.path import CutPath, LobedPath, invert, target_path
-from profiles.compensations.path_bounds import path_problems
+from profiles.compensations.path import CutPath, LobedPath, invert, path_problems, target_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -58,22 +57,21 @@ def plan_cut(
 
     Raises:
         ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `program.too_long`,
-            `program.no_zero_row`, `program.not_turned`, `program.no_overtones`, `program.no_trim`), a path that
-            is none of this job (`path.waves`, `path.beyond`), its servo cannot be inverted (`response.amplified`,
-            `response.outside_band`, `response.too_sparse`), or the controller would refuse it (`program.refused`).
+            `program.no_zero_row`, `program.not_turned`, `program.no_overtones`, `program.no_growth`,
+            `program.no_trim`), a path that is none of this job (`path.harmonics`, `path.beyond`), its servo cannot
+            be inverted (`response.amplified`, `response.outside_band`, `response.too_sparse`), or the controller
+            would refuse it (`program.refused`).
     """
     if trimmed:
         _refuse_untrimmed(machine, strategy)
     if path is not None:
         _refuse_beyond(path, job, machine, strategy)
-    turned = float(from_turn * machine.spindle.counts_per_rev)
+    start = from_turn * machine.spindle.counts_per_rev + first_spindle_counts(job, machine, strategy)
     planning = Planning(
         job=job,
         machine=machine,
         dialect=DIALECTS[machine.controller.family],
-        setup=cut_setup(
-            job, machine, turned + first_spindle_counts(job, machine, strategy), watchdog, air_mm=air_mm
-        ),
+        setup=cut_setup(job, machine, start, watchdog, air_mm=air_mm),
         target=target_path(job) if path is None else path.target,
         command=_command(job, machine, strategy, path, response),
         ts_ms=ts_ms,
@@ -82,9 +80,9 @@ def plan_cut(
     _refuse_followed(machine, strategy)
     made = strategy.traits.make(planning)
     program = _read(made.text, planning.dialect)
-    if watchdog:
-        unleased = strategy.traits.make(_unleased(planning))
-        checked = _checked(unleased, _read(unleased.text, planning.dialect), planning)
+    if watchdog:  # nobody renews it in a simulated run
+        unwatched = strategy.traits.make(replace(planning, setup=replace(planning.setup, watchdog="")))
+        checked = _checked(unwatched, _read(unwatched.text, planning.dialect), planning)
     else:
         checked = _checked(made, program, planning)
     return _judged(planning, strategy, made, program, checked, in_air=air_mm > 0.0)
@@ -99,7 +97,6 @@ def _judged(
     *,
     in_air: bool,
 ) -> CutPlan:
-    """Return the plan with all its findings."""
     job, machine = planning.job, planning.machine
     loop = steady_moves(program, checked, machine)
     rpm = speed_rpm(loop, checked, machine)
@@ -107,9 +104,7 @@ def _judged(
         strategy=strategy,
         target=planning.target,
         setup=planning.setup,
-        text=made.text,
         program=program,
-        tool_start=made.tool_start,
         spindle_speed_rpm=rpm,
         segment_ms=loop[-1].used.tm_ms,
         duration_s=checked.duration_ms / 1000.0,
@@ -119,13 +114,9 @@ def _judged(
             *(clock_findings(machine) if made.clock else ()),
         ),
         checked=checked,
-        axis_definitions=made.definitions,
-        restore=made.restore,
-        table=made.table,
-        correction_register=made.correction_register,
-        zero_row_z=made.zero_row_z,
         trimmed=planning.trimmed,
         in_air=in_air,
+        **{each.name: getattr(made, each.name) for each in fields(Made)},
     )
 
 
@@ -135,20 +126,13 @@ def first_spindle_counts(job: Job, machine: MachineProfile, strategy: Strategy) 
     return 0.0 if begins_at is None else begins_at(job, machine)
 
 
-def _unleased(planning: Planning) -> Planning:
-    """Return the same without the watchdog: nobody renews it in a simulated run."""
-    return replace(planning, setup=replace(planning.setup, watchdog=""))
-
-
 def nominal_command(
     job: Job, machine: MachineProfile, strategy: Strategy, response: ServoResponse | None = None
 ) -> LobedPath:
     """Return the command with which the loop makes the path that the job wants.
 
     `response` is that of the path of this strategy, by default the one of the machine profile.
-
-    Raises:
-        ProfileError: `response.amplified`, `response.outside_band`, `response.too_sparse`.
+    Raises ProfileError: `response.amplified`, `response.outside_band`, `response.too_sparse`.
     """
     inverted = path_response(strategy, machine) if response is None else response
     turns_hz = job.spindle_speed_rpm / 60.0
@@ -158,12 +142,6 @@ def nominal_command(
 def _command(
     job: Job, machine: MachineProfile, strategy: Strategy, path: CutPath | None, response: ServoResponse | None
 ) -> LobedPath:
-    """Return the tool command: learned with the path, or the inverse of the target path.
-
-    Raises:
-        ProblemError: `program.too_fast` with the speed that would be allowed, `program.no_overtones`,
-            `program.no_growth`; those of `nominal_command`.
-    """
     if not strategy.traits.inverts:
         return target_path(job) if path is None else path.target
     command = nominal_command(job, machine, strategy, response) if path is None else path.command
@@ -173,22 +151,12 @@ def _command(
 
 
 def _refuse_followed(machine: MachineProfile, strategy: Strategy) -> None:
-    """Refuse a strategy that turns the spindle itself where the controller cannot.
-
-    Raises:
-        DriverError: `program.not_turned`.
-    """
     if machine.spindle.drive != SERVO and strategy not in TURNED_BY_OTHERS:
         value, limit = machine.spindle.drive, ", ".join(TURNED_BY_OTHERS)
         raise DriverError(Problem(code="program.not_turned", key="spindle.drive", value=value, limit=limit))
 
 
 def _read(text: str, dialect: Dialect) -> ProgramText:
-    """Parse a program as the controller would.
-
-    Raises:
-        DriverError: `program.refused`.
-    """
     try:
         return read_program(text, motor_count=dialect.motor_count)
     except PmacError as error:
@@ -196,11 +164,6 @@ def _read(text: str, dialect: Dialect) -> ProgramText:
 
 
 def _checked(made: Made, program: ProgramText, planning: Planning) -> CheckedProgram:
-    """Simulate a program, with its compensation table and external spindle.
-
-    Raises:
-        DriverError: `program.refused`.
-    """
     machine, setup, dialect = planning.machine, planning.setup, planning.dialect
     start = {
         machine.tool.motor: made.tool_start,
@@ -208,9 +171,8 @@ def _checked(made: Made, program: ProgramText, planning: Planning) -> CheckedPro
         machine.carriage.motor: setup.carriage_start,
     }
     try:
-        definitions = read_definitions(made.definitions)
         settings = settings_with(machine.controller.variables, dialect)
-        checked = run_through(program, settings, definitions, start, dialect)
+        checked = run_through(program, settings, read_definitions(made.axis_definitions), start, dialect)
     except PmacError as error:
         raise DriverError(Problem(code="program.refused", value=str(error))) from error
     period_ms = machine.controller.servo_period_ms
@@ -224,14 +186,10 @@ def _checked(made: Made, program: ProgramText, planning: Planning) -> CheckedPro
 
 
 def _refuse_unsegmented(command: LobedPath, job: Job, machine: MachineProfile, strategy: Strategy) -> None:
-    """Refuse a command that segments of whole milliseconds cannot make.
-
-    Raises:
-        DriverError: `program.no_overtones`, `program.no_growth`, `program.too_fast`.
-    """
+    """Refuse a command that segments of whole milliseconds cannot make; name the speed that would be allowed."""
     tables = ", ".join(BY_TABLE)
     if command.overtones:
-        value = ", ".join(str(wave.lobes) for wave in command.overtones)
+        value = ", ".join(str(harmonic.lobes) for harmonic in command.overtones)
         raise DriverError(Problem(code="program.no_overtones", key=strategy, value=value, limit=tables))
     if command.growth_per_mm:
         value = f"{100.0 * command.growth_per_mm:g} %/mm"
@@ -246,7 +204,6 @@ def _refuse_unsegmented(command: LobedPath, job: Job, machine: MachineProfile, s
 
 
 def _fits_at(job: Job, machine: MachineProfile, speed_rpm: float) -> bool:
-    """Whether segments would be short enough at another speed, by the profile's response."""
     frequency_hz = job.jaws * speed_rpm / 60.0
     response = complex(sampled_response(machine, frequency_hz))
     if abs(response) * AMPLIFICATION_LIMIT < 1.0:
@@ -255,11 +212,7 @@ def _fits_at(job: Job, machine: MachineProfile, speed_rpm: float) -> bool:
 
 
 def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: Strategy) -> None:
-    """Refuse a path that corrects a cut other than this one.
-
-    Raises:
-        DriverError: `path.*`, every deviation that is too large.
-    """
+    """Refuse a path that corrects a cut other than this one, with every deviation that is too large."""
     turns_hz = job.spindle_speed_rpm / 60.0
     problems = path_problems(
         path,
@@ -272,11 +225,7 @@ def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: S
 
 
 def _refuse_untrimmed(machine: MachineProfile, strategy: Strategy) -> None:
-    """Refuse to trim a cut that cannot be: without a table, or on an external spindle.
-
-    Raises:
-        DriverError: `program.no_trim`.
-    """
+    """Refuse to trim a cut that cannot be: without a table, or on an external spindle."""
     if strategy not in TRIMMED or machine.spindle.drive != SERVO:
-        met, limit = f"{strategy}, {machine.spindle.drive}", ", ".join((*TRIMMED, SERVO))
-        raise DriverError(Problem(code="program.no_trim", value=met, limit=limit))
+        value, limit = f"{strategy}, {machine.spindle.drive}", ", ".join((*TRIMMED, SERVO))
+        raise DriverError(Problem(code="program.no_trim", value=value, limit=limit))

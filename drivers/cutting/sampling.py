@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -22,33 +23,21 @@ from drivers.errors import ControllerError, DriverError, LinkTimeoutError
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gather import GatherError
-from drivers.pmac.gathering.gather_client import DataGathering, GatherPlan
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import DataGathering, GatheredData, GatherPlan
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 Floats = NDArray[np.float64]
 _Result = TypeVar("_Result")
 
-PIECE_LONG_WORDS = 24
-"""Fetched between two polls at most: 80 ms of a serial line at 38 400 baud; the watchdog timeout is 300 ms."""
-
-LOOK_OF_PIECE_S = 0.06
-"""How long a poll may take for whole pieces; pieces are shorter on a slower line."""
-
+PIECE_LONG_WORDS = 24  # between two polls at most: 80 ms at 38 400 baud, of a watchdog timeout of 300 ms
+POLL_OF_PIECE_S = 0.06  # how long a poll may take for whole pieces; pieces are shorter on a slower line
 LEAST_PIECE_LONG_WORDS = 4
 
-ANSWER_S = 0.17
-"""Reply timeout under a watchdog, as for a poll."""
-
-MOST_LOST = 3
-"""Consecutive batches that may be lost on the line."""
-
-MARGIN_S = 0.05
-"""How much longer than its samples a batch is waited for."""
-
-LEAST_SAMPLES_A_WAVE = 12
-"""Minimum samples per lobe in a batch; the overtones get correspondingly fewer."""
+ANSWER_S = 0.17  # reply timeout under a watchdog, as for a poll
+MOST_LOST = 3  # consecutive batches that may be lost on the line
+MARGIN_S = 0.05  # how much longer than its samples a batch is waited for
+LEAST_SAMPLES_A_LOBE = 12  # minimum samples per lobe in a batch; the overtones get correspondingly fewer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +53,10 @@ class Batch:
 
 
 class BatchGather:
-    """Gathers the batches of a cut in turn; `take` receives each after it is fetched, between two polls."""
+    """Gathers the batches of a cut in turn; `take` receives each after it is fetched, between two polls.
+
+    Every method raises DriverError: `gather.failed`, the controller does not gather as it should; the link broke.
+    """
 
     def __init__(
         self, client: Controller, machine: MachineProfile, clock: Clock, round_trip: Callable[[], float]
@@ -75,21 +67,17 @@ class BatchGather:
         self._quick = replace(self._gathering, timeout_s=ANSWER_S)
         self._lost = 0
         self._names = (f"#{machine.tool.motor} actual", f"#{machine.spindle.motor} actual")
-        self._state: _Idle | _Running | _Fetching = _Idle()
+        self._state: _State = None
         self._plan: GatherPlan | None = None
         self._cut: CutPlan | None = None
         self._take: Callable[[Batch], None] = lambda _: None
 
     def prepare(self, cut: CutPlan, lobes: int, seconds: float, take: Callable[[Batch], None]) -> None:
-        """Set up the controller, at rest and after the program is loaded: defining a table deletes buffers.
-
-        Raises:
-            DriverError: `gather.failed`, the controller does not gather what it should; the link broke.
-        """
+        """Set up the controller, at rest and after the program is loaded: defining a table deletes buffers."""
         cycle_s = self._machine.controller.servo_period_ms / 1000.0
-        wave_s = 60.0 / (lobes * cut.spindle_speed_rpm)
-        period = max(1, math.floor(wave_s / (LEAST_SAMPLES_A_WAVE * cycle_s)))
-        self._cut, self._take, self._state = cut, take, _Idle()
+        lobe_s = 60.0 / (lobes * cut.spindle_speed_rpm)
+        period = max(1, math.floor(lobe_s / (LEAST_SAMPLES_A_LOBE * cycle_s)))
+        self._cut, self._take, self._state = cut, take, None
         self._plan = self._tried(
             lambda: self._gathering.prepare(
                 self._gathering.motor_channels(*self._names), math.ceil(seconds / (period * cycle_s)), period
@@ -100,97 +88,86 @@ class BatchGather:
         """Process a poll of the machine: begin, end or fetch, with at most one request of any length.
 
         A batch lost on the line is abandoned for the next one.
-
-        Raises:
-            DriverError: `gather.failed`; the link broke.
+        Raises DriverError: `gather.failed`; the link broke.
         """
-        if self._plan is None or self._cut is None:
-            return
         try:
             self._state = self._tried(lambda: self._next(snapshot))
         except LinkTimeoutError:
             self._lost += 1
             if self._lost >= MOST_LOST:
                 raise self._failed(f"{self._lost} batches in a row were lost on the line") from None
-            self._state = _Idle()
+            self._state = None
 
     def finish(self) -> None:
-        """Fetch the rest of a batch in progress, once the machine rests and nothing waits.
+        """Fetch the rest of a batch in progress, once the machine rests and nothing waits."""
+        while isinstance(state := self._state, _Fetching):
+            self._state = self._tried(partial(self._fetched, state))
 
-        Raises:
-            DriverError: `gather.failed`; the link broke.
-        """
-        while isinstance(self._state, _Fetching):
-            self._state = self._tried(self._fetch_on)
-
-    def _fetch_on(self) -> _Idle | _Fetching:
-        assert self._plan is not None and isinstance(self._state, _Fetching)
-        return self._fetched(self._plan, self._state)
-
-    def _next(self, snapshot: Snapshot) -> _Idle | _Running | _Fetching:
-        plan, state = self._plan, self._state
-        assert plan is not None  # `see` is nothing before `prepare`
+    def _next(self, snapshot: Snapshot) -> _State:
+        state, plan = self._state, self._plan
+        if plan is None:
+            return None
         if isinstance(state, _Fetching):
-            return self._fetched(plan, state)
-        if isinstance(state, _Idle):
-            if not self._in_path(snapshot):
-                return state
+            return self._fetched(state)
+        in_path = self._in_path(snapshot)
+        if state is None:
+            if not in_path:
+                return None
             if self._lost:
                 self._quick.stop()  # whether the lost one continues is unknown
             self._quick.start(plan)
             until_s = self._clock.now_s() + plan.duration_ms / 1000.0 + MARGIN_S
             return _Running(until_s=until_s, from_counts=snapshot.carriage.position)
-        if not self._in_path(snapshot):
+        if not in_path:
             self._quick.stop()  # the end of the cut is in this batch: none of it is used
-            return _Idle()
+            return None
         if self._clock.now_s() < state.until_s:
             return state
         self._quick.stop()
-        return _Fetching(middle_counts=0.5 * (state.from_counts + snapshot.carriage.position))
+        return _Fetching(plan=plan, middle_counts=0.5 * (state.from_counts + snapshot.carriage.position))
 
-    def _fetched(self, plan: GatherPlan, state: _Fetching) -> _Idle | _Fetching:
+    def _fetched(self, state: _Fetching) -> _Fetching | None:
         if state.complete:
-            return self._taken(plan, state)
+            self._deliver(state)
+            return None
         # On a slow line the poll itself uses up the watchdog timeout, so a piece shrinks with the square.
-        share = min(1.0, LOOK_OF_PIECE_S / max(self._round_trip(), LOOK_OF_PIECE_S)) ** 2
-        piece = max(LEAST_PIECE_LONG_WORDS, math.floor(share * PIECE_LONG_WORDS))
-        count = min(piece, plan.long_words - state.words)
+        fraction = min(1.0, POLL_OF_PIECE_S / max(self._round_trip(), POLL_OF_PIECE_S)) ** 2
+        piece = max(LEAST_PIECE_LONG_WORDS, math.floor(fraction * PIECE_LONG_WORDS))
+        count = min(piece, state.plan.long_words - state.words)
         part = self._client.request(f"LIST GATHER {state.words},{count}", ANSWER_S)
         found = sum(len(line.split()) for line in part)
         words = state.words + found
-        complete = found < count or words >= plan.long_words
+        complete = found < count or words >= state.plan.long_words
         return replace(state, lines=(*state.lines, *part), words=words, complete=complete)
 
-    def _taken(self, plan: GatherPlan, state: _Fetching) -> _Idle:
-        """Deliver the batch once the controller confirms that nobody has changed the gathering meanwhile."""
+    def _deliver(self, state: _Fetching) -> None:
+        """Pass the batch on once the controller confirms that nobody has changed the gathering meanwhile."""
+        machine, cut, plan = self._machine, self._cut, state.plan
+        assert cut is not None  # nothing is fetched before `prepare`
         if not self._quick.set_up_as(plan):
             raise GatherError("somebody else sets up gathering")
         self._lost = 0
         data = GatheredData.from_listing(state.lines, plan.channels, plan.period_cycles, plan.cycle_ms)
-        self._take(self._batch(data, state.middle_counts))
-        return _Idle()
-
-    def _batch(self, data: GatheredData, middle_counts: float) -> Batch:
-        machine, cut = self._machine, self._cut
-        assert cut is not None  # `see` is nothing before `prepare`
         tool, spindle = (data.values[name] for name in self._names)
-        return Batch(
-            angle_deg=spindle / machine.spindle.counts_per_rev * 360.0,
-            infeed_um=(tool - cut.setup.surface) * machine.tool.count_um,
-            past_middle_mm=(middle_counts - cut.setup.carriage_middle) / machine.carriage.counts_per_mm,
+        past_middle = state.middle_counts - cut.setup.carriage_middle
+        self._take(
+            Batch(
+                angle_deg=spindle / machine.spindle.counts_per_rev * 360.0,
+                infeed_um=(tool - cut.setup.surface) * machine.tool.count_um,
+                past_middle_mm=past_middle / machine.carriage.counts_per_mm,
+            )
         )
 
     def _in_path(self, snapshot: Snapshot) -> bool:
         """Whether the tool is on its path: at depth, with the carriage feeding towards the end of the cut."""
         cut = self._cut
-        assert cut is not None  # `see` is nothing before `prepare`
+        assert cut is not None  # nothing is asked before `prepare`
         setup = cut.setup
         gone = snapshot.carriage.position - cut.carriage_start
         fed = setup.carriage_per_turn < gone < setup.carriage_counts - setup.carriage_per_turn
         return snapshot.program_running and fed and snapshot.tool.position > setup.surface
 
     def _tried(self, work: Callable[[], _Result]) -> _Result:
-        """Perform a gathering step; a refusal by the controller counts as a failure to gather."""
         try:
             return work()
         except (GatherError, ControllerError) as error:
@@ -198,11 +175,6 @@ class BatchGather:
 
     def _failed(self, why: str) -> DriverError:
         return DriverError(Problem(code="gather.failed", where=self._client.link.address, value=why))
-
-
-@dataclass(frozen=True, slots=True)
-class _Idle:
-    """Nothing is gathered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,7 +185,11 @@ class _Running:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Fetching:
+    plan: GatherPlan
     middle_counts: float
-    lines: tuple[str, ...] = field(default=())
+    lines: tuple[str, ...] = ()
     words: int = 0
     complete: bool = False
+
+
+_State = _Running | _Fetching | None  # of a batch; None while nothing is gathered

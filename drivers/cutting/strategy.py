@@ -1,12 +1,80 @@
-"""The registry of strategies, in the order in which they are offered."""
+"""The strategies, in the order in which they are offered: each by its name, with its descriptor.
+
+What makes a program is imported when it is made: the command line reads the descriptors.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
-from drivers.cutting.strategies import cam, none, paper, pvt, timebase
-from drivers.cutting.strategies.traits import Traits
+from drivers.cutting.traits import AngleZero, Made, Planning, Traits
+
+if TYPE_CHECKING:
+    from profiles.compensations.path import LobedPath
+    from profiles.job import Job
+    from profiles.machine import MachineProfile
+
+
+def _by_pvt(planning: Planning, command: LobedPath) -> Made:
+    """Make segments of PVT, with the spindle turned by the program."""
+    from drivers.pmac.programs.pvt import pvt_program
+
+    return Made(
+        text=pvt_program(planning.job, planning.setup, command),
+        tool_start=planning.setup.retracted,
+        axis_definitions=planning.machine.controller.axis_definitions,
+    )
+
+
+def _cam(planning: Planning) -> Made:
+    """Make a compensation table by the angle of the spindle."""
+    from drivers.pmac.programs.cam import cam_program, correction_register
+    from drivers.pmac.programs.cam_table import make_cam
+
+    job, machine, setup = planning.job, planning.machine, planning.setup
+    cam = make_cam(machine, setup, planning.command)
+    return Made(
+        text=cam_program(job, machine, setup, cam, planning.dialect, trimmed=planning.trimmed),
+        tool_start=setup.retracted,
+        axis_definitions=machine.controller.axis_definitions,
+        table=cam.table,
+        correction_register=correction_register(machine),
+        zero_row_z=cam.zero_z,
+    )
+
+
+def _timebase(planning: Planning) -> Made:
+    """Make the segments of `pvt`; in each servo cycle time advances by the spindle's turn in the cycle before."""
+    from drivers.pmac.programs import timebase
+
+    job, machine, setup, dialect = planning.job, planning.machine, planning.setup, planning.dialect
+    definitions, _ = timebase.released_definitions(machine)
+    return Made(
+        text=timebase.timebase_program(job, machine, setup, planning.command, dialect),
+        tool_start=setup.retracted,
+        axis_definitions=definitions,
+        restore=timebase.restoring_lines(machine, dialect),
+        clock=timebase.spindle_clock(job, machine, dialect),
+    )
+
+
+def _paper(planning: Planning) -> Made:
+    """Make Prog. 1 of Lee and Lee (2001), as printed."""
+    from drivers.pmac.programs.paper import DEFAULT_TS_MS, paper_program
+    from drivers.pmac.programs.setup import refuse_endless
+
+    job, machine, setup = planning.job, planning.machine, planning.setup
+    refuse_endless(2 * job.jaws * setup.turns)
+    text = paper_program(job, machine, setup, DEFAULT_TS_MS if planning.ts_ms is None else planning.ts_ms)
+    return Made(text=text, tool_start=setup.surface, axis_definitions=machine.controller.axis_definitions)
+
+
+def _paper_begins_at(job: Job, machine: MachineProfile) -> float:
+    from drivers.pmac.programs.paper import spindle_start_counts
+
+    return spindle_start_counts(job, machine)
 
 
 class Strategy(StrEnum):
@@ -26,24 +94,53 @@ class Strategy(StrEnum):
         member.traits = traits
         return member
 
-    PVT = "pvt", pvt.TRAITS
-    CAM = "cam", cam.TRAITS
-    TIMEBASE = "timebase", timebase.TRAITS
-    PAPER = "paper", paper.TRAITS
-    NONE = "none", none.TRAITS
+    PVT = "pvt", Traits(make=lambda planning: _by_pvt(planning, planning.command), inverts=True)
+    """The inverted sinusoid in PVT segments."""
+
+    CAM = (
+        "cam",
+        Traits(
+            make=_cam,
+            inverts=True,
+            # The controller serves its motors in numerical order.
+            late_cycles=lambda machine: int(machine.spindle.motor > machine.tool.motor),
+            by_table=True,
+            counts_from=AngleZero.SWITCH_ON,
+            trims=True,
+        ),
+    )
+    """The inverted sinusoid in a compensation table."""
+
+    TIMEBASE = (
+        "timebase",
+        Traits(
+            make=_timebase,
+            inverts=True,
+            late_cycles=lambda _: 1,  # a time base counts the last completed servo cycle
+            spindle_time=True,
+            counts_from=AngleZero.INDEX,
+        ),
+    )
+    """The segments of `pvt` in a program whose time base is the spindle."""
+
+    PAPER = "paper", Traits(make=_paper, takes_ts=True, begins_at=_paper_begins_at)
+    """The printed program."""
+
+    NONE = (
+        "none",
+        Traits(
+            make=lambda planning: _by_pvt(planning, replace(planning.target, amplitude_um=0.0)),
+            follows_lobe=False,
+        ),
+    )
+    """The tool keeps its depth, so the lobe stays on the part."""
 
 
 DEFAULT_STRATEGY = Strategy.PVT
-UNCOMPENSATED = Strategy.NONE
-"""The reference cut, to show the benefit of a compensation."""
+UNCOMPENSATED = Strategy.NONE  # the reference cut, to show the benefit of a compensation
 
-INVERTING = tuple(each for each in Strategy if each.traits.inverts)
-"""Strategies whose command is the inverse of a response: they follow the path that they are given."""
-
+INVERTING = tuple(each for each in Strategy if each.traits.inverts)  # follow the path that they are given
 BY_TABLE = tuple(each for each in Strategy if each.traits.by_table)
-TURNED_BY_OTHERS = tuple(each for each in Strategy if each.traits.counts_from is not None)
-"""Strategies that cut on a spindle which the program does not turn."""
-
+TURNED_BY_OTHERS = tuple(each for each in Strategy if each.traits.counts_from is not None)  # the spindle
 TAKING_TS = tuple(each for each in Strategy if each.traits.takes_ts)
-TRIMMED = tuple(each for each in Strategy if each.traits.trims)
-"""Strategies that the host may correct within the cut."""
+TRIMMED = tuple(each for each in Strategy if each.traits.trims)  # may be corrected by the host within the cut

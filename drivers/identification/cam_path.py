@@ -13,24 +13,14 @@ import math
 import numpy as np
 
 from drivers.cutting.corrected import source_is_late
-from drivers.identification.excitation import PROGRAM, SETTLE_S, SLACK_S, Floats, Sweep, go_on
-from drivers.identification.words import axis_word
+from drivers.identification.excitation import SETTLE_S, SLACK_S, Floats, Sweep, axis_word, program_text
 from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
-from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.gathering.gathered_data import GatheredData
-from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import END_FLAG
+from drivers.pmac.gathering.gather_client import GatheredData
 from profiles.machine import MachineProfile
 
-COLUMNS = 40
-"""Linear segments per period: within 0.3 % of the amplitude."""
-
-WAVE_COUNTS = 400
-"""Travel per period where speeds leave the choice: a count of the carriage is then a hundredth of the swing."""
-
-SHARE_OF_SPEED = 0.5
-"""Fraction of Ix16 of the carriage, for the highest frequency."""
-
+COLUMNS = 40  # linear segments per period: within 0.3 % of the amplitude
+WAVE_COUNTS = 400  # travel per period where speeds leave the choice: a count is a hundredth of the swing
+SHARE_OF_SPEED = 0.5  # fraction of Ix16 of the carriage, for the highest frequency
 RAMP_MS, STEP_MS, HOME_IN_MS = 200, 50, 400
 
 _TEXT = """\
@@ -89,33 +79,28 @@ class CamPath:
 
     def __init__(self, machine: MachineProfile, amplitude_um: float, most_hz: float) -> None:
         """Raises ProfileError: `identify.axis`."""
-        self._machine = machine
-        self._wave = wave_counts(machine, most_hz)
+        self._machine, self._wave = machine, wave_counts(machine, most_hz)
         self._word = axis_word(machine, machine.carriage.motor)
-        self._dialect = DIALECTS[machine.controller.family]
-        self.table: CompensationTable | None = self._filled(amplitude_um)
+        self.table: CompensationTable | None = _sine_table(machine, self._wave, amplitude_um)
         self.channels = (f"#{machine.carriage.motor} actual", f"#{machine.tool.motor} actual")
 
     def sweep(self, frequency_hz: float, periods: int) -> Sweep:
         """Return the program for one frequency."""
-        speed = self._word.length(self._wave * frequency_hz)
-        steady_s = periods / frequency_hz + SETTLE_S + SLACK_S
+        word, steady_s = self._word, periods / frequency_hz + SETTLE_S + SLACK_S
         steps = math.ceil(steady_s * 1000.0 / STEP_MS)
-        number = format_number
-        text = _TEXT.format(
-            hz=number(frequency_hz),
+        text = program_text(
+            _TEXT,
+            self._machine,
+            word,
+            hz=frequency_hz,
             wave=self._wave,
-            speed=number(speed),
-            start=number(self._word.position(0.0)),
-            period=number(self._word.length(self._wave)),
+            speed=word.length(self._wave * frequency_hz),
+            start=word.position(0.0),
+            period=word.length(self._wave),
             most=steps,
             ramp=RAMP_MS,
             step=STEP_MS,
             home_in=HOME_IN_MS,
-            letter=self._word.letter,
-            program=PROGRAM,
-            flag=END_FLAG,
-            go_on=go_on(self._dialect),
         )
         longest_s = (2 * RAMP_MS + HOME_IN_MS + steps * STEP_MS) / 1000.0
         return Sweep(text=text, steady_s=RAMP_MS / 1000.0 + SETTLE_S, longest_s=longest_s)
@@ -131,10 +116,10 @@ class CamPath:
         """Delay of the carriage as a source, in servo cycles; the spindle's may differ."""
         return int(self.table is not None and source_is_late(self.table, 0))
 
-    def _filled(self, amplitude_um: float) -> CompensationTable:
-        motor = self._machine.tool.motor
-        source = TableSource(motor=self._machine.carriage.motor, span_counts=self._wave)
-        definition = TableDefinition(motor=motor, sources=(source,), target=motor, columns=COLUMNS)
-        parts = PARTS_PER_COUNT * amplitude_um / self._machine.tool.count_um
-        turns = (k / COLUMNS for k in range(1, COLUMNS + 1))
-        return definition.filled([round(parts * math.sin(2.0 * math.pi * turn)) for turn in turns])
+
+def _sine_table(machine: MachineProfile, wave: int, amplitude_um: float) -> CompensationTable:
+    motor, source = machine.tool.motor, TableSource(motor=machine.carriage.motor, span_counts=wave)
+    definition = TableDefinition(motor=motor, sources=(source,), target=motor, columns=COLUMNS)
+    parts = PARTS_PER_COUNT * amplitude_um / machine.tool.count_um
+    turns = (k / COLUMNS for k in range(1, COLUMNS + 1))
+    return definition.filled([round(parts * math.sin(2.0 * math.pi * turn)) for turn in turns])

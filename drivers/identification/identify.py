@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
-from drivers.commissioning.reading import read_settings
+from drivers.commissioning.reading import read_gathering, read_settings
 from drivers.errors import DriverError, RefusedError
 from drivers.identification.cam_path import CamPath
 from drivers.identification.excitation import Excitation
@@ -22,7 +22,7 @@ from drivers.identification.measuring import measure
 from drivers.identification.pvt_path import PvtPath
 from drivers.identification.request import IdentificationRequest, request_problems
 from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, Origin
-from drivers.identification.rig import HOMED, Before, Rig, card_problems, standing_problems
+from drivers.identification.rig import Rig, card_problems, homed, put_back, standing_problems
 from drivers.identification.standstill import link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.compensation.table import step_counts
@@ -31,24 +31,18 @@ from drivers.pmac.settings import servo_cycle_ms
 from profiles.compensations.path import delayed
 from profiles.problem import Problem, ProblemError
 
-GAINS = range(30, 36)
-"""Ix30 to Ix35."""
-
+GAINS = range(30, 36)  # Ix30 to Ix35
 SERVO_TIME = 10
 
-MOST_STEP_COUNTS = 10.0
-"""The step that switching the table may cause: the carriage rests within counts of the table's zero."""
+MOST_STEP_COUNTS = 10.0  # by switching the table: the carriage rests within counts of its zero
 
-Tell = Callable[[IdentifiedPoint], None]
-"""Called with each point of the result as soon as it is measured."""
+Tell = Callable[[IdentifiedPoint], None]  # called with each point of the result as soon as it is measured
 
 
 def refuse_before(rig: Rig, request: IdentificationRequest) -> None:
     """Make sure that everything but the drives is ready.
 
-    Raises:
-        RefusedError: every reason why not; nothing has moved.
-        DriverError: the link broke.
+    Raises RefusedError: every reason why not; nothing has moved; DriverError: the link broke.
     """
     problems = request_problems(request, rig.machine) or card_problems(rig)
     if problems:
@@ -59,17 +53,14 @@ def take_up(rig: Rig) -> None:
     """Enable the drives and home the axes that are not homed; the axes move.
 
     On any error the machine is brought to rest, drives disabled, before the error is raised.
-
-    Raises:
-        RefusedError: `identify.drives_on`, nothing was sent.
-        ProblemError: what went wrong, or who stopped it.
+    Raises RefusedError: `identify.drives_on`, nothing was sent; ProblemError: what went wrong, or who stopped it.
     """
     snapshot = rig.lathe.snapshot()
     if not snapshot.loops_open:
         raise RefusedError(Problem(code="identify.drives_on", where=rig.where))
     try:
         rig.lathe.enable()
-        if not all("home_complete" in snapshot.axis(axis).flags for axis in HOMED):
+        if not homed(snapshot):
             rig.lathe.home()
     except BaseException as error:
         _leave_at_rest(rig, error)
@@ -83,17 +74,17 @@ def identify(
 
     On any error or stop the machine is brought to rest, drives disabled, and the controller restored before the
     error is raised. A machine of which another console has taken control is left as it is.
-
-    Raises:
-        RefusedError: nothing has moved.
-        ProblemError: what went wrong, or who stopped it.
+    Raises RefusedError: nothing has moved; ProblemError: what went wrong, or who stopped it.
     """
     refuse_before(rig, request)
     if problems := (*standing_problems(rig), *link_problems(rig, request.amplitude_um)):
         raise RefusedError(*problems)
-    excitation = _excitation(rig, request)
-    cycles = _late_cycles(rig, request, excitation)
-    before = Before.read(rig)
+    excitation: Excitation = PvtPath(rig.machine, request.amplitude_um)
+    if request.path.traits.by_table:
+        excitation = CamPath(rig.machine, request.amplitude_um, max(request.frequencies_hz))
+    # By how many servo cycles the path's reference is later than the one measured here.
+    cycles = request.path.traits.late_cycles(rig.machine) - excitation.late_cycles
+    gathering = read_gathering(rig.client, rig.dialect)
     table = excitation.table is not None
     points = []
     try:
@@ -104,10 +95,12 @@ def identify(
             point = measure(rig, excitation, frequency_hz, request)
             points.append(_later(point, cycles * origin.servo_period_ms / 1000.0))
             tell(points[-1])
-        _switch_off_table(rig, excitation)
-        before.put_back(rig, table=table)
+        if table:  # at the zero of the table switching it off causes next to no step
+            rig.lathe.jog_to(AxisName.CARRIAGE, 0.0)
+            _refuse_step(rig, excitation)
+        put_back(rig, gathering, table=table)
     except BaseException as error:
-        _end(rig, before, error, table=table)
+        _end(rig, gathering, error, table=table)
         raise
     return IdentifiedResponse(
         origin=origin,
@@ -120,11 +113,7 @@ def identify(
 
 
 def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> Origin:
-    """Read what the response will be valid for.
-
-    Raises:
-        DriverError: the link broke.
-    """
+    """Read what the response will be valid for. Raises DriverError: the link broke."""
     motor = rig.machine.tool.motor
     indices = {f"I{motor}{number}": rig.dialect.motor_index(motor, number) for number in GAINS}
     found = read_settings(rig.client, (SERVO_TIME, *indices.values()))
@@ -138,18 +127,8 @@ def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> Origin:
     )
 
 
-def _excitation(rig: Rig, request: IdentificationRequest) -> Excitation:
-    if request.path.traits.by_table:
-        return CamPath(rig.machine, request.amplitude_um, max(request.frequencies_hz))
-    return PvtPath(rig.machine, request.amplitude_um)
-
-
 def _place(rig: Rig, excitation: Excitation) -> None:
-    """Bring the tool to its zero, clear of everything; with a table the carriage too, and switch it on there.
-
-    Raises:
-        DriverError: `identify.table_steps`, the tool would jump; those of the jogs.
-    """
+    """Bring the tool to its zero, clear of everything; with a table the carriage too, and switch it on there."""
     rig.lathe.jog_to(AxisName.TOOL, 0.0, settle=False)
     if excitation.table is None:
         return
@@ -161,14 +140,6 @@ def _place(rig: Rig, excitation: Excitation) -> None:
     rig.client.request("I51=1", lines=0)
 
 
-def _switch_off_table(rig: Rig, excitation: Excitation) -> None:
-    """Return the carriage to the zero of the table, where switching it off causes next to no step."""
-    if excitation.table is None:
-        return
-    rig.lathe.jog_to(AxisName.CARRIAGE, 0.0)
-    _refuse_step(rig, excitation)
-
-
 def _refuse_step(rig: Rig, excitation: Excitation) -> None:
     assert excitation.table is not None  # ensured by the callers
     step = step_counts(excitation.table, [rig.lathe.snapshot().carriage.position])
@@ -177,12 +148,8 @@ def _refuse_step(rig: Rig, excitation: Excitation) -> None:
         raise DriverError(Problem(code="identify.table_steps", key="carriage", value=value, limit=limit))
 
 
-def _end(rig: Rig, before: Before, error: BaseException, *, table: bool) -> None:
-    """Leave the machine at rest, and restore what was used, as far as it is ours and causes no step.
-
-    Raises:
-        DriverError: the error, with what could not be proven.
-    """
+def _end(rig: Rig, gathering: Mapping[int, float], error: BaseException, *, table: bool) -> None:
+    """Leave the machine at rest, and restore what was used, as far as it is ours and causes no step."""
     off = False
     try:
         _leave_at_rest(rig, error)
@@ -190,15 +157,11 @@ def _end(rig: Rig, before: Before, error: BaseException, *, table: bool) -> None
     finally:
         if not rig.lathe.anothers:
             with suppress(DriverError):  # the first error matters more
-                before.put_back(rig, table=table and off)
+                put_back(rig, gathering, table=table and off)
 
 
 def _leave_at_rest(rig: Rig, error: BaseException) -> None:
-    """Stop, wait for rest and disable the drives; another console's machine is left once nothing of ours moves.
-
-    Raises:
-        DriverError: the error, with what could not be proven.
-    """
+    """Stop, wait for rest and disable the drives; another console's machine is left once nothing of ours moves."""
     lathe = rig.lathe
     code = error.problems[0].code if isinstance(error, ProblemError) and error.problems else type(error).__name__
     if lathe.anothers:
@@ -214,13 +177,7 @@ def _leave_at_rest(rig: Rig, error: BaseException) -> None:
         raise DriverError(*problems, *unproven.problems, Problem(code="machine.state_unknown")) from error
 
 
-def _late_cycles(rig: Rig, request: IdentificationRequest, excitation: Excitation) -> int:
-    """Return by how many servo cycles the path's reference is later than the one measured here."""
-    return request.path.traits.late_cycles(rig.machine) - excitation.late_cycles
-
-
 def _later(point: IdentifiedPoint, delay_s: float) -> IdentifiedPoint:
-    """Return the response of a path whose reference is delayed by a constant time."""
     if not delay_s:
         return point
     measured = cmath.rect(1.0, math.radians(point.phase_deg))

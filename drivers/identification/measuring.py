@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from drivers.errors import DriverError
 from drivers.identification.excitation import PROGRAM, Excitation, Sweep
@@ -13,23 +13,15 @@ from drivers.identification.rig import Rig
 from drivers.identification.standstill import Standstill
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.gathering.gather import GatherError
-from drivers.pmac.gathering.gather_client import DataGathering, GatherPlan
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import DataGathering, GatheredData, GatherPlan
 from drivers.pmac.program_text import read_program
 from profiles.axis.identification import frequency_response, reference_swing
 from profiles.problem import Problem
 
-SPARE_SAMPLES = 2
-"""Samples beyond the whole periods."""
-
-GATHER_MARGIN_S = 0.05
-"""How much longer than its samples the gathering is waited for."""
-
-END_S = 5.0
-"""How long after its program the tool may take to be in position."""
-
-STEADY_SHARE = 0.02
-"""Relative variation of the reference amplitude above which the record is not of a steady sine."""
+SPARE_SAMPLES = 2  # samples beyond the whole periods
+GATHER_MARGIN_S = 0.05  # how much longer than its samples the gathering is waited for
+END_S = 5.0  # how long after its program the tool may take to be in position
+STEADY_FRACTION = 0.02  # relative variation of the reference amplitude above which it is no steady sine
 
 
 @dataclass(kw_only=True)
@@ -40,15 +32,11 @@ class Watch:
     plan: GatherPlan
     standstill: Standstill
     steady_at_s: float
-    enough_at_s: float = field(default=math.inf)
+    enough_at_s: float = math.inf
     ended: bool = False
 
     def see(self, snapshot: Snapshot) -> None:
-        """Process a poll of the machine.
-
-        Raises:
-            DriverError: `identify.no_motion`, no response of the tool; nothing is gathered; the link broke.
-        """
+        """Process a poll of the machine. Raises DriverError: `identify.no_motion`; the link broke."""
         self.standstill.see(snapshot)
         if math.isinf(self.enough_at_s):
             if snapshot.at_s >= self.steady_at_s and snapshot.program_running:
@@ -75,19 +63,14 @@ def measure(
     sweep = excitation.sweep(frequency_hz, request.periods)
     rig.lathe.program.load(read_program(sweep.text))
     gathering = DataGathering(client=rig.client, dialect=rig.dialect)
+    samples = math.ceil(request.periods / frequency_hz / (rig.machine.controller.servo_period_ms / 1000.0))
     try:
-        plan = _prepared(rig, gathering, excitation, request.periods / frequency_hz)
+        plan = gathering.prepare(gathering.motor_channels(*excitation.channels), samples + SPARE_SAMPLES)
         _run(rig, sweep, plan, Standstill(rig, frequency_hz, request.amplitude_um))
         data = gathering.fetch(plan)
     except GatherError as error:
         raise DriverError(Problem(code="identify.gather", where=rig.where, value=str(error))) from error
     return _point(rig, excitation, data, frequency_hz)
-
-
-def _prepared(rig: Rig, gathering: DataGathering, excitation: Excitation, seconds: float) -> GatherPlan:
-    channels = gathering.motor_channels(*excitation.channels)
-    cycle_s = rig.machine.controller.servo_period_ms / 1000.0
-    return gathering.prepare(channels, math.ceil(seconds / cycle_s) + SPARE_SAMPLES)
 
 
 def _run(rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill) -> None:
@@ -105,23 +88,10 @@ def _point(rig: Rig, excitation: Excitation, data: GatheredData, frequency_hz: f
     times_s = data.times_ms / 1000.0
     reference = excitation.reference_counts(data) * count_um
     swing = reference_swing(times_s, reference, frequency_hz)
-    if swing > STEADY_SHARE:
-        limit = f"<= {100.0 * STEADY_SHARE:g} %"
-        raise DriverError(
-            Problem(
-                code="identify.not_steady",
-                where=f"{frequency_hz:g} Hz",
-                value=f"{100.0 * swing:.3g} %",
-                limit=limit,
-            )
-        )
+    if swing > STEADY_FRACTION:
+        where, value = f"{frequency_hz:g} Hz", f"{100.0 * swing:.3g} %"
+        limit = f"<= {100.0 * STEADY_FRACTION:g} %"
+        raise DriverError(Problem(code="identify.not_steady", where=where, value=value, limit=limit))
     found = frequency_response(times_s, reference, data.values[excitation.channels[1]] * count_um, frequency_hz)
-    return IdentifiedPoint(
-        frequency_hz=frequency_hz,
-        gain=found.gain,
-        phase_deg=found.phase_deg,
-        gain_ci=found.gain_ci,
-        phase_ci_deg=found.phase_ci_deg,
-        coherence=found.coherence,
-        amplitude_um=found.reference,
-    )
+    fitted = {key: getattr(found, key) for key in ("gain", "phase_deg", "gain_ci", "phase_ci_deg", "coherence")}
+    return IdentifiedPoint(frequency_hz=frequency_hz, amplitude_um=found.reference, **fitted)

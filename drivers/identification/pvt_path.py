@@ -8,14 +8,10 @@ from __future__ import annotations
 
 import math
 
-from drivers.identification.excitation import PROGRAM, RAMP_MS, SETTLE_S, SLACK_S, Floats, Sweep, go_on
-from drivers.identification.words import axis_word
+from drivers.identification.excitation import RAMP_MS, SETTLE_S, SLACK_S, Floats, Sweep, axis_word, program_text
 from drivers.pmac.compensation.table import CompensationTable
-from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.gathering.gathered_data import GatheredData
-from drivers.pmac.language.text import format_number
+from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.programs.pvt import longest_segment_ms, point_scales
-from drivers.pmac.programs.setup import END_FLAG
 from profiles.compensations.path import LobedPath
 from profiles.machine import MachineProfile
 
@@ -60,12 +56,9 @@ class PvtPath:
 
     def __init__(self, machine: MachineProfile, amplitude_um: float, centre_counts: float = 0.0) -> None:
         """Raises ProfileError: `identify.axis`."""
-        self._machine = machine
-        self._amplitude_um = amplitude_um
-        self._centre = centre_counts
-        self._word = axis_word(machine, machine.tool.motor)
-        self._dialect = DIALECTS[machine.controller.family]
         motor = machine.tool.motor
+        self._machine, self._amplitude_um, self._centre = machine, amplitude_um, centre_counts
+        self._word = axis_word(machine, motor)
         self.channels = (f"#{motor} commanded", f"#{motor} actual")
 
     def sweep(self, frequency_hz: float, periods: int) -> Sweep:
@@ -77,21 +70,19 @@ class PvtPath:
         amplitude = self._word.length(self._amplitude_um / self._machine.tool.count_um)
         ramp = math.ceil(RAMP_MS / segment_ms)
         steady = math.ceil((periods / frequency_hz + SETTLE_S + SLACK_S) * 1000.0 / segment_ms)
-        number = format_number
-        text = _TEXT.format(
-            hz=number(frequency_hz),
-            amplitude_um=number(self._amplitude_um),
-            amplitude=number(amplitude * scales.position),
-            step_deg=number(math.degrees(step_rad)),
-            slope=number(amplitude * scales.velocity * 2.0 * math.pi * frequency_hz),
-            centre=number(self._word.position(self._centre)),
+        text = program_text(
+            _TEXT,
+            self._machine,
+            self._word,
+            hz=frequency_hz,
+            amplitude_um=self._amplitude_um,
+            amplitude=amplitude * scales.position,
+            step_deg=math.degrees(step_rad),
+            slope=amplitude * scales.velocity * 2.0 * math.pi * frequency_hz,
+            centre=self._word.position(self._centre),
             most=ramp + steady,
             ramp=ramp,
             segment=segment_ms,
-            letter=self._word.letter,
-            program=PROGRAM,
-            flag=END_FLAG,
-            go_on=go_on(self._dialect),
         )
         ramp_s = ramp * segment_ms / 1000.0
         longest_s = 2.0 * ramp_s + steady * segment_ms / 1000.0

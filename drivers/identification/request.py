@@ -14,28 +14,17 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 MOST_AMPLITUDE_UM = 50.0
-LEAST_AMPLITUDE_COUNTS = 25.0
-"""Below this the encoder's resolution is too coarse, and a stuck tool cannot be told from a swinging one."""
-
-FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
-"""The frequencies of Table 5 (10, 30, 50 and 70 Hz) and around them."""
-
-AMPLITUDE_UM = 25.0
-"""The amplitude of Table 5: 50 um peak to peak."""
-
+LEAST_AMPLITUDE_COUNTS = 25.0  # encoder resolution; below it a stuck tool looks like a swinging one
+FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)  # 10, 30, 50, 70 Hz: Table 5
+AMPLITUDE_UM = 25.0  # the amplitude of Table 5: 50 um peak to peak
 PERIODS = 20
 
 LEAST_HZ = 1.0
-CYCLES_A_PERIOD = 10.0
-"""Minimum servo cycles per period."""
-
+CYCLES_A_PERIOD = 10.0  # minimum servo cycles per period
 LEAST_PERIODS, MOST_PERIODS = 4, 200
 MOST_FREQUENCIES = 40
-MOST_SINE_S = 10.0
-"""Maximum gathering time per sine: limited like the amplitude, and by the controller's memory."""
-
-CLEAR_MM = 5.0
-"""Minimum clearance of the tool from everything."""
+MOST_SINE_S = 10.0  # gathering time per sine: limited like the amplitude, and by the controller's memory
+CLEAR_MM = 5.0  # minimum clearance of the tool from everything
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,40 +52,35 @@ def clearance_mm(machine: MachineProfile, amplitude_um: float) -> float:
 
 def request_problems(request: IdentificationRequest, machine: MachineProfile) -> tuple[Problem, ...]:
     """Return everything that forbids this request on this machine; nothing is sent for it."""
-    asked = (*_path(request), *_amplitude(request, machine), *_frequencies(request, machine), *_lengths(request))
+    asked = (*_path_and_amplitude(request, machine), *_frequencies(request, machine), *_lengths(request))
     if asked:
         return asked
     swings = request.frequencies_hz
     if request.path.traits.by_table:
         swings = (*swings, return_hz(machine, max(swings)))
-    driven = (problem for f in swings for problem in _drive(machine, request.amplitude_um, f))
-    return (*_once(driven), *_clearance(machine, request.amplitude_um), *_carriage(request, machine))
+    driven = [problem for f in swings for problem in _drive(machine, request.amplitude_um, f)]
+    # The first of each kind: where one frequency is too much, so is the next higher one.
+    firsts = {problem.key: problem for problem in reversed(driven)}.values()
+    return (*firsts, *_clearance(request, machine))
 
 
-def _path(request: IdentificationRequest) -> Iterator[Problem]:
+def _path_and_amplitude(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
     if request.path not in INVERTING:
         yield Problem(code="identify.path", key="strategy", value=request.path, limit=" | ".join(INVERTING))
-
-
-def _amplitude(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
     least_um = LEAST_AMPLITUDE_COUNTS * machine.tool.count_um
     if not least_um <= request.amplitude_um <= MOST_AMPLITUDE_UM:
-        limit = f"{least_um:g}..{MOST_AMPLITUDE_UM:g} um"
-        yield Problem(
-            code="identify.amplitude", key="amplitude", value=f"{request.amplitude_um:g} um", limit=limit
-        )
+        value, limit = f"{request.amplitude_um:g} um", f"{least_um:g}..{MOST_AMPLITUDE_UM:g} um"
+        yield Problem(code="identify.amplitude", key="amplitude", value=value, limit=limit)
 
 
 def _frequencies(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
-    count = len(request.frequencies_hz)
+    count, key = len(request.frequencies_hz), "frequencies"
     if not 1 <= count <= MOST_FREQUENCIES:
-        yield Problem(
-            code="identify.frequencies", key="frequencies", value=f"{count}", limit=f"1..{MOST_FREQUENCIES}"
-        )
+        yield Problem(code="identify.frequencies", key=key, value=f"{count}", limit=f"1..{MOST_FREQUENCIES}")
+    limit = f"{LEAST_HZ:g}..{most_hz(machine):.4g} Hz"
     for frequency in request.frequencies_hz:
         if not LEAST_HZ <= frequency <= most_hz(machine):
-            limit = f"{LEAST_HZ:g}..{most_hz(machine):.4g} Hz"
-            yield Problem(code="identify.frequency", key="frequencies", value=f"{frequency:g} Hz", limit=limit)
+            yield Problem(code="identify.frequency", key=key, value=f"{frequency:g} Hz", limit=limit)
 
 
 def _lengths(request: IdentificationRequest) -> Iterator[Problem]:
@@ -133,26 +117,17 @@ def _drive(machine: MachineProfile, amplitude_um: float, frequency_hz: float) ->
             )
 
 
-def _once(problems: Iterator[Problem]) -> list[Problem]:
-    """Return the first of each kind: where one frequency is too much, so is the next higher one."""
-    return list({problem.key: problem for problem in reversed(list(problems))}.values())
-
-
-def _clearance(machine: MachineProfile, amplitude_um: float) -> Iterator[Problem]:
-    found_mm = clearance_mm(machine, amplitude_um)
-    if found_mm < CLEAR_MM:
-        yield Problem(
-            code="identify.not_clear", key="tool", value=f"{found_mm:.3g} mm", limit=f">= {CLEAR_MM:g} mm"
-        )
-
-
-def _carriage(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
-    """Check that the travel of the table's path fits the axis."""
+def _clearance(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
+    """Check that the tool swings clear, and that the travel of a table's path fits the axis."""
+    clear_mm = clearance_mm(machine, request.amplitude_um)
+    if clear_mm < CLEAR_MM:
+        value, limit = f"{clear_mm:.3g} mm", f">= {CLEAR_MM:g} mm"
+        yield Problem(code="identify.not_clear", key="tool", value=value, limit=limit)
     if not request.path.traits.by_table:
         return
     highest = max(request.frequencies_hz)
     way = max(way_counts(machine, highest, f, request.periods) for f in request.frequencies_hz)
     way_mm = way / machine.carriage.counts_per_mm
     if way_mm > machine.carriage.travel_max_mm:
-        limit = f"<= {machine.carriage.travel_max_mm:g} mm"
-        yield Problem(code="identify.carriage_way", key="carriage", value=f"{way_mm:.4g} mm", limit=limit)
+        value, limit = f"{way_mm:.4g} mm", f"<= {machine.carriage.travel_max_mm:g} mm"
+        yield Problem(code="identify.carriage_way", key="carriage", value=value, limit=limit)

@@ -1,20 +1,23 @@
-"""The result of an identification: one path of one machine, with the firmware and gains that it is valid for."""
+"""The result of an identification: one path of one machine, what it is valid for, and whether it applies here."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import Any
 
 from drivers.cutting.strategy import Strategy
+from drivers.pmac.dialect import dialect_of
 from profiles.axis.response import ServoResponse, identified_response
+from profiles.machine import MachineProfile
 from profiles.own_values import positive, read_own
+from profiles.problem import Problem
 
 SCHEMA = 1
 
-MEASURED, COMPOSED = "measured", "composed"
-"""A path driven as in a cut, or another path combined with the delay of its source."""
+MEASURED, COMPOSED = "measured", "composed"  # driven as in a cut; combined with the delay of its source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,11 +73,7 @@ def as_table(identified: IdentifiedResponse) -> dict[str, Any]:
 
 
 def from_table(table: Any, where: str = "") -> IdentifiedResponse:
-    """Read the output of `as_table`.
-
-    Raises:
-        ProfileError: `schema.unsupported`; `identify.file`, anything else.
-    """
+    """Read the output of `as_table`. Raises ProfileError: `schema.unsupported`; `identify.file`, anything else."""
     return read_own(IdentifiedResponse, table, schema=SCHEMA, code="identify.file", where=where, judge=_judge)
 
 
@@ -88,18 +87,47 @@ def _judge(identified: IdentifiedResponse) -> None:
 
 
 def as_response(identified: IdentifiedResponse, name: str) -> ServoResponse:
-    """Return the points as a curve that can be inverted; `name` identifies the measurement.
-
-    Raises:
-        ProfileError: `response.bad_points`.
-    """
+    """Return the curve through the points, with a name. Raises ProfileError: `response.bad_points`."""
     points = identified.points
+    curve = ("frequency_hz", "gain", "phase_deg", "gain_ci", "phase_ci_deg")
     return identified_response(
-        frequency_hz=[point.frequency_hz for point in points],
-        gain=[point.gain for point in points],
-        phase_deg=[point.phase_deg for point in points],
-        gain_ci=[point.gain_ci for point in points],
-        phase_ci_deg=[point.phase_ci_deg for point in points],
+        **{key: [getattr(point, key) for point in points] for key in curve},
         amplitude_um=fmean(point.amplitude_um for point in points) if points else 0.0,
         name=name,
+    )
+
+
+SAME_PERIOD = 1e-4  # relative tolerance between two servo periods: a profile need not give all digits of I10
+_WORLD = {True: "simulated", False: "real"}
+
+
+def unfit_problems(
+    identified: IdentifiedResponse,
+    machine: MachineProfile,
+    path: Strategy,
+    *,
+    simulated: bool | None = None,
+    where: str = "",
+) -> tuple[Problem, ...]:
+    """Return every way in which a response belongs to another machine or path: `response.of_another`.
+
+    `simulated` says where the cut will be, None if unknown. A profile does not know the version of a
+    controller; a gain that it does not name is not compared. `where` is the file.
+    """
+    origin, controller = identified.origin, machine.controller
+    dialect, variables = dialect_of(origin.kind), controller.variables
+    pairs = [("strategy", identified.path.value, path.value), ("machine", origin.machine, machine.name)]
+    if dialect is None or dialect.name != controller.family:
+        pairs.append(("controller", origin.kind, controller.family))
+    for name, gain in origin.gains.items():
+        if name in variables:
+            pairs.append((name, f"{gain:.10g}", f"{variables[name]:.10g}"))
+    if not math.isclose(origin.servo_period_ms, controller.servo_period_ms, rel_tol=SAME_PERIOD):
+        pairs.append(("servo_period_ms", f"{origin.servo_period_ms:.6g}", f"{controller.servo_period_ms:.6g}"))
+    if simulated is not None:
+        pairs.append(("machine", _WORLD[origin.simulated], _WORLD[simulated]))
+    return tuple(
+        Problem(code="response.of_another", where=where, key=key, value=actual, limit=target)
+        for key, actual, target in pairs
+        if actual != target
     )

@@ -7,11 +7,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from drivers.clock import Clock
-from drivers.commissioning.reading import ask_or_none, read_settings
+from drivers.commissioning.reading import ask_or_none
 from drivers.errors import ControllerError
 from drivers.identification.excitation import PROGRAM
 from drivers.lathe.lathe import Lathe
-from drivers.lathe.snapshot import AxisName
+from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_constant
@@ -20,17 +20,8 @@ from drivers.pmac.status import decode
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-HOMED = (AxisName.TOOL, AxisName.CARRIAGE)
-"""Axes that must be homed; the spindle only stands still, at any angle."""
-
-CHANNELS = 2
-"""Channels gathered simultaneously."""
-
-LOOK_S = 0.2
-"""Interval between two polls of a spindle that must stand still."""
-
-STANDS_COUNTS = 2.0
-"""Tolerance for a spindle at standstill meanwhile: encoder dither."""
+STANDING_S = 0.2  # interval between two polls of a spindle that must stand still
+STANDS_COUNTS = 2.0  # tolerance for a spindle at standstill meanwhile: encoder dither
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,39 +49,35 @@ class Rig:
 
 
 def card_problems(rig: Rig) -> tuple[Problem, ...]:
-    """Return why this controller cannot be used, whether its drives are enabled or not; nothing moves.
-
-    Raises:
-        DriverError: the link broke, or another console controls the machine.
-    """
+    """Return why this controller cannot be used, whether its drives are enabled or not; nothing moves."""
     return (*rig.lathe.verify(), *rig.lathe.program.tables_left(), *_in_use(rig), *_spindle_turns(rig))
 
 
 def standing_problems(rig: Rig) -> tuple[Problem, ...]:
-    """Return why the first motion is refused: drives disabled, not homed, something moving, a fault.
-
-    Raises:
-        DriverError: the link broke.
-    """
+    """Return why the first motion is refused: drives disabled, not homed, something moving, a fault."""
     snapshot = rig.lathe.snapshot()
-    homed = all("home_complete" in snapshot.axis(axis).flags for axis in HOMED)
-    looked = (
-        ("machine.not_enabled", snapshot.loops_closed),
-        ("machine.not_homed", homed),
-        ("machine.moving", snapshot.at_rest),
-    )
-    missing = [Problem(code=code, where=rig.where) for code, holds in looked if not holds]
+    required = {
+        "machine.not_enabled": snapshot.loops_closed,
+        "machine.not_homed": homed(snapshot),
+        "machine.moving": snapshot.at_rest,
+    }
+    missing = [Problem(code=code, where=rig.where) for code, holds in required.items() if not holds]
     faults = [Problem(code="machine.fault", key="identify", value=fault) for fault in snapshot.axis_faults]
     return (*missing, *faults)
 
 
+def homed(snapshot: Snapshot) -> bool:
+    """Whether tool and carriage are homed; the spindle only stands still, at any angle."""
+    return snapshot.homed_axes >= {AxisName.TOOL, AxisName.CARRIAGE}
+
+
 def _in_use(rig: Rig) -> Iterator[Problem]:
     """Find what somebody else uses: a program of that number, a table of the tool, a running gather."""
-    if ask_or_none(rig.client, f"LIST PROG{PROGRAM}"):
-        yield Problem(code="identify.in_use", where=rig.where, key=f"PROG {PROGRAM}")
     motor = rig.machine.tool.motor
-    if ask_or_none(rig.client, f"#{motor}LIST COMP DEF"):
-        yield Problem(code="identify.in_use", where=rig.where, key=f"#{motor} COMP")
+    queries = {f"LIST PROG{PROGRAM}": f"PROG {PROGRAM}", f"#{motor}LIST COMP DEF": f"#{motor} COMP"}
+    for line, key in queries.items():
+        if ask_or_none(rig.client, line):
+            yield Problem(code="identify.in_use", where=rig.where, key=key)
     (digits,) = rig.client.query("???", again=True)
     if "gathering" in decode(digits.strip(), rig.dialect.global_bits):
         yield Problem(code="identify.in_use", where=rig.where, key="GATHER")
@@ -98,43 +85,23 @@ def _in_use(rig: Rig) -> Iterator[Problem]:
 
 def _spindle_turns(rig: Rig) -> Iterator[Problem]:
     before = rig.lathe.snapshot().spindle.position
-    rig.clock.wait(LOOK_S)
+    rig.clock.wait(STANDING_S)
     after = rig.lathe.snapshot().spindle.position
     if abs(after - before) > STANDS_COUNTS:
         value, limit = f"{abs(after - before):.4g} counts", f"<= {STANDS_COUNTS:g} counts"
         yield Problem(code="identify.spindle_turns", key="spindle", value=value, limit=limit)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Before:
-    """What identification uses and restores: the gather settings of the controller."""
+def put_back(rig: Rig, gathering: Mapping[int, float], *, table: bool) -> None:
+    """Delete the program, the gather buffer and the table, and restore the gather settings.
 
-    settings: Mapping[int, float]
-
-    @classmethod
-    def read(cls, rig: Rig) -> Before:
-        """Read the present settings.
-
-        Raises:
-            DriverError: the link broke.
-        """
-        gather = rig.dialect.gathering
-        sources = range(gather.first_source, gather.first_source + CHANNELS)
-        return cls(settings=read_settings(rig.client, (gather.period, *gather.masks, *sources)))
-
-    def put_back(self, rig: Rig, *, table: bool) -> None:
-        """Delete the program, the gather buffer and the table; what the controller refuses is left.
-
-        With a `table` the correction is set to 0: at its zero, or with the drives killed.
-
-        Raises:
-            LinkError: the link broke.
-        """
-        lines = ["ENDGATHER", "DELETE GATHER", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"]
-        if table:
-            correction = f"{correction_register(rig.machine)}=0"
-            lines += ["I51=0", correction, f"#{rig.machine.tool.motor}DELETE COMP"]
-        lines += [f"I{index}={format_constant(value)}" for index, value in self.settings.items()]
-        for line in lines:
-            with suppress(ControllerError):
-                rig.client.request(line, lines=0)
+    What the controller refuses is left. With a `table` the correction is set to 0: at its zero, or with the drives
+    killed.
+    """
+    lines = ["ENDGATHER", "DELETE GATHER", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"]
+    if table:
+        lines += ["I51=0", f"{correction_register(rig.machine)}=0", f"#{rig.machine.tool.motor}DELETE COMP"]
+    lines += [f"I{index}={format_constant(value)}" for index, value in gathering.items()]
+    for line in lines:
+        with suppress(ControllerError):
+            rig.client.request(line, lines=0)

@@ -20,18 +20,17 @@ from profiles.axis.servo_gains import gains_from_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-PROVING_POLLS, MOST_LOOKS = 4, 6
+PROVING_POLLS, MOST_POLLS = 4, 6
 STANDS_COUNTS = 2.0
 MOVES_COUNTS_A_CYCLE = 0.5
-TOLD_SHARE, TOLD_COUNTS = 0.25, 12.0
+COMMANDED_FRACTION, COMMANDED_COUNTS = 0.25, 12.0
 """Fraction of the amplitude, and minimum, by which the command must change before a reading counts as frozen."""
 
 CONFIRMING_PERIODS = (0.25, 0.125)
 """Two polls half a period apart may see a swing, or a command, at the same position: these follow a fraction of
 a period later. And they follow at once: a tool that is driven away keeps moving."""
 
-LONGEST_WAIT_S = 0.02
-"""Well within the watchdog timeout."""
+LONGEST_WAIT_S = 0.02  # well within the watchdog timeout
 
 
 def pushed_mm(machine: MachineProfile, amplitude_um: float, round_trip_s: float) -> float:
@@ -64,20 +63,17 @@ class Standstill:
     """Monitors the tool while it swings, and opens the loops when it does not respond."""
 
     def __init__(self, rig: Rig, frequency_hz: float, amplitude_um: float) -> None:
-        self._rig = rig
-        self._frequency_hz = frequency_hz
-        self._told_counts = max(TOLD_COUNTS, TOLD_SHARE * amplitude_um / rig.machine.tool.count_um)
-        self._poller: deque[tuple[float, float]] = deque(maxlen=MOST_LOOKS)
+        self._rig, self._frequency_hz = rig, frequency_hz
+        self._commanded_counts = max(
+            COMMANDED_COUNTS, COMMANDED_FRACTION * amplitude_um / rig.machine.tool.count_um
+        )
+        self._polls: deque[tuple[float, float]] = deque(maxlen=MOST_POLLS)
 
     def see(self, snapshot: Snapshot) -> None:
-        """Process a poll.
-
-        Raises:
-            DriverError: `identify.no_motion`, every loop is open then; or the link broke.
-        """
+        """Process a poll. Raises DriverError: `identify.no_motion`, every loop is open then; or the link broke."""
         tool = snapshot.tool
-        self._poller.append((tool.position, tool.position + tool.following_error))
-        if len(self._poller) > 1 and abs(self._poller[-1][0] - self._poller[-2][0]) > STANDS_COUNTS:
+        self._polls.append((tool.position, tool.position + tool.following_error))
+        if len(self._polls) > 1 and abs(self._polls[-1][0] - self._polls[-2][0]) > STANDS_COUNTS:
             return
         fastest = 0.0
         for periods in CONFIRMING_PERIODS:
@@ -85,33 +81,29 @@ class Standstill:
             fastest = max(fastest, abs(self._confirmed()))
         if self._stands() and fastest < MOVES_COUNTS_A_CYCLE:
             self._rig.lathe.stop.kill("identify.no_motion")
-            value = f"{self._poller[-1][0]:.1f} counts"
+            value = f"{self._polls[-1][0]:.1f} counts"
             raise DriverError(Problem(code="identify.no_motion", key="tool", where=self._rig.where, value=value))
 
     def _confirmed(self) -> float:
         """Poll the tool alone, and return its velocity in that servo cycle, counts.
 
-        A controller answers once per background cycle; where that is half a period, every poll sees the same
-        position.
-
-        Raises:
-            DriverError: the link broke.
+        A controller answers once per background cycle; where that is half a period, every poll sees the same.
         """
         motor, dialect = self._rig.machine.tool.motor, self._rig.dialect
         register = dialect.registers["velocity"]
         address = register.address + (motor - 1) * register.stride
         items = (f"#{motor}P", "F", f"R{register.space}${address:X}")
         position, error, word = self._rig.client.numbers(*items, again=True)
-        self._poller.append((position, position + error))
+        self._polls.append((position, position + error))
         signed = word - (1 << WORD_BITS) if word >= 1 << (WORD_BITS - 1) else word
         return signed / (self._rig.machine.controller.variables[f"I{motor}09"] * COUNT_PARTS)
 
     def _stands(self) -> bool:
         """Whether the reading was frozen over the last polls, however many, while the command changed."""
-        for count in range(PROVING_POLLS, len(self._poller) + 1):
-            readings, told = zip(*list(self._poller)[-count:], strict=True)
+        for count in range(PROVING_POLLS, len(self._polls) + 1):
+            readings, commands = zip(*list(self._polls)[-count:], strict=True)
             if max(readings) - min(readings) > STANDS_COUNTS:
                 return False
-            if max(told) - min(told) >= self._told_counts:
+            if max(commands) - min(commands) >= self._commanded_counts:
                 return True
         return False

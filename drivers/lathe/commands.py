@@ -1,72 +1,84 @@
-"""Send commands that move, energise or write: once, only from the owner of the machine, never past a stop."""
+"""Send commands that move, energise or write: once, only from the owner of the machine, never past a stop.
+
+A motion command carries the watchdog by which the controller ends it; a failed command leaves none armed.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from drivers.controller import Controller
-from drivers.errors import LinkError, RefusedError
+from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
+from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.polling import Poller
 from drivers.lathe.safety import device_problems
 from drivers.lathe.stop import StopPath
 from profiles.problem import Problem
 
-IN_PART = "link.line_in_part"
-"""Code: a line did not arrive as it was sent, and part of it was executed."""
-
-UNBROUGHT = frozenset(("link.line_differs", "link.line_unproven"))
-"""Codes: a line did not arrive as it was sent, and none of it was executed."""
+IN_PART = "link.line_in_part"  # code: a line did not arrive as it was sent, and part of it was executed
+UNEXECUTED = frozenset(("link.line_differs", "link.line_unproven"))  # the same, and none of it was executed
 
 
 class Sending:
-    """The single path of commands to the controller. `has_moved`: whether a command that moves was ever sent."""
+    """The single path of commands to the controller. `has_moved`: whether a command that moves was ever sent.
+
+    Without a `heartbeat` there is no watchdog: for tests only. Every method that queries or sends raises
+    `LinkError` when the link breaks or is out of step.
+    """
 
     def __init__(
         self,
         client: Controller,
         stop: StopPath,
-        looks: Poller,
+        poller: Poller,
+        heartbeat: Heartbeat | None,
         ownership: Ownership | None,
-        forgo: Callable[[], None] = lambda: None,
     ) -> None:
-        """`forgo` is called when a line was not executed, so that no watchdog stays armed for it."""
-        self.has_moved, self._forgo = False, forgo
-        self._client, self._stop, self._poller, self._ownership = client, stop, looks, ownership
+        self.has_moved = False
+        self._client, self._stop, self._poller = client, stop, poller
+        self._heartbeat, self._ownership = heartbeat, ownership
 
     def refuse_unless_owner(self) -> None:
-        """Make sure that this console may command the machine.
-
-        Raises:
-            RefusedError: `owner.held`, `owner.observer`.
-        """
+        """Make sure that this console may command. Raises RefusedError: `owner.held`, `owner.observer`."""
         if self._ownership is not None:
             self._ownership.refuse_unless_owner()
 
     def refuse_unsafe(self) -> None:
-        """Check the safety devices that the controller sees, if it sees any.
-
-        Raises:
-            RefusedError: `safety.not_good`, with each device in the wrong state.
-            DriverError: the link broke.
-        """
-        if not self._poller.sees_devices:
-            return
-        problems = device_problems(self._poller.look().inputs)
-        if problems:
+        """Check the safety devices that the controller sees. Raises RefusedError: `safety.not_good`, with each."""
+        if self._poller.sees_devices and (problems := device_problems(self._poller.look().inputs)):
             raise RefusedError(*problems)
 
-    def move(self, line: str, guarded: Callable[[str], str] | None = None) -> None:
+    def refuse_moving(self) -> None:
+        """Make sure that nothing moves. Raises RefusedError: `machine.moving`."""
+        if self._poller.look().moving:
+            raise RefusedError(self._problem("machine.moving"))
+
+    def jog(self, line: str) -> None:
+        """Send a jog with its watchdog; errors as for `move`."""
+        self.move(line, None if self._heartbeat is None else self._heartbeat.jog)
+
+    def move(self, line: str, guarded: Callable[[str], str] | None) -> None:
         """Send a motion command; the loops must be closed already, because the command must not close one.
 
         `guarded` prefixes the watchdog, once nothing prevents the command.
 
         Raises:
-            RefusedError: `machine.not_enabled`, nothing was sent; and those of `once`.
+            RefusedError: `machine.not_enabled`, nothing was sent; and those of `once`. No watchdog is left armed.
         """
-        if not self._poller.loops_closed and not self._poller.look().loops_closed:
-            raise RefusedError(Problem(code="machine.not_enabled", where=self._client.link.address))
-        self.once(line, guarded)
+        try:
+            if not self._poller.loops_closed and not self._poller.look().loops_closed:
+                raise RefusedError(self._problem("machine.not_enabled"))
+            self.once(line, guarded)
+        except RefusedError:
+            self._forgo()
+            raise
+        except ControllerError:
+            self.end_watchdog()  # what stands before the command on its line was executed
+            with suppress(DriverError):
+                self._poller.look()  # a loop may have opened meanwhile: control-A would close it
+            raise
 
     def once(self, line: str, guarded: Callable[[str], str] | None = None) -> None:
         """Send a line that moves or energises. A stop that overtook it is sent again after it.
@@ -93,7 +105,9 @@ class Sending:
             self._client.reply(line)
         except RefusedError as refused:
             self._forgo()
-            self._refuse_stirred(line, refused)
+            if refused.problems[0].code in UNEXECUTED and self._poller.look().moving:
+                self._stop.stop(IN_PART)  # one of its characters acted by itself
+                raise LinkError(self._problem(IN_PART, line)) from refused
             raise
         except LinkError as error:
             if error.problems[0].code == IN_PART:
@@ -104,28 +118,25 @@ class Sending:
             self._stop.repeat()
         self._stop.check()
 
-    def refuse_moving(self) -> None:
-        """Make sure that nothing moves.
+    def end_watchdog(self) -> None:
+        """Disarm the watchdog after a stop: the controller must not retract the tool by itself then.
 
-        Raises:
-            RefusedError: `machine.moving`.
-            LinkError: the link broke or is out of step.
+        A link error here must not prevent the wait for rest; the controller then follows its policy for a lost
+        host.
         """
-        if self._poller.look().moving:
-            raise RefusedError(Problem(code="machine.moving", where=self._client.link.address))
+        if self._heartbeat is not None:
+            with suppress(DriverError):
+                self._heartbeat.ended(self._poller.quick_timeout_s)
 
-    def _refuse_stirred(self, line: str, refused: RefusedError) -> None:
-        """Stop if anything moves after a line that was not executed: one of its characters acted by itself.
-
-        Raises:
-            LinkError: `link.line_in_part`; or the link broke.
-        """
-        if refused.problems[0].code in UNBROUGHT and self._poller.look().moving:
-            self._stop.stop(IN_PART)
-            raise LinkError(Problem(code=IN_PART, where=self._client.link.address, key=line))
+    def _forgo(self) -> None:
+        if self._heartbeat is not None:
+            self._heartbeat.forgo()
 
     def _refuse_now(self) -> None:
         self._stop.check()
         self.refuse_unless_owner()
         if self._stop.inside_guard:
-            raise RefusedError(Problem(code="machine.hands_in", where=self._client.link.address))
+            raise RefusedError(self._problem("machine.hands_in"))
+
+    def _problem(self, code: str, key: str = "") -> Problem:
+        return Problem(code=code, where=self._client.link.address, key=key)

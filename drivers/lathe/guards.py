@@ -5,27 +5,23 @@ Pure: a snapshot goes in, problems come out. The code that waits for the motion 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Set
+from collections.abc import Callable, Iterable, Iterator, Set
 from dataclasses import dataclass
 
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import REAL_TIME_PERCENT, AxisName, Snapshot
 from profiles.problem import Problem
 
-Guard = Callable[[Snapshot], tuple[Problem, ...]]
-"""Returns what is wrong with a motion in progress; one guard belongs to one motion."""
+Guard = Callable[[Snapshot], tuple[Problem, ...]]  # returns what is wrong with the one motion that it belongs to
 
 STALLED_S = 1.0
 """A running program that moves nothing for this long is being held: the longest DWELL of a cut is half of it,
 and a program that waits for its spindle sees the spindle turn."""
 
-STIRRED_COUNTS = 2.0
-"""An axis that moves by less is at a standstill."""
-
+STIRRED_COUNTS = 2.0  # an axis that moves by less is at a standstill
 OVERRIDE_BAND_PERCENT = 0.5
 
-OTHERS_COUNTS = 50.0
-"""Tolerance for an axis that is not being moved: position and following error are not sampled simultaneously."""
+OTHERS_COUNTS = 50.0  # of an axis at rest: position and following error are not sampled simultaneously
 
 
 def unguarded(_: Snapshot) -> tuple[Problem, ...]:
@@ -65,8 +61,7 @@ class OthersStill:
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge one poll."""
-        found = (_outside(each, snapshot, "machine.unexpected_motion", self._lengths) for each in self._ranges)
-        return tuple(problem for problem in found if problem is not None)
+        return tuple(_outside(self._ranges, snapshot, "machine.unexpected_motion", self._lengths))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,18 +108,14 @@ class ProgramGuard:
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge one poll."""
-        problems = (
-            self._override(snapshot),
-            *(_outside(each, snapshot, "cut.outside_plan", self._lengths) for each in self._ranges),
-        )
-        stalled = self._stalled(snapshot)
-        return tuple(problem for problem in (*problems, stalled) if problem is not None)
+        outside = _outside(self._ranges, snapshot, "cut.outside_plan", self._lengths)
+        problems = (self._override(snapshot), *outside, self._stalled(snapshot))
+        return tuple(problem for problem in problems if problem is not None)
 
     def _override(self, snapshot: Snapshot) -> Problem | None:
         percent = snapshot.override_percent
-        if not self._real_time or not snapshot.program_running:
-            return None
-        if abs(percent - REAL_TIME_PERCENT) <= OVERRIDE_BAND_PERCENT:
+        judged = self._real_time and snapshot.program_running
+        if not judged or abs(percent - REAL_TIME_PERCENT) <= OVERRIDE_BAND_PERCENT:
             return None
         return Problem(code="cut.override", value=f"{percent:g} %", limit=f"{REAL_TIME_PERCENT:g} %")
 
@@ -133,7 +124,7 @@ class ProgramGuard:
         if not snapshot.program_running:
             self._last = None
             return None
-        if last is None or not _stands(last, snapshot):
+        if last is None or not snapshot.still(last, STIRRED_COUNTS):
             self._last = snapshot
             return None
         still_s = snapshot.at_s - last.at_s
@@ -142,14 +133,10 @@ class ProgramGuard:
         return Problem(code="cut.stalled", value=f"{still_s:.1f} s", limit=f"{STALLED_S:g} s")
 
 
-def _outside(planned: AxisRange, snapshot: Snapshot, code: str, lengths: Lengths) -> Problem | None:
-    """Report an axis commanded outside its range; an axis in open loop has no command."""
-    axis, at = planned.axis, snapshot.axis(planned.axis).commanded
-    if not snapshot.axis(axis).closed or planned.low <= at <= planned.high:
-        return None
-    value, limit = lengths.at(axis, at), lengths.between(axis, planned.low, planned.high)
-    return Problem(code=code, key=axis, value=value, limit=limit)
-
-
-def _stands(before: Snapshot, after: Snapshot) -> bool:
-    return after.still(before, STIRRED_COUNTS)
+def _outside(ranges: Iterable[AxisRange], snapshot: Snapshot, code: str, lengths: Lengths) -> Iterator[Problem]:
+    """Report each axis commanded outside its range; an axis in open loop has no command."""
+    for planned in ranges:
+        axis, state = planned.axis, snapshot.axis(planned.axis)
+        if state.closed and not planned.low <= state.commanded <= planned.high:
+            value, limit = lengths.at(axis, state.commanded), lengths.between(axis, planned.low, planned.high)
+            yield Problem(code=code, key=axis, value=value, limit=limit)

@@ -13,14 +13,20 @@ from collections.abc import Callable
 from drivers.clock import Clock
 from drivers.controller import REPLY_TIMEOUT_S, Controller
 from drivers.errors import DriverError, LinkError, RefusedError
-from drivers.link.base import GONE
+from drivers.link.base import is_gone
 from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.heartbeat.arming import forbidden, heartbeat_problems, permitted, silent
+from drivers.pmac.heartbeat.arming import (
+    PERMISSION,
+    HeartbeatLook,
+    forbidden,
+    heartbeat_problems,
+    permitted,
+    read_heartbeat,
+    silent,
+)
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, EchoWatch, Keeper
 from drivers.pmac.heartbeat.plc import OUT_LIMIT_MS, RUN_DOWN_MS, Policy, set_up_lines
-from drivers.pmac.heartbeat.reading import PERMISSION, HeartbeatLook, read_heartbeat
-from drivers.pmac.heartbeat.registers import ENDING
-from drivers.pmac.heartbeat.watchdog import PERIOD_MS, cycles_of, watchdog_condition, watchdog_timer
+from drivers.pmac.heartbeat.watchdog import ENDING, PERIOD_MS, cycles_of, watchdog_condition, watchdog_timer
 from drivers.pmac.reserved import ECHO, LOST, OWNER
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -31,21 +37,13 @@ NOT_OURS = frozenset({"heartbeat.plc_missing", "heartbeat.plc_differs", "heartbe
 SHORTEST_WAIT_S = 0.001
 
 RATE = "heartbeat.lease_rate"
-LAPSED = "heartbeat.lapsed"
-"""Code: the controller has ended a motion because this host was silent."""
-
-RENEWAL_TIMEOUT_S = 0.17
-"""Timeout for the reply to a renewal: it must leave time for another one."""
-
-PULSE_TIMEOUT_S = 0.3
-PULSE_POLL_S = 0.01
+LAPSED = "heartbeat.lapsed"  # code: the controller has ended a motion because this host was silent
+RENEWAL_TIMEOUT_S = 0.17  # timeout for the reply to a renewal: it must leave time for another one
+PULSE_TIMEOUT_S, PULSE_POLL_S = 0.3, 0.01
 """How long the PLC may take to show that it counts, and the polling interval, before anything moves."""
 
-END_MARGIN_S = 1.0
-"""Allowance for the controller beyond the times that it waits for."""
-
-RATE_READINGS = 3
-"""How often the watchdog rate is read before a busy controller counts as one with other settings."""
+END_MARGIN_S = 1.0  # allowance for the controller beyond the times that it waits for
+RATE_READINGS = 3  # of the watchdog, before a busy controller counts as one with other settings
 
 
 def cut_condition(machine: MachineProfile) -> str:
@@ -55,7 +53,11 @@ def cut_condition(machine: MachineProfile) -> str:
 
 
 class Heartbeat:
-    """The watchdog of one controller. It guards nothing before `prepare` has found everything in order."""
+    """The watchdog of one controller. It guards nothing before `prepare` has found everything in order.
+
+    `guarding` is whether something moves under this host's watchdog. Every method that queries or sends raises
+    `LinkError` when the link breaks or is out of step.
+    """
 
     def __init__(
         self,
@@ -66,26 +68,19 @@ class Heartbeat:
         owner_seen: Callable[[float], None] = lambda _: None,
     ) -> None:
         """Without a `policy`, that of the machine profile applies. `owner_seen` receives the owner read."""
-        self._owner_seen = owner_seen
-        self._client = client
-        self._clock = clock
-        self._machine = machine
-        self._dialect = DIALECTS[machine.controller.family]
         self.policy = Policy(machine.heartbeat.policy) if policy is None else policy
+        self.guarding = False
+        self._client, self._clock, self._machine, self._owner_seen = client, clock, machine, owner_seen
+        self._dialect = DIALECTS[machine.controller.family]
         self._keeper: Keeper | None = None
-        self._guarding = False
-        self._i10 = 0.0
-        self._owner = 0.0
+        self._i10 = self._owner = 0.0
         self._echo = EchoWatch()
 
     def prepare(self) -> None:
         """Make sure that the controller would end a motion without a host; load its PLC where it is missing.
 
         Only with the drives disabled: it moves nothing, but a PLC that is being replaced guards nothing.
-
-        Raises:
-            RefusedError: everything that is not in order, `heartbeat.*`.
-            LinkError: the link broke or is out of step.
+        Raises RefusedError: everything that is not in order, `heartbeat.*`.
         """
         self._keeper = None
         look, problems = self._looked()
@@ -98,30 +93,19 @@ class Heartbeat:
         self._keeper = Keeper(dialect=self._dialect, i10=look.i10)
 
     def problems(self) -> tuple[Problem, ...]:
-        """Return what is wrong with a prepared heartbeat; before `prepare` nothing is queried.
-
-        Raises:
-            LinkError: the link broke or is out of step.
-        """
+        """Return what is wrong with a prepared heartbeat; before `prepare` nothing is queried."""
         return () if self._keeper is None else self._looked()[1]
 
     def jog(self, line: str) -> str:
         """Return a jog command with its watchdog before it, to be sent at once."""
-        keeper = self._begin()
-        return f"{keeper.jog_line()} {line}"
+        return f"{self._begin().jog_line()} {line}"
 
     def cut(self, line: str, retracted_counts: float) -> str:
         """Return the start of a cut in the addressed system, with its watchdog and retract position before it."""
-        keeper = self._begin()
-        return f"{keeper.cut_line(retracted_counts, self._machine.heartbeat.grace_ms)} {line}"
+        return f"{self._begin().cut_line(retracted_counts, self._machine.heartbeat.grace_ms)} {line}"
 
     def renewal(self) -> str:
-        """Return the watchdog renewal to prefix to a line sent at once; "" when nothing is guarded.
-
-        Raises:
-            DriverError: `heartbeat.lapsed`, as for `pause`.
-            LinkError: the link broke or is out of step.
-        """
+        """Return the renewal to prefix to a line sent at once; "" when nothing is guarded. Raises as `pause`."""
         keeper = self._kept()
         if keeper is None:
             return ""
@@ -141,11 +125,7 @@ class Heartbeat:
         return (self._machine.heartbeat.grace_ms + RUN_DOWN_MS + OUT_LIMIT_MS) / 1000.0 + END_MARGIN_S
 
     def is_ending(self) -> bool:
-        """Query whether the controller is ending something.
-
-        Raises:
-            LinkError: the link broke or is out of step.
-        """
+        """Query whether the controller is ending something."""
         return bool(self._client.numbers(f"P{ENDING}", timeout_s=PULSE_TIMEOUT_S, again=True)[0])
 
     def pause(self, seconds: float, timeout_s: float = RENEWAL_TIMEOUT_S) -> None:
@@ -154,7 +134,6 @@ class Heartbeat:
         Raises:
             DriverError: `heartbeat.lapsed`, this host was silent so long that the controller ended the motion;
                 nothing was renewed.
-            LinkError: the link broke or is out of step.
         """
         end_s = self._clock.now_s() + seconds
         while True:
@@ -166,44 +145,35 @@ class Heartbeat:
 
     def lapse(self) -> DriverError:
         """Stop guarding, and return the problem to report: the controller has ended what was guarded."""
-        self._guarding = False
+        self.guarding = False
         return DriverError(Problem(code=LAPSED, where=self._client.link.address))
 
     def forgo(self) -> None:
         """Stop guarding: the guarded line was not sent, and the controller received nothing."""
-        self._guarding = False
-
-    @property
-    def guarding(self) -> bool:
-        """Whether something moves under this host's watchdog."""
-        return self._guarding
+        self.guarding = False
 
     @property
     def silent(self) -> Problem | None:
         """Return `heartbeat.plc_silent` if the PLC no longer guards what moves, else None."""
-        return self._echo.problem if self._guarding else None
+        return self._echo.problem if self.guarding else None
 
     def ended(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
         """End the guarding of a finished motion; the watchdog may expire.
 
         Raises:
             DriverError: `heartbeat.lapsed`, the controller ended it before.
-            LinkError: the link broke or is out of step; the controller may not know it.
+            LinkError: the link broke; the controller may not know that the motion is over.
         """
-        if not self._guarding:
+        if not self.guarding:
             return
         self._client.request(NOTHING_GUARDED, timeout_s)
-        self._guarding = False
+        self.guarding = False
         (lost,) = self._client.numbers(f"P{LOST}", timeout_s=timeout_s, again=True)
         if lost:
-            raise DriverError(Problem(code=LAPSED, where=self._client.link.address))
+            raise self.lapse()
 
     def loss_seen(self) -> None:
-        """Clear the record of an ended motion: an operator has acknowledged it.
-
-        Raises:
-            LinkError: the link broke or is out of step.
-        """
+        """Clear the record of an ended motion: an operator has acknowledged it."""
         self._client.request(LOSS_SEEN)
 
     def _looked(self) -> tuple[HeartbeatLook, tuple[Problem, ...]]:
@@ -219,17 +189,12 @@ class Heartbeat:
         if self._keeper is None:
             raise RefusedError(Problem(code="heartbeat.not_prepared", where=self._client.link.address))
         self._refuse_silent()
-        self._guarding, self._echo = True, EchoWatch()
+        self.guarding, self._echo = True, EchoWatch()
         self._keeper = self._keeper.renewed(self._clock.now_s())
         return self._keeper
 
     def _refuse_silent(self) -> None:
-        """Make sure that the PLC runs now: it may have been disabled since it was prepared.
-
-        Raises:
-            RefusedError: `heartbeat.plcs_forbidden`, `heartbeat.plc_silent`.
-            LinkError: the link broke or is out of step.
-        """
+        """Make sure that the PLC runs now: it may have been disabled since it was prepared."""
         items, end_s = (f"I{PERMISSION}", f"P{ECHO}", f"P{OWNER}"), self._clock.now_s() + PULSE_TIMEOUT_S
         permission, first, self._owner = self._client.numbers(*items, again=True)
         self._owner_seen(self._owner)
@@ -240,35 +205,27 @@ class Heartbeat:
                 raise RefusedError(silent(first, first))
             self._clock.wait(PULSE_POLL_S)
 
-    def _watchdog_left(self) -> bool:
-        """Query whether the watchdog is still armed, with enough time left for a renewal.
-
-        Under another owner the watchdog is not ours, whatever is left of it.
-        """
-        items = (f"P{LOST}", f"P{OWNER}", watchdog_timer(self._dialect).name)
-        lost, owner, watchdog = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
-        return not lost and owner == self._owner and watchdog > cycles_of(PERIOD_MS, self._i10)
-
     def _kept(self) -> Keeper | None:
-        """Return the keeper of what is guarded now, None when nothing is.
+        """Return the keeper of what is guarded now, None when nothing is; raise when that has lapsed.
 
-        Raises:
-            DriverError: `heartbeat.lapsed`; nothing is guarded any more.
+        A late host queries whether the watchdog is still armed, with enough time left for a renewal. Under another
+        owner the watchdog is not ours, whatever is left of it.
         """
         keeper = self._keeper
-        if not self._guarding or keeper is None:
+        if not self.guarding or keeper is None:
             return None
-        if keeper.lapsed(self._clock.now_s()) and not self._watchdog_left():
-            raise self.lapse()
+        if keeper.lapsed(self._clock.now_s()):
+            items = (f"P{LOST}", f"P{OWNER}", watchdog_timer(self._dialect).name)
+            lost, owner, watchdog = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
+            armed = not lost and owner == self._owner and watchdog > cycles_of(PERIOD_MS, self._i10)
+            if not armed:
+                raise self.lapse()
         return keeper
 
     def _send(self, line: str, timeout_s: float) -> None:
         """Send a renewal and query the echo with it: polls are already long for a slow line.
 
         A missing answer is not fatal: the next poll carries a renewal too.
-
-        Raises:
-            LinkError: the link is gone.
         """
         asked_s = self._clock.now_s()
         self._echo.asked(asked_s)
@@ -276,11 +233,10 @@ class Heartbeat:
             (echo,) = self._client.request(f"{line} P{ECHO}", timeout_s, lines=1)
             self._echo.see(self._client.number(echo), asked_s)
         except LinkError as error:
-            if any(problem.code in GONE for problem in error.problems):
+            if is_gone(error):
                 raise
 
     def _renewed(self, timeout_s: float) -> float:
-        """Renew the watchdog if it or the echo is due; return when the next renewal is due."""
         keeper = self._kept()
         if keeper is None:
             return math.inf

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
-from drivers.cutting.loading import Loading
 from drivers.errors import DriverError, RefusedError
 from drivers.lathe.guards import JogGuard, OthersStill
 from drivers.lathe.lengths import Lengths, motor_of, settings_of
 from drivers.lathe.motion import Motion, refuse_beyond_travel
-from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot, driven_axes
 from drivers.lathe.standstill import ARRIVED_COUNTS, HomeSearch, Settling, nearly_arrived
-from drivers.lathe.stop import StopPath
+from drivers.lathe.wiring import Wiring
 from drivers.pmac.language.text import format_number
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-READ_S = 0.01
-"""Time skew within one poll: position and following error of an axis are not sampled simultaneously."""
-
-SHIFTED_COUNTS = 5.0
-"""Tolerance at rest: a resting axis has one commanded position, reported to a tenth of a count."""
+READ_S = 0.01  # time skew within one poll: position and following error are not sampled simultaneously
+SHIFTED_COUNTS = 5.0  # a resting axis has one commanded position, reported to a tenth of a count
 
 
 def band_counts(machine: MachineProfile, axis: AxisName) -> float:
@@ -31,19 +25,12 @@ def band_counts(machine: MachineProfile, axis: AxisName) -> float:
 
 
 class Jogs:
-    """The jogs of one machine; `send` takes a motion command, with its watchdog."""
+    """The jogs of one machine."""
 
-    def __init__(
-        self,
-        machine: MachineProfile,
-        looks: Poller,
-        motion: Motion,
-        stop: StopPath,
-        loading: Loading,
-        send: Callable[[str], None],
-    ) -> None:
-        self._machine, self._poller, self._motion, self._stop = machine, looks, motion, stop
-        self._loading, self._send, self._lengths = loading, send, Lengths(machine)
+    def __init__(self, wiring: Wiring, motion: Motion) -> None:
+        self._machine, self._poller, self._stop = wiring.machine, wiring.poller, wiring.stop
+        self._motion, self._tables, self._send = motion, wiring.tables, wiring.sending.jog
+        self._lengths = Lengths(wiring.machine)
         self._left: tuple[Snapshot, object] | None = None
 
     def forget(self) -> None:
@@ -58,8 +45,9 @@ class Jogs:
                 `controller.home_lost`, of an axis that was homed before.
         """
         self.forget()
+        driven = driven_axes(self._machine)
         for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
-            if axis not in driven_axes(self._machine):
+            if axis not in driven:
                 continue
             now = self._poller.look()
             self._refuse_shifted(now)
@@ -100,10 +88,9 @@ class Jogs:
             done = partial(nearly_arrived, axis=axis, band_counts=band_counts(self._machine, axis))
         last = self._motion.until(done, timeout_s, f"jog {axis}", guard=guard)
         self._left, state = (last, self._stop.mark), last.axis(axis)
-        there = state.position + state.following_error
-        if abs(there - counts - held_counts) > ARRIVED_COUNTS:
+        if abs(state.commanded - counts - held_counts) > ARRIVED_COUNTS:
             # It rests, but not at its target: somebody else, or the controller itself, has ended the jog.
-            value, limit = self._lengths.at(axis, there), self._lengths.at(axis, counts)
+            value, limit = self._lengths.at(axis, state.commanded), self._lengths.at(axis, counts)
             self._stop.stop(f"jog {axis}")
             raise DriverError(Problem(code="machine.not_arrived", key=axis, value=value, limit=limit))
 
@@ -113,46 +100,40 @@ class Jogs:
         self._refuse_shifted(now)
         self.forget()  # until this one is over
         settings = settings_of(self._machine, axis)
-        read_counts = settings.jog_speed * READ_S * settings.counts_per_unit
-        beyond, begin = read_counts + ARRIVED_COUNTS, now.axis(axis).commanded
-        others = self._others(axis, now)
         return JogGuard(
-            axis=axis, begin=begin, end=end, beyond_counts=beyond, others=others, lengths=self._lengths
+            axis=axis,
+            begin=now.axis(axis).commanded,
+            end=end,
+            beyond_counts=settings.jog_speed * READ_S * settings.counts_per_unit + ARRIVED_COUNTS,
+            others=self._others(axis, now),
+            lengths=self._lengths,
         )
 
     def _refuse_shifted(self, now: Snapshot) -> None:
-        """Refuse if an axis is not where the last jog left it, and this console has moved nothing since.
-
-        Raises:
-            RefusedError: `controller.home_lost`: another host has changed its zero or moved it.
-        """
+        """Refuse if an axis is not where the last jog left it: another host has changed its zero or moved it."""
         left, mark = self._left or (now, self._stop.mark)
-        if mark != self._stop.mark:
+        if mark != self._stop.mark:  # this console has moved something since
             return
-        shifted = [
-            axis
-            for axis in now.driven
-            if abs(now.axis(axis).commanded - left.axis(axis).commanded) > SHIFTED_COUNTS
-        ]
+        moved = {axis: abs(now.axis(axis).commanded - left.axis(axis).commanded) for axis in now.driven}
+        shifted = [axis for axis, counts in moved.items() if counts > SHIFTED_COUNTS]
         if shifted:
             self.forget()
             raise RefusedError(Problem(code="controller.home_lost", key=", ".join(shifted)))
 
     def _others(self, axis: AxisName, begun: Snapshot) -> OthersStill:
         """Return the guard of the axes that do not jog; with a table on, the tool follows another axis."""
-        follows = axis is not AxisName.TOOL and self._loading.tables_on()
+        follows = axis is not AxisName.TOOL and self._tables.are_on()
         return OthersStill({axis, AxisName.TOOL} if follows else {axis}, begun, self._lengths)
 
     def by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
         """Jog one axis by an increment in counts from its commanded position.
 
-        Raises:
-            DriverError: `machine.moving`, `machine.not_enabled`, `machine.beyond_travel`, and those of `to`.
+        Raises DriverError: `machine.moving`, `machine.not_enabled`, `machine.beyond_travel`, and those of `to`.
         """
         state = self._ready_to_jog(axis)
-        held = self._loading.correction_counts() if axis is AxisName.TOOL else 0.0
-        end = state.position + state.following_error - held + counts
-        refuse_beyond_travel(self._machine, axis, motor_of(self._machine, axis), end)
+        held = self._tables.correction_counts() if axis is AxisName.TOOL else 0.0
+        end = state.commanded - held + counts
+        refuse_beyond_travel(self._machine, axis, end)
         self.to(axis, end, timeout_s, settle=False, held_counts=held)
 
     def retract(self, to_counts: float, timeout_s: float = 60.0) -> None:
@@ -172,19 +153,13 @@ class Jogs:
             raise RefusedError(
                 Problem(code="machine.retract_direction", key=AxisName.TOOL, value=value, limit=f"< {limit}")
             )
-        self.to(AxisName.TOOL, to_counts, timeout_s, held_counts=self._loading.correction_counts())
+        self.to(AxisName.TOOL, to_counts, timeout_s, held_counts=self._tables.correction_counts())
 
     def _ready_to_jog(self, axis: AxisName) -> AxisState:
-        """Return the position of an axis; its loop must be closed, because a jog would close an open one.
-
-        Raises:
-            DriverError: `machine.moving`, `machine.not_enabled`.
-        """
+        """Return the position of an axis; its loop must be closed, because a jog would close an open one."""
         self._stop.check()
         snapshot = self._poller.look()
-        if snapshot.moving:
-            raise RefusedError(Problem(code="machine.moving", where=self._poller.address))
-        state = snapshot.axis(axis)
-        if not state.closed:
-            raise RefusedError(Problem(code="machine.not_enabled", where=self._poller.address))
-        return state
+        if snapshot.moving or not snapshot.axis(axis).closed:
+            code = "machine.moving" if snapshot.moving else "machine.not_enabled"
+            raise RefusedError(Problem(code=code, where=self._poller.address))
+        return snapshot.axis(axis)

@@ -11,32 +11,35 @@ from contextlib import suppress
 from dataclasses import replace
 
 from drivers.clock import Clock
-from drivers.commissioning.settings_check import differences
+from drivers.commissioning.comparison import profile_problems
 from drivers.controller import Controller
-from drivers.cutting.loading import STOPPED_BY
+from drivers.cutting.cut_program import STOPPED_BY_ITEM, CutProgram
+from drivers.cutting.tables import Tables
 from drivers.errors import DriverError, RefusedError
-from drivers.lathe.control_state import NOBODY, Standing
-from drivers.lathe.cut_program import CutProgram
+from drivers.lathe.commands import Sending
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.jogs import Jogs
-from drivers.lathe.ownership import Ownership
-from drivers.lathe.polling import POLL_TIMEOUT_S
-from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
+from drivers.lathe.lengths import motor_of
+from drivers.lathe.motion import Motion
+from drivers.lathe.ownership import NOBODY, Ownership, Standing
+from drivers.lathe.polling import POLL_TIMEOUT_S, Poller
+from drivers.lathe.snapshot import AxisName, Snapshot, SnapshotItems, driven_axes
 from drivers.lathe.standstill import prove_rest
 from drivers.lathe.stop import StopPath
-from drivers.lathe.wiring import wired
+from drivers.lathe.wiring import Wiring
 from drivers.pmac.dialect import DIALECTS, dialect_of
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-SPEED_S = 0.5
-"""Time over which the speed of an external spindle is measured."""
+SPEED_S = 0.5  # time over which the speed of an external spindle is measured
 
 
 class Lathe:
     """One machine at the end of one link. Methods that move check for a stop first and wait for the end.
 
-    `program` is the program of a cut.
+    `program` is the program of a cut; `driven` are the axes that the controller moves. `home`, `jog_to`, `jog_by`
+    and `retract` are those of `Jogs`. Every method that queries or sends raises `LinkError` when the link breaks
+    or is out of step.
     """
 
     def __init__(
@@ -53,32 +56,29 @@ class Lathe:
 
         With a `heartbeat` nothing moves unless the controller would end it without this host. With an
         `ownership` only polls and stops are sent before `claim`.
-
-        Raises:
-            DriverError: `safety.bad_input`, in the profile.
+        Raises DriverError: `safety.bad_input`, in the profile.
         """
-        self.machine = machine
-        self.stop = stop
-        self.ownership = ownership
-        self._client = client
-        self._clock = clock
-        self._heartbeat = heartbeat
+        self.machine, self.stop, self.ownership, self.driven = machine, stop, ownership, driven_axes(machine)
+        self._client, self._clock, self._heartbeat = client, clock, heartbeat
         self._dialect = DIALECTS[machine.controller.family]
-        self._motors = {
-            AxisName.TOOL: machine.tool.motor,
-            AxisName.SPINDLE: machine.spindle.motor,
-            AxisName.CARRIAGE: machine.carriage.motor,
-        }
-        self._driven = driven_axes(machine)
-        wiring = wired(
-            client, machine, clock, stop, seen, heartbeat, ownership, lambda: self.program.end_after_turn()
+        items = SnapshotItems(machine, self._dialect)
+        self._poller = Poller(client, clock, stop, items, seen=seen, heartbeat=heartbeat, ownership=ownership)
+        self._sending = Sending(client, stop, self._poller, heartbeat, ownership)
+        wiring = Wiring(
+            client=client,
+            machine=machine,
+            clock=clock,
+            stop=stop,
+            heartbeat=heartbeat,
+            ownership=ownership,
+            poller=self._poller,
+            sending=self._sending,
+            tables=Tables(client, machine),
         )
-        self._poller, self._sending, self._moves = wiring.looks, wiring.sending, wiring.moves
-        self._jogs = Jogs(machine, wiring.looks, wiring.motion, stop, wiring.loading, wiring.moves.jog)
-        self.program = CutProgram(wiring, self._jogs.forget)
-
-    def _end_cut(self) -> None:
-        self.program.end_after_turn()
+        motion = Motion(wiring, lambda: self.program.end_after_turn())
+        self._jogs = jogs = Jogs(wiring, motion)
+        self.home, self.jog_to, self.jog_by, self.retract = jogs.home, jogs.to, jogs.by, jogs.retract
+        self.program = CutProgram(wiring, motion, jogs.forget)
 
     @property
     def has_moved(self) -> bool:
@@ -106,9 +106,7 @@ class Lathe:
     def claim(self) -> None:
         """Claim control of the machine for this console; without ownership there is nothing to claim.
 
-        Raises:
-            RefusedError: `owner.held`, another console has control.
-            LinkError: the link broke.
+        Raises RefusedError: `owner.held`, another console has control.
         """
         self._jogs.forget()
         if self.ownership is not None:
@@ -117,9 +115,7 @@ class Lathe:
     def take_control(self) -> int:
         """Take control of the machine at rest, whoever has it; return the number of the previous owner.
 
-        Raises:
-            RefusedError: `owner.moving`, nothing was written.
-            LinkError: the link broke.
+        Raises RefusedError: `owner.moving`, nothing was written.
         """
         if self.ownership is None:
             return NOBODY
@@ -135,16 +131,13 @@ class Lathe:
     def verify(self) -> tuple[Problem, ...]:
         """Compare the controller's settings and axis definitions with the machine profile; nothing is written."""
         as_defined = replace(self.machine.controller, axis_definitions=self.program.definitions)
-        problems = differences(self._client, as_defined, self._dialect, self._motors.values())
+        motors = frozenset(motor_of(self.machine, axis) for axis in AxisName)
+        problems = profile_problems(self._client, as_defined, self._dialect, motors)
         self._poller.verified = not problems
-        return tuple(problems)
+        return problems
 
     def snapshot(self) -> Snapshot:
-        """Read the state of the machine in one request; retry once without a reply.
-
-        Raises:
-            LinkError: the link broke or is out of step.
-        """
+        """Read the state of the machine in one request; retry once without a reply."""
         return self._poller.look()
 
     def confirm_nobody_inside(self) -> None:
@@ -165,8 +158,8 @@ class Lathe:
         if self._heartbeat is not None and not self.stop.inside_guard:
             self._heartbeat.prepare()
         self._jogs.forget()
-        for axis in self._driven:
-            self._sending.once(f"#{self._motors[axis]}J/")
+        for axis in self.driven:
+            self._sending.once(f"#{motor_of(self.machine, axis)}J/")
         if not self.snapshot().loops_closed:
             raise DriverError(Problem(code="machine.not_enabled", where=self._client.link.address))
 
@@ -174,9 +167,7 @@ class Lathe:
         """Disable the drives: open the loops of all axes at rest. No stop is in force afterwards.
 
         From then on somebody may be inside the guard, and no loop is closed before `confirm_nobody_inside`.
-
-        Raises:
-            DriverError: `machine.moving`, nothing was sent; `machine.not_switched_off`, an axis does not open.
+        Raises DriverError: `machine.moving`, nothing was sent; `machine.not_switched_off`, an axis does not open.
         """
         self._sending.refuse_unless_owner()
         self._sending.refuse_moving()
@@ -185,41 +176,8 @@ class Lathe:
         if not self.snapshot().loops_open:
             raise DriverError(Problem(code="machine.not_switched_off", where=self._client.link.address))
 
-    def home(self, timeout_s: float = 60.0) -> None:
-        """Home each axis, see `Jogs.home`."""
-        self._jogs.home(timeout_s)
-
-    def jog_to(
-        self,
-        axis: AxisName,
-        counts: float,
-        timeout_s: float = 120.0,
-        *,
-        settle: bool = True,
-        held_counts: float = 0.0,
-    ) -> None:
-        """Jog one axis to a position in counts of its motor, see `Jogs.to`."""
-        self._jogs.to(axis, counts, timeout_s, settle=settle, held_counts=held_counts)
-
-    def jog_by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
-        """Jog one axis by an increment in counts, see `Jogs.by`."""
-        self._jogs.by(axis, counts, timeout_s)
-
-    def retract(self, to_counts: float, timeout_s: float = 60.0) -> None:
-        """Retract the tool to a position in counts, see `Jogs.retract`."""
-        self._jogs.retract(to_counts, timeout_s)
-
-    @property
-    def driven(self) -> tuple[AxisName, ...]:
-        """The axes that the controller moves."""
-        return self._driven
-
     def spindle_rpm(self) -> float:
-        """Measure the spindle speed over `SPEED_S`; only polls are sent.
-
-        Raises:
-            LinkError: the link broke or is out of step.
-        """
+        """Measure the spindle speed over `SPEED_S`; only polls are sent."""
         first = self.snapshot()
         self._clock.wait(SPEED_S)
         last = self.snapshot()
@@ -227,29 +185,16 @@ class Lathe:
         return 60.0 * turns / (0.5 * (last.asked_s + last.at_s) - 0.5 * (first.asked_s + first.at_s))
 
     def say_stopped(self) -> None:
-        """Tell the controlling console who stopped the machine; the only write that an observer may send.
-
-        Raises:
-            LinkError: the link broke or is out of step.
-        """
+        """Tell the controlling console who stopped the machine; the only write that an observer may send."""
         if self.ownership is not None:
-            self._client.request(f"{STOPPED_BY}={self.ownership.number}", POLL_TIMEOUT_S)
+            self._client.request(f"{STOPPED_BY_ITEM}={self.ownership.number}", POLL_TIMEOUT_S)
 
     def wait_for_rest(self) -> Snapshot:
-        """Repeat a stop until the controller proves that nothing moves, see `drivers.lathe.standstill`.
-
-        Raises:
-            DriverError: `machine.not_at_rest`.
-            LinkError: `link.lost`, the link is gone.
-        """
-        return prove_rest(self._poller, self.stop, self._clock, self._moves.end)
+        """Repeat a stop until nothing moves, see `prove_rest`. Raises DriverError: `machine.not_at_rest`."""
+        return prove_rest(self._poller, self.stop, self._clock, self._sending.end_watchdog)
 
     def acknowledge_loss(self) -> None:
-        """Record that the operator has acknowledged what the controller ended without a host.
-
-        Raises:
-            LinkError: the link broke or is out of step.
-        """
+        """Record that the operator has acknowledged what the controller ended without a host."""
         if self._heartbeat is not None:
             self._heartbeat.loss_seen()
 

@@ -11,11 +11,10 @@ from dataclasses import replace
 
 from drivers.lathe.lengths import motor_of
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.pmac.analysis.findings import Value
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.motor_settings import MotorSettings
 from profiles.axis.friction import ASSUMED_FRICTION_N
-from profiles.axis.tool_stiffness import tool_compliance_um_per_n
+from profiles.axis.servo import tool_compliance_um_per_n
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -35,7 +34,7 @@ def left_behind(machine: MachineProfile, before: Snapshot | None, seen: Snapshot
     )
 
 
-def tripping_friction_n(machine: MachineProfile) -> float:
+def _tripping_friction_n(machine: MachineProfile) -> float:
     """Return the dry friction, N, at which the tool trips on reversal after a standstill."""
     steady = replace(machine, tool=replace(machine.tool, gain_ki_v_per_m_s=0.0))
     compliance_um_per_n = abs(complex(tool_compliance_um_per_n(steady, 0.0)))
@@ -47,16 +46,10 @@ def _of_axis(machine: MachineProfile, axis: AxisName, polls: list[Snapshot]) -> 
     motor = motor_of(machine, axis)
     behind = max(abs(poll.axis(axis).following_error) for poll in polls)
     limit = MotorSettings(machine, motor).error_limit_counts
-    value, allowed = (_told(shown_length(machine, motor, counts)) for counts in (behind, limit))
+    lengths = [shown_length(machine, motor, counts) for counts in (behind, limit)]
+    value, allowed = (f"{length['length']:.3g} {length['unit']}" for length in lengths)
     allowed = f"{allowed} (I{motor}11)"
     if axis is not AxisName.TOOL:
         return Problem(code="machine.left_behind", key=axis, value=value, limit=allowed)
-    friction = f"{tripping_friction_n(machine):.1f} N"
-    return Problem(code="machine.tool_left_behind", where=friction, key=_ASSUMED, value=value, limit=allowed)
-
-
-def _told(length: dict[str, Value]) -> str:
-    return f"{length['length']:.3g} {length['unit']}"
-
-
-_ASSUMED = f"{ASSUMED_FRICTION_N:g} N"
+    friction, assumed = f"{_tripping_friction_n(machine):.1f} N", f"{ASSUMED_FRICTION_N:g} N"
+    return Problem(code="machine.tool_left_behind", where=friction, key=assumed, value=value, limit=allowed)

@@ -10,21 +10,30 @@ number changes only if it still is the expected one.
 
 from __future__ import annotations
 
+from enum import StrEnum, auto
 from random import Random, SystemRandom
 
 from drivers.controller import Controller
 from drivers.errors import DriverError, LinkError, RefusedError
-from drivers.lathe.control_state import NOBODY, Standing
-from drivers.link.base import GONE
+from drivers.link.base import is_gone
 from drivers.pmac.language.text import format_number
 from drivers.pmac.reserved import OWNER
 from profiles.problem import Problem
 
-OWNER_ITEM = f"P{OWNER}"
-"""The variable with the owner's number."""
+NOBODY = 0  # the console number that means no console
+OWNER_ITEM = f"P{OWNER}"  # the variable with the owner's number
+HIGHEST = 2**31 - 1  # a P-variable holds it exactly in every family
 
-HIGHEST = 2**31 - 1
-"""A P-variable holds it exactly in every family."""
+
+class Standing(StrEnum):
+    """The role of this console towards the machine."""
+
+    OBSERVER = auto()
+    OWNER = auto()
+    OUSTED = auto()
+    """It was the owner until another console wrote its number: what is armed or moving is no longer ours."""
+    CHANGING = auto()
+    """A claim, take-control or release is in progress; only its reply shows who owns the machine."""
 
 
 def exchange_line(before: float, after: int) -> str:
@@ -39,24 +48,20 @@ def exchange_line(before: float, after: int) -> str:
 
 
 class Ownership:
-    """The number of this console and the owner last reported by the controller."""
+    """The `number` that this console writes, and the `holder`, the owner last reported by the controller.
+
+    Every method that queries or sends raises `LinkError` when the link breaks.
+    """
 
     def __init__(self, client: Controller, random: Random | None = None) -> None:
-        self.standing = Standing.OBSERVER
-        self.holder = NOBODY
-        self._client = client
-        self._number = (random or SystemRandom()).randint(1, HIGHEST)
-        self._unanswered = False
-
-    @property
-    def number(self) -> int:
-        """The number that this console writes."""
-        return self._number
+        self.standing, self.holder = Standing.OBSERVER, NOBODY
+        self.number = (random or SystemRandom()).randint(1, HIGHEST)
+        self._client, self._unanswered = client, False
 
     def see(self, held: float) -> None:
         """Process the owner read by a poll."""
         self.holder = int(held)
-        if self.standing is Standing.OWNER and self.holder != self._number:
+        if self.standing is Standing.OWNER and self.holder != self.number:
             self.standing = Standing.OUSTED
 
     def claim(self) -> None:
@@ -64,10 +69,10 @@ class Ownership:
 
         Raises:
             RefusedError: `owner.held`, another console has control, perhaps only just now.
-            LinkError: `owner.not_kept`, the written value did not stay, or the link broke.
+            LinkError: `owner.not_kept`, the written value did not stay.
         """
         self.see(self._read())
-        if self.holder not in (NOBODY, self._number):
+        if self.holder not in (NOBODY, self.number):
             raise self._held()
         self._become_owner(NOBODY)
 
@@ -80,60 +85,43 @@ class Ownership:
             LinkError: as for `claim`.
         """
         if not at_rest:
-            raise RefusedError(Problem(code="owner.moving", where=self._client.link.address))
+            raise RefusedError(self._problem("owner.moving"))
         before = self._read()
         self._become_owner(before)
         return int(before)
 
     def release(self) -> None:
-        """Release control if it is still ours, also after a claim that was never answered.
-
-        Raises:
-            LinkError: the link broke.
-        """
+        """Release control if it is still ours, also after a claim that was never answered."""
         given = self.standing is Standing.OWNER or self._unanswered
         self.standing = Standing.CHANGING if given else Standing.OBSERVER
         try:
             if given:
-                self._client.request(exchange_line(self._number, NOBODY), lines=1)
+                self._client.request(exchange_line(self.number, NOBODY), lines=1)
         finally:
             self.standing, self.holder, self._unanswered = Standing.OBSERVER, NOBODY, False
 
     def refuse_ousted(self) -> None:
-        """Make sure that this console still controls the motion.
-
-        Raises:
-            DriverError: `owner.ousted`, another console has overwritten our number.
-        """
+        """Make sure that this console still controls the motion. Raises DriverError: `owner.ousted`."""
         if self.standing is Standing.OUSTED:
-            value, limit = str(self.holder), str(self._number)
-            raise DriverError(
-                Problem(code="owner.ousted", where=self._client.link.address, value=value, limit=limit)
-            )
+            raise DriverError(self._problem("owner.ousted", str(self.holder), str(self.number)))
 
     def refuse_unless_owner(self) -> None:
         """Make sure that this console may command.
 
-        Raises:
-            RefusedError: `owner.held`, or `owner.observer` when it has not claimed control.
+        Raises RefusedError: `owner.held`, or `owner.observer` when it has not claimed control.
         """
         if self.standing is Standing.OWNER:
             return
-        if self.holder not in (NOBODY, self._number):
+        if self.holder not in (NOBODY, self.number):
             raise self._held()
-        raise RefusedError(Problem(code="owner.observer", where=self._client.link.address))
+        raise RefusedError(self._problem("owner.observer"))
 
     def _read(self) -> float:
         (held,) = self._client.numbers(OWNER_ITEM, again=True)
         return held
 
     def _become_owner(self, before: float) -> None:
-        """Replace `before` by this console's number, and verify that it is there.
-
-        Raises:
-            RefusedError: `owner.held`, another console was there by then.
-            LinkError: `owner.not_kept`; the link broke, and the result is unknown.
-        """
+        """Replace `before` by this console's number, and verify that it is there."""
         self.standing, self._unanswered = Standing.CHANGING, True
         held = None
         try:
@@ -141,26 +129,25 @@ class Ownership:
             if held == NOBODY != before:  # released at this very moment
                 held = self._exchanged(NOBODY)
         finally:
-            self.standing = Standing.OWNER if held == self._number else Standing.OBSERVER
+            self.standing = Standing.OWNER if held == self.number else Standing.OBSERVER
         self.holder, self._unanswered = int(held), False
-        if held in (NOBODY, before) and held != self._number:
-            value, limit = f"{held:.0f}", str(self._number)
-            raise LinkError(
-                Problem(code="owner.not_kept", where=self._client.link.address, value=value, limit=limit)
-            )
-        if held != self._number:
+        if held in (NOBODY, before) and held != self.number:
+            raise LinkError(self._problem("owner.not_kept", f"{held:.0f}", str(self.number)))
+        if held != self.number:
             raise self._held()
 
     def _exchanged(self, before: float) -> float:
         """Send the exchange once; return the owner after it. A lost answer is queried."""
         try:
-            (answer,) = self._client.request(exchange_line(before, self._number), lines=1)
+            (answer,) = self._client.request(exchange_line(before, self.number), lines=1)
         except LinkError as error:
-            if any(problem.code in GONE for problem in error.problems):
+            if is_gone(error):
                 raise
             return self._read()
         return self._client.number(answer)
 
     def _held(self) -> RefusedError:
-        value = str(self.holder)
-        return RefusedError(Problem(code="owner.held", where=self._client.link.address, value=value))
+        return RefusedError(self._problem("owner.held", str(self.holder)))
+
+    def _problem(self, code: str, value: str = "", limit: str = "") -> Problem:
+        return Problem(code=code, where=self._client.link.address, value=value, limit=limit)

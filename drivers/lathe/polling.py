@@ -14,24 +14,18 @@ from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.snapshot import Snapshot, SnapshotItems
 from drivers.lathe.stop import StopPath
-from drivers.link.base import GONE
+from drivers.link.base import is_gone
 from drivers.pmac.program_constants import ConstantsWatch
 from profiles.problem import Problem
 
-POLL_TIMEOUT_S = 0.3
-"""Timeout for the reply to a poll: during a cut nothing else reports a fault."""
-
-GUARDED_TIMEOUT_S = 0.17
-"""The same for the first try under a watchdog: it must leave time for a retry before the timeout."""
-
+POLL_TIMEOUT_S = 0.3  # timeout for the reply to a poll: during a cut nothing else reports a fault
 QUICK_TIMEOUT_S = 0.17
-"""Minimum reply timeout while rest is being proven: the next repetition of the stop must not wait."""
+"""Minimum reply timeout under a watchdog, whose renewal must not wait for more than one retry, and while rest is
+being proven: the next repetition of the stop must not wait."""
 
-POLLS_A_READING, CONSTANTS_A_READING = 4, 4
-"""Polls between two readings of constants, and constants per reading."""
+POLLS_A_READING, CONSTANTS_A_READING = 4, 4  # polls between two readings, and constants per reading
 
-SLOW_LINE_S = 0.05
-"""Where a poll takes longer than this, a reading is one constant: watchdog and polls come first."""
+SLOW_LINE_S = 0.05  # where a poll takes longer, a reading is one constant: watchdog and polls come first
 
 
 class Poller:
@@ -89,33 +83,26 @@ class Poller:
         try:
             return self.poll_once(self._first_timeout_s)
         except LinkError as error:
-            if any(problem.code in GONE for problem in error.problems):
+            if is_gone(error):
                 raise
             return self.poll_once(POLL_TIMEOUT_S)
 
     @property
-    def patience_s(self) -> float:
+    def quick_timeout_s(self) -> float:
         """Reply timeout of a poll where the next try must not wait; longer on a slow line."""
         return min(max(QUICK_TIMEOUT_S, 2.0 * self.round_trip_s), POLL_TIMEOUT_S)
 
     @property
     def _first_timeout_s(self) -> float:
-        if self._heartbeat is None or not self._heartbeat.guarding:
-            return POLL_TIMEOUT_S
-        return min(max(GUARDED_TIMEOUT_S, 2.0 * self.round_trip_s), POLL_TIMEOUT_S)
+        guarding = self._heartbeat is not None and self._heartbeat.guarding
+        return self.quick_timeout_s if guarding else POLL_TIMEOUT_S
 
     def poll_once(self, timeout_s: float) -> Snapshot:
-        """Read the state of the machine in one request.
-
-        Raises:
-            DriverError: as for `look`.
-        """
-        watchdog = ""
-        if self._heartbeat is not None and self._stop.reason is None:  # after a stop nothing of ours continues
-            watchdog = self._heartbeat.renewal()
+        """Read the state of the machine in one request; errors as for `look`."""
+        # After a stop nothing of ours continues.
+        line = self._renewing(*self._items.items) if self._stop.reason is None else " ".join(self._items.items)
         asked_s = self._clock.now_s()
         try:
-            line = " ".join((watchdog, *self._items.items)).lstrip()
             replies = self._client.request(line, timeout_s, lines=len(self._items.items))
             at_s = self._clock.now_s()
             snapshot = self._items.read(replies, asked_s, at_s, self._client.link.address)
@@ -136,10 +123,7 @@ class Poller:
     def watch_constants(self) -> None:
         """Read a few constants of the running program, every few polls, and judge them.
 
-        An unanswered reading is left to the next round: the next poll reports a bad line.
-
-        Raises:
-            DriverError: as for `look`.
+        An unanswered reading is left to the next round: the next poll reports a bad line. Errors as for `look`.
         """
         watched = self.watched
         if watched is None:
@@ -150,13 +134,17 @@ class Poller:
         names = watched.names(CONSTANTS_A_READING if self.round_trip_s < SLOW_LINE_S else 1)
         if not names or self._stop.reason is not None:
             return
-        watchdog = "" if self._heartbeat is None else self._heartbeat.renewal()
+        line = self._renewing(*names)
         try:
-            line = " ".join((watchdog, *names)).lstrip()
             answers = self._client.request(line, self._first_timeout_s, lines=len(names))
             found = watched.see(names, [self._client.number(answer) for answer in answers])
         except LinkError as error:
-            if any(problem.code in GONE for problem in error.problems):
+            if is_gone(error):
                 raise
             return
         self.changed = self.changed or found
+
+    def _renewing(self, *items: str) -> str:
+        """Return a line that queries `items`, with the watchdog renewal before them when something is guarded."""
+        watchdog = "" if self._heartbeat is None else self._heartbeat.renewal()
+        return " ".join((watchdog, *items)).lstrip()

@@ -38,11 +38,7 @@ class SafetyInput:
 
 
 def inputs_of(safety: Safety) -> tuple[SafetyInput, ...]:
-    """Return the safety devices that the controller sees.
-
-    Raises:
-        DriverError: `safety.bad_input`, with every malformed entry.
-    """
+    """Return the safety devices that the controller sees. Raises DriverError: `safety.bad_input`, all of them."""
     found = [_read(text) for text in safety.inputs]
     problems = [each for each in found if isinstance(each, Problem)]
     if problems:
@@ -64,12 +60,11 @@ def device_problems(inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
 
 def _unfitted(safety: Safety) -> Iterator[Problem]:
     for device, fitted in safety.devices.items():
+        key = f"safety.{device}"
         if fitted == NOT_FITTED and not is_signature(safety.signed_by):
-            yield Problem(code="safety.not_signed", key=f"safety.{device}", value=fitted, limit="safety.signed_by")
+            yield Problem(code="safety.not_signed", key=key, value=fitted, limit="safety.signed_by")
         elif fitted not in (WIRED, NOT_FITTED):
-            yield Problem(
-                code="safety.unknown", key=f"safety.{device}", value=fitted, limit=f"{WIRED} | {NOT_FITTED}"
-            )
+            yield Problem(code="safety.unknown", key=key, value=fitted, limit=f"{WIRED} | {NOT_FITTED}")
 
 
 def _read(text: str) -> SafetyInput | Problem:

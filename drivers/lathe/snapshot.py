@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass, field, replace
+from enum import StrEnum, auto
 from types import MappingProxyType
 
 from drivers.errors import LinkError
@@ -17,19 +17,18 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 FAULT_FLAGS = ("fatal_following_error", "amplifier_fault", "negative_limit", "positive_limit")
-ITEMS_PER_AXIS = 3
 REAL_TIME_PERCENT = 100.0
 
 
 class AxisName(StrEnum):
     """The axes, by their machine names."""
 
-    TOOL = "tool"
-    SPINDLE = "spindle"
-    CARRIAGE = "carriage"
+    TOOL = auto()
+    SPINDLE = auto()
+    CARRIAGE = auto()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class AxisState:
     """One axis as the controller reports it, in counts of its motor."""
 
@@ -93,7 +92,7 @@ class Snapshot:
     @property
     def loops_closed(self) -> bool:
         """Whether every driven axis is in closed loop."""
-        return all(axis.closed for axis in self.driven_axes)
+        return not self.open_loops
 
     @property
     def nothing_open(self) -> bool:
@@ -140,7 +139,7 @@ class Snapshot:
     @property
     def homed(self) -> bool:
         """Whether every driven axis is homed."""
-        return all("home_complete" in a.flags for a in self.driven_axes)
+        return self.homed_axes == frozenset(self.driven)
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -179,11 +178,7 @@ class SnapshotItems:
     """The items of one request: each motor, the program, the console's words, the safety inputs."""
 
     def __init__(self, machine: MachineProfile, dialect: Dialect) -> None:
-        """Read the inputs that the profile names.
-
-        Raises:
-            DriverError: `safety.bad_input`.
-        """
+        """Read the inputs that the profile names. Raises DriverError: `safety.bad_input`."""
         motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
         self.driven = driven_axes(machine)
         self.inputs = inputs_of(machine.safety)
@@ -198,14 +193,10 @@ class SnapshotItems:
         )
 
     def read(self, replies: Sequence[str], asked_s: float, at_s: float, where: str) -> Snapshot:
-        """Make a snapshot of the replies to `items`.
-
-        Raises:
-            LinkError: `link.out_of_step`, a reply does not match its query.
-        """
+        """Make a snapshot of the replies to `items`. Raises LinkError: `link.out_of_step`."""
         try:
-            tool, spindle, carriage = self._axes(replies)
-            status, override, owner, lost, *words = replies[3 * ITEMS_PER_AXIS :]
+            tool, spindle, carriage = (self._axis(replies[start : start + 3]) for start in (0, 3, 6))
+            status, override, owner, lost, *words = replies[9:]
             system = decode(status, self._dialect.system_bits)
             return Snapshot(
                 asked_s=asked_s,
@@ -225,23 +216,17 @@ class SnapshotItems:
             problem = Problem(code="link.out_of_step", where=where, key=" ".join(self.items), value=str(error))
             raise LinkError(problem) from error
 
-    def _axes(self, replies: Sequence[str]) -> list[AxisState]:
-        starts = range(0, 3 * ITEMS_PER_AXIS, ITEMS_PER_AXIS)
-        return [
-            AxisState(position=float(position), following_error=float(error), flags=_flags(status, self._dialect))
-            for position, error, status in (replies[start : start + ITEMS_PER_AXIS] for start in starts)
-        ]
+    def _axis(self, replies: Sequence[str]) -> AxisState:
+        position, error, status = replies
+        axis = AxisState(float(position), float(error), decode(status, self._dialect.motor_bits))
+        if "open_loop" in axis.flags:  # then the controller reports no desired velocity
+            return replace(axis, flags=axis.flags | {"desired_velocity_zero"})
+        return axis
 
     def _inputs(self, words: Sequence[str]) -> Mapping[str, bool]:
         items = dict.fromkeys(each.item for each in self.inputs)
-        met = {item: int(number_of(word)) for item, word in zip(items, words, strict=True)}
+        actual = {item: int(number_of(word)) for item, word in zip(items, words, strict=True)}
         good: dict[str, bool] = {}
         for each in self.inputs:  # a device with two contacts is safe when both are
-            good[each.device] = good.get(each.device, True) and each.is_good(met[each.item])
+            good[each.device] = good.get(each.device, True) and each.is_good(actual[each.item])
         return MappingProxyType(good)
-
-
-def _flags(status: str, dialect: Dialect) -> frozenset[str]:
-    """Return the status flags of a motor. In open loop the controller reports no desired velocity."""
-    flags = decode(status, dialect.motor_bits)
-    return flags | {"desired_velocity_zero"} if "open_loop" in flags else flags

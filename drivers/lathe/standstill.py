@@ -16,30 +16,19 @@ REST_TIMEOUT_S = 15.0
 COAST_TIMEOUT_S = 60.0
 STOP_REPEAT_S = 0.2
 POLLS_AT_REST = 3
-REST_BAND_COUNTS = 1.0
-"""Rest is this many polls in a row between which no axis has moved further than this."""
-
-ARRIVED_COUNTS = 2.0
-"""How far from its target a jog may be commanded to rest; positions are reported in tenths of a count."""
-
-SETTLE_S = 15.0
-"""Time for an axis at rest near its target to come in position: three times the servo's time constant."""
-
-REST_S = 2.0
-"""The same where nothing depends on it."""
+REST_BAND_COUNTS = 1.0  # rest is this many polls in a row between which no axis has moved further than this
+ARRIVED_COUNTS = 2.0  # commanded rest of a jog beside its target; positions are reported in tenths of a count
+SETTLE_S = 15.0  # for an axis at rest near its target to come in position: three servo time constants
+REST_S = 2.0  # the same where nothing depends on it
 
 
-def prove_rest(looks: Poller, stop: StopPath, clock: Clock, end_guard: Callable[[], None]) -> Snapshot:
+def prove_rest(poller: Poller, stop: StopPath, clock: Clock, end_watchdog: Callable[[], None]) -> Snapshot:
     """Poll the machine until it is proven at rest, and repeat the stop while it is not.
 
     After control-K every loop must be open as well, and the spindle gets time to coast down. A failed poll
     proves nothing: the stop is sent again, then the next poll is tried. Another stop meanwhile restarts the
-    proof. `end_guard` disarms the watchdog; it must not raise. When this process has to exit, the wait ends at
-    `leave_by_s` of the stop.
-
-    Raises:
-        DriverError: `machine.not_at_rest`.
-        LinkError: `link.lost`, the link is gone.
+    proof. `end_watchdog` must not raise. When this process has to exit, the wait ends at `leave_by_s` of the stop.
+    Raises DriverError: `machine.not_at_rest`; LinkError: `link.lost`, the link is gone.
     """
     began_s = clock.now_s()
     before: Snapshot | None = None
@@ -47,13 +36,15 @@ def prove_rest(looks: Poller, stop: StopPath, clock: Clock, end_guard: Callable[
     while clock.now_s() < min(began_s + _timeout_s(stop), stop.leave_by_s):
         if stop.mark != mark:
             mark, polls_at_rest = stop.mark, 0
+        snapshot = None
         try:
-            snapshot = _look(looks)
-        except DriverError:
-            stop.given_up = True
-            raise
+            snapshot = poller.poll_once(poller.quick_timeout_s)
+        except DriverError as error:
+            if error.problems[0].code in GONE:
+                stop.given_up = True
+                raise
         if snapshot is not None:
-            end_guard()
+            end_watchdog()
         proven = snapshot is not None and snapshot.at_rest and (snapshot.loops_open or not stop.killed)
         if not proven:
             stop.repeat()
@@ -77,15 +68,6 @@ def _timeout_s(stop: StopPath) -> float:
     return COAST_TIMEOUT_S if stop.killed else REST_TIMEOUT_S
 
 
-def _look(looks: Poller) -> Snapshot | None:
-    try:
-        return looks.poll_once(looks.patience_s)
-    except DriverError as error:
-        if error.problems[0].code in GONE:
-            raise
-        return None
-
-
 class Settling:
     """Axes coming to rest, judged from poll to poll: in position, or the tool for some time within a band.
 
@@ -93,9 +75,9 @@ class Settling:
     minute. Any other axis that does not arrive is faulty.
     """
 
-    def __init__(self, axes: Iterable[AxisName], tool_band_counts: float, patience_s: float = SETTLE_S) -> None:
-        """The tool may lag by `tool_band_counts` at rest, once it has done so for `patience_s`."""
-        self._axes, self._tool_band_counts, self._patience_s = tuple(axes), tool_band_counts, patience_s
+    def __init__(self, axes: Iterable[AxisName], tool_band_counts: float, timeout_s: float = SETTLE_S) -> None:
+        """The tool may lag by `tool_band_counts` at rest, once it has done so for `timeout_s`."""
+        self._axes, self._tool_band_counts, self._timeout_s = tuple(axes), tool_band_counts, timeout_s
         self._near_since_s: float | None = None
 
     def is_over(self, snapshot: Snapshot) -> bool:
@@ -108,7 +90,7 @@ class Settling:
             return False
         if self._near_since_s is None:
             self._near_since_s = snapshot.at_s
-        return snapshot.at_s - self._near_since_s >= self._patience_s
+        return snapshot.at_s - self._near_since_s >= self._timeout_s
 
 
 class HomeSearch:
@@ -126,8 +108,7 @@ class HomeSearch:
         sooner: somebody declared its position home (`HMZ`), and there is no real zero.
         """
         self.sudden = False
-        self._axis, self._rests = axis, 0
-        self._braking_s = braking_s
+        self._axis, self._rests, self._braking_s = axis, 0, braking_s
         self._searching: Snapshot | None = None
         self._settling = Settling((axis,), tool_band_counts, REST_S)
 

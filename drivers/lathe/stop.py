@@ -49,12 +49,9 @@ class StopPath:
         # only records how many of them are over, so no release can cancel a stop that it does not know.
         self._begun: list[str] = []
         self._sent: list[None] = []
-        self.delivered = True
+        self.delivered, self.given_up = True, False
         self.leave_by_s = math.inf
-        self.given_up = False
-        self._killed_at = 0
-        self._proven = 0
-        self._released = 0
+        self._killed_at = self._proven = self._released = 0
 
     @property
     def way(self) -> StopWay:
@@ -113,8 +110,7 @@ class StopPath:
     def release(self) -> None:
         """Release the stop; do nothing when none is in force. A stop that comes meanwhile stays in force.
 
-        Raises:
-            RefusedError: `stop.not_proven`, the machine was not seen at rest after the last stop.
+        Raises RefusedError: `stop.not_proven`, the machine was not seen at rest after the last stop.
         """
         if self.reason is None:
             return
@@ -125,20 +121,12 @@ class StopPath:
         self._released = proven
 
     def switch_off(self) -> None:
-        """Disable the drives without a stop in force afterwards: a normal action, for a machine at rest.
-
-        Raises:
-            LinkError: the link broke.
-        """
+        """Disable the drives without a stop in force afterwards: a normal action, for a machine at rest."""
         self.loops_closed = False
         self._link.send_urgent(KILL_ALL)
 
     def check(self) -> None:
-        """Refuse to continue after a stop.
-
-        Raises:
-            StoppedError: `machine.stopped`.
-        """
+        """Refuse to continue after a stop. Raises StoppedError: `machine.stopped`."""
         reason = self.reason
         if reason is not None:
             raise StoppedError(Problem(code="machine.stopped", value=reason))

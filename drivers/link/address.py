@@ -1,7 +1,7 @@
 """Parse link addresses as an operator writes them; `str` of an address gives the shortest equivalent text.
 
 `serial:/dev/NAME[?baud=RATE]`, `tcp:HOST:PORT`, `ethernet:HOST[:PORT][?stop=reserved]`, and `sim:` for the
-simulated lathe.
+simulated lathe. What cannot be parsed raises LinkError: `link.bad_address`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,7 @@ from drivers.errors import LinkError
 from profiles.problem import Problem
 
 HIGHEST_PORT = 65_535
-ETHERNET_PORT = 1025
-"""Default port of the controllers' Ethernet boards."""
-
+ETHERNET_PORT = 1025  # default port of the controllers' Ethernet boards
 DEFAULT_BAUD_RATE = 38_400
 HIGHEST_BAUD_RATE = 4_000_000
 
@@ -26,7 +24,7 @@ _ETHERNET_FORM = f"ethernet:HOST[:PORT][?stop=reserved], 1 <= PORT <= {HIGHEST_P
 _FORMS = f"serial:/dev/NAME[?baud=RATE] | tcp:HOST:PORT | ethernet:HOST[:{ETHERNET_PORT}][?stop=reserved] | sim:"
 
 _RESERVED = "?stop=reserved"
-_RATE_BEHIND_COLON = re.compile(r".*:[0-9]+")
+_RATE_AFTER_COLON = re.compile(r".*:[0-9]+")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,10 +40,7 @@ class TcpAddress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EthernetAddress:
-    """The Ethernet board of a controller, which speaks a request protocol.
-
-    With `reserves_stop` a second connection is opened for stops alone.
-    """
+    """The Ethernet board of a controller; `reserves_stop` opens a second connection for stops alone."""
 
     host: str
     port: int = ETHERNET_PORT
@@ -85,9 +80,7 @@ class SimulatedAddress:
         return "sim:"
 
 
-WiredAddress = TcpAddress | EthernetAddress | SerialAddress
-"""An address that can be connected to."""
-
+WiredAddress = TcpAddress | EthernetAddress | SerialAddress  # can be connected to
 LinkAddress = WiredAddress | SimulatedAddress
 
 
@@ -97,11 +90,7 @@ def without_options(address: str) -> str:
 
 
 def parse_address(text: str) -> LinkAddress:
-    """Parse a link address.
-
-    Raises:
-        LinkError: `link.bad_address`.
-    """
+    """Parse a link address."""
     kind, _, rest = text.partition(":")
     match kind:
         case "serial":
@@ -110,7 +99,10 @@ def parse_address(text: str) -> LinkAddress:
             host, port = _host_and_port(rest, text, _TCP_FORM)
             return TcpAddress(host=host, port=port)
         case "ethernet":
-            host, port = _host_and_port(_with_port(rest.removesuffix(_RESERVED)), text, _ETHERNET_FORM)
+            place = rest.removesuffix(_RESERVED)
+            if ":" not in place.rpartition("]")[2]:
+                place = f"{place}:{ETHERNET_PORT}"
+            host, port = _host_and_port(place, text, _ETHERNET_FORM)
             return EthernetAddress(host=host, port=port, reserves_stop=rest.endswith(_RESERVED))
         case "sim" if text == "sim:":
             return SimulatedAddress()
@@ -118,21 +110,13 @@ def parse_address(text: str) -> LinkAddress:
 
 
 def parse_host_port(text: str) -> TcpAddress:
-    """Parse `HOST:PORT` of a listener, with brackets round an IPv6 address; port 0 lets it choose.
-
-    Raises:
-        LinkError: `link.bad_address`, the text is not of this form.
-    """
+    """Parse `HOST:PORT` of a listener, with brackets round an IPv6 address; port 0 lets it choose."""
     host, port = _host_and_port(text, text, _HOST_FORM, lowest_port=0)
     return TcpAddress(host=host, port=port)
 
 
 def parse_device(text: str) -> SerialAddress:
-    """Parse `/dev/NAME` or `/dev/NAME?baud=RATE`; names by bus position contain colons themselves.
-
-    Raises:
-        LinkError: `link.bad_address`, the text is not of this form; `/dev/NAME:RATE` is refused, too.
-    """
+    """Parse `/dev/NAME` or `/dev/NAME?baud=RATE`, not `/dev/NAME:RATE`: names by bus position contain colons."""
     device, asked, query = text.rpartition("?")
     name, _, rate = query.partition("=") if asked else ("baud", "=", str(DEFAULT_BAUD_RATE))
     device = device if asked else text
@@ -144,13 +128,7 @@ def parse_device(text: str) -> SerialAddress:
 
 
 def _needs_rate(device: str) -> bool:
-    return "?" in device or _RATE_BEHIND_COLON.fullmatch(device) is not None
-
-
-def _with_port(text: str) -> str:
-    """Add the default port if there is none."""
-    behind = text.rpartition("]")[2]
-    return text if ":" in behind else f"{text}:{ETHERNET_PORT}"
+    return "?" in device or _RATE_AFTER_COLON.fullmatch(device) is not None
 
 
 def _host_and_port(text: str, whole: str, form: str, lowest_port: int = 1) -> tuple[str, int]:

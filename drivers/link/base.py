@@ -5,8 +5,14 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Protocol
 
-GONE = frozenset(("link.lost", "link.closed"))
-"""Codes of the problems after which this link is dead."""
+from drivers.errors import DriverError
+
+GONE = frozenset(("link.lost", "link.closed"))  # codes of the problems after which this link is dead
+
+
+def is_gone(error: DriverError) -> bool:
+    """Whether the link is dead after this error."""
+    return any(problem.code in GONE for problem in error.problems)
 
 
 class StopWay(StrEnum):

@@ -16,9 +16,7 @@ from enum import Enum, auto
 from drivers.pmac.ethernet import NOTHING, REPLY_LIMIT, TAKEN, buffer_length
 
 ACK, LF, BELL = b"\x06", b"\n", b"\x07"
-FLUSHED = (TAKEN[0], 0x18)
-"""What a board sends after a flush: the manual's control-X, or what real boards send."""
-
+FLUSHED = (TAKEN[0], 0x18)  # after a flush: the manual's control-X, or what real boards send
 _STOP_ANSWERS = (ACK, LF, NOTHING)
 
 
@@ -40,7 +38,7 @@ class BoardReplies:
         self._pieces = 0
         self._flushes = 0
         self._piece = bytearray()
-        self._told = 0
+        self._passed_on = 0
 
     def asked(self, what: Asked) -> None:
         """Record a request, in the order of sending."""
@@ -102,8 +100,8 @@ class BoardReplies:
         piece, rest = bytes(self._piece[:end]), bytes(self._piece[end:])
         of_stop = bool(self._owed) and self._owed[0] is Asked.STOP
         if not of_stop:
-            said += piece[self._told :]
-            self._told = end
+            said += piece[self._passed_on :]
+            self._passed_on = end
         if length:
             self._end_piece(piece, said, of_stop=of_stop)
         return rest
@@ -120,4 +118,4 @@ class BoardReplies:
 
     def _begin_piece(self) -> None:
         self._piece.clear()
-        self._told = 0
+        self._passed_on = 0

@@ -13,9 +13,7 @@ from profiles.problem import Problem
 CONNECT_TIMEOUT_S = 5.0
 CHUNK = 65_536
 
-IDLE_S, PROBE_S, PROBES = 5, 2, 3
-"""Idle time after which TCP keep-alive probes the connection; without an answer it is closed."""
-
+IDLE_S, PROBE_S, PROBES = 5, 2, 3  # TCP keep-alive: idle time, then probes; unanswered, it is closed
 _REFUSALS = {
     errno.ECONNREFUSED: "link.refused",
     errno.ETIMEDOUT: "link.no_answer",
@@ -31,10 +29,9 @@ class Connection:
     def __init__(self, host: str, port: int, address: str) -> None:
         """Connect.
 
-        Raises:
-            LinkError: `link.unknown_host`, `link.refused`, `link.no_answer`, `link.unreachable`, `link.failed`.
+        Raises LinkError: `link.unknown_host`, `link.refused`, `link.no_answer`, `link.unreachable`, `link.failed`.
         """
-        self._address = address
+        self.address = address
         try:
             self._socket = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
         except (socket.gaierror, UnicodeError) as error:
@@ -54,11 +51,7 @@ class Connection:
             self._socket.setsockopt(level, option, value)
 
     def write(self, data: bytes, wait_s: float) -> None:
-        """Send all of it, waiting at most `wait_s` at a time for room.
-
-        Raises:
-            LinkError: `link.lost`; part of it may have been sent.
-        """
+        """Send all, waiting at most `wait_s` at a time. Raises LinkError: `link.lost`, perhaps after a part."""
         left = memoryview(data)
         try:
             while left:
@@ -72,11 +65,7 @@ class Connection:
             raise self._error("link.lost", _reason(error)) from error
 
     def write_whole(self, frame: bytes) -> None:
-        """Send all of it at once, or end the connection: nothing may follow half a frame.
-
-        Raises:
-            LinkError: `link.lost`.
-        """
+        """Send all at once, or end the connection (`link.lost`): nothing may follow half a frame."""
         try:
             if self._socket.send(frame) < len(frame):
                 raise BlockingIOError(errno.EAGAIN, "nobody takes what is sent")
@@ -86,12 +75,8 @@ class Connection:
                 self._socket.shutdown(socket.SHUT_RDWR)
             raise self._error("link.lost", _reason(error)) from error
 
-    def read(self, timeout_s: float = 0.0) -> bytes:
-        """Return the bytes received within `timeout_s`; empty on timeout.
-
-        Raises:
-            LinkError: `link.lost`, or `link.closed` by the other end.
-        """
+    def receive(self, timeout_s: float = 0.0) -> bytes:
+        """Return the bytes within `timeout_s`; empty on timeout. Raises LinkError: `link.lost`, `link.closed`."""
         try:
             ready, _, _ = select.select([self._socket], [], [], max(timeout_s, 0.0))
             if not ready:
@@ -110,7 +95,7 @@ class Connection:
         self._socket.close()
 
     def _error(self, code: str, reason: str = "") -> LinkError:
-        return LinkError(Problem(code=code, where=self._address, value=reason))
+        return LinkError(Problem(code=code, where=self.address, value=reason))
 
 
 def _reason(error: OSError | ValueError) -> str:

@@ -11,21 +11,72 @@ from drivers.link.address import EthernetAddress
 from drivers.link.base import StopWay
 from drivers.link.board_replies import Asked, BoardReplies
 from drivers.link.connection import Connection
-from drivers.link.stop_connection import StopConnection
 from drivers.pmac.ethernet import REPLY_LIMIT, Direction, Request, RequestCode
 from profiles.problem import Problem
 
-REPLY_WAIT_S = 2.0
-"""How long a line waits for the previous reply: the board mixes up the replies to two lines at a time."""
-
-URGENT_WAIT_S = 0.02
-"""How long a stop waits for another thread that is handing over a request, which takes next to no time."""
-
+REPLY_WAIT_S = 2.0  # for the previous reply: the board mixes up the replies to two lines at a time
+OPENING_S = 2.0  # for the first answer; a network accepts connections that no board serves
+ANSWER_S = 1.0  # how long the board may take to answer a stop; after that the stop may not have been received
+URGENT_WAIT_S = 0.02  # of a stop, for another thread that is handing over a request
 FLUSH = b"\x18"
 
 _PARTS = re.compile(rb"[\r\n\x18]|[^\r\n\x18]+")
 _GET_BUFFER = Request(direction=Direction.UPLOAD, code=RequestCode.GETBUFFER, length=REPLY_LIMIT)
 _FLUSH = Request(direction=Direction.DOWNLOAD, code=RequestCode.FLUSH)
+_READY = Request(direction=Direction.UPLOAD, code=RequestCode.READREADY, length=2)
+
+
+class StopConnection:
+    """Carries nothing but stops, so that none queues after a pending reply.
+
+    Used from any thread and from signal handlers: when two of them read at the same time, one answer serves both.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        """Ask the board, without side effects, whether there is anything to read, and wait for its answer.
+
+        Raises LinkError: `link.no_answer`, the board does not serve it; `link.lost`, `link.closed`.
+        """
+        self._connection, self._alive = connection, True
+        self._asked_s: float | None = None
+        try:
+            connection.write_whole(_READY.encode())
+            if not connection.receive(OPENING_S):
+                raise LinkError(Problem(code="link.no_answer", value=f"{OPENING_S:g} s"))
+        except LinkError:
+            connection.close()
+            raise
+
+    @property
+    def works(self) -> bool:
+        """Whether the connection is open and every stop was answered in time."""
+        asked_s = self._asked_s
+        return self._alive and (asked_s is None or time.monotonic() - asked_s <= ANSWER_S)
+
+    def send(self, frame: bytes) -> bool:
+        """Send a stop; return whether that suffices: it was sent, and nothing suggests that it is not received."""
+        self.look()
+        will_do = self._alive and self._asked_s is None
+        if self._alive:
+            self._asked_s = self._asked_s or time.monotonic()
+            try:
+                self._connection.write_whole(frame)
+            except LinkError:
+                self._alive = will_do = False
+        return will_do
+
+    def look(self) -> None:
+        """Read the board's answers and detect a lost connection."""
+        try:
+            while self._alive and self._connection.receive():
+                self._asked_s = None
+        except LinkError:
+            self._alive = False
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._alive = False
+        self._connection.close()
 
 
 class EthernetLink:
@@ -38,12 +89,7 @@ class EthernetLink:
     checks_bytes = True
 
     def __init__(self, address: EthernetAddress) -> None:
-        """Connect.
-
-        Raises:
-            LinkError: `link.unknown_host`, `link.refused`, `link.no_answer`, `link.unreachable`, `link.failed`;
-                `link.no_stop_connection`, the second connection was refused or is not answered.
-        """
+        """Connect; errors as for `Connection`, and `link.no_stop_connection`: the second one was refused."""
         self.address = str(address)
         self._replies = BoardReplies()
         # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not block.
@@ -71,7 +117,9 @@ class EthernetLink:
         for part in _PARTS.findall(data):
             if part == b"\r":
                 line, self._line = self._line, b""
-                self._ask(line)
+                self._await_replies()
+                self._asked_last = line.decode("latin-1")
+                self._request(_get_response(line), Asked.LINE)
             elif part == FLUSH:
                 self._line = b""
                 self._asked_last = "^X"
@@ -80,21 +128,13 @@ class EthernetLink:
                 self._line += part
 
     def send_urgent(self, data: bytes) -> None:
-        """Send a stop now: on its own connection, or directly after the request in flight.
-
-        Raises:
-            LinkError: `link.lost`, the board accepts nothing.
-        """
-        stop = Request(direction=Direction.DOWNLOAD, code=RequestCode.GETRESPONSE, length=len(data), data=data)
+        """Send a stop on its own connection, or after the request in flight. Raises LinkError: `link.lost`."""
+        stop = _get_response(data)
         if self._stops is None or not self._stops.send(stop.encode()):
             self._request(stop, Asked.STOP)
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return the reply text received within `timeout_s`.
-
-        Raises:
-            LinkError: `link.lost`, or `link.closed` by the controller.
-        """
+        """Return the reply text within `timeout_s`. Raises LinkError: `link.lost`, `link.closed`."""
         deadline = time.monotonic() + timeout_s
         while not self._said:
             left_s = deadline - time.monotonic()
@@ -120,12 +160,6 @@ class EthernetLink:
             problem = Problem(code="link.no_stop_connection", where=self.address, value=value)
             raise LinkError(problem) from error
 
-    def _ask(self, line: bytes) -> None:
-        self._await_replies()
-        self._asked_last = line.decode("latin-1")
-        ask = Request(direction=Direction.DOWNLOAD, code=RequestCode.GETRESPONSE, length=len(line), data=line)
-        self._request(ask, Asked.LINE)
-
     def _await_replies(self) -> None:
         deadline = time.monotonic() + REPLY_WAIT_S
         while not self._replies.complete:
@@ -140,7 +174,7 @@ class EthernetLink:
     def _read(self, timeout_s: float) -> None:
         if self._stops is not None:
             self._stops.look()
-        self._said += self._replies.take(self._connection.read(timeout_s))
+        self._said += self._replies.take(self._connection.receive(timeout_s))
         if self._replies.wants_more:
             self._request(_GET_BUFFER, Asked.MORE)
 
@@ -153,3 +187,7 @@ class EthernetLink:
         finally:
             if held:
                 self._requests.release()
+
+
+def _get_response(data: bytes) -> Request:
+    return Request(direction=Direction.DOWNLOAD, code=RequestCode.GETRESPONSE, length=len(data), data=data)

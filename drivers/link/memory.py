@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from drivers.clock import Clock
 from drivers.link.base import StopWay
 
-LOOK_S = 0.001
-"""Simulated time between two polls: well below the background cycle in which the other end answers."""
+POLL_S = 0.001  # simulated time: well below the background cycle in which the other end answers
 
 
 class Peer(Protocol):
@@ -23,16 +23,6 @@ class Peer(Protocol):
         """Return the bytes sent since the last call."""
 
 
-class SimulatedTime(Protocol):
-    """A clock that is advanced, never slept."""
-
-    def now_s(self) -> float:
-        """Return the simulated time."""
-
-    def wait(self, seconds: float) -> None:
-        """Advance the clock."""
-
-
 class MemoryLink:
     """Byte stream to and from a simulated controller."""
 
@@ -40,9 +30,8 @@ class MemoryLink:
     stop_way = StopWay.DIRECT
     checks_bytes = True
 
-    def __init__(self, peer: Peer, time: SimulatedTime) -> None:
-        self._peer = peer
-        self._time = time
+    def __init__(self, peer: Peer, clock: Clock) -> None:
+        self._peer, self._clock = peer, clock
 
     def send(self, data: bytes) -> None:
         """Hand bytes to the simulated controller."""
@@ -54,12 +43,12 @@ class MemoryLink:
 
     def receive(self, timeout_s: float) -> bytes:
         """Advance simulated time until bytes arrive, or by `timeout_s`."""
-        deadline = self._time.now_s() + timeout_s
+        deadline = self._clock.now_s() + timeout_s
         while not (data := self._peer.take_output()):
-            left = deadline - self._time.now_s()
+            left = deadline - self._clock.now_s()
             if left <= 0.0:
                 break
-            self._time.wait(min(left, LOOK_S))
+            self._clock.wait(min(left, POLL_S))
         return data
 
     def close(self) -> None:

@@ -7,11 +7,7 @@ from drivers.link.base import Link
 
 
 def open_link(address: WiredAddress) -> Link:
-    """Connect to the address.
-
-    Raises:
-        LinkError: a code of its own for each failure, see `docs/links.md`.
-    """
+    """Connect to the address. Raises LinkError: a code of its own for each failure, see `docs/links.md`."""
     # Import only the transport that is used.
     match address:
         case SerialAddress():

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-AHEAD_S = 0.010
-"""Transmission time that may be queued on a line: the longest that a stop waits."""
-
-CHARACTER_BITS = 10
-"""A start bit, 8 data bits, a stop bit."""
-
+AHEAD_S = 0.010  # transmission time that may be queued on a line: the longest that a stop waits
+CHARACTER_BITS = 10  # a start bit, 8 data bits, a stop bit
 LEAST_WAIT_S = 0.001
 
 

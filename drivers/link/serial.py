@@ -23,9 +23,7 @@ from drivers.link.serial_opening import open_line
 from profiles.problem import Problem
 
 SEND_TIMEOUT_S = 2.0
-URGENT_WAIT_S = 0.02
-"""How long a stop waits for room on a full line."""
-
+URGENT_WAIT_S = 0.02  # how long a stop waits for room on a full line
 CHUNK = 65_536
 
 
@@ -36,12 +34,7 @@ class SerialLink:
     checks_bytes = False
 
     def __init__(self, address: SerialAddress) -> None:
-        """Open the device.
-
-        Raises:
-            LinkError: `link.no_device`, `link.no_permission`, `link.owner_only`, `link.busy`, `link.not_serial`,
-                `link.baud`, `link.failed`.
-        """
+        """Open the device; errors as for `open_line`."""
         self.address = str(address)
         self._pace = Pace(address.baud_rate)
         # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not block.
@@ -51,8 +44,7 @@ class SerialLink:
     def send(self, data: bytes) -> None:
         """Send bytes in order, queueing no more than a stop may have to wait for.
 
-        Raises:
-            LinkError: `link.lost`; also when the line has accepted nothing for `SEND_TIMEOUT_S`.
+        Raises LinkError: `link.lost`; also when the line has accepted nothing for `SEND_TIMEOUT_S`.
         """
         try:
             left, last_s = memoryview(data), time.monotonic()
@@ -72,9 +64,7 @@ class SerialLink:
     def send_urgent(self, data: bytes) -> None:
         """Send now: after what the line has accepted already, before whatever still waits in `send`.
 
-        Raises:
-            LinkError: `link.lost`; also when the line accepts nothing within `URGENT_WAIT_S`, nothing is sent
-            then.
+        Raises LinkError: `link.lost`; also when the line accepts nothing within `URGENT_WAIT_S`: nothing was sent.
         """
         deadline = time.monotonic() + URGENT_WAIT_S
         held = self._handing.acquire(timeout=URGENT_WAIT_S)
@@ -87,11 +77,7 @@ class SerialLink:
                 self._handing.release()
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return the bytes received within `timeout_s`.
-
-        Raises:
-            LinkError: `link.lost`.
-        """
+        """Return the bytes received within `timeout_s`. Raises LinkError: `link.lost`."""
         try:
             line = self._line.fileno()
             readable, _, _ = select.select([line], [], [], max(timeout_s, 0.0))
@@ -112,7 +98,6 @@ class SerialLink:
             self._line.close()
 
     def _hand_over(self, data: memoryview) -> int:
-        """Write as much as the stop delay allows; return how many bytes that was."""
         with self._handing:
             line, now_s = self._line.fileno(), time.monotonic()
             room = min(self._pace.room(now_s), self._pace.ahead - _queued(line))

@@ -10,6 +10,7 @@ import pwd
 import stat
 import struct
 import termios
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -19,9 +20,7 @@ from drivers.errors import LinkError
 from drivers.link.address import SerialAddress
 from profiles.problem import Problem
 
-BAUD_TOLERANCE = 0.02
-"""Permitted deviation of the actual line speed; characters are still received correctly within it."""
-
+BAUD_TOLERANCE = 0.02  # of the actual line speed; characters are still received correctly within it
 _REFUSALS = {
     errno.ENOENT: "link.no_device",
     errno.ENOTDIR: "link.no_device",
@@ -40,8 +39,7 @@ _REFUSALS = {
 _TCGETS2, _TERMIOS2 = 0x802C_542A, struct.Struct("4IB19s2I")
 """Requests the settings with the speed as a number; the layout of most processor architectures, not of all."""
 
-_PSEUDO_TERMINALS = range(136, 144)
-"""Major device numbers."""
+_PSEUDO_TERMINALS = range(136, 144)  # major device numbers
 
 
 def open_line(address: SerialAddress) -> serial.Serial:
@@ -94,7 +92,9 @@ def _keep_others_out(line: int) -> None:
 
 
 def _refusal(address: SerialAddress, error: OSError) -> LinkError:
-    number = _number(error)
+    number, before = error.errno or 0, error.__context__
+    if not number and isinstance(before, termios.error):  # pyserial hides that of the settings behind its own
+        number = before.args[0]
     code = _REFUSALS.get(number, "link.failed")
     reason = os.strerror(number) if number else str(error)
     if code == "link.busy":
@@ -104,36 +104,20 @@ def _refusal(address: SerialAddress, error: OSError) -> LinkError:
     return _problem(address, code, value=reason)
 
 
-def _number(error: OSError) -> int:
-    """Return the error number; pyserial hides that of the settings in the error before its own."""
-    number, before = error.errno, error.__context__
-    if number is None and isinstance(before, termios.error):
-        number = before.args[0]
-    return number or 0
-
-
 def _not_permitted(address: SerialAddress) -> LinkError:
-    """Return the refusal that names who may open the device: a group to join, or its owner alone."""
     try:
         owned = os.stat(address.device)
     except OSError as error:  # not even the directory may be read
         return _problem(address, "link.failed", value=os.strerror(error.errno or 0))
     mode = stat.filemode(owned.st_mode)
     if owned.st_mode & stat.S_IRGRP and owned.st_mode & stat.S_IWGRP:
-        return _problem(address, "link.no_permission", value=mode, limit=_group_name(owned.st_gid))
-    return _problem(address, "link.owner_only", value=mode, limit=_user_name(owned.st_uid))
+        return _problem(address, "link.no_permission", value=mode, limit=_name(grp.getgrgid, owned.st_gid))
+    return _problem(address, "link.owner_only", value=mode, limit=_name(pwd.getpwuid, owned.st_uid))
 
 
-def _group_name(number: int) -> str:
+def _name(look_up: Callable[[int], Sequence[object]], number: int) -> str:
     try:
-        return grp.getgrgid(number).gr_name
-    except KeyError:
-        return str(number)
-
-
-def _user_name(number: int) -> str:
-    try:
-        return pwd.getpwuid(number).pw_name
+        return str(look_up(number)[0])
     except KeyError:
         return str(number)
 

@@ -1,25 +1,205 @@
-"""Decide whether, and where, the links of a command are traced."""
+"""Record every byte of a link in both directions, in readable form, into one file for all links of a command.
+
+    12.345 > #1P
+    12.351 < 125.5
+    12.351 < [ACK]
+    12.400 ! [^K]
+
+Each line of the trace is one line of the dialogue, with the time (s) of its last byte; `!` is a stop, sent with
+priority. Its CR is not shown: `[no CR]` marks a missing one, `[CR]` stands for an empty line.
+"""
 
 from __future__ import annotations
 
+import os
+import threading
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
+from typing import Protocol
 
-from drivers.link.base import Link
-from drivers.link.trace import TracedLink
-from drivers.link.trace_file import TraceFile
+from drivers.errors import DriverError, LinkError
+from drivers.link.base import Link, StopWay
 from profiles.problem import Problem
+
+CR, ACK, NUL = 0x0D, 0x06, 0x00
+LONGEST_LINE = 4096  # bytes; input that never sends CR is not buffered for ever
+_NAMES = {NUL: "NUL", 0x02: "STX", ACK: "ACK", 0x07: "BEL", 0x0A: "LF", CR: "CR"}
+_ALONE = frozenset(range(0x20)) - {0x02, 0x07, 0x09, 0x0A, CR}  # end a line as a CR does, but are shown in it
+
+
+class Sink(Protocol):
+    """The file of the lines."""
+
+    def write(self, text: str, /) -> object:
+        """Append a line, perhaps from a signal handler."""
+
+
+class TracedLink:
+    """Passes everything on to `link`. A trace that fails ends, and the link continues without it."""
+
+    def __init__(self, link: Link, file: Sink, now_s: Callable[[], float]) -> None:
+        """Wrap `link`; `now_s` gives the times that are written."""
+        self.address = link.address
+        self._link, self._file, self._now_s = link, file, now_s
+        self._out, self._in = bytearray(), bytearray()
+        self.problem: Problem | None = None
+        """What ended the trace, `link.trace_lost`; None while it continues."""
+
+    @property
+    def checks_bytes(self) -> bool:
+        """Whether what arrives is what was sent."""
+        return self._link.checks_bytes
+
+    @property
+    def stop_way(self) -> StopWay:
+        """Return the route that a stop would take now."""
+        return self._link.stop_way
+
+    def send(self, data: bytes) -> None:
+        """Send bytes in order."""
+        self._end("<", self._in)
+        now_s = self._now_s()
+        try:
+            self._link.send(data)
+        except LinkError as error:
+            self._note(now_s, ">", self._out, data)
+            self._fail(now_s, error)
+            raise
+        self._note(now_s, ">", self._out, data)
+
+    def send_urgent(self, data: bytes) -> None:
+        """Send a stop now, then record it."""
+        try:
+            self._link.send_urgent(data)
+        except LinkError as error:
+            self._put(self._now_s(), "!", f"{shown(data)} [not sent: {error.problems[0].code}]")
+            raise
+        self._put(self._now_s(), "!", shown(data))
+
+    def receive(self, timeout_s: float) -> bytes:
+        """Return the bytes received, waiting at most `timeout_s`."""
+        try:
+            data = self._link.receive(timeout_s)
+        except LinkError as error:
+            self._fail(self._now_s(), error)
+            raise
+        if data:
+            self._end(">", self._out)
+            self._note(self._now_s(), "<", self._in, data)
+        return data
+
+    def close(self) -> None:
+        """Close the link."""
+        self._end(">", self._out)
+        self._end("<", self._in)
+        self._link.close()
+
+    def _note(self, now_s: float, mark: str, line: bytearray, data: bytes) -> None:
+        for byte in data:
+            if byte != CR:
+                line.append(byte)
+            if byte == CR or byte in _ALONE:
+                self._put(now_s, mark, shown(line) or "[CR]")
+                line.clear()
+            elif len(line) >= LONGEST_LINE:
+                self._end(mark, line)
+
+    def _end(self, mark: str, line: bytearray) -> None:
+        """Write out a line that has no end yet."""
+        if line:
+            self._put(self._now_s(), mark, f"{shown(line)} [no CR]")
+            line.clear()
+
+    def _fail(self, now_s: float, error: LinkError) -> None:
+        problem = error.problems[0]
+        self._put(now_s, "*", " ".join(part for part in (problem.code, problem.value) if part))
+
+    def _put(self, now_s: float, mark: str, text: str) -> None:
+        if self.problem is not None:
+            return
+        try:
+            self._file.write(f"{now_s:.3f} {mark} {text}\n")
+        except (OSError, ValueError) as error:
+            reason = (isinstance(error, OSError) and error.strerror) or str(error)
+            self.problem = Problem(code="link.trace_lost", where=self.address, value=reason)
+
+
+def shown(data: bytes | bytearray) -> str:
+    """Return bytes as text, with unprintable ones by name."""
+    return "".join(_shown(byte) for byte in data)
+
+
+def _shown(byte: int) -> str:
+    if byte in _NAMES:
+        return f"[{_NAMES[byte]}]"
+    if byte < 0x20:
+        return f"[^{chr(byte + 0x40)}]"
+    # A bracket in the dialogue must not look like one of the trace's own marks.
+    return chr(byte) if byte < 0x7F and byte != 0x5B else f"[{byte:#04x}]"
+
+
+LIMIT_BYTES = 64 * 1024 * 1024  # size limit: some hours of a machine that is polled twenty times a second
+_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NONBLOCK
+_READABLE_BY_ALL = 0o644
+
+
+class TraceFile:
+    """Writes each line at once, in one piece, from any thread or signal handler.
+
+    At its limit the file is renamed `NAME.1`, replacing an older one, and a new file begins.
+    """
+
+    def __init__(self, path: Path, title: str, limit_bytes: int = LIMIT_BYTES) -> None:
+        """Open the file and write a title line with the time. Raises DriverError: `link.trace_unwritable`."""
+        self._path, self._limit_bytes = path, limit_bytes
+        self._turning = threading.Lock()
+        began = datetime.now().astimezone().isoformat(timespec="seconds")
+        try:
+            self._file = os.open(path, _FLAGS, _READABLE_BY_ALL)
+            try:
+                self._length = os.fstat(self._file).st_size
+                self.write(f"# {began} {title}\n")
+            except OSError:
+                os.close(self._file)
+                raise
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise DriverError(Problem(code="link.trace_unwritable", where=str(path), value=reason)) from error
+
+    def write(self, text: str) -> None:
+        """Append. Raises OSError: it cannot be written."""
+        data = text.encode("utf-8")
+        # A second writer does not wait while the file is being renewed.
+        if self._length + len(data) > self._limit_bytes and self._turning.acquire(blocking=False):
+            try:
+                self._begin_anew()
+            finally:
+                self._turning.release()
+        self._length += len(data)
+        if os.write(self._file, data) < len(data):
+            raise OSError("no room for a whole line")
+
+    def close(self) -> None:
+        """Write nothing more; the descriptor stays reserved: a stop in another thread may be about to write."""
+        self._become(os.open(os.devnull, os.O_WRONLY | os.O_CLOEXEC))
+
+    def _begin_anew(self) -> None:
+        if self._path.is_file():
+            os.replace(self._path, f"{self._path}.1")
+            self._become(os.open(self._path, _FLAGS, _READABLE_BY_ALL))
+        self._length = 0
+
+    def _become(self, other: int) -> None:
+        os.dup2(other, self._file, inheritable=False)
+        os.close(other)
 
 
 class Tracing:
     """One trace file for all links of a command, one after the other; or none."""
 
     def __init__(self, path: Path | None, title: str) -> None:
-        """Open the file, before anything moves.
-
-        Raises:
-            DriverError: `link.trace_unwritable`.
-        """
+        """Open the file, before anything moves. Raises DriverError: `link.trace_unwritable`."""
         self._file = None if path is None else TraceFile(path, title)
         self._traced: list[TracedLink] = []
 

@@ -12,16 +12,14 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.text import format_number
 
-Row = Mapping[str, float]
-"""The coefficients of the axes in one equation."""
+Row = Mapping[str, float]  # The coefficients of the axes in one equation
 
 NEGLIGIBLE = 1e-12
 """A remainder below this fraction of the greatest coefficient in its row is 0: the equation is dependent."""
 
 AXIS_LETTERS = ("A", "B", "C", "U", "V", "W", "X", "Y", "Z")
 
-CARTESIAN = (("X", "Y", "Z"), ("U", "V", "W"))
-"""The axes of one of these groups may be mixed in a definition."""
+CARTESIAN = (("X", "Y", "Z"), ("U", "V", "W"))  # The axes of one of these groups may be mixed in a definition
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,8 +68,7 @@ class AxisDefinition:
 def scan_definition(scanner: Scanner, motor: int) -> AxisDefinition | None:
     """Parse what follows `#n->`: a definition such as `8660X-5000Y+10`, or 0, which clears it (None).
 
-    Raises:
-        PmacError: 003, not a definition.
+    Raises PmacError: 003, not a definition.
     """
     negative = scanner.accept("-")
     scale = scanner.take_number()
@@ -97,8 +94,7 @@ def scan_definition(scanner: Scanner, motor: int) -> AxisDefinition | None:
 def read_definitions(texts: Iterable[str]) -> tuple[AxisDefinition, ...]:
     """Parse whole definitions such as `#1->X`; cleared motors are left out.
 
-    Raises:
-        PmacError: 003, a text is not a definition.
+    Raises PmacError: 003, a text is not a definition.
     """
     definitions = []
     for text in texts:
@@ -120,15 +116,14 @@ def axis_positions(definitions: Mapping[int, AxisDefinition], counts: Mapping[in
     """
     ordered = [definitions[motor] for motor in sorted(definitions)]
     values = [counts[definition.motor] - definition.offset for definition in ordered]
-    solved = solve(_rows(ordered), values)
+    solved = solve([dict(definition.terms) for definition in ordered], values)
     return {axis: solved.get(axis, 0.0) for definition in ordered for axis in definition.axes}
 
 
 def refuse_singular(definitions: Iterable[AxisDefinition]) -> None:
     """Check that a full set of motors (as many as axes) determines all axes; fewer are an incomplete set and pass.
 
-    Raises:
-        PmacError: 003, motors that are linearly dependent.
+    Raises PmacError: 003, motors that are linearly dependent.
     """
     rest = list(definitions)
     while rest:
@@ -138,7 +133,8 @@ def refuse_singular(definitions: Iterable[AxisDefinition]) -> None:
             group += linked
             axes |= {axis for definition in linked for axis in definition.axes}
             rest = [definition for definition in rest if definition not in linked]
-        if len(group) >= len(axes) > len(solve(_rows(group), [0.0] * len(group))):
+        rows = [dict(definition.terms) for definition in group]
+        if len(group) >= len(axes) > len(solve(rows, [0.0] * len(group))):
             text = ", ".join(f"#{definition.motor}->{definition}" for definition in group)
             raise PmacError(ErrorCode.DATA_ERROR, f"{text} do not determine {', '.join(sorted(axes))}")
 
@@ -190,10 +186,6 @@ def _replace(row: dict[str, float], value: float, axis: str, known: tuple[dict[s
     for other, coefficient in free.items():
         row[other] = row.get(other, 0.0) - factor * coefficient
     return value - factor * position
-
-
-def _rows(definitions: Sequence[AxisDefinition]) -> list[Row]:
-    return [dict(definition.terms) for definition in definitions]
 
 
 def _term(axis: str, scale: float | None, negative: bool) -> tuple[str, float]:

@@ -20,8 +20,7 @@ from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece
 from drivers.pmac.trajectory.planned import MoveRecord
 
-ENDLESS_MOVES = 200_000
-"""Number of moves after which a program counts as endless."""
+ENDLESS_MOVES = 200_000  # Number of moves after which a program counts as endless
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,8 +59,7 @@ def run_through(
 
     Compensation tables are not included, and time runs on the controller's own time base.
 
-    Raises:
-        PmacError: what the controller would refuse; 003 also for a program without an end.
+    Raises PmacError: what the controller would refuse; 003 also for a program without an end.
     """
     walked = walk(text, i_variables, definitions, start, dialect=dialect, most_steps=ENDLESS_MOVES, watched=False)
     if walked.error is not None:
@@ -91,28 +89,14 @@ def loop_lines(program: syntax.Program) -> frozenset[int]:
     return frozenset(inside)
 
 
-def extent(pieces: Sequence[Piece], index: int) -> tuple[float, float]:
-    """Return the lowest and highest position of one motor over some pieces, counts."""
-    return motion_of(pieces, index).extent()
-
-
-def peak_velocity(pieces: Sequence[Piece], index: int) -> float:
-    """Return the greatest speed of one motor over some pieces, counts/ms."""
-    return motion_of(pieces, index).peak_velocity() if pieces else 0.0
-
-
 def _summary(motors: tuple[int, ...], moves: list[CheckedMove], pieces: list[Piece]) -> CheckedProgram:
-    peak: dict[int, float] = {}
-    lowest: dict[int, float] = {}
-    highest: dict[int, float] = {}
-    for index, motor in enumerate(motors):
-        peak[motor] = peak_velocity(pieces, index)
-        lowest[motor], highest[motor] = extent(pieces, index) if pieces else (0.0, 0.0)
+    motions = {motor: motion_of(pieces, index) for index, motor in enumerate(motors)}
+    extents = {motor: motion.extent() for motor, motion in motions.items()}
     return CheckedProgram(
         motors=motors,
         moves=tuple(moves),
         duration_ms=sum(piece.duration_ms for piece in pieces),
-        peak_velocity=peak,
-        lowest=lowest,
-        highest=highest,
+        peak_velocity={motor: motion.peak_velocity() for motor, motion in motions.items()},
+        lowest={motor: low for motor, (low, _) in extents.items()},
+        highest={motor: high for motor, (_, high) in extents.items()},
     )

@@ -13,11 +13,8 @@ from enum import StrEnum, auto
 from drivers.pmac.framing import ACK, BELL, CR, LF, NUL, STX
 from drivers.pmac.reserved import MARKER
 
-ASK = b"\x0e"
-"""Control-N."""
-
-PROBE = f"P{MARKER}".encode("ascii")
-"""A query, harmless should it ever be executed."""
+ASK = b"\x0e"  # Control-N
+PROBE = f"P{MARKER}".encode("ascii")  # A query, harmless should it ever be executed
 
 _AROUND = frozenset((ACK, LF, CR))
 _AMBIGUOUS = frozenset((NUL, STX, ACK, BELL, LF, CR))
@@ -27,10 +24,8 @@ _AMBIGUOUS = frozenset((NUL, STX, ACK, BELL, LF, CR))
 class LineCheck(StrEnum):
     """What verifies that a line arrives as it was sent."""
 
-    NETWORK = auto()
-    """The transport has checksums of its own."""
-    CONTROLLER = auto()
-    """The controller reports the checksum of a line before it executes the line."""
+    NETWORK = auto()  # The transport has checksums of its own
+    CONTROLLER = auto()  # The controller reports the checksum of a line before it executes the line
     NOBODY = auto()
 
 
@@ -39,12 +34,13 @@ class ChecksumForm:
     """The form of a controller's checksum: one byte or decimal digits, and what surrounds it."""
 
     digits: bool
-    before: bytes
-    behind: bytes
+    before: bytes = b""
+    after: bytes = b""
 
     def answer(self, line: bytes) -> bytes:
         """Return exactly what the controller sends once it has received this line."""
-        return self.before + _worded(checksum(line), digits=self.digits) + self.behind
+        value = checksum(line)
+        return self.before + (b"%d" % value if self.digits else bytes((value,))) + self.after
 
 
 def checksum(line: bytes) -> int:
@@ -57,25 +53,21 @@ def unmistakable(line: bytes) -> bytes:
     return line + b" " if checksum(line) in _AMBIGUOUS else line
 
 
-def form_of(said: bytes, line: bytes) -> ChecksumForm | None:
+def form_of(reported: bytes, line: bytes) -> ChecksumForm | None:
     """Derive the form of a checksum from the reply to a line; None when the reply is no checksum."""
     for digits in (False, True):
-        before, found, behind = said.partition(_worded(checksum(line), digits=digits))
-        if found and _AROUND.issuperset(before + behind):
-            return ChecksumForm(digits=digits, before=before, behind=behind)
+        before, found, after = reported.partition(ChecksumForm(digits=digits).answer(line))
+        if found and _AROUND.issuperset(before + after):
+            return ChecksumForm(digits=digits, before=before, after=after)
     return None
 
 
-def like_an_answer(said: bytes) -> bool:
+def like_an_answer(reported: bytes) -> bool:
     """Whether a reply may be an acknowledgement or a refusal: a character of the line arrived as its end."""
-    return said[:1] in (bytes((ACK,)), bytes((BELL,)))
+    return reported[:1] in (bytes((ACK,)), bytes((BELL,)))
 
 
-def shown(said: bytes) -> str:
+def shown(reported: bytes) -> str:
     """Return a reply in readable form: the numbers of its bytes, or its digits."""
-    text = said.strip().decode("latin-1")
-    return text if len(said) > 1 and text.isascii() and text.isdigit() else " ".join(map(str, said))
-
-
-def _worded(value: int, *, digits: bool) -> bytes:
-    return b"%d" % value if digits else bytes((value,))
+    text = reported.strip().decode("latin-1")
+    return text if len(reported) > 1 and text.isascii() and text.isdigit() else " ".join(map(str, reported))

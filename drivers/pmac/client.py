@@ -19,22 +19,20 @@ from drivers.pmac.checksums import LineCheck
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
 from drivers.pmac.exchange import Exchange
 from drivers.pmac.expected_replies import foresee, number_of
+from drivers.pmac.framing import LinkFaults
 from drivers.pmac.language.errors import ErrorCode
-from drivers.pmac.link_faults import LinkFaults
 from profiles.problem import Problem
 
 __all__ = ["LINE_LIMIT", "REPLY_TIMEOUT_S", "PmacClient"]
 
-LINE_LIMIT = 250
-"""Maximum length of one command line; the controller's own limit is 255 characters."""
+LINE_LIMIT = 250  # Maximum length of one command line; the controller's own limit is 255 characters
 
 HANDSHAKE = "I3=2 I6=1"
 CHECKSUMS_OFF = "I4=0"
 _MARK_MESSAGES = 64
 """The I-variable that marks unsolicited program messages, where the family has it."""
 
-REFUSALS = frozenset((0, *ErrorCode))
-"""The error numbers that have an explanation."""
+REFUSALS = frozenset((0, *ErrorCode))  # The error numbers that have an explanation
 
 _VERSION = re.compile(r"\d+\.\d+")
 
@@ -51,8 +49,7 @@ class PmacClient:
     def dialect(self) -> Dialect:
         """The family of the controller, from its reply to TYPE.
 
-        Raises:
-            RefusedError: `link.not_connected`, it has not been queried yet.
+        Raises RefusedError: `link.not_connected`, it has not been queried yet.
         """
         if self._dialect is None:
             raise RefusedError(Problem(code="link.not_connected", where=self.link.address))
@@ -98,8 +95,9 @@ class PmacClient:
         self._dialect = dialect = dialect_of(kind)
         if dialect is None:
             limit = " | ".join(f"{each.type_prefix}..." for each in DIALECTS.values())
-            where = self.link.address
-            raise LinkError(Problem(code="link.unknown_type", where=where, value=kind[:40], limit=limit))
+            raise LinkError(
+                Problem(code="link.unknown_type", where=self.link.address, value=kind[:40], limit=limit)
+            )
         marked = [f"I{_MARK_MESSAGES}=1"] if _MARK_MESSAGES in dialect.ranges else []
         exchange.prove(" ".join([HANDSHAKE, CHECKSUMS_OFF, *marked]))
         if not self.link.checks_bytes:
@@ -111,8 +109,7 @@ class PmacClient:
 
         A program buffer that this client may have left open is closed. Nothing moves.
 
-        Raises:
-            LinkError: `link.not_in_step`, `controller.buffer_open`, or the link is gone.
+        Raises LinkError: `link.not_in_step`, `controller.buffer_open`, or the link is gone.
         """
         self._exchange.resynchronise(timeout_s)
 
@@ -134,7 +131,7 @@ class PmacClient:
             ControllerError: the controller refused the line.
             LinkTimeoutError: no complete reply in time.
             LinkError: the link broke or is out of step; `link.outcome_unknown` is among its problems if the line
-                have had an effect.
+                may have had an effect.
         """
         self.send(line, timeout_s)
         return self.reply(line, timeout_s, lines=lines)
@@ -157,8 +154,7 @@ class PmacClient:
         Raises:
             ControllerError: `controller.line_too_long`, nothing was sent.
             RefusedError: `link.line_differs`, `link.line_unproven`: it arrived altered, or that could not be
-            checked;
-                it was not executed.
+                checked; it was not executed.
             LinkError: the link broke; `link.line_in_part`; or `link.not_in_step`, `controller.buffer_open`:
                 nothing was sent.
         """
@@ -170,32 +166,24 @@ class PmacClient:
         self._exchange.send(line, data, timeout_s, check, summed=moves)
 
     def reply(self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None) -> tuple[str, ...]:
-        """Return the data of the reply to `line`, which was sent before.
-
-        Raises:
-            ControllerError: the controller refused the line.
-            LinkError: as for `request`.
-        """
+        """Return the data of the reply to `line`, which was sent before; raises as `request` does."""
         if lines is None and not self._exchange.buffer_open:
             lines = foresee(line).lines
         reply = self._exchange.reply(line, timeout_s, lines)
-        if reply.error_number is not None:
-            number, where = reply.error_number, self.link.address
-            problem = Problem(code="controller.err_other", where=where, key=f"ERR{number:03d}", value=line)
-            if number in REFUSALS:
-                problem = Problem(code=f"controller.err{number:03d}", where=where, value=line)
-            raise ControllerError(problem, error_number=number)
-        return reply.lines
+        if reply.error_number is None:
+            return reply.lines
+        number = reply.error_number
+        where = self.link.address
+        problem = Problem(code="controller.err_other", where=where, key=f"ERR{number:03d}", value=line)
+        if number in REFUSALS:
+            problem = Problem(code=f"controller.err{number:03d}", where=where, value=line)
+        raise ControllerError(problem, error_number=number)
 
     def query(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S, again: bool = False) -> tuple[str, ...]:
-        """Query several values in one line; return exactly one text for each.
+        """Query several values in one line; return exactly one text for each; raises as `request` does.
 
-        With `again` the query is retried once, in step, when a fault of the link has spoiled the first reply.
-
-        Raises:
-            RefusedError: `controller.not_a_question`, with `again`: it may change something; nothing was sent.
-            ControllerError: the controller refused it.
-            LinkError: as for `request`.
+        With `again` the query is retried once, in step, when a fault of the link has spoiled the first reply. A
+        line that may change something is then refused, see `question`.
         """
         ask = self.question if again else self.request
         return ask(" ".join(items), timeout_s, lines=len(items))
@@ -211,8 +199,7 @@ class PmacClient:
             LinkError: the link is lost, or the fault occurred twice.
         """
         if not foresee(line).reads_only:
-            where = self.link.address
-            raise RefusedError(Problem(code="controller.not_a_question", where=where, value=line[:40]))
+            raise RefusedError(Problem(code="controller.not_a_question", where=self.link.address, value=line[:40]))
         try:
             return self.request(line, timeout_s, lines=lines)
         except LinkError as error:
@@ -222,19 +209,11 @@ class PmacClient:
         return self.request(line, timeout_s, lines=lines)
 
     def numbers(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S, again: bool = False) -> tuple[float, ...]:
-        """Query numbers.
-
-        Raises:
-            LinkError: `link.out_of_step`, a value is not a number.
-        """
+        """Query numbers; raises as `query` and `number` do."""
         return tuple(map(self.number, self.query(*items, timeout_s=timeout_s, again=again)))
 
     def number(self, answer: str) -> float:
-        """Return a reply as a number.
-
-        Raises:
-            LinkError: `link.out_of_step`, it is not one.
-        """
+        """Return a reply as a number. Raises LinkError: `link.out_of_step`, it is not one."""
         try:
             return number_of(answer)
         except ValueError as error:
@@ -254,11 +233,11 @@ class PmacClient:
                 expected = 0 if self._exchange.buffer_open else foresee(line).lines or 0
                 self.request(line, lines=expected)
         except DriverError as error:
-            self._close_behind(error)
+            self._close_after(error)
             raise
         except BaseException:
             with suppress(LinkError):
-                self._close_behind(DriverError())
+                self._close_after(DriverError())
             raise
 
     def _identify(self) -> tuple[str, str]:
@@ -271,16 +250,17 @@ class PmacClient:
             problem = error.problems[0]
             if problem.code != "link.out_of_step":
                 raise
-            raise self._not_a_pmac(problem.value) from error
+            raise LinkError(
+                Problem(code="link.not_a_pmac", where=self.link.address, value=problem.value[:40])
+            ) from error
         if not _VERSION.match(version):
-            raise self._not_a_pmac(version)
+            raise LinkError(Problem(code="link.not_a_pmac", where=self.link.address, value=version[:40]))
         return version, kind
 
-    def _close_behind(self, error: DriverError) -> None:
+    def _close_after(self, error: DriverError) -> None:
         """Close the buffer that a download may have left open.
 
-        Raises:
-            LinkError: it cannot be closed, or not proven to be closed.
+        Raises LinkError: it cannot be closed, or not proven to be closed.
         """
         if not self._exchange.buffer_open:
             return
@@ -289,6 +269,3 @@ class PmacClient:
         except LinkError as unclosed:
             open_yet = Problem(code="controller.buffer_may_be_open", where=self.link.address)
             raise LinkError(*error.problems, *unclosed.problems, open_yet) from error
-
-    def _not_a_pmac(self, met: str) -> LinkError:
-        return LinkError(Problem(code="link.not_a_pmac", where=self.link.address, value=met[:40]))

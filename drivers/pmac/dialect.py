@@ -1,5 +1,7 @@
 """The families of controllers, as data."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 from drivers.pmac.families.family import Dialect, Place, Scope, Setting

@@ -14,23 +14,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
-DATA_LIMIT = 1492
-"""Data bytes after the header of one request."""
-
-REPLY_LIMIT = 1400
-"""Bytes of one reply, and of one access to the DPRAM."""
-
-LINES_LIMIT = 1024
-"""Bytes of lines in one WRITEBUFFER."""
-
-DPRAM_BYTES = 0x1_0000
-"""The range of wValue."""
-
-TAKEN = b"@"
-"""The reply to a request that returns no data."""
-
-NOTHING = b"\0"
-"""The reply when no data is waiting."""
+DATA_LIMIT = 1492  # Data bytes after the header of one request
+REPLY_LIMIT = 1400  # Bytes of one reply, and of one access to the DPRAM
+LINES_LIMIT = 1024  # Bytes of lines in one WRITEBUFFER
+DPRAM_BYTES = 0x1_0000  # The range of wValue
+TAKEN = b"@"  # The reply to a request that returns no data
+NOTHING = b"\0"  # The reply when no data is waiting
 
 _HEADER = struct.Struct(">BBHHH")
 _WRITE_REPLY = struct.Struct("<HBB")
@@ -97,8 +86,7 @@ class Request:
     def control_character(self) -> int:
         """The control character in wValue; some clients send it in the other byte.
 
-        Raises:
-            MalformedRequestError: it is not one.
+        Raises MalformedRequestError: it is not one.
         """
         high, low = divmod(self.value, 0x100)
         if min(high, low) or max(high, low) >= 0x20:
@@ -149,8 +137,7 @@ _CONTROL = (_CODE.SENDCTRLCHAR, _CODE.CTRL_RESPONSE)
 def take_request(buffer: bytes | bytearray) -> tuple[Request | None, int]:
     """Return the first complete request in `buffer` and the number of bytes that it takes (0 while incomplete).
 
-    Raises:
-        MalformedRequestError: as soon as the received bytes cannot become a request.
+    Raises MalformedRequestError: as soon as the received bytes cannot become a request.
     """
     if buffer and buffer[0] not in _DIRECTIONS:
         raise MalformedRequestError(f"request type {buffer[0]:#04x}")
@@ -180,24 +167,20 @@ def take_request(buffer: bytes | bytearray) -> tuple[Request | None, int]:
     return request, end
 
 
-def buffer_length(waiting: bytes | bytearray, most: int) -> int:
+def buffer_length(waiting: bytes | bytearray, most: int, pattern: re.Pattern[bytes] = _BUFFER) -> int:
     """Return how many of the waiting bytes are one reply, 0 while its end may still come.
 
     It ends with ACK or LF, after a BELL or STX with the next CR, and after `most` bytes at the latest.
     """
-    return _length(_BUFFER, waiting, most)
-
-
-def line_length(waiting: bytes | bytearray, most: int) -> int:
-    """Return how many of the waiting bytes are one line, 0 while its end may still come."""
-    return _length(_LINE, waiting, most)
-
-
-def _length(pattern: re.Pattern[bytes], waiting: bytes | bytearray, most: int) -> int:
     found = pattern.match(waiting, 0, most)
     if found:
         return found.end()
     return most if len(waiting) >= most else 0
+
+
+def line_length(waiting: bytes | bytearray, most: int) -> int:
+    """Return how many of the waiting bytes are one line, 0 while its end may still come."""
+    return buffer_length(waiting, most, _LINE)
 
 
 def write_reply(line_number: int = 0, error_number: int | None = None) -> bytes:

@@ -16,9 +16,16 @@ from drivers.errors import LinkError, LinkTimeoutError, RefusedError
 from drivers.link.base import Link
 from drivers.pmac.checksums import ASK, PROBE, ChecksumForm, form_of, like_an_answer, shown, unmistakable
 from drivers.pmac.expected_replies import foresee, opens_buffer
-from drivers.pmac.framing import FramingError, Reply, ReplyReader
-from drivers.pmac.link_faults import FaultKind, LinkFaults
-from drivers.pmac.reply_wait import QUIET_S, FaultError, awaited
+from drivers.pmac.framing import (
+    QUIET_S,
+    FaultError,
+    FaultKind,
+    FramingError,
+    LinkFaults,
+    Reply,
+    ReplyReader,
+    awaited,
+)
 from drivers.pmac.reserved import MARKER
 from profiles.problem import Problem
 
@@ -27,17 +34,10 @@ CR, FLUSH = b"\r", b"\x18"
 CHECKSUM_TIMEOUT_S = 0.3
 """How long the controller may take to report the checksum of a line; nothing is executed yet."""
 
-CHECKSUM_TRIES = 2
-"""Attempts to get a checksum from a controller before it counts as unable to report one."""
-
-DRAIN_LIMIT_S = 2.0
-"""A source that still sends after this time is not a controller; the next reply will show it."""
-
-MESSAGES_KEPT = 100
-"""Maximum number of unread program messages; the oldest are dropped first."""
-
-_MARKERS = 8_000_000
-"""Markers are integers below 2^23, so that every variable holds them exactly."""
+CHECKSUM_TRIES = 2  # Attempts to get a checksum from a controller before it counts as unable to report one
+DRAIN_LIMIT_S = 2.0  # A source that still sends after this time is not a controller; the next reply will show it
+MESSAGES_KEPT = 100  # Maximum number of unread program messages; the oldest are dropped first
+_MARKERS = 8_000_000  # Markers are integers below 2^23, so that every variable holds them exactly
 
 
 class Exchange:
@@ -66,8 +66,7 @@ class Exchange:
     def forget(self) -> None:
         """Drain the line; from now on nothing about the controller is known or proven, until `prove`.
 
-        Raises:
-            LinkError: `link.not_in_step`, a partial line cannot be proven to be erased; or the link broke.
+        Raises LinkError: `link.not_in_step`, a partial line cannot be proven to be erased; or the link broke.
         """
         self._erase(self._clock.now_s() + REPLY_TIMEOUT_S)
         self._settings, self.checksums = "", None
@@ -77,8 +76,7 @@ class Exchange:
     def prove(self, settings: str) -> None:
         """Get in step with these settings; every resynchronisation restores them.
 
-        Raises:
-            LinkError: `link.not_in_step`, or `controller.buffer_open`.
+        Raises LinkError: `link.not_in_step`, or `controller.buffer_open`.
         """
         self._settings = settings
         self.in_step = False
@@ -87,17 +85,16 @@ class Exchange:
     def learn_checksums(self) -> None:
         """Find out whether and how the controller reports the checksum of a line; nothing is executed.
 
-        Raises:
-            LinkError: as for `resynchronise`.
+        Raises LinkError: as for `resynchronise`.
         """
         for _ in range(CHECKSUM_TRIES):
             self.link.send(PROBE + ASK)
-            said, deadline = b"", self._clock.now_s() + CHECKSUM_TIMEOUT_S
-            while came := self.link.receive(QUIET_S if said else CHECKSUM_TIMEOUT_S):
-                said += came
+            reported, deadline = b"", self._clock.now_s() + CHECKSUM_TIMEOUT_S
+            while came := self.link.receive(QUIET_S if reported else CHECKSUM_TIMEOUT_S):
+                reported += came
                 if self._left(deadline) <= 0.0:
                     break
-            self.checksums = form_of(said, PROBE)
+            self.checksums = form_of(reported, PROBE)
             self._flush()
             if self.checksums is not None:
                 break
@@ -120,16 +117,9 @@ class Exchange:
         *,
         summed: bool = False,
     ) -> None:
-        """Send a line, in step; unsolicited input is handled first.
+        """Send a line, in step; unsolicited input is handled first. See `PmacClient.send`.
 
-        That may take some time. `check` is called after it, immediately before the bytes are sent; if it raises,
-        they are not sent. A line that is `summed` is ended only when the controller has reported the right
-        checksum for it, and `check` is called once more immediately before its end.
-
-        Raises:
-            RefusedError: `link.line_differs`, `link.line_unproven`: nothing was executed.
-            LinkError: `link.line_in_part`, its beginning may have been executed; the link broke; or those of
-                `resynchronise`, and the line was not sent.
+        A line that is `summed` is ended only when the controller has reported the right checksum for it.
         """
         if self._in_flight is not None:
             self._lose_step(FaultKind.ABANDONED, self._in_flight, timeout_s)
@@ -154,8 +144,7 @@ class Exchange:
 
         Raises:
             LinkTimeoutError: `link.silent`, no complete reply in time.
-            LinkError: the link broke, or `link.out_of_step`; with `link.outcome_unknown` if the line may have
-                have had an effect.
+            LinkError: the link broke, or `link.out_of_step`; and `link.outcome_unknown` if it may have had effect.
         """
         try:
             reply = self._await(timeout_s)
@@ -208,16 +197,12 @@ class Exchange:
                 raise LinkTimeoutError(Problem(code="link.not_in_step", where=self.link.address, value=value))
 
     def _bring(self, line: str, data: bytes, form: ChecksumForm, check: Callable[[], None]) -> None:
-        """Send a line except its end; erase it at the controller if it must not be ended.
-
-        Raises:
-            RefusedError, LinkError: as for `send`; and whatever `check` raises.
-        """
-        expected, said = form.answer(data), b""
+        """Send a line except its end; erase it at the controller if it must not be ended."""
+        expected, reported = form.answer(data), b""
         self._begun = True
         try:
-            said = self._checksum_of(data, expected)
-            if said == expected:
+            reported = self._checksum_of(data, expected)
+            if reported == expected:
                 check()
                 return
         except LinkError as error:
@@ -225,7 +210,7 @@ class Exchange:
         except BaseException:
             self._leave()  # a stop that comes now finds no line that could still be ended
             raise
-        raise self._not_brought(line, said, expected)
+        raise self._not_brought(line, reported, expected)
 
     def _checksum_of(self, data: bytes, expected: bytes) -> bytes:
         """Send characters of a line, and return the controller's output for them. Messages are kept."""
@@ -237,27 +222,31 @@ class Exchange:
                 self.messages += self._reader.take_messages()
             except FramingError:
                 break
-            said = self._reader.rest
-            if said and not self._reader.within_message and (said == expected or not expected.startswith(said)):
+            reported = self._reader.rest
+            if (
+                reported
+                and not self._reader.within_message
+                and (reported == expected or not expected.startswith(reported))
+            ):
                 break
-        said = self._reader.rest
+        reported = self._reader.rest
         self._reader.clear()
-        return said
+        return reported
 
-    def _not_brought(self, line: str, said: bytes, expected: bytes) -> RefusedError | LinkError:
+    def _not_brought(self, line: str, reported: bytes, expected: bytes) -> RefusedError | LinkError:
         """Erase a line that did not arrive as it was sent; return the problem to report."""
         where = self.link.address
         problem = Problem(code="link.line_unproven", where=where, key=line, value=f"{CHECKSUM_TIMEOUT_S:g} s")
-        if said:
-            value, limit = shown(said), shown(expected)
+        if reported:
+            value, limit = shown(reported), shown(expected)
             problem = Problem(code="link.line_differs", where=where, key=line, value=value, limit=limit)
         try:
             # A checksum that looks like a reply is seen again: the line is still there.
-            if like_an_answer(said) and self._checksum_of(b"", said) != said:
-                self.faults = self.faults.with_another(FaultKind.DIFFERS, self._clock.now_s(), line)
+            if like_an_answer(reported) and self._checksum_of(b"", reported) != reported:
+                self.faults = self.faults.with_another(FaultKind.DIFFERS, line)
                 self._leave()  # whatever moves now must be stopped at once
                 return LinkError(Problem(code="link.line_in_part", where=where, key=line))
-            self._lose_step(FaultKind.DIFFERS if said else FaultKind.SILENT, line, REPLY_TIMEOUT_S)
+            self._lose_step(FaultKind.DIFFERS if reported else FaultKind.SILENT, line, REPLY_TIMEOUT_S)
             self.resynchronise()
         except LinkError as error:
             self.in_step = False
@@ -271,12 +260,7 @@ class Exchange:
             self.link.send(FLUSH)
 
     def _erase(self, deadline: float) -> None:
-        """Make sure that no line without an end remains at the controller: only our own has been received.
-
-        Raises:
-            LinkTimeoutError: `link.not_in_step`.
-            LinkError: the link broke.
-        """
+        """Make sure that no line without an end remains at the controller: only our own has been received."""
         form, began_s = self.checksums, self._clock.now_s()
         while self._begun and form is not None:
             self._flush(max(self._left(deadline), QUIET_S))
@@ -304,8 +288,7 @@ class Exchange:
     def _prove_refusal(self, timeout_s: float) -> None:
         """Make sure that a refusal belongs to the line, and is not the error of a program's command.
 
-        Raises:
-            FaultError: it does not, or nothing replies any more.
+        Raises FaultError: it does not, or nothing replies any more.
         """
         if not self._settings or self._was_open:
             return  # in an open buffer the marker would become a line of the program
@@ -349,7 +332,7 @@ class Exchange:
         return not (self._reader.empty or self._reader.within_message)
 
     def _lose_step(self, kind: FaultKind, line: str, timeout_s: float) -> None:
-        self.faults = self.faults.with_another(kind, self._clock.now_s(), line)
+        self.faults = self.faults.with_another(kind, line)
         self._flush(timeout_s)
         self.in_step = False
 
@@ -364,7 +347,7 @@ class Exchange:
     def _lost(self, line: str, error: LinkError) -> LinkError:
         """Return the error for a lost link, with its consequence for the line."""
         self._in_flight, self.in_step = None, False
-        self.faults = self.faults.with_another(FaultKind.LOST, self._clock.now_s(), line)
+        self.faults = self.faults.with_another(FaultKind.LOST, line)
         return type(error)(*error.problems, *self._outcome(line, FaultKind.LOST))
 
     def _fault(self, fault: FaultError, line: str, timeout_s: float) -> LinkError:

@@ -26,15 +26,12 @@ class ExpectedReplies:
     reads_only: bool
 
 
-@dataclass(frozen=True, slots=True)
-class _Rule:
-    pattern: re.Pattern[str]
-    lines: Callable[[re.Match[str]], int | None]
-    reads_only: bool
+_Rule = tuple[re.Pattern[str], Callable[[re.Match[str]], int | None], bool]
+"""A command, the number of its data lines, and whether it only reads."""
 
 
 def _rule(pattern: str, lines: int | None, *, reads: bool) -> _Rule:
-    return _Rule(re.compile(pattern), lambda _: lines, reads)
+    return re.compile(pattern), lambda _: lines, reads
 
 
 def _range_lines(found: re.Match[str]) -> int | None:
@@ -56,11 +53,11 @@ _RULES = (
     _rule(r"RH?(?:X|Y|L|DP?|F)\s*:?\s*(?:\$[0-9A-F]++|\d++)(?:,\d++)?" + _GAP, None, reads=True),
     _rule(r"\?{1,3}", 1, reads=True),
     _rule(r"##?\d++->(?=\s*(?:#|$))", 1, reads=True),
-    _Rule(re.compile(rf"M{_VARIABLES}->(?=\s*(?:[#&IPQM?]|$))"), _range_lines, True),
+    (re.compile(rf"M{_VARIABLES}->(?=\s*(?:[#&IPQM?]|$))"), _range_lines, True),
     _rule(r"(?:##?|&)\d++(?!->)", 0, reads=True),
     _rule(rf"M{_VARIABLES}->(?:\*|{_PLACE})" + _GAP, 0, reads=False),
     _rule(rf"[IPQM]{_VARIABLES}\s*=\s*(?:{_NUMBER}|\*)" + _END_OF_VALUE, 0, reads=False),
-    _Rule(re.compile(rf"[IPQM]{_VARIABLES}(?!\s*(?:=|->|\.\.|,|\())"), _range_lines, True),
+    (re.compile(rf"[IPQM]{_VARIABLES}(?!\s*(?:=|->|\.\.|,|\())"), _range_lines, True),
     _rule(r"[PVF](?![\d(])", 1, reads=True),
     _rule(rf"%(?!\s*(?:{_NUMBER}))", 1, reads=True),
     _rule(rf"%\s*{_NUMBER}", 0, reads=False),
@@ -86,13 +83,13 @@ def foresee(line: str) -> ExpectedReplies:
     reads_only = True
     place = _skip(text, place)
     while place < len(text):
-        found = next(((rule, match) for rule in _RULES if (match := rule.pattern.match(text, place))), None)
+        found = next(((rule, match) for rule in _RULES if (match := rule[0].match(text, place))), None)
         if found is None:
             return ExpectedReplies(None, False)
-        rule, match = found
-        more = rule.lines(match)
+        (_, lines_of, reads), match = found
+        more = lines_of(match)
         lines = None if lines is None or more is None else lines + more
-        reads_only = reads_only and rule.reads_only
+        reads_only = reads_only and reads
         place = _skip(text, match.end())
     return ExpectedReplies(lines, reads_only)
 
@@ -107,8 +104,7 @@ def opens_buffer(line: str) -> bool | None:
 def number_of(text: str) -> float:
     """Return the number in the report of a variable, in any form of I9 (`$C000`, `I5=2`).
 
-    Raises:
-        ValueError: it is not a number.
+    Raises ValueError: it is not a number.
     """
     digits = _NAME.sub("", text.strip())
     return float(int(digits[1:], 16)) if digits.startswith("$") else float(digits)

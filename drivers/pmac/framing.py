@@ -1,4 +1,4 @@
-"""Split a stream of bytes into replies of the controller, with I3=2 and I6=1.
+"""Split a stream of bytes into replies of the controller, with I3=2 and I6=1, and wait for one.
 
 A line that is accepted answers DATA CR [DATA CR ...] ACK, a line that is refused BELL ERRnnn CR, perhaps after
 data of the commands before the error. With I64=1 unsolicited program messages are STX TEXT CR, and may come
@@ -8,10 +8,72 @@ between any two lines. Incremental: bytes may come in any segmentation, and each
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
-from enum import Enum, auto
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum, StrEnum, auto
+from types import MappingProxyType
 
-from drivers.pmac.link_faults import FaultKind
+from drivers.clock import Clock
+from drivers.link.base import Link
+
+QUIET_S = 0.06  # Inter-byte timeout within a reply
+
+SILENCE_S, SLOWEST_BYTES_S = 5.0, 100.0
+"""Inter-byte timeout of a long reply: an average rate no slower than a line of 1200 baud.
+
+A controller starts a listing at once. One that falls silent, or sends only a byte now and then, times out.
+"""
+
+LONGEST_BYTES = 1_000_000  # More than any controller buffer can list
+
+
+class FaultKind(StrEnum):
+    """What a client received instead of the expected reply."""
+
+    SILENT = auto()  # Nothing came in time
+    UNFINISHED = auto()  # Data came, but neither an ACK nor an error number after it
+    NUL = auto()
+    BARE_BELL = auto()
+    """A refusal without a number: I6 is not 1, or the number was lost."""
+    HANDSHAKE = auto()
+    """A reply in the form of other settings (I3, I6): the controller was reset, or another client has set them."""
+    GARBLED = auto()  # Bytes that no controller sends in this place, such as a checksum
+    LINE_COUNT = auto()  # More or fewer lines of data than the request asks for
+    UNASKED = auto()
+    """Input that belongs to no request: a late reply, a message or an error of a program."""
+    ABANDONED = auto()  # A request was sent before the previous reply had been read
+    DIFFERS = auto()  # The checksum of a line in transit differed from that of the line sent
+    LOST = auto()  # The link itself is lost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """The number of faults of one kind, and the line of the last one."""
+
+    count: int
+    line: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkFaults:
+    """All faults of a client since it was created."""
+
+    seen: Mapping[FaultKind, Seen] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def total(self) -> int:
+        """The number of faults of all kinds."""
+        return sum(each.count for each in self.seen.values())
+
+    def count(self, kind: FaultKind) -> int:
+        """Return the number of faults of one kind."""
+        return self.seen[kind].count if kind in self.seen else 0
+
+    def with_another(self, kind: FaultKind, line: str) -> LinkFaults:
+        """Return a copy with one more fault."""
+        another = Seen(count=self.count(kind) + 1, line=line)
+        return LinkFaults(seen=MappingProxyType({**self.seen, kind: another}))
+
 
 NUL, STX, ACK, BELL, LF, CR = 0x00, 0x02, 0x06, 0x07, 0x0A, 0x0D
 
@@ -83,8 +145,7 @@ class ReplyReader:
     def take(self) -> Reply | None:
         """Return the first complete reply, None while there is none.
 
-        Raises:
-            FramingError: the input cannot be a reply, whatever follows.
+        Raises FramingError: the input cannot be a reply, whatever follows.
         """
         end = self._collect()
         if end is None:
@@ -99,8 +160,7 @@ class ReplyReader:
     def take_messages(self) -> tuple[str, ...]:
         """Return the leading messages while no request is pending; `empty` then shows whether that was all.
 
-        Raises:
-            FramingError: the first of them contains something that is not text.
+        Raises FramingError: the first of them contains something that is not text.
         """
         texts = []
         while self.rest[:1] == bytes((STX,)) and (taken := _part(self.rest, 0)) is not None:
@@ -145,21 +205,56 @@ def _part(buffer: bytes, start: int) -> tuple[_Part, str, int] | None:
     if buffer[end] == NUL:
         raise FramingError(f"byte {NUL:#04x} in a reply", FaultKind.NUL)
     if buffer[start] == BELL:
-        return _REFUSED, _error_number(buffer[begin:end], buffer[end]), end + 1
+        number = _REFUSAL.fullmatch(buffer, begin, end)
+        if buffer[end] != CR or number is None:
+            # BELL CR ERRnnn CR is the form with I6=3.
+            kind = FaultKind.HANDSHAKE if buffer[end] == CR and begin == end else FaultKind.GARBLED
+            raise FramingError("a BELL without an error number", kind)
+        return _REFUSED, number[1].decode("ascii"), end + 1
     if buffer[end] != CR:
         problem = "data without an end of line" if buffer[end] in (ACK, BELL) else "in a reply"
         raise FramingError(f"byte {buffer[end]:#04x}: {problem}")
-    return _MESSAGE if begin > start else _LINE, _text(buffer[begin:end]), end + 1
+    text = buffer[begin:end].strip(b"\n").decode("ascii", "backslashreplace")
+    return _MESSAGE if begin > start else _LINE, text, end + 1
 
 
-def _text(data: bytes) -> str:
-    return data.strip(b"\n").decode("ascii", "backslashreplace")
+class FaultError(Exception):
+    """Something other than a reply: its kind, the actual value (of a silence: its duration), and the limit."""
+
+    def __init__(self, kind: FaultKind, met: str = "", allowed: str = "") -> None:
+        super().__init__(kind)
+        self.kind, self.met, self.allowed = kind, met, allowed
 
 
-def _error_number(text: bytes, end: int) -> str:
-    found = _REFUSAL.fullmatch(text)
-    if end == CR and found is not None:
-        return found[1].decode("ascii")
-    # BELL CR ERRnnn CR is the form with I6=3.
-    kind = FaultKind.HANDSHAKE if end == CR and not text else FaultKind.GARBLED
-    raise FramingError("a BELL without an error number", kind)
+def awaited(reader: ReplyReader, link: Link, clock: Clock, timeout_s: float) -> Reply:
+    """Return the next reply on a link.
+
+    Raises:
+        FaultError: none in time, or something else.
+        LinkError: the link broke.
+    """
+    began_s = last_s = clock.now_s()
+    count = 0
+    while True:
+        end_s = began_s + min(timeout_s, SILENCE_S + count / SLOWEST_BYTES_S)
+        deadline = min(end_s, last_s + SILENCE_S)
+        try:
+            reply = reader.take()
+        except FramingError as error:
+            raise FaultError(error.kind, str(error)) from error
+        if reply is not None:
+            return reply
+        left, presumed = deadline - clock.now_s(), reader.presumed
+        if presumed is not None:
+            left = min(left, QUIET_S)
+        came = link.receive(left) if left > 0.0 else b""
+        if not came and presumed is not None:
+            raise FaultError(presumed, "BEL" if presumed is FaultKind.BARE_BELL else "LF", "ACK | BEL ERRnnn")
+        if not came and deadline <= clock.now_s():
+            kind = FaultKind.SILENT if reader.empty else FaultKind.UNFINISHED
+            raise FaultError(kind, f"{deadline - began_s:.3g} s")
+        if came:
+            last_s, count = clock.now_s(), count + len(came)
+        if count > LONGEST_BYTES:
+            raise FaultError(FaultKind.GARBLED, f"> {LONGEST_BYTES} bytes")
+        reader.feed(came)

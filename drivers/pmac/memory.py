@@ -14,11 +14,8 @@ SHORT_SPACES = ("X", "Y")
 LONG_SPACES = ("D", "L", "DP", "F")
 MULTIPLEXED_SPACES = ("TWB", "TWD", "TWR", "TWS")
 
-WIDTHS = (1, 4, 8, 12, 16, 20, 24)
-"""The permitted widths of an M-variable's bit field."""
-
-WHOLE_WORD = 24
-"""Given as an offset, it selects all bits."""
+WIDTHS = (1, 4, 8, 12, 16, 20, 24)  # The permitted widths of an M-variable's bit field
+WHOLE_WORD = 24  # Given as an offset, it selects all bits
 
 HIGHEST_MULTIPLEXED = 255
 
@@ -58,18 +55,15 @@ class Memory(Protocol):
 
     def read(self, pointer: Pointer) -> float:
         """Return the value that a definition points at."""
-        ...
 
     def write(self, pointer: Pointer, value: float) -> None:
         """Store a value; non-integers are rounded, bits that do not fit are lost."""
-        ...
 
 
 def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
     """Parse what follows `M1->`: a definition, or `*`, which points at nothing (None).
 
-    Raises:
-        PmacError: 003, not a definition, or an invalid address, offset or width.
+    Raises PmacError: 003, not a definition, or an invalid address, offset or width.
     """
     if scanner.accept("*"):
         return None
@@ -78,12 +72,10 @@ def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
         raise scanner.refusal("a definition as in M1->Y:$C0,8,4")
     scanner.accept(":")
     address = _integer(scanner, HIGHEST_MULTIPLEXED if space in MULTIPLEXED_SPACES else highest_address)
-    if space in LONG_SPACES:
+    if space in LONG_SPACES or space == "TWS":
         return Pointer(space=space, address=address)
     if space in SHORT_SPACES:
         return _part_of_word(scanner, space, address)
-    if space == "TWS":
-        return Pointer(space=space, address=address)
     scanner.expect(",")
     offset = _integer(scanner, 7)
     if space == "TWR":

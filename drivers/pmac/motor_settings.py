@@ -15,8 +15,7 @@ from drivers.pmac.trajectory.jog import change_speed, jog_settings
 from drivers.pmac.variables import VariableStore
 from profiles.machine import MachineProfile
 
-_PER_S = 1000.0
-"""Milliseconds in a second."""
+_PER_S = 1000.0  # Milliseconds in a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,22 +40,22 @@ class MotorSettings:
     @property
     def program_speed(self) -> float:
         """Maximum speed of a program, Ix16, per second."""
-        return self._speed(16)
+        return self._per_s(16, 1)
 
     @property
     def jog_speed(self) -> float:
         """Speed of a jog, Ix22, per second."""
-        return abs(self._speed(22))
+        return abs(self._per_s(22, 1))
 
     @property
     def jog_acceleration(self) -> float:
         """Maximum acceleration of a jog, Ix19, per second squared; 0 means no limit."""
-        return self._acceleration(19)
+        return self._per_s(19, 2)
 
     @property
     def abort_rate(self) -> float:
         """Deceleration of a stop, Ix15, per second squared; 0 never stops the motor."""
-        return self._acceleration(15)
+        return self._per_s(15, 2)
 
     @property
     def error_limit_counts(self) -> float:
@@ -129,8 +128,5 @@ class MotorSettings:
     def _value(self, number: int) -> float:
         return self.machine.controller.variables[f"I{self.motor}{number}"]
 
-    def _speed(self, number: int) -> float:
-        return self._value(number) / self.counts_per_unit * _PER_S
-
-    def _acceleration(self, number: int) -> float:
-        return self._value(number) / self.counts_per_unit * _PER_S**2
+    def _per_s(self, number: int, power: int) -> float:
+        return self._value(number) / self.counts_per_unit * _PER_S**power

@@ -1,7 +1,8 @@
 """The values that a program is downloaded with, as planned and as the controller holds them.
 
 The geometry of a cut is in variables that are set before its program, each by one line: a wrong digit in transit,
-or another host, changes the cut without changing the program. So each of them is read back.
+or another host, changes the cut without changing the program. So each of them is read back. Whatever reads raises
+DriverError when the link breaks or the controller refuses to answer.
 """
 
 from __future__ import annotations
@@ -15,17 +16,10 @@ from itertools import cycle, islice
 from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.expected_replies import number_of
+from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.syntax import (
-    Assign,
-    Expression,
-    Number,
-    Program,
-    Variable,
-    VariableKind,
-)
 from drivers.pmac.language.text import format_number
 from drivers.pmac.memory import Pointer, scan_pointer
 from drivers.pmac.program_text import ProgramText
@@ -60,13 +54,12 @@ class Constant:
 def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]:
     """Return the variables that are set before a program, each once, in order.
 
-    Raises:
-        PmacError: an expression that cannot be evaluated.
+    Raises PmacError: an expression that cannot be evaluated.
     """
     store, changed = VariableStore(dialect=dialect), _assigned(program)
     found: dict[str, Constant] = {}
     for statement in (each for line in program.settings for each in line):
-        if not isinstance(statement, Assign):
+        if not isinstance(statement, syntax.Assign):
             continue
         index = int(evaluate(statement.target.index, store))
         name, source = f"{statement.target.kind}{index}", _source(statement.value, found)
@@ -75,14 +68,14 @@ def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]
             value = evaluate(statement.value, store)
             store.set(statement.target.kind, index, value)
         found.pop(name, None)
-        kept = statement.target.kind is VariableKind.P and name not in changed
+        kept = statement.target.kind is syntax.VariableKind.P and name not in changed
         found[name] = Constant(name=name, value=value, copied_from=source, kept=kept)
     return tuple(found.values())
 
 
-def _source(expression: Expression, known: Mapping[str, Constant]) -> str:
+def _source(expression: syntax.Expression, known: Mapping[str, Constant]) -> str:
     """Return the controller variable that a value is a copy of, "" where it is a number of ours."""
-    if isinstance(expression, Variable) and isinstance(expression.index, Number):
+    if isinstance(expression, syntax.Variable) and isinstance(expression.index, syntax.Number):
         name = f"{expression.kind}{int(expression.index.value)}"
         return "" if name in known else name
     return ""
@@ -90,22 +83,18 @@ def _source(expression: Expression, known: Mapping[str, Constant]) -> str:
 
 def _assigned(program: ProgramText) -> frozenset[str]:
     """Return the variables that the program itself sets."""
-    texts: Sequence[Program] = (program.program, *program.subprograms.values())
+    texts: Sequence[syntax.Program] = (program.program, *program.subprograms.values())
     return frozenset(
         f"{statement.target.kind}{int(statement.target.index.value)}"
         for lines in texts
         for line in lines
         for statement in line
-        if isinstance(statement, Assign) and isinstance(statement.target.index, Number)
+        if isinstance(statement, syntax.Assign) and isinstance(statement.target.index, syntax.Number)
     )
 
 
 def read_values(client: Controller, names: Iterable[str]) -> dict[str, float]:
-    """Query variables, as many in a line as the controller accepts.
-
-    Raises:
-        DriverError: the link broke, or the controller refused to answer.
-    """
+    """Query variables, as many in a line as the controller accepts."""
     asked = list(dict.fromkeys(names))
     found: dict[str, float] = {}
     for start in range(0, len(asked), ITEMS_A_LINE):
@@ -114,55 +103,43 @@ def read_values(client: Controller, names: Iterable[str]) -> dict[str, float]:
     return found
 
 
-def value_problem(constant: Constant, met: float, planned: float) -> Problem | None:
-    """Return the problem of an actual value, None where it is as planned."""
-    if math.isclose(met, planned, rel_tol=RELATIVE, abs_tol=RELATIVE):
-        return None
-    value, limit = format_number(met), format_number(planned)
-    return Problem(code="controller.constant_differs", key=constant.name, value=value, limit=limit)
+def _differing(planned: Mapping[str, float], actual: Mapping[str, float]) -> Iterator[Problem]:
+    """Yield the problem of each actual value that is not as planned."""
+    for name, value in actual.items():
+        if not math.isclose(value, planned[name], rel_tol=RELATIVE, abs_tol=RELATIVE):
+            met, limit = format_number(value), format_number(planned[name])
+            yield Problem(code="controller.constant_differs", key=name, value=met, limit=limit)
+
+
+def _values(constants: Iterable[Constant], copied: Mapping[str, float]) -> dict[str, float]:
+    return {each.name: copied[each.name] if each.value is None else each.value for each in constants}
 
 
 def constant_problems(
     client: Controller, constants: Sequence[Constant], copied: Mapping[str, float] | None = None
 ) -> tuple[Problem, ...]:
-    """Read constants and compare; one that is a copy is compared with its source, or with what was `copied`.
-
-    Raises:
-        DriverError: the link broke, or the controller refused to answer.
-    """
+    """Read constants and compare; one that is a copy is compared with its source, or with what was `copied`."""
     sources = [each.copied_from for each in constants if each.copied_from and copied is None]
     found = read_values(client, (*(each.name for each in constants), *sources))
-    problems = []
-    for each in constants:
-        planned = each.value
-        if planned is None:
-            planned = found[each.copied_from] if copied is None else copied[each.name]
-        problems.append(value_problem(each, found[each.name], planned))
-    return tuple(problem for problem in problems if problem is not None)
+    if copied is None:
+        copied = {each.name: found[each.copied_from] for each in constants if each.copied_from}
+    return tuple(_differing(_values(constants, copied), {each.name: found[each.name] for each in constants}))
 
 
 def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
-    """Compare the M-variable definitions before a program with those of the controller.
-
-    Raises:
-        DriverError: the link broke, or the controller refused to answer.
-    """
+    """Compare the M-variable definitions before a program with those of the controller."""
     planned = {found[1].upper(): found[2] for text in program.commands if (found := _POINTER.fullmatch(text))}
     if not planned:
         return
-    for (name, text), met in zip(
-        planned.items(), client.query(*(f"{name}->" for name in planned), again=True), strict=True
-    ):
-        if _pointer(_definition(met)) != _pointer(text):
-            yield Problem(code="controller.constant_differs", key=f"{name}->", value=_definition(met), limit=text)
+    reported = client.query(*(f"{name}->" for name in planned), again=True)
+    for (name, text), reply in zip(planned.items(), reported, strict=True):
+        met = reply.strip().rpartition("->")[2]  # in any form of I9 (`M169->D:$46`)
+        if _pointer(met) != _pointer(text):
+            yield Problem(code="controller.constant_differs", key=f"{name}->", value=met, limit=text)
 
 
 def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
-    """Compare the memory words that are written before a program, such as a conversion table's.
-
-    Raises:
-        DriverError: the link broke, or the controller refused to answer.
-    """
+    """Compare the memory words that are written before a program, such as a conversion table's."""
     for text in program.commands:
         found = _WORDS.fullmatch(text)
         if found is None:
@@ -173,11 +150,6 @@ def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]
         if _hexadecimal(met) != planned:
             limit = " ".join(f"{word:X}" for word in planned)
             yield Problem(code="controller.constant_differs", key=place, value=met.strip(), limit=limit)
-
-
-def _definition(reported: str) -> str:
-    """Return what a variable points at, in any form of I9 (`M169->D:$46`)."""
-    return reported.strip().rpartition("->")[2]
 
 
 def _pointer(text: str) -> Pointer | str | None:
@@ -199,11 +171,7 @@ class ConstantsWatch:
 
     def __init__(self, constants: Sequence[Constant], copied: Mapping[str, float]) -> None:
         """Take `copied`: the values of those that are copies of what the controller held."""
-        self._planned = {
-            each.name: (each, copied[each.name] if each.value is None else each.value)
-            for each in constants
-            if each.kept
-        }
+        self._planned = _values([each for each in constants if each.kept], copied)
         self._turn = cycle(self._planned)
 
     def names(self, count: int) -> tuple[str, ...]:
@@ -212,6 +180,4 @@ class ConstantsWatch:
 
     def see(self, names: Sequence[str], values: Sequence[float]) -> Problem | None:
         """Compare the values of `names`; return the first difference from the plan."""
-        met = zip(names, values, strict=True)
-        problems = (value_problem(self._planned[name][0], value, self._planned[name][1]) for name, value in met)
-        return next((problem for problem in problems if problem is not None), None)
+        return next(_differing(self._planned, dict(zip(names, values, strict=True))), None)

@@ -1,19 +1,20 @@
 """Load a program into the controller: sent, read back and compared, with everything sent before it.
 
 The program alone does not determine the motion: its geometry is in the variables and the compensation table that
-are sent before it. So those are read back as the lines are. Nothing moves.
+are sent before it. So those are read back as the lines are. Nothing moves. LinkError is raised when the link
+breaks or is out of step, ControllerError when a program does not exist.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import zip_longest
 
 from drivers.controller import REPLY_TIMEOUT_S, Controller
 from drivers.errors import DriverError
-from drivers.pmac.compensation.table_text import definition_text, scan_definition
+from drivers.pmac.compensation.table_text import TextTable, definition_text, scan_definition
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.lexer import Scanner
@@ -29,7 +30,6 @@ from drivers.pmac.program_constants import (
     read_values,
     word_problems,
 )
-from drivers.pmac.program_tables import TextTable
 from drivers.pmac.program_text import ProgramText
 from profiles.problem import Problem
 
@@ -81,10 +81,7 @@ def verify_loaded(client: Controller, loaded: LoadedProgram, *, ended: bool = Fa
     When it has `ended`, the variables that it sets itself are left out. Without `tables` the entries of
     compensation tables are not read: over a slow line that takes seconds.
 
-    Raises:
-        LinkError: the link broke or is out of step.
-        ControllerError: a program does not exist.
-        DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`.
+    Raises DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`.
     """
     constants = tuple(each for each in loaded.constants if each.kept or not ended)
     _refuse(constant_problems(client, constants, loaded.copied))
@@ -110,10 +107,7 @@ def _refuse(problems: tuple[Problem, ...]) -> None:
 def verify_program(client: Controller, program: ProgramText) -> None:
     """List every motion program of a text and compare; nothing is written.
 
-    Raises:
-        LinkError: the link broke or is out of step.
-        ControllerError: a program does not exist.
-        DriverError: `controller.program_differs`.
+    Raises DriverError: `controller.program_differs`.
     """
     for number, lines in {program.number: program.program, **program.subprograms}.items():
         _compare(client, number, lines)
@@ -125,31 +119,29 @@ def _compare(client: Controller, number: int, lines: Program) -> None:
     if found != target:
         # The number of lines of a listing is not known before: an extra empty line does not make it differ.
         found = _listing(client, number, target)
-    for place, (met, sent) in enumerate(zip_longest(found, target, fillvalue=""), start=1):
-        if met != sent:
-            raise DriverError(
-                Problem(
-                    code="controller.program_differs",
-                    where=f"PROG {number}",
-                    key=f"line {place}",
-                    value=met,
-                    limit=sent,
-                )
-            )
+    for place, met, sent in _differences(found, target):
+        where, key = f"PROG {number}", f"line {place}"
+        raise DriverError(Problem(code="controller.program_differs", where=where, key=key, value=met, limit=sent))
+
+
+def _differences(found: Iterable[str], target: Iterable[str]) -> Iterator[tuple[int, str, str]]:
+    """Yield the places, from 1, at which two listings differ, with both texts."""
+    pairs = enumerate(zip_longest(found, target, fillvalue=""), start=1)
+    return ((place, met, sent) for place, (met, sent) in pairs if met != sent)
+
+
+def _listing_timeout_s(target: Iterable[str]) -> float:
+    """Return a timeout that grows with the length: a slow line is allowed for, and a broken one still noticed."""
+    return REPLY_TIMEOUT_S + sum(len(line) + 1 for line in target) / SLOWEST_LINE_BYTES_PER_S
 
 
 def _listing(client: Controller, number: int, target: Sequence[str]) -> tuple[str, ...]:
-    """List the whole program at once: some controllers count the start of a partial listing in memory words.
-
-    The timeout grows with the length, so that a slow line is allowed for, and a broken one still noticed.
-    """
-    bytes_expected = sum(len(line) + 1 for line in target)
-    timeout_s = REPLY_TIMEOUT_S + bytes_expected / SLOWEST_LINE_BYTES_PER_S
-    return tuple(_in_our_spelling(line) for line in client.question(f"LIST PROG{number}", timeout_s))
+    """List the whole program at once: some controllers count the start of a partial listing in memory words."""
+    return tuple(map(_normal_form, client.question(f"LIST PROG{number}", _listing_timeout_s(target))))
 
 
-def _in_our_spelling(line: str) -> str:
-    """Return a line in normal form: a controller may shorten words, or space them otherwise."""
+def _normal_form(line: str) -> str:
+    """Return a line as we spell it: a controller may shorten words, or space them otherwise."""
     with suppress(PmacError):
         return format_line(parse_line(line))
     return line
@@ -158,11 +150,9 @@ def _in_our_spelling(line: str) -> str:
 def _compare_table(client: Controller, table: TextTable, dialect: Dialect) -> None:
     """Read a compensation table back: its definition, and each of its entries.
 
-    Raises:
-        LinkError: the link broke or is out of step.
-        DriverError: `controller.table_differs`: the first entry that differs, found, sent.
+    Raises DriverError: `controller.table_differs`: the first entry that differs, found, sent.
     """
-    motor, sent = table.definition.motor, table.entries
+    motor, sent = table.definition.motor, [str(entry) for entry in table.entries]
     where = f"#{motor} COMP"
     (defined,) = client.question(f"#{motor}LIST COMP DEF", lines=1)
     planned = definition_text(table.definition)
@@ -170,15 +160,10 @@ def _compare_table(client: Controller, table: TextTable, dialect: Dialect) -> No
         raise DriverError(
             Problem(code="controller.table_differs", where=where, key="DEFINE COMP", value=defined, limit=planned)
         )
-    bytes_expected = sum(len(str(entry)) + 1 for entry in sent)
-    timeout_s = REPLY_TIMEOUT_S + bytes_expected / SLOWEST_LINE_BYTES_PER_S
-    found = " ".join(client.question(f"#{motor}LIST COMP", timeout_s)).split()
-    for place, (met, entry) in enumerate(zip_longest(found, map(str, sent), fillvalue=""), start=1):
-        if met != entry:
-            key = f"entry {place}"
-            raise DriverError(
-                Problem(code="controller.table_differs", where=where, key=key, value=met, limit=entry)
-            )
+    found = " ".join(client.question(f"#{motor}LIST COMP", _listing_timeout_s(sent))).split()
+    for place, met, entry in _differences(found, sent):
+        key = f"entry {place}"
+        raise DriverError(Problem(code="controller.table_differs", where=where, key=key, value=met, limit=entry))
 
 
 def _same_definition(reported: str, planned: str, motor: int, motor_count: int) -> bool:
@@ -186,6 +171,8 @@ def _same_definition(reported: str, planned: str, motor: int, motor_count: int) 
     if reported.strip() == planned:
         return True
     with suppress(PmacError):
-        read = [scan_definition(Scanner(text), motor, motor_count) for text in (reported.strip(), planned)]
-        return read[0] == read[1]
+        met, expected = (
+            scan_definition(Scanner(text), motor, motor_count) for text in (reported.strip(), planned)
+        )
+        return met == expected
     return False

@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from drivers.pmac.axes import AxisDefinition, scan_definition
+from drivers.pmac.compensation.table_text import MOST_MOTORS, TableReader, TextTable
 from drivers.pmac.execution.calls import FIRST_CODE_PROGRAM
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.parser import parse_line, parse_statement
-from drivers.pmac.language.reading import (
+from drivers.pmac.language.expressions import (
     CLEAR,
     CLOSE,
     HIGHEST_PLC,
@@ -21,9 +20,10 @@ from drivers.pmac.language.reading import (
     OPEN_PROGRAM,
     TRAILING_CLOSE,
 )
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.parser import parse_line, parse_statement
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.language.syntax import Line, Program
-from drivers.pmac.program_tables import MOST_MOTORS, TableReader, TextTable
 
 _DIRECTIVE = re.compile(r"#\s*(define|include|undef|ifdef|ifndef|if|else|endif)\b", re.IGNORECASE)
 _COMMENT = re.compile(r'((?:[^;"]|"[^"]*"?)*);.*')
@@ -75,8 +75,7 @@ class ProgramText:
     def code(self, number: int) -> Code | None:
         """Return a program of this text ready to run: the library of its calls.
 
-        Raises:
-            PmacError: 009 or 016, a program that is not well formed.
+        Raises PmacError: 009 or 016, a program that is not well formed.
         """
         program = self.program if number == self.number else self.subprograms.get(number)
         return None if program is None else link(program)
@@ -99,12 +98,12 @@ def read_program(
     With `refused`, the lines that the controller refuses are collected there and reading continues, as on the
     controller.
 
-    Raises:
-        PmacError: its detail names the wrong line.
+    Raises PmacError: its detail names the wrong line.
     """
     taken = _Taken(tables=TableReader(motor_count))
     for place, raw in enumerate(text.splitlines(), start=1):
-        line = _without_comment(raw).strip()
+        commented = _COMMENT.fullmatch(raw)
+        line = (raw if commented is None else commented[1]).strip()
         if not line:
             continue
         taken.lines.append(line)
@@ -119,11 +118,6 @@ def read_program(
     if not taken.programs:
         raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no OPEN PROG in the text")
     return taken.finished()
-
-
-def _without_comment(line: str) -> str:
-    found = _COMMENT.fullmatch(line)
-    return line if found is None else found[1]
 
 
 @dataclass(slots=True)
@@ -250,8 +244,7 @@ class _Taken:
 def _setting(scanner: Scanner) -> syntax.Assign | None:
     """Parse an assignment; None when it is an on-line command (`I100=*` is one).
 
-    Raises:
-        PmacError: 005, a statement that is only valid in a buffer.
+    Raises PmacError: 005, a statement that is only valid in a buffer.
     """
     rest = scanner.rest
     try:

@@ -24,28 +24,32 @@ class Deferred:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinearRequest:
-    """A LINEAR move to `targets` (every axis of the system), with the modal times."""
+class _ToTargets:
+    """A move to `targets`, every axis of the system."""
 
     line: int
     targets: Mapping[str, float]
-    ta_ms: float
-    ts_ms: float
-    tm_ms: float
     absolute: frozenset[str] = frozenset()
     deferred: tuple[Deferred, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CircleRequest:
-    """An arc to `targets`, in the plane normal to `normal` (I, J, K), which also defines clockwise.
+class LinearRequest(_ToTargets):
+    """A LINEAR move with the modal times."""
+
+    ta_ms: float
+    ts_ms: float
+    tm_ms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CircleRequest(_ToTargets):
+    """An arc in the plane normal to `normal` (I, J, K), which also defines clockwise.
 
     The centre is `center` (a vector by X, Y, Z from the start), or at `radius` (below 0: the longer arc). The time
     is `tm_ms`, or None: then the length of the arc over `speed_per_ms`.
     """
 
-    line: int
-    targets: Mapping[str, float]
     clockwise: bool
     normal: tuple[float, float, float]
     center: Mapping[str, float] | None
@@ -54,43 +58,29 @@ class CircleRequest:
     ts_ms: float
     tm_ms: float | None
     speed_per_ms: float
-    absolute: frozenset[str] = frozenset()
-    deferred: tuple[Deferred, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RapidRequest:
+class RapidRequest(_ToTargets):
     """A RAPID move of the axes in `moving`: a jog of their motors, never blended."""
 
-    line: int
-    targets: Mapping[str, float]
     moving: frozenset[str]
-    absolute: frozenset[str] = frozenset()
-    deferred: tuple[Deferred, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SplineRequest:
+class SplineRequest(_ToTargets):
     """A segment of a cubic B-spline; `uniform` is SPLINE1, where a change of the time ends the sequence."""
 
-    line: int
-    targets: Mapping[str, float]
     duration_ms: float
     uniform: bool
-    absolute: frozenset[str] = frozenset()
-    deferred: tuple[Deferred, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PvtRequest:
-    """A PVT segment to `targets` with `velocities` there (user units per ms)."""
+class PvtRequest(_ToTargets):
+    """A PVT segment with `velocities` at its end (user units per ms)."""
 
-    line: int
-    targets: Mapping[str, float]
     velocities: Mapping[str, float]
     duration_ms: float
-    absolute: frozenset[str] = frozenset()
-    deferred: tuple[Deferred, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,28 +132,20 @@ class ProgramHost(Protocol):
 
     def command(self, text: str, port: str) -> None:
         """CMD: an on-line command, executed in the background with addresses of its own, #1 and &1."""
+        return
 
     def send(self, text: str, port: str) -> None:
         """SEND: text for a host."""
+        return
 
     def display(self, text: str) -> None:
         """DISPLAY: text for the display port."""
+        return
 
     def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
         """ENABLE or DISABLE PLC."""
+        return
 
 
-class NoHost:
+class NoHost(ProgramHost):
     """A host without effect, for the checker."""
-
-    def command(self, text: str, port: str) -> None:
-        """Ignore it."""
-
-    def send(self, text: str, port: str) -> None:
-        """Ignore it."""
-
-    def display(self, text: str) -> None:
-        """Ignore it."""
-
-    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
-        """Ignore it."""

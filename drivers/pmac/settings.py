@@ -6,11 +6,8 @@ from collections.abc import Iterable, Mapping
 
 from drivers.pmac.dialect import PMAC, Dialect, Scope, Setting
 
-I10_PER_MS = 8_388_608
-"""I10 counts servo time in 2^-23 ms, and wraps there."""
-
-PARTS_PER_COUNT = 16.0
-"""Ix11, Ix12, Ix26 and Ix28 are in sixteenths of a count."""
+I10_PER_MS = 8_388_608  # I10 counts servo time in 2^-23 ms, and wraps there
+PARTS_PER_COUNT = 16.0  # Ix11, Ix12, Ix26 and Ix28 are in sixteenths of a count
 
 _FIRST_SYSTEM_NUMBER = 85
 """On the non-Turbo controller Ix85 to Ix98 belong to the coordinate system, lower numbers to the motor."""
@@ -53,7 +50,5 @@ def _places(index: int, dialect: Dialect) -> Iterable[int]:
 
 def _spread(dialect: Dialect, owner: int, setting: Setting) -> Iterable[int]:
     """Map with `owner` 0 for what the non-Turbo controller has once; then all motors or systems get it."""
-    owners: Iterable[int] = (owner,)
-    if owner == 0:
-        owners = dialect.numbers(dialect.places[setting].scope)
+    owners = (owner,) if owner else dialect.numbers(dialect.places[setting].scope)
     return {dialect.index(setting, each) for each in owners}

@@ -10,8 +10,16 @@ from collections.abc import Iterable, Mapping
 
 BITS_PER_WORD = 24
 
-BitTable = Mapping[str, tuple[int, int]]
-"""Name of a bit to (word counted from 1, bit)."""
+BitTable = Mapping[str, tuple[int, int]]  # Name of a bit to (word counted from 1, bit)
+
+
+def bit_table(runs: Mapping[tuple[int, int], str]) -> dict[str, tuple[int, int]]:
+    """Return a table from runs of names: by word and highest bit, the names of the bits from there down."""
+    return {
+        name: (word, highest - place)
+        for (word, highest), names in runs.items()
+        for place, name in enumerate(names.split())
+    }
 
 
 def pack(conditions: Mapping[str, bool], table: BitTable, words: int = 2) -> tuple[int, ...]:
@@ -35,8 +43,7 @@ def digits_of(words: Iterable[int]) -> str:
 def decode(digits: str, table: BitTable) -> frozenset[str]:
     """Return the names of the bits that are set.
 
-    Raises:
-        ValueError: not hexadecimal, or too short for the table.
+    Raises ValueError: not hexadecimal, or too short for the table.
     """
     per_word = BITS_PER_WORD // 4
     words = [int(digits[start : start + per_word], 16) for start in range(0, len(digits), per_word)]

@@ -13,8 +13,7 @@ from drivers.pmac.memory import Memory, Pointer
 GREATEST_SETTING = 2.0**47
 """I-variables saturate here, in either direction: no register of the controller is wider."""
 
-MODAL_NUMBERS = (87, 88, 89)
-"""Ix87, Ix88, Ix89: TA, TS, and F or TM, as the last program left them."""
+MODAL_NUMBERS = (87, 88, 89)  # Ix87, Ix88, Ix89: TA, TS, and F or TM, as the last program left them
 
 
 # Naming a member through its class costs more than the look-up of a value, some hundred thousand times a cut.
@@ -42,8 +41,7 @@ class VariableStore:
     def get(self, kind: VariableKind, index: int, system: int = 1) -> float:
         """Return a value; Q-variables are those of a coordinate system.
 
-        Raises:
-            PmacError: 003, no such variable.
+        Raises PmacError: 003, no such variable.
         """
         # P first and without a call: a program reads some thousands of them a second.
         if kind is _P:
@@ -60,8 +58,7 @@ class VariableStore:
     def set(self, kind: VariableKind, index: int, value: float, system: int = 1) -> None:
         """Store a value; an I-variable of limited range wraps silently, as on the controller.
 
-        Raises:
-            PmacError: 003, no such variable.
+        Raises PmacError: 003, no such variable.
         """
         self._check(kind, index)
         if kind is _P:

@@ -17,19 +17,16 @@ from drivers.identification.nominal import path_response
 from drivers.preview.preview import Prediction, Underway
 from profiles.axis.friction import ASSUMED_FRICTION_N, friction_um_pp
 from profiles.axis.response import ServoResponse
+from profiles.chucking.grip import lobe_um_per_n
+from profiles.chucking.held_part import held_part
 from profiles.chucking.holding import holding_of
-from profiles.chucking.job_grip import lobe_um_per_n
 from profiles.cutting_process import cutting_process
 from profiles.job import Job
-from profiles.lobe.held_job import held_part
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 
-NORMAL_95 = 1.959964
-"""Standard deviations that contain 95 % of a normal distribution."""
-
-ASSUMED_SPINDLE_UM_PP = 2.0
-"""Assumed radial error of an unmeasured spindle, copied to the part: 1 to 2 um are usual."""
+NORMAL_95 = 1.959964  # standard deviations that contain 95 % of a normal distribution
+ASSUMED_SPINDLE_UM_PP = 2.0  # of an unmeasured spindle, copied to the part: 1 to 2 um are usual
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

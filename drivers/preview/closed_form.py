@@ -12,7 +12,7 @@ from drivers.preview.outlook import Outlook, Response, Share, response_of, share
 from drivers.preview.program_prediction import TURN_POINTS, FloatArray, left_by
 from profiles.axis.response import Source
 from profiles.axis.servo import drive_need
-from profiles.compensations.path import Wave
+from profiles.compensations.path import PathHarmonic
 
 _TURN_DEG: FloatArray = np.linspace(0.0, 360.0, TURN_POINTS, endpoint=False)
 
@@ -54,12 +54,16 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
         return None
     job, machine = seen.job, seen.machine
     path_um = np.full(TURN_POINTS, command.mean_um)
-    for wave in command.waves:
-        made = Wave.of(wave.lobes, _answer(seen, strategy, wave.lobes) * wave.coefficient)
-        path_um += made.at_um(_TURN_DEG)
-    left_um = left_by(job, _TURN_DEG, path_um)
+    identified = strategy is seen.strategy and seen.response.source is Source.IDENTIFIED
+    for harmonic in command.harmonics:
+        frequency_hz = harmonic.lobes * job.spindle_speed_rpm / 60.0
+        if identified and harmonic.lobes == job.jaws:
+            answer = seen.response.at(frequency_hz)
+        else:
+            answer = nominal_response(strategy, machine, frequency_hz)
+        path_um += PathHarmonic.of(harmonic.lobes, answer * harmonic.coefficient).at_um(_TURN_DEG)
     response = seen.sampled
-    if _identified(seen, strategy):
+    if identified:
         response = response_of(job, loop_response(strategy, machine, seen.response, job.lobe_frequency_hz))
     # The command belongs to the angle that the controller read, which the spindle has left since.
     late_deg = (
@@ -68,21 +72,8 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
     return ClosedForm(
         angle_deg=_TURN_DEG,
         command_um=command.at_um(_TURN_DEG - late_deg),
-        residual_um=left_um,
+        residual_um=left_by(job, _TURN_DEG, path_um),
         lobe_frequency_hz=job.lobe_frequency_hz,
         response=response,
         shares=shares_of(machine, drive_need(machine, command.amplitude_um, job.lobe_frequency_hz)),
     )
-
-
-def _answer(seen: Outlook, strategy: Strategy, lobes: int) -> complex:
-    """Return the axis response at this order (UPR), along this strategy's command path."""
-    frequency_hz = lobes * seen.job.spindle_speed_rpm / 60.0
-    if lobes == seen.job.jaws and _identified(seen, strategy):
-        return seen.response.at(frequency_hz)
-    return nominal_response(strategy, seen.machine, frequency_hz)
-
-
-def _identified(seen: Outlook, strategy: Strategy) -> bool:
-    """Whether the axis was identified on the path of this strategy."""
-    return strategy is seen.strategy and seen.response.source is Source.IDENTIFIED

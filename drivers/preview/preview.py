@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
@@ -19,20 +17,7 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
 
-__all__ = [
-    "Asked",
-    "Prediction",
-    "Preview",
-    "Program",
-    "Response",
-    "Share",
-    "Underway",
-    "all_asked",
-    "preview",
-    "program_of",
-    "underway",
-    "whole",
-]
+__all__ = ["Prediction", "Response", "Share"]  # beside what is defined here
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,9 +74,7 @@ def preview(
     """Compute the preview of a job; `response` is that of the path of `strategy`, by default by the profile.
 
     `path` was learned for a cut with `strategy` and carries its own command.
-
-    Raises:
-        ProblemError: as `outlook`, the axis cannot follow at this speed at all.
+    Raises ProblemError: as `outlook`, the axis cannot follow at this speed at all.
     """
     seen = outlook(job, machine, strategy, response, path=path)
     programs = {each.strategy: program_of(each) for each in all_asked(job, machine, strategy, response, path)}
@@ -117,56 +100,35 @@ def all_asked(
 
 def program_of(asked: Asked) -> Program:
     """Plan one program, simulate it, and predict what it leaves."""
-    with _no_collections():
-        return _made(asked)
-
-
-def _made(asked: Asked) -> Program:
-    try:
-        plan = plan_cut(
-            asked.job,
-            asked.machine,
-            asked.strategy,
-            path=asked.path,
-            response=asked.response,
-            air_mm=asked.air_mm,
-        )
-    except ProblemError as error:
-        return Program(plan=error, prediction=None)
-    prediction = predict(asked.job, asked.machine, plan, asked.response)
-    return Program(plan=replace(plan, checked=replace(plan.checked, moves=())), prediction=prediction)
-
-
-@contextmanager
-def _no_collections() -> Iterator[None]:
-    """Suspend garbage collection while a program is simulated.
-
-    Its moves would trigger one full collection after the other, during which no key is handled. They need none:
-    they contain no reference cycles.
-    """
+    job, machine, response = asked.job, asked.machine, asked.response
+    # The moves would trigger one full garbage collection after the other, during which no key is handled. They
+    # need none: they contain no reference cycles.
     collected = gc.isenabled()
     gc.disable()
     try:
-        yield
+        plan = plan_cut(job, machine, asked.strategy, path=asked.path, response=response, air_mm=asked.air_mm)
+    except ProblemError as error:
+        return Program(plan=error, prediction=None)
+    else:
+        prediction = predict(job, machine, plan, response)
+        return Program(plan=replace(plan, checked=replace(plan.checked, moves=())), prediction=prediction)
     finally:
         if collected:
             gc.enable()
 
 
 def underway(seen: Outlook, eq9_loop: Eq9Summary | None, programs: Mapping[Strategy, Program]) -> Underway:
-    """Return an outlook with the finished programs."""
-    return Underway(eq9_loop=eq9_loop, **_with_programs(seen, programs))
+    """Return an outlook with the finished programs, in the order of the strategies."""
+    made = {each: programs[each] for each in Strategy if each in programs}
+    return Underway(
+        **{field.name: getattr(seen, field.name) for field in fields(Outlook)},
+        eq9_loop=eq9_loop,
+        strategies={each: program.plan for each, program in made.items()},
+        predictions={each: p.prediction for each, p in made.items() if p.prediction is not None},
+    )
 
 
 def whole(seen: Outlook, eq9_loop: Eq9Summary, programs: Mapping[Strategy, Program]) -> Preview:
     """Return an outlook with all programs."""
-    return Preview(eq9_loop=eq9_loop, **_with_programs(seen, programs))
-
-
-def _with_programs(seen: Outlook, programs: Mapping[Strategy, Program]) -> dict[str, Any]:
-    made = {each: programs[each] for each in Strategy if each in programs}
-    return {
-        **{field.name: getattr(seen, field.name) for field in fields(Outlook)},
-        "strategies": {each: program.plan for each, program in made.items()},
-        "predictions": {each: p.prediction for each, p in made.items() if p.prediction is not None},
-    }
+    complete = underway(seen, eq9_loop, programs)
+    return Preview(**{field.name: getattr(complete, field.name) for field in fields(Preview)})

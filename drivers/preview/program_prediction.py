@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from drivers.cutting.planning import CutPlan
 from drivers.identification.nominal import loop_response
-from drivers.pmac.check import CheckedProgram
-from drivers.pmac.trajectory.pieces import Piece, position_at
+from drivers.pmac.trajectory.pieces import position_at
 from drivers.preview.outlook import Response, Share, response_of, shares_of
 from profiles.axis.response import ServoResponse, Source
 from profiles.axis.servo import drive_need, sampled_response
@@ -23,11 +22,8 @@ from profiles.machine import MachineProfile
 
 FloatArray = NDArray[np.float64]
 
-TURN_POINTS = 720
-"""Points per turn at which a path is computed: 120 in each move of the paper's program."""
-
-_STEADY_FROM = 0.4
-"""Fraction of the feed after which the examined turn begins: far from the start and end of the cut."""
+TURN_POINTS = 720  # points per turn at which a path is computed: 120 in each move of the paper's program
+_STEADY_FROM = 0.4  # fraction of the feed: the examined turn is far from the start and end of the cut
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,7 +69,9 @@ def predict(job: Job, machine: MachineProfile, plan: CutPlan, response: ServoRes
     Cutting force and unmeasured properties of the machine are not included.
     """
     angle_deg, command_um = _steady_turn(machine, plan)
-    known = _identified(job, machine, plan, response)
+    known = {}  # the loop by its order (UPR), where it was identified
+    if response is not None and response.source is Source.IDENTIFIED:
+        known[job.jaws] = loop_response(plan.strategy, machine, response, job.lobe_frequency_hz)
     path_um = followed(machine, command_um, plan.spindle_speed_rpm, known)
     frequency_hz = job.jaws * plan.spindle_speed_rpm / 60.0
     order = np.argsort(angle_deg, kind="stable")
@@ -109,21 +107,12 @@ def followed(
     """
     spectrum = np.fft.rfft(command)
     frequency_hz = np.arange(spectrum.size) * speed_rpm / 60.0
-    heard = frequency_hz < 500.0 / machine.controller.servo_period_ms
+    below = frequency_hz < 500.0 / machine.controller.servo_period_ms
     loop = np.zeros(spectrum.size, dtype=np.complex128)
-    loop[heard] = sampled_response(machine, frequency_hz[heard])
-    for waves, response in (known or {}).items():
-        loop[waves] = response
+    loop[below] = sampled_response(machine, frequency_hz[below])
+    for order, response in (known or {}).items():
+        loop[order] = response
     return np.fft.irfft(loop * spectrum, command.size)
-
-
-def _identified(
-    job: Job, machine: MachineProfile, plan: CutPlan, response: ServoResponse | None
-) -> dict[int, complex]:
-    """Return the loop by its order (UPR), where it was identified."""
-    if response is None or response.source is not Source.IDENTIFIED:
-        return {}
-    return {job.jaws: loop_response(plan.strategy, machine, response, job.lobe_frequency_hz)}
 
 
 def _steady_turn(machine: MachineProfile, plan: CutPlan) -> tuple[FloatArray, FloatArray]:
@@ -135,23 +124,18 @@ def _steady_turn(machine: MachineProfile, plan: CutPlan) -> tuple[FloatArray, Fl
     begins = plan.carriage_start + _STEADY_FROM * plan.setup.carriage_counts
     first = next(i for i, piece in enumerate(pieces) if piece.cubics[carriage][0] >= begins)
     instants_ms = ends_ms[first] + 60_000.0 / plan.spindle_speed_rpm * np.arange(TURN_POINTS) / TURN_POINTS
-    places = [_at(pieces, ends_ms, float(instant)) for instant in instants_ms]
-    spindle, tool = (_positions(checked, places, motor) for motor in (machine.spindle.motor, machine.tool.motor))
+    running = [min(bisect_right(ends_ms, instant), len(pieces) - 1) for instant in instants_ms.tolist()]
+
+    def positions(motor: int) -> FloatArray:
+        index = checked.motors.index(motor)
+        since_ms = (t - (ends_ms[i] - pieces[i].duration_ms) for i, t in zip(running, instants_ms, strict=True))
+        return np.array([position_at(pieces[i].cubics[index], t) for i, t in zip(running, since_ms, strict=True)])
+
+    spindle, tool = positions(machine.spindle.motor), positions(machine.tool.motor)
     return (
         np.mod(360.0 * spindle / machine.spindle.counts_per_rev, 360.0),
         (tool - plan.setup.surface) * machine.tool.count_um,
     )
-
-
-def _at(pieces: Sequence[Piece], ends_ms: Sequence[float], instant_ms: float) -> tuple[Piece, float]:
-    """Return the piece that runs at a given time, and the time since it began, ms."""
-    place = min(bisect_right(ends_ms, instant_ms), len(pieces) - 1)
-    return pieces[place], instant_ms - (ends_ms[place] - pieces[place].duration_ms)
-
-
-def _positions(checked: CheckedProgram, places: Sequence[tuple[Piece, float]], motor: int) -> FloatArray:
-    index = checked.motors.index(motor)
-    return np.array([position_at(piece.cubics[index], time_ms) for piece, time_ms in places])
 
 
 def _kept(values: FloatArray) -> FloatArray:

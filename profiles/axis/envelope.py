@@ -1,4 +1,4 @@
-"""How fast a lobe of a given amplitude may be cut: the speed at which each limit of the tool axis is reached.
+"""How fast a job may be cut: the speed at which each limit of tool axis, chuck and spindle is reached.
 
 For y = A sin(w t): F = (-M w^2 + j B w) A, I = F / Kt, V = (R + j w L) I + Kb j w A, with a steady cutting force
 taken off first. Speeds in rpm, amplitudes in um (half of peak to peak).
@@ -11,22 +11,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from profiles.axis.response import AMPLIFICATION_LIMIT
+from profiles.arrays import Floats
+from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.axis.servo import drive_need, sampled_response
 from profiles.axis.servo_gains import error_limit_um, program_speed_mm_per_s
+from profiles.chucking.grip import mass_radius_kg_m, most_loss_speed_rpm, needed_grip_n, speed_of_loss_rpm
+from profiles.compensations.path import spindle_speed_rpm
 from profiles.job import Job
 from profiles.machine import MachineProfile, ToolAxis
-
-FloatArray = NDArray[np.float64]
+from profiles.problem import ProfileError
 
 AMPLITUDES_UM = (5.0, 16.5, 27.5, 50.0, 100.0, 200.0, 500.0, 1000.0)
-RESERVED_N = 100.0
-"""Cutting force that is reserved."""
-
-_LEAST_HZ, _GRID = 0.05, 4000
-_MOST_HZ = 1e5
+RESERVED_N = 100.0  # cutting force that is reserved
+_LEAST_HZ, _MOST_HZ, _GRID = 0.05, 1e5, 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,9 +48,8 @@ class EnvelopeRow:
 class Envelope:
     """The rows over the amplitudes, and the row of the job with its speed as a percentage of each limit.
 
-    A limit of 0 rpm, of a tool without force beyond the reserve, has no percentage (None).
-    `plain_sine_rpm` is how fast the job could be cut within its tolerance without inverting the servo; None where
-    it always can.
+    A limit of 0 rpm, of a tool without force beyond the reserve, has no percentage (None). `plain_sine_rpm` is how
+    fast the job could be cut within its tolerance without inverting the servo; None where it always can.
     """
 
     rows: tuple[EnvelopeRow, ...]
@@ -73,12 +70,12 @@ def envelope(
     # A job without a lobe has no limit; nor has a hundredth of a micrometre.
     at_job = envelope_row(machine, max(job.lobe_amplitude_um, 0.01), job.jaws, reserved_n=reserved_n)
     share = job.roundness_tolerance_um / job.lobe_error_um_pp if job.lobe_error_um_pp > 0 else math.inf
-    plain_hz = first_beyond(lambda f: np.abs(1 - sampled_response(machine, f)), share, _nyquist_hz(machine))
+    plain_hz = first_beyond(lambda f: np.abs(1 - sampled_response(machine, f)), share, nyquist_hz(machine))
     return Envelope(
         rows=rows,
         at_job=at_job,
         percent={name: 100 * job.spindle_speed_rpm / rpm if rpm else None for name, rpm in at_job.rpm.items()},
-        plain_sine_rpm=None if plain_hz is None else _rpm(plain_hz, job.jaws),
+        plain_sine_rpm=None if plain_hz is None else spindle_speed_rpm(plain_hz, job.jaws),
     )
 
 
@@ -100,10 +97,32 @@ def envelope_row(
         **_of_voltage(machine, amplitude_um, reserved_n),
         **_of_loop(machine, amplitude_um),
     }
-    return EnvelopeRow(amplitude_um=amplitude_um, rpm={name: _rpm(each, jaws) for name, each in hz.items()})
+    return EnvelopeRow(
+        amplitude_um=amplitude_um, rpm={name: spindle_speed_rpm(each, jaws) for name, each in hz.items()}
+    )
 
 
-def first_beyond(measure: Callable[[FloatArray], FloatArray], limit: float, top_hz: float) -> float | None:
+def speed_limits_rpm(
+    job: Job, machine: MachineProfile, response: ServoResponse, axis: EnvelopeRow
+) -> dict[str, float]:
+    """Return the highest speed of each limit by its name: those of `axis`, the row of the job, and more.
+
+    "spindle" is the machine's own, "grip" and "grip_loss" are where F_sp0 / S_sp - F_c is what the cut needs and
+    where the loss is at its most (F_c = sum(m r) (pi n / 30)^2), "response" is how far that can be inverted.
+    0 where a limit is passed at rest already.
+    """
+    of_jaws = mass_radius_kg_m(job, machine)
+    left_n = job.chucking_force_n / machine.chuck.safety_factor - needed_grip_n(job, machine)
+    return {
+        **axis.rpm,
+        "spindle": machine.spindle.max_speed_rpm,
+        "grip": speed_of_loss_rpm(left_n, of_jaws),
+        "grip_loss": most_loss_speed_rpm(job.chucking_force_n, of_jaws),
+        "response": spindle_speed_rpm(_highest_invertible_hz(machine, response), job.jaws),
+    }
+
+
+def first_beyond(measure: Callable[[Floats], Floats], limit: float, top_hz: float) -> float | None:
     """Return the lowest frequency below `top_hz` at which `measure` exceeds a limit, None where it never does.
 
     The crossing lies between two points of a grid and is refined by bisection.
@@ -114,13 +133,20 @@ def first_beyond(measure: Callable[[FloatArray], FloatArray], limit: float, top_
         return None
     place = int(np.argmax(above))
     low, high = float(grid[max(place - 1, 0)]), float(grid[place])
-    for _ in range(40):
+    return _bisected(lambda hz: float(measure(np.array([hz]))[0]) <= limit, low, high, 40)[1]
+
+
+def nyquist_hz(machine: MachineProfile) -> float:
+    """Return the highest frequency at which the sampled loop is evaluated, just below half its rate."""
+    return 0.999 * 500 / machine.controller.servo_period_ms
+
+
+def _bisected(holds: Callable[[float], bool], low: float, high: float, halvings: int) -> tuple[float, float]:
+    """Return where a condition that holds at `low` and not at `high` begins to fail: just below, just above."""
+    for _ in range(halvings):
         middle = (low + high) / 2
-        if float(measure(np.array([middle]))[0]) > limit:
-            high = middle
-        else:
-            low = middle
-    return high
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low, high
 
 
 def _of_force(tool: ToolAxis, amplitude_m: float, force_n: float) -> float:
@@ -136,19 +162,16 @@ def _of_voltage(machine: MachineProfile, amplitude_um: float, reserved_n: float)
     if tool.bus_voltage_v is None:
         return {}
     left_v = tool.bus_voltage_v - tool.coil_resistance_ohm * reserved_n / tool.thrust_constant_n_per_a
-    low, high = 0.0, _MOST_HZ
-    for _ in range(60):
-        middle = (low + high) / 2
-        if drive_need(machine, amplitude_um, middle).voltage_v > left_v:
-            high = middle
-        else:
-            low = middle
-    return {"voltage": low}
+
+    def bears(frequency_hz: float) -> bool:
+        return drive_need(machine, amplitude_um, frequency_hz).voltage_v <= left_v
+
+    return {"voltage": _bisected(bears, 0.0, _MOST_HZ, 60)[0]}
 
 
 def _of_loop(machine: MachineProfile, amplitude_um: float) -> dict[str, float]:
     """The command is A / |T|, and lags by A |1/T - 1|; where |T| vanishes nothing can be inverted."""
-    top_hz = _nyquist_hz(machine)
+    top_hz = nyquist_hz(machine)
     following = first_beyond(
         lambda f: amplitude_um * np.abs(1 / sampled_response(machine, f) - 1), error_limit_um(machine), top_hz
     )
@@ -156,9 +179,16 @@ def _of_loop(machine: MachineProfile, amplitude_um: float) -> dict[str, float]:
     return {"following_error": following or top_hz, "loop": loop or top_hz}
 
 
-def _nyquist_hz(machine: MachineProfile) -> float:
-    return 0.999 * 500 / machine.controller.servo_period_ms
+def _highest_invertible_hz(machine: MachineProfile, response: ServoResponse) -> float:
 
+    def invertible(frequency_hz: float) -> bool:
+        try:
+            response.invertible(frequency_hz)
+        except ProfileError:
+            return False
+        return True
 
-def _rpm(lobe_frequency_hz: float, jaws: int) -> float:
-    return 60 * lobe_frequency_hz / jaws
+    high_hz = min(response.highest_hz, nyquist_hz(machine))
+    if invertible(high_hz):
+        return high_hz
+    return _bisected(invertible, max(response.lowest_hz, _LEAST_HZ), high_hz, 40)[0]

@@ -1,9 +1,8 @@
 """The motion that dry friction takes from a tool: by its describing function, through the sampled loop.
 
-Friction of the force F opposes the speed, a square wave: 4 F / (pi k) at each odd multiple k of the lobe
-frequency (describing function of a relay, Gelb and Vander Velde 1968). Each acts through the loop like any
-other force on the tool, independent of the command, so inverting the tool's response neither adds to it nor
-reduces it.
+Friction of the force F opposes the speed, a square wave: 4 F / (pi k) at each odd multiple k of the lobe frequency
+(describing function of a relay, Gelb and Vander Velde 1968). Each acts through the loop like any other force on
+the tool, independent of the command, so inverting the tool's response neither adds to it nor reduces it.
 """
 
 from __future__ import annotations
@@ -12,21 +11,20 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Complexes, floats
 from profiles.axis.servo import sampled_response
 from profiles.axis.servo_gains import gains_from_variables
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
-ASSUMED_FRICTION_N = 5.0
-"""Assumed dry friction of an unmeasured tool: roller guides of its size have 2 to 5 N."""
-
+ASSUMED_FRICTION_N = 5.0  # assumed dry friction of an unmeasured tool: roller guides of its size have 2 to 5 N
 HARMONICS = (1, 3, 5)
 """Multiples of the lobe that count: the fifth has a hundredth of the first, as only the mass resists it."""
 
 
-def sampled_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+def sampled_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> Complexes:
     """Return the sampled loop's compliance, um/N, in the shape of `frequency_hz`; a lag is a negative phase.
 
     Like `tool_compliance_um_per_n` for the sampled loop, which acts one period late: G_d = S / (M s^2 + B s) with
@@ -35,7 +33,7 @@ def sampled_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike
     gains = gains_from_variables(machine)
     bare = replace(gains, velocity_feedforward_v_s_per_m=0.0, acceleration_feedforward_v_s2_per_m=0.0)
     tool, period_s = machine.tool, machine.controller.servo_period_ms / 1000
-    s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+    s = 2j * np.pi * floats(frequency_hz)
     slope = (1 - np.exp(-s * period_s)) / period_s
     ahead = gains.kp_v_per_m + gains.ki_v_per_m_s / slope
     # Without feedforward the response is L ahead / back / (1 + L), so that S follows from it.
@@ -56,14 +54,14 @@ def friction_um_pp(
     return min(float(np.sum(8.0 * friction_n / (math.pi * multiples) * compliance)), path_um_pp)
 
 
-def held_back_um(machine: MachineProfile, job: Job, waves: int) -> float:
+def held_back_um(machine: MachineProfile, job: Job, order: int) -> float:
     """Return how much friction may hold the tool back at this order (UPR), um of amplitude.
 
     (4/(k pi)) F |G_d| at k times the lobe, with the highest friction of roller guides; 0 at orders that are no
     odd multiple of the lobe, which friction does not excite.
     """
-    multiple, rest = divmod(waves, job.jaws)
+    multiple, rest = divmod(order, job.jaws)
     if rest or multiple % 2 == 0:
         return 0.0
-    compliance = complex(sampled_compliance_um_per_n(machine, waves * job.spindle_speed_rpm / 60.0))
+    compliance = complex(sampled_compliance_um_per_n(machine, order * job.spindle_speed_rpm / 60.0))
     return 4.0 * ASSUMED_FRICTION_N / (math.pi * multiple) * abs(compliance)

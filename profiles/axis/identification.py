@@ -28,26 +28,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from profiles.confidence import student
-from profiles.least_squares import fit, harmonic_columns, harmonic_slice, phasors
-from profiles.problem import Problem, ProfileError
+from profiles.arrays import Complexes, Floats, floats
+from profiles.least_squares import fit, harmonic_columns, harmonic_slice, phasors, student
+from profiles.problem import refused
 
-MOST_SEGMENTS = 10
-"""Maximum segments of a record; each has as many whole periods as that requires."""
-
-LEAST_SEGMENTS = 2
-"""One segment always has a coherence of 1."""
-
+MOST_SEGMENTS = 10  # maximum segments of a record; each has as many whole periods as that requires
+LEAST_SEGMENTS = 2  # one segment always has a coherence of 1
 PARAMETERS = 4
-LEAST_SAMPLES = 2 * PARAMETERS
-"""Per segment: twice the fitted parameters, for a meaningful residual."""
-
-LEAST_SAMPLES_A_PERIOD = 2.5
-"""Above two, or the sine is aliased."""
-
-Floats = NDArray[np.float64]
+LEAST_SAMPLES = 2 * PARAMETERS  # per segment: twice the fitted parameters, for a meaningful residual
+LEAST_SAMPLES_A_PERIOD = 2.5  # above two, or the sine is aliased
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,13 +80,12 @@ class FrequencyResponse:
 def fit_sine(time_s: ArrayLike, values: ArrayLike, frequency_hz: float) -> SineFit:
     """Fit a sine of known frequency with offset and drift; times may start anywhere.
 
-    Raises:
-        ProfileError: `identification.too_short`, `identification.not_finite`.
+    Raises `ProfileError` (`identification.too_short`, `identification.not_finite`).
     """
     time, samples = _columns(time_s, values)
     if len(time) < LEAST_SAMPLES:
         limit = f">= {LEAST_SAMPLES}"
-        raise ProfileError(Problem(code="identification.too_short", value=f"{len(time)}", limit=limit))
+        raise refused("identification.too_short", value=f"{len(time)}", limit=limit)
     angle = 2.0 * np.pi * frequency_hz * time
     middle = 0.5 * (time[0] + time[-1])
     found = fit(harmonic_columns(angle, (1,), time - middle), samples)
@@ -115,9 +105,8 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Return the response of `response` to `reference` at one frequency, from simultaneous samples.
 
-    Raises:
-        ProfileError: `identification.too_short`, less than two segments of whole periods;
-            `identification.not_finite`; `identification.no_reference`, it contains nothing at that frequency.
+    Raises `ProfileError`: `identification.too_short`, less than two segments of whole periods;
+    `identification.not_finite`; `identification.no_reference`, it contains nothing at that frequency.
     """
     time, given = _columns(time_s, reference)
     _, answered = _columns(time_s, response)
@@ -128,7 +117,7 @@ def frequency_response(
     y = np.array([fit.phasor for fit in responses])
     energy = float(np.sum(np.abs(r) ** 2))
     if math.sqrt(energy / len(r)) <= _rounding(given):
-        raise ProfileError(Problem(code="identification.no_reference", value=f"{frequency_hz:g} Hz"))
+        raise refused("identification.no_reference", value=f"{frequency_hz:g} Hz")
     found = complex(np.sum(y * r.conj())) / energy
     gain_ci = max(_by_scatter(r, y, found, energy), _by_residuals(r, responses, energy))
     return FrequencyResponse(
@@ -136,7 +125,8 @@ def frequency_response(
         gain=abs(found),
         phase_deg=math.degrees(cmath.phase(found)),
         gain_ci=gain_ci,
-        phase_ci_deg=_phase_ci_deg(abs(found), gain_ci),
+        # The half-angle subtended by the confidence circle; one that contains 0 determines no phase.
+        phase_ci_deg=math.degrees(math.asin(gain_ci / abs(found))) if gain_ci < abs(found) else 180.0,
         coherence=_coherence(r, y, energy, _rounding(answered)),
         reference=math.sqrt(energy / len(r)),
         segments=len(pieces),
@@ -146,8 +136,7 @@ def frequency_response(
 def reference_swing(time_s: ArrayLike, reference: ArrayLike, frequency_hz: float) -> float:
     """Return the largest relative deviation of the reference amplitude from its mean over the segments.
 
-    Raises:
-        ProfileError: as for `frequency_response`.
+    Raises as for `frequency_response`.
     """
     time, given = _columns(time_s, reference)
     pieces = _segments(time, frequency_hz)
@@ -157,9 +146,9 @@ def reference_swing(time_s: ArrayLike, reference: ArrayLike, frequency_hz: float
 
 
 def _columns(time_s: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
-    time, samples = np.asarray(time_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    time, samples = floats(time_s), floats(values)
     if not (np.isfinite(time).all() and np.isfinite(samples).all()):
-        raise ProfileError(Problem(code="identification.not_finite"))
+        raise refused("identification.not_finite")
     return time, samples
 
 
@@ -167,7 +156,7 @@ def _segments(time: Floats, frequency_hz: float) -> list[slice]:
     """Return the segments of a record, each as near to whole periods as the samples allow."""
     if len(time) < LEAST_SEGMENTS * LEAST_SAMPLES:
         limit = f">= {LEAST_SEGMENTS * LEAST_SAMPLES}"
-        raise ProfileError(Problem(code="identification.too_short", value=f"{len(time)}", limit=limit))
+        raise refused("identification.too_short", value=f"{len(time)}", limit=limit)
     step_s = (time[-1] - time[0]) / (len(time) - 1)
     # The sample after the last one would end its period.
     periods = math.floor(len(time) * step_s * frequency_hz + 0.5 * step_s * frequency_hz)
@@ -179,25 +168,20 @@ def _segments(time: Floats, frequency_hz: float) -> list[slice]:
     if len(pieces) < LEAST_SEGMENTS or shortest < LEAST_SAMPLES or samples < LEAST_SAMPLES_A_PERIOD:
         value = f"{periods} periods of {samples:.3g} samples"
         limit = f">= {LEAST_SEGMENTS} periods of {LEAST_SAMPLES} samples"
-        raise ProfileError(Problem(code="identification.too_short", value=value, limit=limit))
+        raise refused("identification.too_short", value=value, limit=limit)
     return pieces
 
 
-def _by_scatter(r: NDArray[np.complex128], y: NDArray[np.complex128], found: complex, energy: float) -> float:
+def _by_scatter(r: Complexes, y: Complexes, found: complex, energy: float) -> float:
     freedom = 2 * (len(r) - 1)
     variance = float(np.sum(np.abs(y - found * r) ** 2)) / freedom / energy
     return student(freedom) * math.sqrt(variance)
 
 
-def _by_residuals(r: NDArray[np.complex128], responses: list[SineFit], energy: float) -> float:
+def _by_residuals(r: Complexes, responses: list[SineFit], energy: float) -> float:
     variances = np.array([fit.phasor_variance for fit in responses])
     variance = float(np.sum(np.abs(r) ** 2 * variances)) / energy**2
     return student(math.inf) * math.sqrt(variance)
-
-
-def _phase_ci_deg(gain: float, gain_ci: float) -> float:
-    """Return the half-angle subtended by the confidence circle; one that contains 0 determines no phase."""
-    return math.degrees(math.asin(gain_ci / gain)) if gain_ci < gain else 180.0
 
 
 def _rounding(samples: Floats) -> float:
@@ -205,7 +189,7 @@ def _rounding(samples: Floats) -> float:
     return 1e-12 * float(np.abs(samples).max())
 
 
-def _coherence(r: NDArray[np.complex128], y: NDArray[np.complex128], energy: float, least: float) -> float:
+def _coherence(r: Complexes, y: Complexes, energy: float, least: float) -> float:
     answered = float(np.sum(np.abs(y) ** 2))
     if math.sqrt(answered / len(y)) <= least:
         return 0.0

@@ -14,14 +14,12 @@ from enum import StrEnum
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.servo import sampled_response
 from profiles.machine import MachineProfile
-from profiles.problem import Problem, ProfileError
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from profiles.problem import refused
 
 AMPLIFICATION_LIMIT = 8.0
 """The highest ratio of a command to the motion that it should produce.
@@ -31,15 +29,12 @@ A compensation table whose correction has no feedforward responds with 0.162 at 
 command would be mostly lag.
 """
 
+# Fraction by which moving mass and loop gain of a machine are assumed to differ from its profile.
 MODEL_TOLERANCE = 0.1
-"""Fraction by which moving mass and loop gain of a machine are assumed to differ from its profile."""
-
+# How far the phase may turn between two identified points; beyond that, interpolation is a guess.
 MOST_TURN_DEG = 45.0
-"""How far the phase may turn between two identified points; beyond that, interpolation is a guess."""
-
 _SAME_HZ = 1e-9
-_WITHIN = 17
-"""Points at which the curves between two points are compared."""
+_WITHIN = 17  # points at which the curves between two points are compared
 
 
 class Source(StrEnum):
@@ -79,26 +74,20 @@ class ServoResponse:
     def invertible(self, frequency_hz: float) -> complex:
         """Return T_hat where it may be inverted.
 
-        Raises:
-            ProfileError: as `at`, and `response.amplified`, the command would be more than `AMPLIFICATION_LIMIT`
-                times the motion.
+        Raises as `at`, and `response.amplified`, the command would be more than `AMPLIFICATION_LIMIT` times the
+        motion.
         """
         here = self.at(frequency_hz)
         if not abs(here) * AMPLIFICATION_LIMIT >= 1.0:
-            value = f"{1.0 / abs(here):.3g}" if here else "inf"
-            limit = f"<= {AMPLIFICATION_LIMIT:g}"
-            raise ProfileError(
-                Problem(code="response.amplified", where=f"{frequency_hz:.4g} Hz", value=value, limit=limit)
-            )
+            value, limit = f"{1.0 / abs(here):.3g}" if here else "inf", f"<= {AMPLIFICATION_LIMIT:g}"
+            raise refused("response.amplified", where=f"{frequency_hz:.4g} Hz", value=value, limit=limit)
         return here
 
     def _refuse_outside(self, frequency_hz: float) -> None:
         if self.lowest_hz * (1 - _SAME_HZ) <= frequency_hz <= self.highest_hz * (1 + _SAME_HZ):
             return
         limit = f"{self.lowest_hz:g} … {self.highest_hz:g} Hz"
-        raise ProfileError(
-            Problem(code="response.outside_band", where=self.name, value=f"{frequency_hz:.4g} Hz", limit=limit)
-        )
+        raise refused("response.outside_band", where=self.name, value=f"{frequency_hz:.4g} Hz", limit=limit)
 
 
 def model_response(machine: MachineProfile, curve: Callable[[float], complex]) -> ServoResponse:
@@ -122,20 +111,15 @@ def model_spread(machine: MachineProfile, frequency_hz: float) -> float:
     This is an assumption, not a confidence: this machine was not measured. Friction and cutting force are not
     included.
     """
-    nominal = complex(sampled_response(machine, frequency_hz))
+    tool, nominal = machine.tool, complex(sampled_response(machine, frequency_hz))
     off = (1.0 - MODEL_TOLERANCE, 1.0 + MODEL_TOLERANCE)
-    others = (_with_drive(machine, mass, gain) for mass, gain in product(off, off))
-    return max(abs(complex(sampled_response(other, frequency_hz)) / nominal - 1.0) for other in others)
-
-
-def _with_drive(machine: MachineProfile, mass_share: float, gain_share: float) -> MachineProfile:
-    tool = machine.tool
-    changed = replace(
-        tool,
-        moving_mass_kg=mass_share * tool.moving_mass_kg,
-        amplifier_gain_a_per_v=gain_share * tool.amplifier_gain_a_per_v,
+    mass_kg, gain = tool.moving_mass_kg, tool.amplifier_gain_a_per_v
+    tools = (
+        replace(tool, moving_mass_kg=of_mass * mass_kg, amplifier_gain_a_per_v=of_gain * gain)
+        for of_mass, of_gain in product(off, off)
     )
-    return replace(machine, tool=changed)
+    others = (complex(sampled_response(replace(machine, tool=each), frequency_hz)) for each in tools)
+    return max(abs(other / nominal - 1.0) for other in others)
 
 
 def identified_response(
@@ -150,15 +134,13 @@ def identified_response(
 ) -> ServoResponse:
     """Return the response through identified points: columns of shape (n,) in any order, ci half-widths at 95 %.
 
-    Between two points gain and unwrapped phase follow shape-preserving cubics (Fritsch-Carlson), which keep to
-    the values of the two. The radius is that of the less certain of the two, plus twice the deviation of the
-    cubics from straight lines between them, for what the axis may do there.
-
-    Raises:
-        ProfileError: `response.bad_points`: none, twice the same frequency, or what is no gain, phase or interval.
+    Between two points gain and unwrapped phase follow shape-preserving cubics (Fritsch-Carlson), which keep to the
+    values of the two. The radius is that of the less certain of the two, plus twice the deviation of the cubics
+    from straight lines between them, for what the axis may do there. Raises `ProfileError`: `response.bad_points`:
+    none, twice the same frequency, or what is no gain, phase or interval.
     """
     columns = (frequency_hz, gain, phase_deg, gain_ci, phase_ci_deg)
-    table = np.array([np.asarray(column, dtype=np.float64) for column in columns])
+    table = np.array([floats(column) for column in columns])
     table = table[:, np.argsort(table[0], kind="stable")]
     _refuse_points(table, name)
     points = _Points(table=table, name=name)
@@ -177,13 +159,13 @@ def identified_response(
 class _Points:
     """Rows of frequency, gain, phase and the two half-widths, in rising frequency."""
 
-    table: FloatArray
+    table: Floats
     name: str
 
     def at(self, frequency_hz: float) -> complex:
         """Return the response by the cubics."""
         self._beside(frequency_hz)
-        return complex(self._cubics(np.asarray(frequency_hz, dtype=np.float64)))
+        return complex(self._cubics(floats(frequency_hz)))
 
     def spread(self, frequency_hz: float) -> float:
         """Return the radius over |T|."""
@@ -195,7 +177,7 @@ class _Points:
         curved, straight = self._cubics(within_hz), self._lines(within_hz)
         return float(max(radii[low], radii[high])) + 2.0 * float(np.max(np.abs(straight / curved - 1.0)))
 
-    def _cubics(self, frequency_hz: FloatArray) -> ComplexArray:
+    def _cubics(self, frequency_hz: Floats) -> Complexes:
         hz, gain, *_ = self.table
         if hz.size == 1:
             return self._lines(frequency_hz)
@@ -204,20 +186,16 @@ class _Points:
         gains, phases_rad = (PchipInterpolator(hz, each)(frequency_hz) for each in (gain, self._phase_rad))
         return _phasor(gains, phases_rad)
 
-    def _lines(self, frequency_hz: FloatArray) -> ComplexArray:
+    def _lines(self, frequency_hz: Floats) -> Complexes:
         hz, gain, *_ = self.table
         return _phasor(np.interp(frequency_hz, hz, gain), np.interp(frequency_hz, hz, self._phase_rad))
 
     @property
-    def _phase_rad(self) -> FloatArray:
+    def _phase_rad(self) -> Floats:
         return np.unwrap(np.radians(self.table[2]))
 
     def _beside(self, frequency_hz: float) -> tuple[int, int]:
-        """Return the points below and above, the same one twice on a point.
-
-        Raises:
-            ProfileError: `response.too_sparse`.
-        """
+        """Return the points below and above, the same one twice on a point."""
         hz = self.table[0]
         nearest = int(np.argmin(np.abs(hz - frequency_hz)))
         if math.isclose(hz[nearest], frequency_hz, rel_tol=_SAME_HZ):
@@ -225,28 +203,21 @@ class _Points:
         high = int(np.searchsorted(hz, frequency_hz))
         turn_deg = abs(math.degrees(self._phase_rad[high] - self._phase_rad[high - 1]))
         if turn_deg > MOST_TURN_DEG:
-            raise ProfileError(
-                Problem(
-                    code="response.too_sparse",
-                    where=self.name,
-                    key=f"{hz[high - 1]:g} … {hz[high]:g} Hz",
-                    value=f"{turn_deg:.0f} deg",
-                    limit=f"<= {MOST_TURN_DEG:g} deg",
-                )
+            raise refused(
+                "response.too_sparse",
+                where=self.name,
+                key=f"{hz[high - 1]:g} … {hz[high]:g} Hz",
+                value=f"{turn_deg:.0f} deg",
+                limit=f"<= {MOST_TURN_DEG:g} deg",
             )
         return high - 1, high
 
 
-def _phasor(gain: FloatArray, phase_rad: FloatArray) -> ComplexArray:
-    return np.asarray(gain * np.exp(1j * phase_rad), dtype=np.complex128)
+def _phasor(gain: Floats, phase_rad: Floats) -> Complexes:
+    return complexes(gain * np.exp(1j * phase_rad))
 
 
-def _refuse_points(table: FloatArray, name: str) -> None:
-    """Make sure that there are points, and that a response can pass through them.
-
-    Raises:
-        ProfileError: `response.bad_points`.
-    """
+def _refuse_points(table: Floats, name: str) -> None:
     hz, gain, _, gain_ci, phase_ci_deg = table
     value = ""
     if not hz.size:
@@ -258,4 +229,4 @@ def _refuse_points(table: FloatArray, name: str) -> None:
     elif (twice := hz[:-1][np.diff(hz) <= _SAME_HZ * hz[:-1]]).size:
         value = f"2 x {twice[0]:g} Hz"
     if value:
-        raise ProfileError(Problem(code="response.bad_points", where=name, value=value))
+        raise refused("response.bad_points", where=name, value=value)

@@ -1,4 +1,4 @@
-"""The tool axis as a servo: Eq 9, the same loop as sampled by the controller, and the load of a sine.
+"""The tool axis as a servo: Eq 9, the loop as sampled by the controller, its stiffness, and the load of a sine.
 
 Lengths are in m, voltages are those of the controller's output. Every response is complex, from commanded to
 actual position, at frequencies in Hz; a lag is a negative phase. The gains of the controller and those of
@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Complexes, complexes, floats
 from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables
 from profiles.machine import MachineProfile
-
-ComplexArray = NDArray[np.complex128]
 
 _HALF_POWER_DB = 20 * math.log10(1 / math.sqrt(2))
 
@@ -47,15 +46,14 @@ class DriveNeed:
     copper_loss_w: float
 
 
-def eq9_response(machine: MachineProfile, frequency_hz: ArrayLike) -> ComplexArray:
+def eq9_response(machine: MachineProfile, frequency_hz: ArrayLike) -> Complexes:
     """Return Eq 9, C Ka Kt / (M s^2 + B s + C Ka Kt), in the shape of `frequency_hz`.
 
     C = Kp + Ki/s + Kd s. At 0 Hz the value is 1.
     """
     numerator, denominator = _eq9_polynomials(machine)
-    s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
-    response = np.polyval(numerator, s) / np.polyval(denominator, s)
-    return np.asarray(response, dtype=np.complex128)
+    s = 2j * np.pi * floats(frequency_hz)
+    return complexes(np.polyval(numerator, s) / np.polyval(denominator, s))
 
 
 def eq9_summary(machine: MachineProfile) -> Eq9Summary:
@@ -88,9 +86,7 @@ def _summary(numerator: tuple[float, ...], denominator: tuple[float, ...]) -> Eq
     )
 
 
-def sampled_response(
-    machine: MachineProfile, frequency_hz: ArrayLike, gains: PidGains | None = None
-) -> ComplexArray:
+def sampled_response(machine: MachineProfile, frequency_hz: ArrayLike, gains: PidGains | None = None) -> Complexes:
     """Return the response of the sampled loop, in the shape of `frequency_hz` (above 0, below Nyquist).
 
     The plant M s^2 + B s follows a zero-order hold of one servo period, derivatives are backward
@@ -99,7 +95,7 @@ def sampled_response(
     """
     gains = gains_from_variables(machine) if gains is None else gains
     period_s = machine.controller.servo_period_ms / 1000
-    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    frequency = floats(frequency_hz)
     # The integrator has a pole at 0 Hz; a microhertz replaces it.
     z = np.exp(2j * np.pi * np.where(frequency == 0, 1e-6, frequency) * period_s)
     slope = (1 - 1 / z) / period_s
@@ -111,8 +107,41 @@ def sampled_response(
         + gains.acceleration_feedforward_v_s2_per_m * slope**2
     )
     back = shared + gains.kd_v_s_per_m * slope
-    response = plant * ahead / (1 + plant * back)
-    return np.asarray(response, dtype=np.complex128)
+    return complexes(plant * ahead / (1 + plant * back))
+
+
+def tool_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> Complexes:
+    """Return G_d = s / (M s^3 + (B + K Kd) s^2 + K Kp s + K Ki), K = Ka Kt, in um/N, for each frequency.
+
+    The other input of Eq 9: from a force that pushes the tool out to its displacement. Without an integrator the
+    value at 0 Hz is 1 / (K Kp), with one it is 0, reached after some time constants Kp / Ki.
+    """
+    tool, gains = machine.tool, eq9_gains(machine)
+    gain = tool.loop_gain_n_per_v
+    s = 2j * np.pi * floats(frequency_hz)
+    spring = gain * gains.kp_v_per_m + (tool.damping_n_s_per_m + gain * gains.kd_v_s_per_m) * s
+    spring = spring + tool.moving_mass_kg * s**2
+    if gains.ki_v_per_m_s == 0:
+        return complexes(1e6 / spring)
+    return complexes(1e6 * s / (s * spring + gain * gains.ki_v_per_m_s))
+
+
+def step_error(machine: MachineProfile, time_s: float) -> float:
+    """Return the remaining error of a step command of Eq 9 at a time after it: N = M s^2 + B s."""
+    return _after_step(machine, [machine.tool.moving_mass_kg, machine.tool.damping_n_s_per_m, 0.0], time_s)
+
+
+def pushed_um_per_n(machine: MachineProfile, time_s: float) -> float:
+    """Return the displacement by a step of force at a time after it, um/N: N = 1."""
+    return 1e6 * _after_step(machine, [1.0], time_s)
+
+
+def _after_step(machine: MachineProfile, numerator: ArrayLike, time_s: float) -> float:
+    """Return sum N(p) exp(p t) / D'(p) over the poles p of Eq 9, the roots of its denominator D."""
+    _, denominator = _eq9_polynomials(machine)
+    poles = np.roots(denominator)
+    residues = np.polyval(np.asarray(numerator), poles) / np.polyval(np.polyder(denominator), poles)
+    return float(np.real(np.sum(residues * np.exp(poles * time_s))))
 
 
 def following_error_um(machine: MachineProfile, amplitude_um: float, frequency_hz: float) -> float:
@@ -152,7 +181,7 @@ def _eq9_polynomials(machine: MachineProfile) -> tuple[list[float], list[float]]
     return numerator, denominator
 
 
-def _held_plant(machine: MachineProfile, z: ComplexArray, period_s: float) -> ComplexArray:
+def _held_plant(machine: MachineProfile, z: Complexes, period_s: float) -> Complexes:
     """Return Ka Kt / (M s^2 + B s) after a zero-order hold, in m/V."""
     tool = machine.tool
     gain, mass, damping = tool.loop_gain_n_per_v, tool.moving_mass_kg, tool.damping_n_s_per_m

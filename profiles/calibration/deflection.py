@@ -1,9 +1,18 @@
 """The stiffness of jaw contacts from forces and deflections at the chucked part (Lee & Lee 2001, Figs 2 to 5).
 
-Fitted to M deflections are k of one jaw at 1000 N, alpha of k ~ force^alpha, and the length l of the jaws, with
-the model of `profiles.calibration.contact` (contacts and the bending of a solid bar). Least squares in (ln k,
-alpha, ln l); with the Jacobian J and s^2 the variance of what is left, cov = s^2 (J' W J)^-1. Half-widths are for
-95 %, by Student's t; of k and l they are taken over from their logarithms to the first order.
+The jaws of one ring are those of `profiles.chucking.contact`: the clamping force F_c has pressed each together
+by x0 = m F_c / k, with k ~ F_c^alpha and m = 1 / (1 - alpha). What a load P moves the part by in units of x0
+depends on P / F_c, alpha and the angle alone, so that rows of any force are solved at once. A load at the distance
+a in front of jaws of the length l is carried by two rings of half the stiffness and half the force each,
+P (1 + a/l) in front and -P a/l behind, and the tip of the part moves by
+
+u_tip = u_front (1 + a/l) - u_rear a/l,
+
+plus the bending of the part as a cantilever, P a^3 / (3 E I) with I = pi d^4 / 64 (Timoshenko).
+
+Fitted to M deflections are k of one jaw at 1000 N, alpha, and l, by least squares in (ln k, alpha, ln l); with the
+Jacobian J and s^2 the variance of what is left, cov = s^2 (J' W J)^-1. Half-widths are for 95 %, by Student's t;
+of k and l they are taken over from their logarithms to the first order.
 
 A gauge is off by the same everywhere, a load or a contact by a fraction of the deflection. W is 1 or by the square
 of the deflection, whichever is likelier; where they are about as likely, the half-widths hold what either says.
@@ -16,35 +25,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from profiles.calibration.contact import bending_um, contact_um
-from profiles.calibration.outliers import ROUNDING, outliers
+from profiles.arrays import Floats, floats
+from profiles.chucking.contact import Contact, deflection
 from profiles.chucking.holding import REFERENCE_FORCE_N
-from profiles.confidence import student
 from profiles.files import printable
-from profiles.least_squares import cofactors
-from profiles.problem import Problem, ProfileError
+from profiles.least_squares import ROUNDING, cofactors, outliers, student
+from profiles.problem import ProfileError, refused
 
 LEAST_JAWS = 3
-LEAST_SPARE = 3
-"""Minimum measurements beyond the parameters: with fewer the confidence is a guess."""
-
+LEAST_SPARE = 3  # minimum measurements beyond the parameters: with fewer the confidence is a guess
+# Between a contact that does not stiffen and one without bound; a fit at a limit determines neither.
 LEAST_ALPHA, MOST_ALPHA = 0.02, 0.9
-"""Between a contact that does not stiffen and one without bound; a fit at a limit determines neither."""
-
+# Above this ratio of singular values (of normalised columns) the parameters cannot be separated.
 _WORST_CONDITION = 100.0
-"""Above this ratio of singular values (of normalised columns) the parameters cannot be separated."""
-
+# Loss of log-likelihood up to which the other kind of scatter is about as likely: chosen as in `wrench`.
 _AS_LIKELY = 2.0
-"""Loss of log-likelihood up to which the other kind of scatter is about as likely: chosen as in `wrench`."""
-
 _STARTS_MM = (10.0, 20.0, 40.0, 80.0, 160.0)
 _START_ALPHA = 0.4
 _STEP = 1e-5
 _VARIED_BY = ("load_n", "chucking_force_n, angle_deg", "overhang_mm")
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,9 +84,9 @@ class DeflectionFit:
     ) -> Anisotropy:
         """Return the deflection of a solid bar under a rotating load; the force is the total over all jaws."""
         angle = np.linspace(0.0, 360.0 / self.jaws, 25)
-        sizes = (("chucking_force_n", chucking_force_n), ("load_n", load_n))
-        lengths = (("overhang_mm", overhang_mm), ("diameter_mm", diameter_mm))
-        rows = {key: np.full_like(angle, value) for key, value in (*sizes, *lengths)}
+        sizes = {"chucking_force_n": chucking_force_n, "load_n": load_n}
+        sizes |= {"overhang_mm": overhang_mm, "diameter_mm": diameter_mm}
+        rows = {key: np.full_like(angle, value) for key, value in sizes.items()}
         model = _Model(rows | {"angle_deg": angle}, self.jaws, self.youngs_gpa, REFERENCE_FORCE_N)
         at = np.array([math.log(self.stiffness_n_per_um), self.alpha, math.log(self.jaw_length_mm)])
         round_um = model.at(at)
@@ -104,18 +105,12 @@ def fit_deflection(
 ) -> DeflectionFit:
     """Return the contacts of a chuck from M measurements.
 
-    Args:
-        columns: shape (M,) each: `chucking_force_n` (total), `load_n`, `angle_deg` (of the load past a jaw),
-            `diameter_mm` of a solid bar, `overhang_mm` and `deflection_um` along the load.
-        jaws: N, at least three: two do not hold sideways.
-        youngs_gpa: of the bar.
-        jaw_length_mm: where it is known, it is not fitted.
-
-    Raises:
-        ProfileError: `calibration.jaws`, `calibration.not_positive`, `calibration.few_points`;
-            `calibration.bending`, the bar alone would bend more than was measured; `calibration.dependent`,
-            measurements too similar for all parameters; `calibration.no_alpha`, no visible stiffening;
-            `calibration.no_fit`.
+    `columns` have shape (M,) each: `chucking_force_n` (total), `load_n`, `angle_deg` (of the load past a jaw),
+    `diameter_mm` of a solid bar, `overhang_mm` and `deflection_um` along the load. At least three `jaws`: two
+    do not hold sideways. `youngs_gpa` is that of the bar. Where `jaw_length_mm` is known, it is not fitted.
+    Raises `ProfileError`: `calibration.jaws`, `calibration.not_positive`, `calibration.few_points`;
+    `calibration.bending`, the bar alone would bend more than was measured; `calibration.dependent`, measurements
+    too similar for all parameters; `calibration.no_alpha`, no visible stiffening; `calibration.no_fit`.
     """
     free = 2 if jaw_length_mm is not None else 3
     _refuse_unfit(columns, jaws, youngs_gpa, free)
@@ -182,9 +177,45 @@ class _Solution:
         return float(np.max(apart[fitted] / own[fitted], initial=1.0))
 
 
-class _Model:
-    """The deflections of a table of rows as a function of (ln k, alpha, ln l)."""
+def contact_um(
+    stiffness_n_per_um: ArrayLike,
+    alpha: float,
+    jaw_length_mm: float,
+    *,
+    jaws: int,
+    force_per_jaw_n: ArrayLike,
+    load_n: ArrayLike,
+    past_jaw_deg: ArrayLike,
+    overhang_mm: ArrayLike,
+) -> Floats:
+    """Return the radial deflection at the load from the contacts alone, um along the load; broadcast shapes.
 
+    `stiffness_n_per_um` is k of one jaw at `force_per_jaw_n`; at least three jaws.
+    """
+    each = (stiffness_n_per_um, force_per_jaw_n, load_n, past_jaw_deg, overhang_mm)
+    k, force, load, angle, overhang = np.broadcast_arrays(*map(floats, each))
+    lever = overhang / jaw_length_mm
+    give_um = force / k / (1.0 - alpha)
+    share = 2.0 * load / force  # each ring carries half of the force
+    front = _ring(share * (1.0 + lever), angle, alpha, jaws)
+    rear = _ring(-share * lever, angle, alpha, jaws)
+    return floats(give_um * (front * (1.0 + lever) - rear * lever))
+
+
+def bending_um(load_n: ArrayLike, overhang_mm: ArrayLike, diameter_mm: ArrayLike, youngs_gpa: float) -> Floats:
+    """Return the deflection of a solid bar as a cantilever, um; broadcast shapes."""
+    load, a, d = (floats(each) for each in (load_n, overhang_mm, diameter_mm))
+    inertia_mm4 = math.pi * d**4 / 64
+    return floats(load * a**3 / (3 * youngs_gpa * inertia_mm4))  # N mm^3 / (GPa mm^4) is um
+
+
+def _ring(share: Floats, angle_deg: Floats, alpha: float, jaws: int) -> Floats:
+    """Return the deflection of one ring along its load in units of x0; `share` is the load over a jaw's force."""
+    unit = Contact(jaws=jaws, stiffness_n_per_um=1.0 / (1.0 - alpha), force_per_jaw_n=1.0, alpha=alpha)
+    return deflection(unit, share, angle_deg).along_um
+
+
+class _Model:
     def __init__(self, rows: Mapping[str, Floats], jaws: int, youngs_gpa: float, reference_n: float) -> None:
         self._rows = rows
         self._jaws = jaws
@@ -210,18 +241,16 @@ class _Model:
 
 def _refuse_unfit(columns: Mapping[str, Floats], jaws: int, youngs_gpa: float, free: int) -> None:
     if jaws < LEAST_JAWS:
-        raise ProfileError(Problem(code="calibration.jaws", value=str(jaws), limit=f">= {LEAST_JAWS}"))
+        raise refused("calibration.jaws", value=str(jaws), limit=f">= {LEAST_JAWS}")
     positive = {key: column for key, column in columns.items() if key not in ("angle_deg", "overhang_mm")}
     for key, column in {**positive, "youngs_modulus_gpa": np.array([youngs_gpa])}.items():
         worst = column[~((column > 0) & np.isfinite(column))]
         if worst.size:
-            raise ProfileError(
-                Problem(code="calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
-            )
+            raise refused("calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
     points = columns["deflection_um"].size
     if points < free + LEAST_SPARE:
         limit = f">= {free + LEAST_SPARE}"
-        raise ProfileError(Problem(code="calibration.few_points", value=str(points), limit=limit))
+        raise refused("calibration.few_points", value=str(points), limit=limit)
 
 
 def _start(model: _Model, measured: Floats, lengths_mm: tuple[float, ...]) -> Floats:
@@ -229,7 +258,7 @@ def _start(model: _Model, measured: Floats, lengths_mm: tuple[float, ...]) -> Fl
     target = measured - model.bending_um
     if target.mean() <= 0:
         value, limit = f"{model.bending_um.mean():.4g} um", f"< {measured.mean():.4g} um"
-        raise ProfileError(Problem(code="calibration.bending", value=value, limit=limit))
+        raise refused("calibration.bending", value=value, limit=limit)
     found: list[tuple[float, Floats]] = []
     for length_mm in lengths_mm:
         at = np.array([0.0, _START_ALPHA, math.log(length_mm)])
@@ -252,12 +281,12 @@ def _solved(model: _Model, measured: Floats, start: Floats, free: int, root_weig
         left, start[:free], jac="3-point", bounds=(low, high), x_scale="jac", xtol=1e-12, ftol=1e-12
     )
     if not done.success:
-        raise ProfileError(Problem(code="calibration.no_fit", value=printable(str(done.message))))
-    jacobian = np.asarray(done.jac, dtype=np.float64)
+        raise refused("calibration.no_fit", value=printable(str(done.message)))
+    jacobian = floats(done.jac)
     _refuse_dependent(jacobian)
     if not LEAST_ALPHA + _STEP < done.x[1] < MOST_ALPHA - _STEP:
         value, limit = f"{done.x[1]:.3g}", f"> {LEAST_ALPHA:g}, < {MOST_ALPHA:g}"
-        raise ProfileError(Problem(code="calibration.no_alpha", key="alpha", value=value, limit=limit))
+        raise refused("calibration.no_alpha", key="alpha", value=value, limit=limit)
     variance = float(done.fun @ done.fun) / (measured.size - free)
     covariance = np.zeros((3, 3))
     covariance[:free, :free] = variance * cofactors(jacobian)
@@ -267,7 +296,7 @@ def _solved(model: _Model, measured: Floats, start: Floats, free: int, root_weig
         covariance=covariance,
         sd_um=math.sqrt(variance),
         jacobian=jacobian,
-        left=-np.asarray(done.fun, dtype=np.float64),
+        left=-floats(done.fun),
         log_likelihood=float(np.log(root_weight).sum()) - 0.5 * scatter,
     )
 
@@ -279,11 +308,6 @@ def _refuse_dependent(jacobian: Floats) -> None:
         weakest = np.abs(directions[-1])
         varied = _VARIED_BY[1 + int(np.argmax(weakest[1:]))]  # k itself never needs to be varied
         condition = values[0] / values[-1] if values[-1] else math.inf
-        raise ProfileError(
-            Problem(
-                code="calibration.dependent",
-                key=varied,
-                value=f"{condition:.3g}",
-                limit=f"<= {_WORST_CONDITION:g}",
-            )
+        raise refused(
+            "calibration.dependent", key=varied, value=f"{condition:.3g}", limit=f"<= {_WORST_CONDITION:g}"
         )

@@ -4,9 +4,6 @@ The trace's header lines give the direction and the start of its angles; without
 is unknown, and only the amplitude is known. Where the trace counts from jaw 1, the job has its angle. If a
 trace states how its part was cut, it must be without compensation. A simulated part is for practice only, and
 the source of the job says so.
-
-Problem codes: `lobe.phase_unknown`, `lobe.not_significant`, `lobe.not_free`, `lobe.method`, `lobe.compensated`,
-`lobe.simulated`; as a warning also `lobe.filtered`, `lobe.undeclared`, `lobe.off_axis`, `lobe.biased`.
 """
 
 from __future__ import annotations
@@ -26,16 +23,12 @@ from profiles.roundness import seen_oval_um_pp
 from profiles.trace_files.header import TraceHeader, header_of
 from profiles.traces import Trace
 
+# Value of the header line `start_mark` when the angles of the trace begin at the spindle index.
 INDEX = "spindle index"
-"""Value of the header line `start_mark` when the angles of the trace begin at the spindle index."""
-
 MOST_FILTERED = 0.005
 MOST_BIAS = 0.01
-OVAL = 2
-"""UPR of an off-axis circle; a chuck with two jaws makes the same."""
-
-UNDECLARED = 3.0
-"""Multiple of the noise floor above which a harmonic outside the fit is reported."""
+OVAL = 2  # UPR of an off-axis circle; a chuck with two jaws makes the same
+UNDECLARED = 3.0  # multiple of the noise floor above which a harmonic outside the fit is reported
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,11 +36,10 @@ class FoundLobe:
     """The lobe of a part: the fit, and what it means for the job.
 
     `crest_deg` is where the released part is high, in spindle degrees in [0, 360), None where unknown.
-    `past_jaw_deg` is the angle from jaw 1 to the nearest maximum, positive in the direction of the cut, None
-    where the angle of jaw 1 is unknown; so is then `diagnosis`, the cause that its position at the jaws
-    suggests. `phase_assumed`: the phase is relative to jaw 1, whose angle the job assumes. `simulated`: the
-    trace was not measured by a gauge. `reasons` are why a job cannot use this lobe; `warnings` do not prevent
-    it.
+    `past_jaw_deg` is the angle from jaw 1 to the nearest maximum, positive in the direction of the cut, None where
+    the angle of jaw 1 is unknown; so is then `diagnosis`, the cause that its position at the jaws suggests.
+    `phase_assumed`: the phase is relative to jaw 1, whose angle the job assumes. `simulated`: the trace was not
+    measured by a gauge. `reasons` are why a job cannot use this lobe; `warnings` do not prevent it.
     """
 
     fit: LobeFit
@@ -65,19 +57,22 @@ def find_lobe(
 ) -> FoundLobe:
     """Find the lobe in the trace of a part of this job; for `practice` the part may be simulated.
 
-    Raises:
-        ProfileError: as `fit_lobe`.
+    Raises as `fit_lobe`.
     """
     header, unusable = header_of(trace.meta)
     fit = fit_lobe(trace.angle_deg, trace.deviation_um, job.jaws, extra=extra, robust=robust)
     from_index = trace.meta.get("start_mark") == INDEX
     simulated = trace.meta.get("simulated") == "yes"
     crest_deg, past_deg = _on_the_spindle(fit, header, job, from_index)
+    seen = None
+    if past_deg is not None and fit.lobe.significant:
+        thin = is_thin(job.wall_thickness_mm, job.radius_mm)
+        seen = diagnose(crest_deg=past_deg, jaw_1_deg=0.0, jaws=job.jaws, thin=thin)
     return FoundLobe(
         fit=fit,
         crest_deg=crest_deg,
         past_jaw_deg=past_deg,
-        diagnosis=None if past_deg is None or not fit.lobe.significant else _diagnosis(past_deg, job),
+        diagnosis=seen,
         simulated=simulated,
         phase_assumed=crest_deg is not None and not from_index and not _jaw_known(job),
         reasons=(*_of_cut(trace.meta, simulated and not practice), *_reasons(fit, header, crest_deg)),
@@ -97,6 +92,7 @@ def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
     assumed |= {lobe for lobe, own in CONDITIONS.items() if own in assumed}
     if found.phase_assumed:
         assumed.add("lobe_phase_deg")
+    source = job.source.removesuffix(SIMULATED_SOURCE).removesuffix("; ")
     return replace(
         job,
         lobe_error_um_pp=found.fit.error_um_pp,
@@ -106,19 +102,9 @@ def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
         lobe_chuck=chuck or None,
         lobe_tool=tool or None,
         assumed=tuple(sorted(assumed)),
-        source=_source(job.source, found.simulated),
+        source="; ".join(filter(None, (source, SIMULATED_SOURCE))) if found.simulated else source,
         **{lobe: getattr(job, own) for lobe, own in CONDITIONS.items()},
     )
-
-
-def _source(before: str, simulated: bool) -> str:
-    own = before.removesuffix(SIMULATED_SOURCE).removesuffix("; ")
-    return "; ".join(filter(None, (own, SIMULATED_SOURCE))) if simulated else own
-
-
-def _diagnosis(past_jaw_deg: float, job: Job) -> Diagnosis:
-    thin = is_thin(job.wall_thickness_mm, job.radius_mm)
-    return diagnose(crest_deg=past_jaw_deg, jaw_1_deg=0.0, jaws=job.jaws, thin=thin)
 
 
 def _jaw_known(job: Job) -> bool:
@@ -176,9 +162,9 @@ def _warnings(fit: LobeFit, header: TraceHeader, job: Job) -> Iterable[Problem]:
     if fit.left_um > UNDECLARED * fit.floor_um:
         value, limit = f"{fit.left_um:.3g} um", f"{fit.floor_um:.3g} um"
         yield Problem(code="lobe.undeclared", key=str(fit.left_n), value=value, limit=limit)
-    oval_um = seen_oval_um_pp(fit.wave(1).amplitude_um, header.radius_of(job))
+    oval_um = seen_oval_um_pp(fit.harmonic(1).amplitude_um, header.radius_of(job))
     if fit.jaws == OVAL and oval_um > MOST_BIAS * fit.error_um_pp:
-        value, limit = f"{fit.wave(1).amplitude_um:.3g} um", f"{oval_um:.3g} um"
+        value, limit = f"{fit.harmonic(1).amplitude_um:.3g} um", f"{oval_um:.3g} um"
         yield Problem(code="lobe.off_axis", value=value, limit=limit)
     if fit.lobe.significant and fit.lobe.bias_um > MOST_BIAS * fit.lobe.amplitude_um:
         yield Problem(code="lobe.biased", value=f"{fit.lobe.bias_um:.3g} um", limit=f"{100 * MOST_BIAS:g} %")

@@ -4,10 +4,6 @@ Cells are separated by semicolons, tabs or commas; with the first two, numbers m
 header names the columns with their units ("Torque (N m)" is `torque_n_m`); lines `# key: value` before it apply
 to all rows. A byte order mark, quotes, empty lines and trailing empty cells are accepted. Unknown columns are
 skipped and reported. Anything else is refused with its line, all problems (up to a cap) at once.
-
-Problem codes: `calibration.unreadable`, `calibration.too_large`, `calibration.not_text`, `calibration.empty`,
-`calibration.columns`, `calibration.cells`, `calibration.not_number`, `calibration.out_of_range`,
-`calibration.mixed_decimals`, `calibration.meta`.
 """
 
 from __future__ import annotations
@@ -21,21 +17,19 @@ from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from profiles.arrays import Floats
 from profiles.fields import Field, fault
 from profiles.files import printable, read_regular_file
 from profiles.problem import Problem, ProfileError
+from profiles.trace_files.limits import text_of
 
 CAP_BYTES = 10_000_000
-MOST_ROWS = 10_000
-"""A year of clampings, one every hour."""
+MOST_ROWS = 10_000  # a year of clampings, one every hour
 _PROBLEM_CAP = 20
 _SEPARATORS = (";", "\t", ",")
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
-
-Floats = NDArray[np.float64]
 
 
 class CalibrationKind(StrEnum):
@@ -80,8 +74,7 @@ class MeasuredTable:
 def read_table(path: Path, kind: CalibrationKind | None = None) -> MeasuredTable:
     """Read the measurements in a file; without a `kind`, of the one whose columns it has.
 
-    Raises:
-        ProfileError: every problem of it; see the module.
+    Raises `ProfileError`: every problem of it.
     """
     content = read_regular_file(path, cap_bytes=CAP_BYTES, area="calibration")
     return parse_table(content, kind, where=printable(str(path)))
@@ -90,23 +83,13 @@ def read_table(path: Path, kind: CalibrationKind | None = None) -> MeasuredTable
 def parse_table(content: bytes, kind: CalibrationKind | None = None, *, where: str = "") -> MeasuredTable:
     """Parse the measurements in the bytes of a file; `where` names it in the problems."""
     reader = _Reader(where, tuple(CalibrationKind) if kind is None else (kind,))
-    for number, line in enumerate(_text(content, where).split("\n"), start=1):
+    for number, line in enumerate(text_of(content, where, "calibration.not_text").split("\n"), start=1):
         stripped = line.strip(" \r")
         if stripped.strip(";,\t"):
             reader.take(number, stripped)
         if reader.full or len(reader.problems) >= _PROBLEM_CAP:
             break
     return reader.finished(hashlib.sha256(content).hexdigest())
-
-
-def _text(content: bytes, where: str) -> str:
-    encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    try:
-        return content.decode(encoding)
-    except UnicodeDecodeError as error:
-        line = content[: error.start].count(b"\n") + 1
-        value = f"0x{content[error.start]:02x}"
-        raise ProfileError(Problem(code="calibration.not_text", where=f"{where}:{line}", value=value)) from error
 
 
 def column_name(header: str) -> str:
@@ -116,8 +99,6 @@ def column_name(header: str) -> str:
 
 
 class _Reader:
-    """Reads the lines of one file in turn; collects rows and problems."""
-
     def __init__(self, where: str, kinds: tuple[CalibrationKind, ...]) -> None:
         self.problems: list[Problem] = []
         self.full = False
@@ -145,8 +126,8 @@ class _Reader:
         if not self._names and not self.problems:
             self.problems.append(Problem(code="calibration.empty", where=self._where, limit=self._target()))
         if len(self._decimals) > 1:
-            met = ", ".join(f"{mark} {self._where}:{line}" for mark, line in self._decimals.items())
-            self.problems.append(Problem(code="calibration.mixed_decimals", where=self._where, value=met))
+            seen = ", ".join(f"{mark} {self._where}:{line}" for mark, line in self._decimals.items())
+            self.problems.append(Problem(code="calibration.mixed_decimals", where=self._where, value=seen))
         if self.problems or self._kind is None:
             raise ProfileError(*self.problems)
         fields = COLUMNS[self._kind]

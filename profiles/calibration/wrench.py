@@ -25,27 +25,20 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from profiles.calibration.outliers import ROUNDING, outliers
-from profiles.confidence import CONFIDENCE, chance_of, student
-from profiles.least_squares import fit
-from profiles.problem import Problem, ProfileError
+from profiles.arrays import Floats, floats
+from profiles.least_squares import CONFIDENCE, ROUNDING, chance_of, fit, outliers, student
+from profiles.problem import ProfileError, refused
 
-LEAST_SPARE = 3
-"""Minimum clampings beyond the parameters: with fewer the confidence is a guess."""
-
-LEAST_SPREAD = 1.5
-"""Minimum ratio of largest to smallest torque: a line needs a range."""
-
+LEAST_SPARE = 3  # minimum clampings beyond the parameters: with fewer the confidence is a guess
+LEAST_SPREAD = 1.5  # minimum ratio of largest to smallest torque: a line needs a range
 _GROWING = np.linspace(0.0, 1.0, 21)
 _AS_LIKELY = 0.7
 """Loss of log-likelihood up to which another growing fraction of the scatter is about as likely.
 
 A choice: with it 95 % of simulated tables include the true value, for either kind of scatter.
 """
-
-Floats = NDArray[np.float64]
 
 
 class Cofactors(NamedTuple):
@@ -105,64 +98,52 @@ class WrenchFit:
     @property
     def force_sd_percent(self) -> float:
         """The scatter of one clamping relative to the force in the middle of the measured range, %."""
-        return 100.0 * self.sd_n / self._best.at(self.middle_n_m)
+        return 100.0 * self.sd_n / self._lines[0].at(self.middle_n_m)
 
     def line_n(self, torque_n_m: float) -> Band:
         """Return the mean force of many clampings at a torque: the uncertainty of the line alone."""
-        reaches = [(line.at(torque_n_m), line.reach_n(torque_n_m, self.freedom)) for line in self._lines]
-        return _widest(self._best.at(torque_n_m), reaches)
+        return self._band(torque_n_m, one=False)
 
     def force_n(self, torque_n_m: float) -> Band:
         """Return the total chucking force of one clamping at a torque.
 
-        Raises:
-            ProfileError: `calibration.outside`, a torque at which nothing was measured.
+        Raises `ProfileError`: `calibration.outside`, a torque at which nothing was measured.
         """
         self._refuse_outside(torque_n_m, "torque_n_m")
-        reaches = [(line.at(torque_n_m), line.reach_n(torque_n_m, self.freedom, one=True)) for line in self._lines]
-        return _widest(self._best.at(torque_n_m), reaches)
+        return self._band(torque_n_m, one=True)
 
     def torque_n_m(self, force_n: float) -> Band:
         """Return the torque for a total chucking force, and the limits of the torques that may give it.
 
-        Raises:
-            ProfileError: `calibration.outside`; `calibration.no_slope`, the scatter leaves no limits.
+        Raises `ProfileError`: `calibration.outside`; `calibration.no_slope`, the scatter leaves no limits.
         """
         value = (force_n - self.intercept_n) / self.slope_n_per_n_m
         self._refuse_outside(value, "force_n")
         found = [line.torques_n_m(force_n, self.freedom) for line in self._lines]
         limits = [each for each in found if each is not None]
         if len(limits) < len(found):
-            raise ProfileError(_no_slope(self.slope_n_per_n_m, self.slope_ci))
+            raise _no_slope(self.slope_n_per_n_m, self.slope_ci)
         return Band(value=value, low=min(low for low, _ in limits), high=max(high for _, high in limits))
 
-    @property
-    def _best(self) -> _Line:
-        return self._lines[0]
+    def _band(self, torque_n_m: float, *, one: bool) -> Band:
+        """Return the force with the widest limits of all lines: of `one` new clamping, or of the line itself."""
+        found = [(line.at(torque_n_m), line.reach_n(torque_n_m, self.freedom, one=one)) for line in self._lines]
+        low, high = min(at - reach for at, reach in found), max(at + reach for at, reach in found)
+        return Band(value=found[0][0], low=low, high=high)
 
     @property
     def _lines(self) -> list[_Line]:
         best = (self.growing, self.intercept_n, self.slope_n_per_n_m, self.sd_n, *self.covariance)
-        return [
-            _Line(
-                growing=growing,
-                intercept_n=intercept_n,
-                slope=slope,
-                sd_n=sd_n,
-                cofactors=Cofactors(*cofactors),
-                middle_n_m=self.middle_n_m,
-            )
-            for growing, intercept_n, slope, sd_n, *cofactors in (best, *self.as_likely)
-        ]
+        return [_Line(*each[:4], Cofactors(*each[4:]), self.middle_n_m) for each in (best, *self.as_likely)]
 
     def _refuse_outside(self, torque_n_m: float, key: str) -> None:
         slack = ROUNDING * self.highest_n_m
         if not self.lowest_n_m - slack <= torque_n_m <= self.highest_n_m + slack:
             value, limit = f"{torque_n_m:g} N m", f"{self.lowest_n_m:g} … {self.highest_n_m:g} N m"
-            raise ProfileError(Problem(code="calibration.outside", key=key, value=value, limit=limit))
+            raise refused("calibration.outside", key=key, value=value, limit=limit)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class _Line:
     """The line for one fraction w: sd^2 (1 - w + w (Tq / middle)^2) is the variance of one clamping."""
 
@@ -211,18 +192,17 @@ class _Line:
 def fit_wrench(torque_n_m: ArrayLike, force_n: ArrayLike, *, affine: bool = False) -> WrenchFit:
     """Return the line through M clampings; shapes (M,), forces as totals over all jaws.
 
-    Raises:
-        ProfileError: `calibration.not_positive`; `calibration.few_points`; `calibration.alike`, torques too
-            close together; `calibration.no_slope`, the scatter hides that force grows with torque.
+    Raises `ProfileError`: `calibration.not_positive`; `calibration.few_points`; `calibration.alike`, torques too
+    close together; `calibration.no_slope`, the scatter hides that force grows with torque.
     """
-    torque, force = np.asarray(torque_n_m, dtype=np.float64), np.asarray(force_n, dtype=np.float64)
+    torque, force = floats(torque_n_m), floats(force_n)
     _refuse_unfit(torque, force, 2 if affine else 1)
     design = np.stack([np.ones_like(torque), torque], axis=1) if affine else torque[:, None]
     best, *others = _likely_lines(design, torque, force)
     freedom = force.size - design.shape[1]
     slope_ci = max(line.slope_half(best, freedom) for line in (best, *others))
     if best.slope <= slope_ci:
-        raise ProfileError(_no_slope(best.slope, slope_ci))
+        raise _no_slope(best.slope, slope_ci)
     # An exact line leaves nothing to judge.
     exact = best.sd_n <= ROUNDING * float(force.max())
     root = 1.0 / np.sqrt(_variances(torque, best.growing))
@@ -265,50 +245,36 @@ def _line(design: Floats, torque: Floats, force: Floats, growing: float) -> _Lin
     own = (known[0], known[1], known[-1]) if intercept else (0.0, 0.0, known[-1])
     scatter = found.freedom * math.log(found.variance) if found.variance > 0.0 else -math.inf
     information = float(np.log(variances).sum() - np.linalg.slogdet(found.cofactors)[1])
-    return _Line(
-        growing=growing,
-        intercept_n=intercept[0] if intercept else 0.0,
-        slope=slope,
-        sd_n=found.residual_sd,
-        cofactors=Cofactors(*own),
-        middle_n_m=_middle(torque),
-        log_likelihood=-0.5 * (scatter + information),
-    )
+    likelihood = -0.5 * (scatter + information)
+    first = intercept[0] if intercept else 0.0
+    return _Line(growing, first, slope, found.residual_sd, Cofactors(*own), _middle(torque), likelihood)
 
 
 def _variances(torque: Floats, growing: float) -> Floats:
     """Return the variances of single clampings relative to that in the middle; shape (M,)."""
-    return np.asarray(1.0 - growing + growing * (torque / _middle(torque)) ** 2, dtype=np.float64)
+    return floats(1.0 - growing + growing * (torque / _middle(torque)) ** 2)
 
 
 def _middle(torque: Floats) -> float:
     return 0.5 * (float(torque.min()) + float(torque.max()))
 
 
-def _widest(value: float, found: list[tuple[float, float]]) -> Band:
-    """Return a value with the widest limits among centres and half-widths."""
-    low, high = min(at - reach for at, reach in found), max(at + reach for at, reach in found)
-    return Band(value=value, low=low, high=high)
-
-
 def _refuse_unfit(torque: Floats, force: Floats, parameters: int) -> None:
     if torque.ndim != 1 or torque.shape != force.shape or torque.size < parameters + LEAST_SPARE:
         limit = f">= {parameters + LEAST_SPARE}"
-        raise ProfileError(Problem(code="calibration.few_points", value=str(torque.size), limit=limit))
+        raise refused("calibration.few_points", value=str(torque.size), limit=limit)
     for key, column in (("torque_n_m", torque), ("force_n", force)):
         worst = column[~((column > 0) & np.isfinite(column))]
         if worst.size:
-            raise ProfileError(
-                Problem(code="calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
-            )
+            raise refused("calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
     if torque.max() < LEAST_SPREAD * torque.min():
         value, limit = f"{torque.min():g} … {torque.max():g} N m", f"1 : {LEAST_SPREAD:g}"
-        raise ProfileError(Problem(code="calibration.alike", key="torque_n_m", value=value, limit=limit))
+        raise refused("calibration.alike", key="torque_n_m", value=value, limit=limit)
 
 
-def _no_slope(slope: float, ci: float) -> Problem:
+def _no_slope(slope: float, ci: float) -> ProfileError:
     value = f"{slope:.4g} ± {ci:.4g} N/(N m)"
-    return Problem(code="calibration.no_slope", key="slope_n_per_n_m", value=value, limit="> 0 N/(N m)")
+    return refused("calibration.no_slope", key="slope_n_per_n_m", value=value, limit="> 0 N/(N m)")
 
 
 def _lack_of_fit(torque: Floats, force: Floats, root: Floats, left: Floats, freedom: int) -> float | None:

@@ -12,19 +12,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from profiles.chucking.grip import CUT_SAFETY, least_force_n, most_loss_speed_rpm, permitted_speed_rpm
-from profiles.chucking.holding import Holding, holding_of
-from profiles.chucking.job_grip import (
+from profiles.chucking.grip import (
+    CUT_SAFETY,
     centrifugal_loss_n,
     force_sd_n,
+    least_force_n,
     line_sd_n,
     lobe_um_per_n,
     mass_radius_kg_m,
+    most_loss_speed_rpm,
     needed_grip_n,
+    permitted_speed_rpm,
     wrench_force_sd_n,
 )
+from profiles.chucking.holding import Wrench, holding_of, torque_n_m
 from profiles.chucking.ring import Ring, bending_stress_mpa, is_thin
-from profiles.chucking.wrench import Wrench, torque_n_m
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.materials import material_or_none
@@ -72,7 +74,7 @@ class ForceSpan:
 
 def force_span(job: Job, machine: MachineProfile) -> ForceSpan:
     """Return how hard a job must and may be clamped: the one source for form, preview and arming."""
-    limits_n = _limits(job, machine, holding_of(machine))
+    limits_n = _limits(job, machine)
     binding = min(limits_n, key=limits_n.__getitem__)
     return ForceSpan(
         least_n=least_force_n(_cut_n(job, machine), centrifugal_loss_n(job, machine), machine.chuck.safety_factor),
@@ -114,24 +116,25 @@ class ClampingAdvice:
 def clamping_advice(job: Job, machine: MachineProfile) -> ClampingAdvice:
     """Return the forces for a job.
 
-    Raises:
-        ProfileError: `value.out_of_range`, no torque of the wrench gives the force of the job.
+    Raises `ProfileError`: `value.out_of_range`, no torque of the wrench gives the force of the job.
     """
     span, wrench = force_span(job, machine), holding_of(machine).wrench
     loss_n, um_per_n = centrifugal_loss_n(job, machine), lobe_um_per_n(job, machine)
+    force_n, of_jaws = job.chucking_force_n, mass_radius_kg_m(job, machine)
+    holding_rpm = permitted_speed_rpm(force_n, _cut_n(job, machine), of_jaws, machine.chuck.safety_factor)
     return ClampingAdvice(
         span=span,
         uncompensated_n=loss_n + job.roundness_tolerance_um / um_per_n if um_per_n > 0 else None,
-        at_rest_n=job.chucking_force_n,
+        at_rest_n=force_n,
         at_rest_sd_n=wrench_force_sd_n(job, machine),
         scatter_sd_n=force_sd_n(job, machine),
         line_sd_n=line_sd_n(job, machine),
-        at_speed_n=job.chucking_force_n - loss_n,
+        at_speed_n=force_n - loss_n,
         loss_n=loss_n,
-        permitted_speed_rpm=_speed_rpm(job, machine),
+        permitted_speed_rpm=min(holding_rpm, most_loss_speed_rpm(force_n, of_jaws)),
         um_per_n=um_per_n,
         lobe_source=job.lobe_error_source,
-        torque_n_m=None if wrench is None else torque_n_m(wrench, job.chucking_force_n),
+        torque_n_m=None if wrench is None else torque_n_m(wrench, force_n),
         torque_span_n_m=None if wrench is None else _torques_n_m(wrench, span),
     )
 
@@ -148,26 +151,26 @@ def _cut_n(job: Job, machine: MachineProfile) -> float:
     return needed_grip_n(job, machine) / CUT_SAFETY
 
 
-def _speed_rpm(job: Job, machine: MachineProfile) -> float:
-    force_n, of_jaws = job.chucking_force_n, mass_radius_kg_m(job, machine)
-    return min(
-        permitted_speed_rpm(force_n, _cut_n(job, machine), of_jaws, machine.chuck.safety_factor),
-        most_loss_speed_rpm(force_n, of_jaws),
-    )
-
-
-def _limits(job: Job, machine: MachineProfile, holding: Holding) -> dict[str, float]:
+def _limits(job: Job, machine: MachineProfile) -> dict[str, float]:
     limits_n = {"chuck": machine.chuck.max_force_n}
     um_per_n = lobe_um_per_n(job, machine)
     if um_per_n > 0:
-        limits_n["scatter"] = job.roundness_tolerance_um / (um_per_n * holding.force_sd_share)
-    material = material_or_none(job.material)
-    if material is not None and is_thin(job.wall_thickness_mm, job.radius_mm):
-        ring = Ring(
-            outside_mm=job.diameter_mm,
-            wall_mm=job.wall_thickness_mm,
-            length_mm=holding.jaw_length_mm,
-            material=material,
-        )
-        limits_n["wall"] = material.yield_mpa / bending_stress_mpa(ring, job.jaws, 1 / job.jaws)
+        limits_n["scatter"] = job.roundness_tolerance_um / (um_per_n * holding_of(machine).force_sd_share)
+    material, stress_mpa = material_or_none(job.material), wall_stress_mpa(job, machine, 1 / job.jaws)
+    if material is not None and stress_mpa is not None:
+        limits_n["wall"] = material.yield_mpa / stress_mpa
     return limits_n
+
+
+def wall_stress_mpa(job: Job, machine: MachineProfile, force_per_jaw_n: float) -> float | None:
+    """Return the bending stress under a jaw; None of a part that does not bend, or of an unknown material."""
+    material = material_or_none(job.material)
+    if material is None or not is_thin(job.wall_thickness_mm, job.radius_mm):
+        return None
+    ring = Ring(
+        outside_mm=job.diameter_mm,
+        wall_mm=job.wall_thickness_mm,
+        length_mm=holding_of(machine).jaw_length_mm,
+        material=material,
+    )
+    return bending_stress_mpa(ring, job.jaws, force_per_jaw_n)

@@ -13,18 +13,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from profiles.arrays import Floats, floats
 from profiles.materials import Material
 
-FloatArray = NDArray[np.float64]
-
+# Tangential over normal stiffness of a contact that does not slide, 2 (1 - nu)/(2 - nu), for metals.
 MINDLIN_RATIO = 0.8
-"""Tangential over normal stiffness of a contact that does not slide, 2 (1 - nu)/(2 - nu), for metals."""
-
 _STEPS, _HALVINGS, _EXACT = 60, 30, 1e-12
 
 
@@ -56,8 +54,8 @@ class Contact:
 class Deflection:
     """The deflection of the bar along the load and across it; `lifted` where a jaw loses contact."""
 
-    along_um: FloatArray
-    across_um: FloatArray
+    along_um: Floats
+    across_um: Floats
     lifted: NDArray[np.bool_]
 
 
@@ -72,9 +70,7 @@ def deflection(contact: Contact, load_n: ArrayLike, angle_from_jaw_deg: ArrayLik
     The sum over the jaws of F_c (1 + u n_i / x0)_+^m n_i, and of the tangential springs, balances the load. A
     negative load pulls. Newton's method on the elastic energy, which is convex, with halved steps.
     """
-    loads, angles = np.broadcast_arrays(
-        np.asarray(load_n, dtype=np.float64), np.radians(np.asarray(angle_from_jaw_deg, dtype=np.float64))
-    )
+    loads, angles = np.broadcast_arrays(floats(load_n), np.radians(floats(angle_from_jaw_deg)))
     way = np.stack([np.cos(angles.ravel()), np.sin(angles.ravel())], axis=1)
     moved, contacts = _balance(contact, way * loads.ravel()[:, None] / contact.force_per_jaw_n)
     along = contact.approach_um * np.sum(moved * way, axis=1)
@@ -87,7 +83,7 @@ def deflection(contact: Contact, load_n: ArrayLike, angle_from_jaw_deg: ArrayLik
     )
 
 
-def _balance(contact: Contact, push: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _balance(contact: Contact, push: Floats) -> tuple[Floats, Floats]:
     """Return the motion in units of the approach, shape (cases, 2), and 1 + u n_i of each jaw, (cases, N)."""
     jaw = 2 * math.pi * np.arange(contact.jaws) / contact.jaws
     normal = np.stack([np.cos(jaw), np.sin(jaw)], axis=1)
@@ -96,7 +92,7 @@ def _balance(contact: Contact, push: FloatArray) -> tuple[FloatArray, FloatArray
     # Where only one jaw still has contact, nothing else would hold the bar sideways.
     sideways = contact.tangential_ratio * m * side.T @ side + 1e-12 * np.eye(2)
 
-    def energy(moved: FloatArray) -> FloatArray:
+    def energy(moved: Floats) -> Floats:
         closed = np.maximum(1 + moved @ normal.T, 0.0)
         spent = np.sum(closed ** (m + 1), axis=1) / (m + 1) + 0.5 * np.sum((moved @ sideways) * moved, axis=1)
         return np.asarray(spent - np.sum(push * moved, axis=1))
@@ -113,8 +109,7 @@ def _balance(contact: Contact, push: FloatArray) -> tuple[FloatArray, FloatArray
     return moved, 1 + moved @ normal.T
 
 
-def _downhill_share(energy: Callable[[FloatArray], FloatArray], moved: FloatArray, step: FloatArray) -> FloatArray:
-    """Return the fraction of each step that still goes downhill."""
+def _downhill_share(energy: Callable[[Floats], Floats], moved: Floats, step: Floats) -> Floats:
     share = np.ones(len(moved))
     before = energy(moved)
     for _ in range(_HALVINGS):
@@ -125,50 +120,34 @@ def _downhill_share(energy: Callable[[FloatArray], FloatArray], moved: FloatArra
     return share
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Overhung:
-    """A load in front of jaws of finite length: the front edge carries P (1 + a/l), the rear edge -P a/l.
-
-    Each edge has half of every jaw's stiffness and force. All in mm.
-    """
-
-    jaw_length_mm: float
-    overhang_mm: float
-
-    @property
-    def lever(self) -> float:
-        """Overhang over jaw length, a / l."""
-        return self.overhang_mm / self.jaw_length_mm
-
-
 def overhung_deflection(
-    contact: Contact, place: Overhung, load_n: ArrayLike, angle_from_jaw_deg: ArrayLike
+    contact: Contact, lever: float, load_n: ArrayLike, angle_from_jaw_deg: ArrayLike
 ) -> Deflection:
-    """Return the deflection of a stiff bar at the load: u = u_f + (u_f - u_r) a/l.
+    """Return the deflection of a stiff bar at a load in front of jaws; `lever` is a/l, overhang over jaw length.
 
-    For small loads its mean is 4 P/(3 k) ((1 + a/l)^2 + (a/l)^2) with three jaws.
+    The front edge of the jaws carries P (1 + a/l), the rear edge -P a/l, each with half of every jaw's stiffness
+    and force: u = u_f + (u_f - u_r) a/l. For small loads its mean is 4 P/(3 k) ((1 + a/l)^2 + (a/l)^2) with three
+    jaws.
     """
-    edge = Contact(
-        jaws=contact.jaws,
+    edge = replace(
+        contact,
         stiffness_n_per_um=contact.stiffness_n_per_um / 2,
         force_per_jaw_n=contact.force_per_jaw_n / 2,
-        alpha=contact.alpha,
-        tangential_ratio=contact.tangential_ratio,
     )
-    load, a = np.asarray(load_n, dtype=np.float64), place.lever
-    front = deflection(edge, load * (1 + a), angle_from_jaw_deg)
-    rear = deflection(edge, -load * a, angle_from_jaw_deg)
+    load = floats(load_n)
+    front = deflection(edge, load * (1 + lever), angle_from_jaw_deg)
+    rear = deflection(edge, -load * lever, angle_from_jaw_deg)
     return Deflection(
-        along_um=front.along_um + (front.along_um - rear.along_um) * a,
-        across_um=front.across_um + (front.across_um - rear.across_um) * a,
+        along_um=front.along_um + (front.along_um - rear.along_um) * lever,
+        across_um=front.across_um + (front.across_um - rear.across_um) * lever,
         lifted=front.lifted | rear.lifted,
     )
 
 
 def cantilever_um(
     material: Material, diameter_mm: float, overhang_mm: ArrayLike, load_n: float, *, bore_mm: float = 0.0
-) -> FloatArray:
+) -> Floats:
     """Return P a^3 / (3 E I), I = pi (d^4 - bore^4)/64: the bending of a bar in front of the jaws, for each a."""
     second_moment_mm4 = math.pi * (diameter_mm**4 - bore_mm**4) / 64
-    a = np.asarray(overhang_mm, dtype=np.float64)
+    a = floats(overhang_mm)
     return np.asarray(1000 * load_n * a**3 / (3 * material.youngs_modulus_n_per_mm2 * second_moment_mm4))

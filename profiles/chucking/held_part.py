@@ -1,9 +1,8 @@
 """One part in its chuck under its cut: its roundness error and its deflection.
 
-A thin part (wall below a fifth of the radius) springs back and deflects between the jaws; a bar rests in
-contacts that stiffen with load, and bends as a cantilever. Angles are from jaw 1, in degrees; Z is from the jaw
-faces, in mm, positive towards the free end; deviations of the released part are in um, positive where it is
-high.
+A thin part (wall below a fifth of the radius) springs back and deflects between the jaws; a bar rests in contacts
+that stiffen with load, and bends as a cantilever. Angles are from jaw 1, in degrees; Z is from the jaw faces, in
+mm, positive towards the free end; deviations of the released part are in um, positive where it is high.
 """
 
 from __future__ import annotations
@@ -14,16 +13,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from profiles.arrays import Floats, floats
 from profiles.chucking.contact import (
     MINDLIN_RATIO,
     Contact,
-    Overhung,
     cantilever_um,
     overhung_deflection,
     stiffness_at,
 )
 from profiles.chucking.diagnosis import Mechanism
-from profiles.chucking.holding import REFERENCE_FORCE_N, Holding
+from profiles.chucking.grip import centrifugal_loss_n
+from profiles.chucking.holding import REFERENCE_FORCE_N, Holding, holding_of
 from profiles.chucking.ring import is_thin
 from profiles.chucking.tube import (
     Tube,
@@ -33,15 +33,12 @@ from profiles.chucking.tube import (
     spring_back_um,
     wall_compliance_um_per_n,
 )
-from profiles.cutting import CuttingForce
+from profiles.cutting import CuttingForce, cutting_force
 from profiles.job import Job
-from profiles.materials import Material
+from profiles.machine import MachineProfile
+from profiles.materials import Material, material_named
 
-FloatArray = NDArray[np.float64]
-
-BAR_DAMPING, WALL_DAMPING = 0.03, 0.02
-"""Usual damping ratios of a bar in a chuck and of a thin wall."""
-
+BAR_DAMPING, WALL_DAMPING = 0.03, 0.02  # usual damping ratios of a bar in a chuck and of a thin wall
 _TURN_DEG = np.arange(0.0, 360.0, 5.0)
 
 
@@ -95,7 +92,7 @@ class HeldPart:
         )
         return replace(self, job=smaller)
 
-    def error_parts_um(self, angle_deg: FloatArray, z_mm: FloatArray) -> dict[Mechanism, FloatArray]:
+    def error_parts_um(self, angle_deg: Floats, z_mm: Floats) -> dict[Mechanism, Floats]:
         """Return the deviation that each mechanism leaves, shape (Z, angle), mean 0 over a turn."""
         if not self.thin:
             return {Mechanism.CONTACT: _levelled(self._bar_um(angle_deg, z_mm)[0])}
@@ -115,7 +112,7 @@ class HeldPart:
         wall = self.force.passive_n * tube.bent(jaws).scale_um_per_n * half_lobe_compliance(jaws)
         return float(np.ptp(sprung + float(axial_share(tube, jaws, z_mm)) * wall))
 
-    def size_um(self, z_mm: FloatArray) -> FloatArray:
+    def size_um(self, z_mm: Floats) -> Floats:
         """Return how much too large the radius is, shape (Z,): what deflects is not cut."""
         if self.thin:
             return np.full(z_mm.shape, self.compliance_um_per_n * self.force.passive_n)
@@ -148,19 +145,31 @@ class HeldPart:
         """Damping ratio of the part in its chuck."""
         return WALL_DAMPING if self.thin else BAR_DAMPING
 
-    def _bar_um(self, angle_deg: FloatArray, z_mm: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    def _bar_um(self, angle_deg: Floats, z_mm: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return how far a bar deflects from a tool at (Z, angle), and where a jaw edge loses contact.
 
         A tool at an angle pushes towards the opposite side.
         """
         moved, lifted = [], []
         for z in z_mm:
-            place = Overhung(jaw_length_mm=self.holding.jaw_length_mm, overhang_mm=float(z))
-            found = overhung_deflection(self.contact, place, self.force.passive_n, angle_deg + 180.0)
+            lever = float(z) / self.holding.jaw_length_mm
+            found = overhung_deflection(self.contact, lever, self.force.passive_n, angle_deg + 180.0)
             moved.append(found.along_um)
             lifted.append(found.lifted)
         return np.stack(moved), np.stack(lifted)
 
 
-def _levelled(values: FloatArray) -> FloatArray:
-    return np.asarray(values - values.mean(axis=1, keepdims=True), dtype=np.float64)
+def held_part(job: Job, machine: MachineProfile) -> HeldPart:
+    """Return the part in the jaws at speed, under its cut. Raises `ProfileError` (`rule.material_unknown`)."""
+    material = material_named(job.material)
+    return HeldPart(
+        job=job,
+        material=material,
+        holding=holding_of(machine),
+        force=cutting_force(material, job.depth_of_cut_mm, job.feed_mm_per_rev),
+        per_jaw_n=(job.chucking_force_n - centrifugal_loss_n(job, machine)) / job.jaws,
+    )
+
+
+def _levelled(values: Floats) -> Floats:
+    return floats(values - values.mean(axis=1, keepdims=True))

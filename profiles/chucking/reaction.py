@@ -18,9 +18,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from profiles.arrays import Floats, floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,29 +92,29 @@ def _harmonic(reaction: Reaction, n: int, rpm: float, radius_ratio: float) -> Fo
 
 def displacement_um(
     reaction: Reaction, spindle_speed_rpm: float, angle_deg: ArrayLike, radius_ratio: float = 1.0
-) -> FloatArray:
+) -> Floats:
     """Return x of Eq 2 in the steady state at spindle angles, in the shape of `angle_deg`."""
-    angle = np.radians(np.asarray(angle_deg, dtype=np.float64))
+    angle = np.radians(floats(angle_deg))
     mean_um = 1e6 * reaction.jaws * reaction.a_n[0] * radius_ratio / (2 * reaction.stiffness_n_per_m)
     total = np.full(angle.shape, mean_um)
     for each in forced_harmonics(reaction, spindle_speed_rpm, radius_ratio):
-        wave = each.n * reaction.jaws * angle
-        total += each.cos_um * np.cos(wave) + each.sin_um * np.sin(wave)
+        phase = each.n * reaction.jaws * angle
+        total += each.cos_um * np.cos(phase) + each.sin_um * np.sin(phase)
     return total
 
 
-def eq3_um(reaction: Reaction, spindle_speed_rpm: float, angle_deg: ArrayLike, radius_ratio: float) -> FloatArray:
+def eq3_um(reaction: Reaction, spindle_speed_rpm: float, angle_deg: ArrayLike, radius_ratio: float) -> Floats:
     """Return Eq 3 as printed, valid at resonance and for the first harmonic only.
 
     N a0 (1 - r/R) / (2 K) + (1 - (r/R)^p) (a1 sin N w t - b1 cos N w t) / (w B). Far below its resonance, where
     chucks work, it overstates the lobe by 1 / (2 zeta) and turns it by a quarter of a lobe.
     """
-    wave = reaction.jaws * np.radians(np.asarray(angle_deg, dtype=np.float64))
+    phase = reaction.jaws * np.radians(floats(angle_deg))
     omega = 2 * math.pi * spindle_speed_rpm / 60
     mean = reaction.jaws * reaction.a_n[0] * (1 - radius_ratio) / (2 * reaction.stiffness_n_per_m)
     b1 = reaction.b_n[0] if reaction.b_n else 0.0
-    lobe = (reaction.a_n[1] * np.sin(wave) - b1 * np.cos(wave)) / (omega * reaction.damping_n_s_per_m)
-    return np.asarray(1e6 * (mean + lobe * (1 - radius_ratio**reaction.decay_exponent)), dtype=np.float64)
+    lobe = (reaction.a_n[1] * np.sin(phase) - b1 * np.cos(phase)) / (omega * reaction.damping_n_s_per_m)
+    return floats(1e6 * (mean + lobe * (1 - radius_ratio**reaction.decay_exponent)))
 
 
 def amplification(frequency_ratio: float, damping_ratio: float) -> tuple[float, float]:

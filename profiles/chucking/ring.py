@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 from profiles.materials import Material
 
-THIN_WALL = 0.2
-"""Wall over outer radius below which a part is a ring that bends, and above which it is a bar."""
+THIN_WALL = 0.2  # wall over outer radius below which a part is a ring that bends, and above which it is a bar
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

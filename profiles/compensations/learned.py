@@ -1,24 +1,17 @@
-"""A learned compensation and what it is valid for; plain values, suitable for a file.
-
-Problem codes: `learned.file`; of one for another job, machine or strategy `learned.job_changed`,
-`learned.machine_changed`, `learned.strategy`.
-"""
+"""A learned compensation and what it is valid for; plain values, suitable for a file."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from profiles.compensations.path import CutPath, Wave
+from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.own_values import read_own
 from profiles.problem import Problem
 
 SCHEMA = 1
-FILED_TARGET = "wanted"
-"""What files call the target path."""
-
-MODEL = 0
-"""The version without learning: the lobe of the job through the response of the machine profile."""
+FILED_TARGET = "wanted"  # what files call the target path
+MODEL = 0  # the version without learning: the lobe of the job through the response of the machine profile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,8 +40,8 @@ class PartRead:
 
     version: int
     share: float
-    target: Wave
-    lobe: Wave
+    target: PathHarmonic
+    lobe: PathHarmonic
     lobe_sd_um: float
     ront_um: float
 
@@ -86,7 +79,7 @@ class ExpectedPart:
     """
 
     ront_um: float | None
-    lobe: Wave
+    lobe: PathHarmonic
 
     def turned(self, by_deg: float) -> ExpectedPart:
         """Return the same for a chuck mounted so many degrees of spindle further on."""
@@ -102,8 +95,8 @@ def expected_part(learned: LearnedCompensation, share: float = 1.0) -> ExpectedP
     part = learned.part
     if part is None or learned.is_model:
         return None
-    taken_um = share * learned.path.target.waves[0].coefficient
-    left = Wave.of(part.lobe.lobes, part.lobe.coefficient + part.target.coefficient - taken_um)
+    taken_um = share * learned.path.target.harmonics[0].coefficient
+    left = PathHarmonic.of(part.lobe.lobes, part.lobe.coefficient + part.target.coefficient - taken_um)
     return ExpectedPart(ront_um=learned.expected_ront_um if share == 1.0 else 2.0 * left.amplitude_um, lobe=left)
 
 
@@ -115,14 +108,7 @@ def again(older: LearnedCompensation, number: int, date: str) -> LearnedCompensa
 def model_again(holds_for: HoldsFor, path: CutPath, number: int, date: str) -> LearnedCompensation:
     """Return the model as a new version."""
     return LearnedCompensation(
-        holds_for=holds_for,
-        version=number,
-        parent=MODEL,
-        gain=1.0,
-        path=path,
-        part=None,
-        date=date,
-        reverts=MODEL,
+        holds_for=holds_for, version=number, parent=MODEL, gain=1.0, path=path, part=None, date=date, reverts=MODEL
     )
 
 
@@ -133,9 +119,7 @@ def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem,
     for what in ("job", "machine"):
         then, now = getattr(holds, f"{what}_sha256"), getattr(asked, f"{what}_sha256")
         if then != now:
-            problems.append(
-                Problem(code=f"learned.{what}_changed", key=version, value=now[:6], limit=then[:6]),
-            )
+            problems.append(Problem(code=f"learned.{what}_changed", key=version, value=now[:6], limit=then[:6]))
     if (holds.job, holds.machine, holds.simulated) != (asked.job, asked.machine, asked.simulated):
         value, limit = _side(asked), _side(holds)
         problems.append(Problem(code="learned.elsewhere", key=version, value=value, limit=limit))
@@ -157,15 +141,13 @@ def as_table(learned: LearnedCompensation) -> dict[str, Any]:
 def from_table(table: Any, where: str = "") -> LearnedCompensation:
     """Read the output of `as_table`.
 
-    Raises:
-        ProfileError: `schema.unsupported`; `learned.file`, anything else.
+    Raises `ProfileError`: `schema.unsupported`; `learned.file`, anything else.
     """
     table = _renamed(table, FILED_TARGET, "target")
     return read_own(LearnedCompensation, table, schema=SCHEMA, code="learned.file", where=where, judge=_judge)
 
 
 def _renamed(value: Any, old: str, new: str) -> Any:
-    """Return plain values with one key of every table renamed."""
     if isinstance(value, dict):
         return {new if key == old else key: _renamed(each, old, new) for key, each in value.items()}
     if isinstance(value, list | tuple):
@@ -178,6 +160,10 @@ def _judge(learned: LearnedCompensation) -> None:
     if min(learned.version - 1, learned.parent, learned.reverts or 0) < 0 or not 0.0 < learned.gain <= 1.0:
         raise ValueError(f"version {learned.version}, gain {learned.gain}")
     part = learned.part
-    waves = [*learned.path.target.waves, *learned.path.command.waves, *((part.target, part.lobe) if part else ())]
-    if (least := min(wave.lobes for wave in waves)) < 1:
+    harmonics = [
+        *learned.path.target.harmonics,
+        *learned.path.command.harmonics,
+        *((part.target, part.lobe) if part else ()),
+    ]
+    if (least := min(harmonic.lobes for harmonic in harmonics)) < 1:
         raise ValueError(f"lobes {least}")

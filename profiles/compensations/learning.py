@@ -6,26 +6,40 @@ actual. The tool is learned from its own encoder: U <- U + gain E / T, with U th
 nominal response. The error shrinks by |1 - gain T' / T| a pass, T' the true response; below 1 it converges
 (iterative learning control in the frequency domain, Bristow, Tharayil and Alleyne 2006). The part is learned
 from the gauge: where it stands high, the target goes deeper, W <- W + gain R.
+
+A pass changes the error e to (1 - gain T'/T) e; from a factor of 1 on it makes it worse without notice. So each
+harmonic is compared with its best pass so far, and one that has significantly grown is reverted to that and frozen
+there: its residual never ends above the best one, except for noise.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from profiles.compensations.path import CutPath
+from profiles.arrays import floats
+from profiles.compensations.path import CutPath, LobedPath
 from profiles.least_squares import fit, harmonic_columns, phasors
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
+Value = TypeVar("Value")
+
+# Standard deviations above which a harmonic is significant: 95 %, chi-square with two degrees of freedom.
 SIGNIFICANT = 2.45
-"""Standard deviations above which a harmonic is significant: 95 %, chi-square with two degrees of freedom."""
+STEADY_SHARE = 0.02  # below this reciprocal condition number the angles cannot separate the harmonics
 
-STEADY_SHARE = 0.02
-"""Below this reciprocal condition number the angles cannot separate the harmonics."""
+
+REPEATS_SD_UM = 0.1
+"""Variation of a harmonic from pass to pass with the same path, beyond what a fit can see of it.
+
+Twice the 0.05 um of tool and part on the simulated lathe `realistic`, from friction and non-repeatable spindle
+error: a real one is hardly better.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,18 +72,17 @@ class Deviation:
 def fit_harmonics(angle_deg: ArrayLike, values_um: ArrayLike, orders: Sequence[int]) -> HarmonicFit:
     """Fit mean and harmonics of `orders` by least squares; both inputs have shape (M,), angles in any order.
 
-    Raises:
-        ProfileError: `learning.few_samples`, or angles that cannot separate the harmonics.
+    Raises `ProfileError`: `learning.few_samples`, or angles that cannot separate the harmonics.
     """
-    angle = np.radians(np.asarray(angle_deg, dtype=np.float64))
-    values = np.asarray(values_um, dtype=np.float64)
+    angle = np.radians(floats(angle_deg))
+    values = floats(values_um)
     unknowns = 1 + 2 * len(orders)
     if values.size <= 2 * unknowns:
-        raise ProfileError(Problem(code="learning.few_samples", value=str(values.size), limit=f"> {2 * unknowns}"))
+        raise refused("learning.few_samples", value=str(values.size), limit=f"> {2 * unknowns}")
     found = fit(harmonic_columns(angle, orders), values)
     if found.condition * STEADY_SHARE > 1.0:
         gap = f"{math.degrees(float(np.ptp(angle))):.3g} deg"
-        raise ProfileError(Problem(code="learning.few_samples", key="angle_deg", value=gap, limit=">= 360 deg"))
+        raise refused("learning.few_samples", key="angle_deg", value=gap, limit=">= 360 deg")
     return HarmonicFit(
         mean_um=float(found.coefficients[0]),
         coefficients_um=phasors(found.coefficients, orders),
@@ -99,12 +112,12 @@ def learned_part(
     """
     target = {n: gain * (c - tool.coefficients_um.get(n, 0j)) for n, c in part.coefficients_um.items()}
     mean_um = gain * (part.mean_um - tool.mean_um)
-    told = {
+    change = {
         n: (target.get(n, 0j) + tool.coefficients_um.get(n, 0j)) / response(n)
         for n in (*target, *tool.coefficients_um)
     }
     return CutPath(
-        target=path.target.plus(target, mean_um), command=path.command.plus(told, mean_um + tool.mean_um)
+        target=path.target.plus(target, mean_um), command=path.command.plus(change, mean_um + tool.mean_um)
     )
 
 
@@ -116,12 +129,92 @@ def convergence(true: complex, nominal: complex, gain: float = 1.0) -> float:
 def trimmed(trim_um: complex, error_um: complex, response: complex, gain: float, most_um: float) -> complex:
     """Return the next trim of a running cut: adaptive feedforward cancellation, once per batch of samples.
 
-    Raises:
-        ProfileError: `learning.trim_limit`; the trim that is in effect stays.
+    Raises `ProfileError`: `learning.trim_limit`; the trim that is in effect stays.
     """
     target = trim_um + gain * error_um / response
     if not abs(target) <= most_um:
-        raise ProfileError(
-            Problem(code="learning.trim_limit", value=f"{abs(target):.2f} um", limit=f"<= {most_um:g} um")
-        )
+        raise refused("learning.trim_limit", value=f"{abs(target):.2f} um", limit=f"<= {most_um:g} um")
     return target
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grown:
+    """A harmonic no longer learned: amplitudes in um at its best, and in the pass that was significantly worse."""
+
+    order: int
+    best_um: float
+    grown_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Best:
+    """The best residual of a harmonic, an amplitude with its standard deviation, and the path of that pass."""
+
+    left_um: float
+    sd_um: float
+    target: complex
+    command: complex
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watch:
+    """The best pass of each harmonic so far, and the harmonics that have grown since."""
+
+    best: Mapping[int, Best] = field(default_factory=dict)
+    grown: tuple[Grown, ...] = ()
+
+    def judged(
+        self,
+        path: CutPath,
+        left_um: Mapping[int, complex],
+        sd_um: Callable[[int], float],
+        allowed_um: Callable[[int], float] = lambda _: 0.0,
+    ) -> Watch:
+        """Return the watch after a pass with `path` that left these harmonics, each with its standard deviation.
+
+        `allowed_um` is how much a harmonic may grow for reasons other than learning.
+        """
+        best, grown = dict(self.best), list(self.grown)
+        for n, coefficient in self.learned(left_um).items():
+            now = Best(
+                left_um=abs(coefficient),
+                sd_um=math.hypot(sd_um(n), REPEATS_SD_UM),
+                target=coefficient_of(path.target, n),
+                command=coefficient_of(path.command, n),
+            )
+            before = best.get(n)
+            if before is None or now.left_um < before.left_um:
+                best[n] = now
+            elif not now.left_um <= before.left_um + allowed_um(n) + SIGNIFICANT * math.hypot(
+                now.sd_um, before.sd_um
+            ):
+                grown.append(Grown(order=n, best_um=before.left_um, grown_um=now.left_um))
+        return replace(self, best=best, grown=tuple(grown))
+
+    def afresh(self) -> Watch:
+        """Return a new watch for passes not comparable with those so far; frozen harmonics stay frozen."""
+        return replace(self, best={n: each for n, each in self.best.items() if n in self.frozen})
+
+    @property
+    def frozen(self) -> frozenset[int]:
+        """The harmonics that are no longer learned."""
+        return frozenset(each.order for each in self.grown)
+
+    def learned(self, harmonics: Mapping[int, Value]) -> dict[int, Value]:
+        """Return the harmonics that are learned."""
+        return {n: value for n, value in harmonics.items() if n not in self.frozen}
+
+    def kept(self, path: CutPath) -> CutPath:
+        """Return a path with each frozen harmonic at its best."""
+        back = {n: self.best[n] for n in self.frozen}
+        return CutPath(
+            target=path.target.plus({n: each.target - coefficient_of(path.target, n) for n, each in back.items()}),
+            command=path.command.plus(
+                {n: each.command - coefficient_of(path.command, n) for n, each in back.items()}
+            ),
+        )
+
+
+def coefficient_of(path: LobedPath, order: int) -> complex:
+    """Return the c of Re(c exp(j order angle)) of a path, in um; 0 where it has no such harmonic."""
+    return next((harmonic.coefficient for harmonic in path.harmonics if harmonic.lobes == order), 0j)

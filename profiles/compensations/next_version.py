@@ -14,26 +14,33 @@ the learned step is recorded: their e is the step of the path over the gain.
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 from profiles.compensations.learned import MODEL, HoldsFor, LearnedCompensation, PartRead
-from profiles.compensations.learning import SIGNIFICANT, Deviation, convergence, learned_part
-from profiles.compensations.learning_watch import REPEATS_SD_UM, coefficient_of
-from profiles.compensations.part_waves import PartWaves
-from profiles.compensations.path import CutPath, Wave, free_state_lobe, share_of
-from profiles.compensations.uncompensated import Uncompensated, uncompensated
+from profiles.compensations.learning import (
+    REPEATS_SD_UM,
+    SIGNIFICANT,
+    Deviation,
+    coefficient_of,
+    convergence,
+    learned_part,
+)
+from profiles.compensations.part_harmonics import PartHarmonics
+from profiles.compensations.path import CutPath, PathHarmonic, free_state_lobe, share_of
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import found_on_a_part
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem, refused
 
+# Gain of the first part, where errors are large, and of later ones, where a part of them is noise.
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
-"""Gain of the first part, where errors are large, and of later ones, where a part of them is noise."""
-
-ROUNDING_UM = 1e-6
-"""A path step below this is only the rounding of its file."""
+ROUNDING_UM = 1e-6  # a path step below this is only the rounding of its file
+IN_PLACE_DEG = 30.0
+"""Tolerance of its position in degrees of lobe: a choice. That is half of what makes a
+part worse than none, 10 degrees of spindle with three jaws; dry friction of 3 N makes 12 of it at 50 Hz."""
 
 _NONE = Deviation(coefficients_um={})
 
@@ -87,7 +94,9 @@ class CutWith:
     @property
     def spared_um(self) -> dict[int, complex]:
         """The harmonics of the path that were not commanded and should remain on the part."""
-        return {wave.lobes: (1.0 - self.share) * wave.coefficient for wave in self.path.target.waves}
+        return {
+            harmonic.lobes: (1.0 - self.share) * harmonic.coefficient for harmonic in self.path.target.harmonics
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +131,7 @@ class LearningStep:
 
 def next_version(
     cut: CutWith,
-    part: PartWaves,
+    part: PartHarmonics,
     holds_for: HoldsFor,
     job: Job,
     *,
@@ -136,19 +145,16 @@ def next_version(
     """Learn from a measured part.
 
     `number` is that of the new version, `gain` None the usual one, `orders` the harmonics that can be commanded.
-    `response` is the nominal one from command to tool, by order. `scatter_um` is the standard deviation
-    of the lobe's amplitude from clamping to clamping.
-
-    Raises:
-        ProfileError: `learned.gain`.
+    `response` is the nominal one from command to tool, by order. `scatter_um` is the standard deviation of the
+    lobe's amplitude from clamping to clamping. Raises `ProfileError` (`learned.gain`).
     """
     used_gain = _gain(gain, cut.version)
     off = {n: part.coefficients_um[n] - cut.spared_um.get(n, 0j) for n in orders}
     learned = {n: e for n, e in off.items() if abs(e) > SIGNIFICANT * part.sd_um[n]}
     path = learned_part(cut.path, Deviation(coefficients_um=learned), _NONE, response, used_gain)
-    read = _read(cut, part, job.jaws)
-    plain = _plain(cut, read, job)
-    contractions = _contractions(cut, part, read, job, used_gain, scatter_um, orders)
+    read, path_um = _read(cut, part, job.jaws), cut.path.target.harmonics[0].coefficient
+    plain = uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.share, job)
+    contractions = _of_lobe(cut, read, job, used_gain, scatter_um) | _of_others(cut, part, orders, used_gain)
     # The next part is lower by the additional depth of the tool.
     deeper = {n: cut.spared_um.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*cut.spared_um, *learned}}
     return LearningStep(
@@ -171,65 +177,114 @@ def next_version(
     )
 
 
-def _plain(cut: CutWith, read: PartRead, job: Job) -> Uncompensated:
-    """Return the part as it would have been without its compensation."""
-    path_um = cut.path.target.waves[0].coefficient
-    return uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.share, job)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uncompensated:
+    """A part as it would have been: coefficients in um, positive outwards, of the lobe alone.
+
+    `whole_um` is what all of the path would leave, `without_um` what no compensation would, `expected_um` the
+    lobe by job and jaw 1; `sd_um` is the standard error of each. `found`: seen on a part before.
+    """
+
+    whole_um: complex
+    without_um: complex
+    expected_um: complex
+    sd_um: float
+    lobes: int
+    found: bool
+
+    @property
+    def off_deg(self) -> float:
+        """How far past its expected position the lobe is, degrees of spindle, if the tool followed its path."""
+        if not self.expected_um or not self.without_um:
+            return 0.0
+        return -math.degrees(cmath.phase(self.without_um / self.expected_um)) / self.lobes
+
+    @property
+    def in_place(self) -> bool:
+        """Whether the lobe stands where it was expected."""
+        return self.lobes * abs(self.off_deg) <= IN_PLACE_DEG
+
+    @property
+    def plain_um(self) -> float:
+        """The amplitude of the lobe without compensation."""
+        return abs(self.expected_um if self.found else self.without_um)
+
+    def reasons(self) -> tuple[Problem, ...]:
+        """Return why nothing may be learned from the part: its compensation makes it worse than none would."""
+        if self.found and self.in_place:
+            return ()
+        if abs(self.whole_um) - self.plain_um <= self._noise_um or self._trivial:
+            return ()
+        value, limit = f"{2 * abs(self.whole_um):.1f} um", f"{2 * self.plain_um:.1f} um"
+        return (Problem(code="learned.worse", key=f"{self.off_deg:+.0f} deg", value=value, limit=limit),)
+
+    def warnings(self) -> tuple[Problem, ...]:
+        """Return what the operator should know before this learning step is kept."""
+        if self.in_place or self._trivial or self.reasons():
+            return ()
+        limit = f"± {IN_PLACE_DEG / self.lobes:.0f} deg"
+        return (Problem(code="learned.lobe_elsewhere", value=f"{self.off_deg:+.0f} deg", limit=limit),)
+
+    @property
+    def _noise_um(self) -> float:
+        return SIGNIFICANT * math.hypot(self.sd_um, REPEATS_SD_UM)
+
+    @property
+    def _trivial(self) -> bool:
+        return min(abs(self.without_um - self.whole_um), self.plain_um) <= 2.0 * self._noise_um
+
+
+def uncompensated(left_um: complex, sd_um: float, path_um: complex, share: float, job: Job) -> Uncompensated:
+    """Compare a part that has `left_um` of its lobe, cut with the fraction `share` of `path_um`."""
+    without_um = left_um + share * path_um
+    return Uncompensated(
+        whole_um=without_um - path_um,
+        without_um=without_um,
+        expected_um=free_state_lobe(job).harmonics[0].coefficient,
+        sd_um=sd_um,
+        lobes=job.jaws,
+        found=found_on_a_part(job),
+    )
 
 
 def _gain(gain: float | None, version: LearnedCompensation | None) -> float:
     if gain is None:
         return FIRST_GAIN if version is None else LATER_GAIN
     if not 0.0 < gain <= 1.0:
-        raise ProfileError(Problem(code="learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1"))
+        raise refused("learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1")
     return gain
 
 
-def _read(cut: CutWith, part: PartWaves, lobes: int) -> PartRead:
-    target = share_of(cut.path, cut.share).target.waves[0]
+def _read(cut: CutWith, part: PartHarmonics, lobes: int) -> PartRead:
+    target = share_of(cut.path, cut.share).target.harmonics[0]
     return PartRead(
         version=cut.number,
         share=cut.share,
         target=target,
-        lobe=Wave.of(lobes, part.coefficients_um[lobes]),
+        lobe=PathHarmonic.of(lobes, part.coefficients_um[lobes]),
         lobe_sd_um=part.sd_um[lobes],
         ront_um=part.ront_um(),
     )
 
 
-def _contractions(
-    cut: CutWith,
-    part: PartWaves,
-    now: PartRead,
-    job: Job,
-    gain: float,
-    scatter_um: float,
-    orders: Sequence[int],
-) -> dict[int, Contraction]:
-    """Return the contractions from this part and the previous one, by order: of the lobe, and of the others."""
-    lobe = _lobe(cut, now, job, gain, scatter_um)
-    found = {} if lobe is None else {job.jaws: lobe}
-    return found | _others(cut, part, orders, gain)
-
-
-def _lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float) -> Contraction | None:
-    """Return that of the lobe; None without a previous part, or where both had the same path."""
+def _of_lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float) -> dict[int, Contraction]:
+    """Return the contraction of the lobe, if there is a previous part, and both had not the same path."""
     before = None if cut.version is None else cut.version.part
     if before is not None:
         path, lobe, sd_um = before.target.coefficient, before.lobe.coefficient, before.lobe_sd_um
     elif found_on_a_part(job):
-        path, lobe, sd_um = 0j, free_state_lobe(job).waves[0].coefficient, 0.0
+        path, lobe, sd_um = 0j, free_state_lobe(job).harmonics[0].coefficient, 0.0
     else:
-        return None
+        return {}
     changed = now.target.coefficient - path
     if not changed:
-        return None
+        return {}
     sd_um = math.hypot(sd_um, now.lobe_sd_um, scatter_um, scatter_um)
-    return _contraction(lobe - now.lobe.coefficient, changed, sd_um, gain)
+    return {job.jaws: _contraction(lobe - now.lobe.coefficient, changed, sd_um, gain)}
 
 
-def _others(cut: CutWith, part: PartWaves, orders: Sequence[int], gain: float) -> dict[int, Contraction]:
-    """Return those of the harmonics beside the lobe, if the version has them."""
+def _of_others(cut: CutWith, part: PartHarmonics, orders: Sequence[int], gain: float) -> dict[int, Contraction]:
+    """Return the contractions of the harmonics beside the lobe, if the version has them."""
     version, found = cut.version, {}
     if version is None or version.part is None or cut.parent is None:
         return {}

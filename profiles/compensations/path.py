@@ -8,6 +8,9 @@ A first part with an untried compensation gets a fraction of it, enough to judge
 compensated by the fraction s leaves E |1 - s c|, with c = 1 for a tool that follows exactly. At one half, a
 wrong sign (c = -1) leaves 3/2 E, and an error of d degrees of spindle leaves E |1 - exp(-j N d) / 2|: the part
 is worse by half a lobe at most, and the two cases are a whole lobe apart.
+
+Learning corrects a path; it never replaces it. Anything beyond the bounds about what the job wants is not a
+correction of this cut, but a fault of the trace, the file or the set-up, and must not be commanded.
 """
 
 from __future__ import annotations
@@ -18,17 +21,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats, floats
 from profiles.axis.response import AMPLIFICATION_LIMIT
 from profiles.job import Job
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem, refused
 
 PARTIAL_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wave:
+class PathHarmonic:
     """amplitude cos(lobes (angle - crest)): order `lobes`, a maximum at `crest_deg`."""
 
     lobes: int
@@ -36,7 +40,7 @@ class Wave:
     crest_deg: float
 
     @classmethod
-    def of(cls, lobes: int, coefficient: complex) -> Wave:
+    def of(cls, lobes: int, coefficient: complex) -> PathHarmonic:
         """Return Re(c exp(j lobes angle)), c in um, as a wave."""
         crest_deg = -math.degrees(cmath.phase(coefficient)) / lobes
         return cls(lobes=lobes, amplitude_um=abs(coefficient), crest_deg=crest_deg)
@@ -46,13 +50,12 @@ class Wave:
         """The c of Re(c exp(j lobes angle)), in um."""
         return self.amplitude_um * cmath.exp(-1j * self.lobes * math.radians(self.crest_deg))
 
-    def at_um(self, angle_deg: ArrayLike) -> NDArray[np.float64]:
+    def at_um(self, angle_deg: ArrayLike) -> Floats:
         """Return the values at spindle angles, in the shape of `angle_deg`."""
-        angle = np.asarray(angle_deg, dtype=np.float64)
-        wave = np.cos(self.lobes * np.radians(angle - self.crest_deg))
-        return np.asarray(self.amplitude_um * wave, dtype=np.float64)
+        angle = floats(angle_deg)
+        return floats(self.amplitude_um * np.cos(self.lobes * np.radians(angle - self.crest_deg)))
 
-    def turned(self, by_deg: float) -> Wave:
+    def turned(self, by_deg: float) -> PathHarmonic:
         """Return the wave so many degrees of spindle further on: at angle + by_deg it has its value at angle."""
         return replace(self, crest_deg=self.crest_deg + by_deg)
 
@@ -69,43 +72,43 @@ class LobedPath:
     amplitude_um: float
     lobes: int
     crest_deg: float
-    overtones: tuple[Wave, ...] = ()
+    overtones: tuple[PathHarmonic, ...] = ()
     growth_per_mm: float = 0.0
 
     @property
-    def waves(self) -> tuple[Wave, ...]:
+    def harmonics(self) -> tuple[PathHarmonic, ...]:
         """The lobe and the overtones."""
-        lobe = Wave(lobes=self.lobes, amplitude_um=self.amplitude_um, crest_deg=self.crest_deg)
+        lobe = PathHarmonic(lobes=self.lobes, amplitude_um=self.amplitude_um, crest_deg=self.crest_deg)
         return (lobe, *self.overtones)
 
-    def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> NDArray[np.float64]:
+    def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> Floats:
         """Return the values at spindle angles, past the middle of the cut; in the shape of `angle_deg`."""
-        waves = np.zeros(np.shape(angle_deg), dtype=np.float64)
-        for wave in self.waves:
-            waves += wave.at_um(angle_deg)
-        grown = 1.0 + self.growth_per_mm * np.asarray(past_middle_mm, dtype=np.float64)
-        return np.asarray(self.mean_um + grown * waves, dtype=np.float64)
+        harmonics = np.zeros(np.shape(angle_deg), dtype=np.float64)
+        for harmonic in self.harmonics:
+            harmonics += harmonic.at_um(angle_deg)
+        grown = 1.0 + self.growth_per_mm * floats(past_middle_mm)
+        return floats(self.mean_um + grown * harmonics)
 
     def turned(self, by_deg: float) -> LobedPath:
         """Return the path so many degrees of spindle further on, for a chuck mounted so much further.
 
         The phase of order n is later by n times that.
         """
-        overtones = tuple(wave.turned(by_deg) for wave in self.overtones)
+        overtones = tuple(harmonic.turned(by_deg) for harmonic in self.overtones)
         return replace(self, crest_deg=self.crest_deg + by_deg, overtones=overtones)
 
     def plus(self, coefficients: Mapping[int, complex], mean_um: float = 0.0) -> LobedPath:
         """Return this path with Re(c exp(j n angle)) added for each n, and an addition to its mean, in um."""
-        sums = {wave.lobes: wave.coefficient for wave in self.waves}
+        sums = {harmonic.lobes: harmonic.coefficient for harmonic in self.harmonics}
         for n, coefficient in coefficients.items():
             sums[n] = sums.get(n, 0j) + coefficient
-        lobe = Wave.of(self.lobes, sums.pop(self.lobes))
+        lobe = PathHarmonic.of(self.lobes, sums.pop(self.lobes))
         return LobedPath(
             mean_um=self.mean_um + mean_um,
             amplitude_um=lobe.amplitude_um,
             lobes=self.lobes,
             crest_deg=lobe.crest_deg if lobe.amplitude_um else self.crest_deg,
-            overtones=tuple(Wave.of(n, sums[n]) for n in sorted(sums)),
+            overtones=tuple(PathHarmonic.of(n, sums[n]) for n in sorted(sums)),
             growth_per_mm=self.growth_per_mm,
         )
 
@@ -134,18 +137,18 @@ def lobe_frequency_hz(spindle_speed_rpm: float, jaws: int) -> float:
 
 def removed_depth_um(
     angle_deg: ArrayLike, *, a0_um: float, a1_um: float, b1_um: float = 0.0, jaws: int = 3
-) -> NDArray[np.float64]:
+) -> Floats:
     """Eq 6: A0 + A1 sin(N angle) - B1 cos(N angle), the depth that a plain cut takes; Eq 7 with B1 = 0.
 
     Eqs 10a and 10b are (100, 27.5) and (60, 16.5): amplitudes, half of the measured 55 and 33 um.
     """
-    wave = jaws * np.radians(np.asarray(angle_deg, dtype=np.float64))
-    return np.asarray(a0_um + a1_um * np.sin(wave) - b1_um * np.cos(wave), dtype=np.float64)
+    phase = jaws * np.radians(floats(angle_deg))
+    return floats(a0_um + a1_um * np.sin(phase) - b1_um * np.cos(phase))
 
 
 def compensated_depth_um(
     angle_deg: ArrayLike, *, a0_um: float, a1_um: float, b1_um: float = 0.0, jaws: int = 3
-) -> NDArray[np.float64]:
+) -> Floats:
     """Eq 8: A0 - A1 sin(N angle) + B1 cos(N angle), the tool path against `removed_depth_um` (Eqs 11)."""
     return removed_depth_um(angle_deg, a0_um=a0_um, a1_um=-a1_um, b1_um=-b1_um, jaws=jaws)
 
@@ -174,18 +177,18 @@ def invert(target: LobedPath, response: complex | Callable[[int], complex]) -> L
     spindle angle. The mean passes unchanged (T(0) = 1). Raises `ProfileError` (`response.too_small`) where the
     command would be more than `AMPLIFICATION_LIMIT` times the motion.
     """
-    lobe, *overtones = (_inverted(wave, response) for wave in target.waves)
+    lobe, *overtones = (_inverted(harmonic, response) for harmonic in target.harmonics)
     return replace(target, amplitude_um=lobe.amplitude_um, crest_deg=lobe.crest_deg, overtones=tuple(overtones))
 
 
-def _inverted(wave: Wave, response: complex | Callable[[int], complex]) -> Wave:
-    here = response(wave.lobes) if callable(response) else response
+def _inverted(harmonic: PathHarmonic, response: complex | Callable[[int], complex]) -> PathHarmonic:
+    here = response(harmonic.lobes) if callable(response) else response
     gain = abs(here)
     if not math.isfinite(gain) or gain * AMPLIFICATION_LIMIT < 1.0:
         limit = f">= {1.0 / AMPLIFICATION_LIMIT:g}"
-        raise ProfileError(Problem(code="response.too_small", value=f"{gain:.3g}", limit=limit))
-    crest_deg = wave.crest_deg + math.degrees(cmath.phase(here)) / wave.lobes
-    return replace(wave, amplitude_um=wave.amplitude_um / gain, crest_deg=crest_deg)
+        raise refused("response.too_small", value=f"{gain:.3g}", limit=limit)
+    crest_deg = harmonic.crest_deg + math.degrees(cmath.phase(here)) / harmonic.lobes
+    return replace(harmonic, amplitude_um=harmonic.amplitude_um / gain, crest_deg=crest_deg)
 
 
 def residual_um_pp(error_um_pp: float, compensation: complex) -> float:
@@ -236,12 +239,75 @@ def share_of(path: CutPath, share: float) -> CutPath:
 
 def expected(lobe_um_pp: float, share: float) -> Expected:
     """Return what a fraction of the compensation leaves of a lobe of `lobe_um_pp`."""
-    return Expected(
-        right_um_pp=residual_um_pp(lobe_um_pp, share),
-        wrong_um_pp=residual_um_pp(lobe_um_pp, -share),
-    )
+    return Expected(right_um_pp=residual_um_pp(lobe_um_pp, share), wrong_um_pp=residual_um_pp(lobe_um_pp, -share))
 
 
 def _shared(path: LobedPath, share: float) -> LobedPath:
-    overtones = tuple(replace(wave, amplitude_um=share * wave.amplitude_um) for wave in path.overtones)
+    overtones = tuple(replace(harmonic, amplitude_um=share * harmonic.amplitude_um) for harmonic in path.overtones)
     return replace(path, amplitude_um=share * path.amplitude_um, overtones=overtones)
+
+
+MOST_MEAN_UM = 60.0  # tolerance of the mean: a soft servo under a fine cut is held back by some tens of um
+# Tolerance of the lobe, relative and in um; for a command plus what friction may hold back.
+MOST_SHARE, MOST_HARMONIC_UM = 0.6, 10.0
+MOST_HARMONICS = 50  # highest order of an overtone
+
+
+def path_problems(
+    path: CutPath,
+    job_wants: LobedPath,
+    response: Callable[[int], complex],
+    friction_um: Callable[[int], float] = lambda _: 0.0,
+) -> tuple[Problem, ...]:
+    """Return why a path does not fit a cut whose target is `job_wants`: codes `path.*`.
+
+    `response` is the nominal one from command to tool, by order; `friction_um` the amplitude by which dry
+    friction may hold the tool back at them, which its command has to make up for.
+    """
+    shapes = (*_shape(path.target, job_wants), *_shape(path.command, job_wants))
+    if shapes:
+        return shapes
+    target, command, lobe = path.target.harmonics[0], path.command.harmonics[0], job_wants.harmonics[0]
+    most_um = MOST_SHARE * lobe.amplitude_um + MOST_HARMONIC_UM
+    off_and_most_um = {
+        "wanted": (abs(target.coefficient - lobe.coefficient), most_um),
+        "command": (
+            abs(response(lobe.lobes) * command.coefficient - target.coefficient),
+            most_um + friction_um(lobe.lobes),
+        ),
+        "wanted mean": (abs(path.target.mean_um - job_wants.mean_um), MOST_MEAN_UM),
+        "command mean": (abs(path.command.mean_um - path.target.mean_um), MOST_MEAN_UM),
+    }
+    for harmonic in path.target.overtones:
+        off_and_most_um[f"{harmonic.lobes}/rev wanted"] = (harmonic.amplitude_um, MOST_HARMONIC_UM)
+    for harmonic in path.command.overtones:
+        moved_um = abs(response(harmonic.lobes)) * harmonic.amplitude_um
+        off_and_most_um[f"{harmonic.lobes}/rev command"] = (
+            moved_um,
+            MOST_HARMONIC_UM + friction_um(harmonic.lobes),
+        )
+    return tuple(
+        Problem(code="path.beyond", key=key, value=f"{off_um:.1f} um", limit=f"<= {limit_um:.1f} um")
+        for key, (off_um, limit_um) in off_and_most_um.items()
+        if not off_um <= limit_um
+    )
+
+
+def _shape(path: LobedPath, job_wants: LobedPath) -> tuple[Problem, ...]:
+    numbers = [harmonic.lobes for harmonic in path.harmonics]
+    if path.lobes != job_wants.lobes or len(set(numbers)) != len(numbers):
+        value, limit = ", ".join(map(str, numbers)), f"{job_wants.lobes}, and others once each"
+        return (Problem(code="path.harmonics", key="lobes", value=value, limit=limit),)
+    if not all(1 <= number <= MOST_HARMONICS for number in numbers):
+        return (
+            Problem(
+                code="path.harmonics",
+                key="lobes",
+                value=", ".join(map(str, numbers)),
+                limit=f"1 to {MOST_HARMONICS}",
+            ),
+        )
+    if path.growth_per_mm != job_wants.growth_per_mm:
+        value, limit = f"{100 * path.growth_per_mm:g} %/mm", f"{100 * job_wants.growth_per_mm:g} %/mm"
+        return (Problem(code="path.harmonics", key="growth", value=value, limit=limit),)
+    return ()

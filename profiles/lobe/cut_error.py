@@ -1,4 +1,9 @@
-"""The error in the middle of a cut: its main mechanism, where it is high, and how it compares with the part."""
+"""The error in the middle of a cut: its main mechanism, where it is high, and how it compares with the part.
+
+The model predicts the shape of a lobe over angle and length well, and its size badly: that depends on a chucking
+force which is rarely measured. So where a part of the job was measured, the prediction is the shape of the model,
+scaled to the lobe that was found.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +12,81 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from profiles.chucking.diagnosis import Diagnosis, Mechanism, diagnose
-from profiles.chucking.held_part import HeldPart
-from profiles.chucking.tube import HALF_LOBE_ANGLES
-from profiles.lobe.lobe_conditions import found_on_a_part
-from profiles.lobe.lobe_scale import LEAST_SEEN_UM, middle_mm
+from profiles.chucking.held_part import HeldPart, held_part
+from profiles.chucking.tube import HALF_LOBE_ANGLES, axial_share
+from profiles.job import Job
+from profiles.lobe.lobe_conditions import as_found, found_on_a_part
+from profiles.machine import MachineProfile
 
-_ANGLES = 2 * (HALF_LOBE_ANGLES - 1)
-"""Over one lobe: those of `HeldPart.error_um_pp`, and their mirror images."""
+_ANGLES = 2 * (HALF_LOBE_ANGLES - 1)  # over one lobe: those of `HeldPart.error_um_pp`, and their mirror images
+
+
+# Peak to peak below which a lobe is invisible: a tenth of the resolution of a good roundness gauge.
+LEAST_SEEN_UM = 0.01
+LEAST_AXIAL_SHARE = 0.05
+"""Fraction of its height at the jaws that a lobe needs to be scaled: near its sign change any height fits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LobeScale:
+    """The lobe that was found, um p-p, `z_mm` in front of the jaws, and the model's value there.
+
+    `source` is how it was found: "measured" or "fitted".
+    """
+
+    source: str
+    found_um_pp: float
+    z_mm: float
+    model_um_pp: float
+
+    @property
+    def factor(self) -> float:
+        """The lobe that was found over the model's."""
+        return self.found_um_pp / self.model_um_pp
+
+
+def lobe_scale(job: Job, machine: MachineProfile) -> LobeScale | None:
+    """Return the scale; None where no part was measured, or where the model has no lobe to compare.
+
+    Raises `ProfileError` (`rule.material_unknown`).
+    """
+    if not found_on_a_part(job):
+        return None
+    part = held_part(as_found(job), machine)
+    z_mm = middle_mm(part.job)
+    if part.per_jaw_n <= 0 or z_mm < 0:
+        return None
+    if part.thin and abs(float(axial_share(part.tube, part.job.jaws, z_mm))) < LEAST_AXIAL_SHARE:
+        return None
+    model_um_pp = part.error_um_pp(z_mm)
+    if model_um_pp < LEAST_SEEN_UM:
+        return None
+    return LobeScale(
+        source=job.lobe_error_source, found_um_pp=job.lobe_error_um_pp, z_mm=z_mm, model_um_pp=model_um_pp
+    )
+
+
+def lobe_change_um(job: Job, machine: MachineProfile) -> float | None:
+    """Return the change of the lobe in the middle of the cut by one pass, um p-p, at the same force.
+
+    At the same force a thinner wall springs back further, p-p ~ R^3 / t^3. Far from the jaws, where the lobe
+    decays and changes its sign, it may also become smaller. A compensation of the previous pass is wrong by the
+    change either way. The contacts of a bar do not depend on its thickness. Scaled to the lobe that was found, if
+    any; None where the model has no such lobe for comparison. Raises `ProfileError` (`rule.material_unknown`).
+    """
+    part, scale = held_part(job, machine), lobe_scale(job, machine)
+    after = part.turned_down(job.depth_of_cut_mm)
+    if scale is None and found_on_a_part(job):
+        return None
+    if not part.thin and not after.thin:
+        return 0.0
+    factor = 1.0 if scale is None else scale.factor
+    return factor * (after.error_um_pp(middle_mm(after.job)) - part.error_um_pp(middle_mm(job)))
+
+
+def middle_mm(job: Job) -> float:
+    """Return the middle of the cut, in mm from the jaw faces."""
+    return job.overhang_mm - job.cut_length_mm / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,8 +127,9 @@ def cut_error(part: HeldPart, loss_n: float) -> CutError:
     largest = max(parts, key=lambda which: float(np.ptp(parts[which])))
     at_speed_n = part.per_jaw_n * jaws
     measured = job.lobe_error_um_pp if found_on_a_part(job) else None
-    seen = _diagnosis(part) if measured else None
-    matching = None
+    seen, past_deg, matching = None, job.lobe_past_jaw_deg, None
+    if measured and past_deg is not None:
+        seen = diagnose(crest_deg=past_deg, jaw_1_deg=0.0, jaws=jaws, thin=part.thin)
     sprung_back = seen is None or seen.mechanism is Mechanism.SPRING_BACK
     if measured is not None and largest is Mechanism.SPRING_BACK and sprung_back:
         # The spring-back grows with the force; the wall's deflection does not.
@@ -85,13 +159,4 @@ def scaled_cut(cut: CutError, factor: float, crest_deg: float) -> CutError:
         crest_deg=crest_deg if um_pp >= LEAST_SEEN_UM else None,
         sd_um_pp=factor * cut.sd_um_pp,
         matching_force_n=None,
-    )
-
-
-def _diagnosis(part: HeldPart) -> Diagnosis | None:
-    past_deg = part.job.lobe_past_jaw_deg
-    return (
-        None
-        if past_deg is None
-        else diagnose(crest_deg=past_deg, jaw_1_deg=0.0, jaws=part.job.jaws, thin=part.thin)
     )

@@ -6,8 +6,6 @@ cut, within limits that change the lobe by no more than the next clamping does: 
 the lobe, 0.1 mm of a diameter of 52 mm are 0.6 %, and 2 % of the speed are 1 % where a fifth of the force is
 lost. Another number of jaws makes another lobe, and another material springs back by its own modulus. What the
 job does not state cannot be judged; where its error was found on a part, that is reported.
-
-Problem codes: `rule.lobe_differs`, one for each condition; `rule.lobe_unstated`, one for all that are missing.
 """
 
 from __future__ import annotations
@@ -19,9 +17,7 @@ from profiles.job import Job
 from profiles.materials import material_or_none
 from profiles.problem import Problem
 
-FORCE_SHARE = 0.05
-"""Relative tolerance of the force: the scatter of a good wrench between clampings."""
-
+FORCE_SHARE = 0.05  # relative tolerance of the force: the scatter of a good wrench between clampings
 SPEED_SHARE = 0.02
 WALL_SHARE = 0.015
 LENGTH_MM = 0.1
@@ -45,8 +41,7 @@ NAMES = ("lobe_chuck", "lobe_tool")
 _STATED_OF = {own: stated for stated, own in CONDITIONS.items()}
 _FOUND_ON_A_PART = ("measured", "fitted")
 
-OTHER_CUT = "other_cut"
-"""Source of an error found on a part that was held or cut differently from this job."""
+OTHER_CUT = "other_cut"  # source of an error found on a part that was held or cut differently from this job
 
 
 def found_on_a_part(job: Job) -> bool:
@@ -95,15 +90,15 @@ def _of_conditions(job: Job) -> list[Problem]:
     """Return the differences in numbers and material, except the force."""
     found: list[Problem] = []
     for key, unit, share in _SHARES:
-        met, then = getattr(job, key), getattr(job, f"lobe_{key}")
+        actual, then = getattr(job, key), getattr(job, f"lobe_{key}")
         # To a millionth, so that a value at the limit passes.
-        if then is not None and round(abs(met - then) / then, 6) > share:
-            found.append(_differs(key, f"{met:.6g} {unit}", f"{then:.6g} {unit}"))
+        if then is not None and round(abs(actual - then) / then, 6) > share:
+            found.append(_differs(key, f"{actual:.6g} {unit}", f"{then:.6g} {unit}"))
     for key in _LENGTHS:
-        met, then = getattr(job, key), getattr(job, f"lobe_{key}")
+        actual, then = getattr(job, key), getattr(job, f"lobe_{key}")
         # To a nanometre, so that 30.1 is within a tenth of 30.
-        if then is not None and round(abs(met - then), 6) > LENGTH_MM:
-            found.append(_differs(key, f"{met:.6g} mm", f"{then:.6g} mm"))
+        if then is not None and round(abs(actual - then), 6) > LENGTH_MM:
+            found.append(_differs(key, f"{actual:.6g} mm", f"{then:.6g} mm"))
     if job.lobe_material is not None and not _springs_back_alike(job.material, job.lobe_material):
         found.append(_differs("material", job.material, job.lobe_material))
     if job.lobe_jaws not in (None, job.jaws):

@@ -31,34 +31,26 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from profiles.confidence import CONFIDENCE, student
-from profiles.least_squares import Fit, fit, harmonic_columns, harmonic_slice, huber_distances
+from profiles.arrays import Floats, floats
+from profiles.least_squares import CONFIDENCE, Fit, fit, harmonic_columns, harmonic_slice, huber_distances, student
 from profiles.metrology.noise_spectrum import NoiseSpectrum, noise_spectrum
-from profiles.problem import Problem, ProfileError
+from profiles.problem import refused
 
-HIGHEST_ORDER = 500
-"""Undulations per revolution above which no harmonic is declared."""
-
-_WORST_CONDITION = 100.0
-"""Above this ratio of singular values these angles cannot separate the harmonics."""
-
+HIGHEST_ORDER = 500  # undulations per revolution above which no harmonic is declared
+_WORST_CONDITION = 100.0  # above this ratio of singular values these angles cannot separate the harmonics
 _HIGHEST_LEFT = 50
 _GAP_TOLERANCE_DEG = 1e-6
-_SETTLED = 1e-6
-"""Change of Huber's weights from one iteration to the next at which they have converged."""
+_SETTLED = 1e-6  # change of Huber's weights from one iteration to the next at which they have converged
 _STRAY = 4.0
 """Residual in robust standard deviations from which a point is a chip or a scratch: one in 16 000 by chance."""
 _ROUNDING = 1e-12
-_LEAST_UM = 1e-6
-"""An amplitude up to this is none, however regular a trace without noise is."""
-
-Floats = NDArray[np.float64]
+_LEAST_UM = 1e-6  # an amplitude up to this is none, however regular a trace without noise is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wave:
+class FittedHarmonic:
     """amplitude cos(n (angle - crest)): one harmonic; crest in [0, 360/n) deg of the angle of the trace.
 
     `cos_um` and `sin_um` are p and q. `sd_um` and `sd_deg` are standard errors of amplitude and crest, `ci_um`
@@ -94,7 +86,7 @@ class LobeFit:
     """
 
     jaws: int
-    waves: tuple[Wave, ...]
+    harmonics: tuple[FittedHarmonic, ...]
     mean_um: float
     noise_um: float
     points: int
@@ -105,18 +97,18 @@ class LobeFit:
     floor_um: float
 
     @property
-    def lobe(self) -> Wave:
+    def lobe(self) -> FittedHarmonic:
         """The harmonic with as many undulations as there are jaws."""
-        return self.wave(self.jaws)
+        return self.harmonic(self.jaws)
 
     @property
     def error_um_pp(self) -> float:
         """Peak to peak of the lobe alone: twice its amplitude, the 55 um of Fig 14 of Lee & Lee (2001)."""
         return 2 * self.lobe.amplitude_um
 
-    def wave(self, n: int) -> Wave:
+    def harmonic(self, n: int) -> FittedHarmonic:
         """Return the harmonic of order n, which must have been fitted."""
-        return next(wave for wave in self.waves if wave.n == n)
+        return next(harmonic for harmonic in self.harmonics if harmonic.n == n)
 
 
 def fit_lobe(
@@ -130,16 +122,15 @@ def fit_lobe(
 ) -> LobeFit:
     """Fit the lobe in a trace of M points with its confidence.
 
-    Args: angle_deg: shape (M,), in any order, unequal if need be; angles beyond 360 are further turns.
-    deviation_um: shape (M,), positive outwards, from any nominal radius. jaws: N, the lobes a turn. sigma_um:
-    standard deviation of each point, shape (M,) or one for all. Only their ratios count: the size of the noise
-    follows from the residuals. extra: orders in the trace besides {1, 2, N, 2N, 3N}. robust: find chips and
-    scratches by a fit with Huber's weights, and leave them out of the last one.
+    `angle_deg` (M,) is in any order, unequal if need be; angles beyond 360 are further turns. `deviation_um` (M,)
+    is positive outwards, from any nominal radius. `jaws` is N, the lobes a turn. `sigma_um` is the standard
+    deviation of each point, shape (M,) or one for all; only their ratios count: the size of the noise follows from
+    the residuals. `extra` are orders in the trace besides {1, 2, N, 2N, 3N}. `robust`: find chips and scratches by
+    a fit with Huber's weights, and leave them out of the last one.
 
-    Raises:
-        ProfileError: `trace.columns`, `trace.not_finite`, `trace.few_points`, `trace.narrow_angles`;
-            `lobe_fit.sigma`, one that is not above 0; `lobe_fit.order`, an order that cannot be declared;
-            `lobe_fit.dependent`, angles that cannot separate the harmonics.
+    Raises `ProfileError`: `trace.columns`, `trace.not_finite`, `trace.few_points`, `trace.narrow_angles`;
+    `lobe_fit.sigma`, one that is not above 0; `lobe_fit.order`, an order that cannot be declared;
+    `lobe_fit.dependent`, angles that cannot separate the harmonics.
     """
     orders = _orders(jaws, extra)
     angle, deviation, root_weight = _checked(angle_deg, deviation_um, sigma_um)
@@ -147,13 +138,14 @@ def fit_lobe(
     design = harmonic_columns(np.radians(angle), orders)
     kept = np.ones(angle.size, dtype=bool)
     if robust:
-        kept = _without_strays(design, deviation, root_weight)
+        rounding_um = _ROUNDING * float(np.abs(deviation).max())
+        kept = huber_distances(design, deviation, root_weight, rounding_um, _SETTLED) <= _STRAY
         _refuse_thin(angle[kept], jaws, orders)
     angle, deviation, design, root_weight = angle[kept], deviation[kept], design[kept], root_weight[kept]
     found = fit(design, deviation, root_weight)
     if found.condition > _WORST_CONDITION:
         value = ", ".join(str(n) for n in orders)
-        raise ProfileError(Problem(code="lobe_fit.dependent", value=value, limit=f"{_WORST_CONDITION:g}"))
+        raise refused("lobe_fit.dependent", value=value, limit=f"{_WORST_CONDITION:g}")
     beta = found.coefficients
     noise = noise_spectrum(angle, root_weight * found.residuals, orders, beta.size)
     of_turns = _turns(angle, deviation, design, root_weight)
@@ -161,7 +153,7 @@ def fit_lobe(
     left_n, left_um, floor_um = _most_left(noise, orders, root_weight)
     return LobeFit(
         jaws=jaws,
-        waves=tuple(_wave(n, place, beta, covariances[n]) for place, n in enumerate(orders)),
+        harmonics=tuple(_harmonic(n, place, beta, covariances[n]) for place, n in enumerate(orders)),
         mean_um=float(beta[0]),
         noise_um=math.sqrt(noise.level),
         points=deviation.size,
@@ -175,12 +167,12 @@ def fit_lobe(
 
 def _orders(jaws: int, extra: Iterable[int]) -> tuple[int, ...]:
     if jaws < 2:
-        raise ProfileError(Problem(code="lobe_fit.order", key="jaws", value=str(jaws), limit=">= 2"))
+        raise refused("lobe_fit.order", key="jaws", value=str(jaws), limit=">= 2")
     declared = tuple(extra)
     for n in declared:
         if not 1 <= n <= HIGHEST_ORDER:
             limit = f"1 … {HIGHEST_ORDER}"
-            raise ProfileError(Problem(code="lobe_fit.order", key="extra", value=str(n), limit=limit))
+            raise refused("lobe_fit.order", key="extra", value=str(n), limit=limit)
     return tuple(sorted({1, 2, jaws, 2 * jaws, 3 * jaws, *declared}))
 
 
@@ -188,18 +180,18 @@ def _checked(
     angle_deg: ArrayLike, deviation_um: ArrayLike, sigma_um: ArrayLike | None
 ) -> tuple[Floats, Floats, Floats]:
     """Return angles, deviations and the square roots of the weights, whose squares have the mean 1."""
-    angle = np.asarray(angle_deg, dtype=np.float64)
-    deviation = np.asarray(deviation_um, dtype=np.float64)
-    sigma = np.asarray(1.0 if sigma_um is None else sigma_um, dtype=np.float64)
+    angle = floats(angle_deg)
+    deviation = floats(deviation_um)
+    sigma = floats(1.0 if sigma_um is None else sigma_um)
     if angle.ndim != 1 or angle.shape != deviation.shape or sigma.shape not in ((), angle.shape):
         value = f"{angle.shape} {deviation.shape} {sigma.shape}"
-        raise ProfileError(Problem(code="trace.columns", value=value, limit="(M,) (M,)"))
+        raise refused("trace.columns", value=value, limit="(M,) (M,)")
     for key, column in (("angle_deg", angle), ("deviation_um", deviation), ("sigma_um", sigma)):
         if not np.isfinite(column).all():
             value = str(column[~np.isfinite(column)].flat[0])
-            raise ProfileError(Problem(code="trace.not_finite", key=key, value=value))
+            raise refused("trace.not_finite", key=key, value=value)
     if (sigma <= 0).any():
-        raise ProfileError(Problem(code="lobe_fit.sigma", value=f"{sigma.min():g} um", limit="> 0 um"))
+        raise refused("lobe_fit.sigma", value=f"{sigma.min():g} um", limit="> 0 um")
     weight = np.broadcast_to(1 / sigma**2, angle.shape)
     return angle, deviation, np.sqrt(weight / weight.mean()) if angle.size else weight
 
@@ -209,21 +201,11 @@ def _refuse_thin(angle: Floats, jaws: int, orders: tuple[int, ...]) -> None:
     places = np.unique(np.round(angle % 360.0, 6) % 360.0)
     needed = 2 * max(orders) + 1
     if places.size < needed:
-        raise ProfileError(Problem(code="trace.few_points", value=str(places.size), limit=f">= {needed}"))
+        raise refused("trace.few_points", value=str(places.size), limit=f">= {needed}")
     gap_deg = float(np.diff(places, append=places[0] + 360.0).max())
     most_deg = 180.0 / jaws
     if gap_deg > most_deg + _GAP_TOLERANCE_DEG:
-        raise ProfileError(
-            Problem(
-                code="trace.narrow_angles", key="angle_deg", value=f"{gap_deg:g} deg", limit=f"{most_deg:g} deg"
-            )
-        )
-
-
-def _without_strays(design: Floats, deviation: Floats, root_weight: Floats) -> NDArray[np.bool_]:
-    """Return which points belong to the part: the others are far off a fit with Huber's weights."""
-    least = _ROUNDING * float(np.abs(deviation).max())
-    return np.asarray(huber_distances(design, deviation, root_weight, least, _SETTLED) <= _STRAY)
+        raise refused("trace.narrow_angles", key="angle_deg", value=f"{gap_deg:g} deg", limit=f"{most_deg:g} deg")
 
 
 def _turns(angle: Floats, deviation: Floats, design: Floats, root_weight: Floats) -> list[Floats]:
@@ -247,18 +229,20 @@ def _covariances(
     return {n: [(variance * found.cofactors, freedom), *by_turns] for n, (variance, freedom) in at.items()}
 
 
-def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, float]]) -> Wave:
+def _harmonic(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, float]]) -> FittedHarmonic:
     """Return one harmonic; its standard errors are the largest by any of the covariances (with their freedom)."""
     both = harmonic_slice(place)
     p, q = (float(part) for part in beta[both])
     amplitude = math.hypot(p, q)
     along = np.array([p, q]) / amplitude if amplitude else np.array([1.0, 0.0])
     across = np.array([-along[1], along[0]])
-    radial = max((_sd(along, c[both, both]), freedom) for c, freedom in covariances)
-    tangential = max((_sd(across, c[both, both]), freedom) for c, freedom in covariances)
+    radial, tangential = (
+        max((math.sqrt(max(float(way @ c[both, both] @ way), 0.0)), freedom) for c, freedom in covariances)
+        for way in (along, across)
+    )
     unknown_deg = 360.0 / n / math.sqrt(12.0)
     to_deg = math.degrees(1.0 / (n * amplitude)) if amplitude else math.inf
-    return Wave(
+    return FittedHarmonic(
         n=n,
         cos_um=p,
         sin_um=q,
@@ -270,10 +254,6 @@ def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, floa
         ci_deg=min(student(tangential[1]) * tangential[0] * to_deg, 180.0 / n) if amplitude else 180.0 / n,
         significant=amplitude > max(_significant_at(radial[1]) * radial[0], _LEAST_UM),
     )
-
-
-def _sd(direction: Floats, covariance: Floats) -> float:
-    return math.sqrt(max(float(direction @ covariance @ direction), 0.0))
 
 
 def _significant_at(freedom: float) -> float:

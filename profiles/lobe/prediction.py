@@ -12,25 +12,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats, floats, read_only
 from profiles.axis.envelope import Envelope, envelope
 from profiles.chucking.advice import ClampingAdvice, clamping_advice
 from profiles.chucking.diagnosis import Mechanism
-from profiles.chucking.job_grip import centrifugal_loss_n
+from profiles.chucking.grip import centrifugal_loss_n
+from profiles.chucking.held_part import held_part
 from profiles.cutting_process import CuttingProcess, cutting_process, process_findings
-from profiles.findings import Finding, Severity, refusals
+from profiles.findings import Finding, Severity, judged, refusals
 from profiles.job import Job
-from profiles.lobe.cut_error import CutError, cut_error, scaled_cut
-from profiles.lobe.held_job import held_part
+from profiles.lobe.cut_error import CutError, LobeScale, cut_error, lobe_change_um, lobe_scale, scaled_cut
 from profiles.lobe.lobe_conditions import found_on_a_part
-from profiles.lobe.lobe_scale import LobeScale, lobe_scale
-from profiles.lobe.one_pass import lobe_change_um
 from profiles.machine import MachineProfile
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem, ProfileError, refused
 from profiles.rules import IMPOSSIBLE, check
-
-FloatArray = NDArray[np.float64]
 
 Z_PLACES, ANGLES, STOCK_STEPS = 7, 360, 6
 
@@ -59,17 +56,17 @@ class Prediction:
     peak of `error_um`. `assumed` names the keys of the machine that were not given.
     """
 
-    angle_deg: FloatArray
-    z_mm: FloatArray
-    error_um: FloatArray
-    parts_um: dict[Mechanism, FloatArray]
-    model_um_pp: FloatArray
-    size_um: FloatArray
+    angle_deg: Floats
+    z_mm: Floats
+    error_um: Floats
+    parts_um: dict[Mechanism, Floats]
+    model_um_pp: Floats
+    size_um: Floats
     cut: CutError
     model: CutError
     scaled_to: LobeScale | None
-    stock_mm: FloatArray
-    stock_um_pp: FloatArray
+    stock_mm: Floats
+    stock_um_pp: Floats
     process: CuttingProcess
     advice: ClampingAdvice
     envelope: Envelope
@@ -77,9 +74,9 @@ class Prediction:
     findings: tuple[Finding, ...]
 
     @property
-    def error_um_pp(self) -> FloatArray:
+    def error_um_pp(self) -> Floats:
         """Peak-to-peak error at each Z, shape (Z,)."""
-        return np.asarray(np.ptp(self.error_um, axis=1), dtype=np.float64)
+        return floats(np.ptp(self.error_um, axis=1))
 
 
 def predict(
@@ -87,9 +84,8 @@ def predict(
 ) -> Prediction:
     """Return the prediction, by default for a turn in whole degrees and from the jaws to the free end.
 
-    Raises:
-        ProfileError: a material without data (`rule.material_unknown`), a Z that is not in front of the jaws
-            (`value.out_of_range`), or a part that cannot be held or cut at all, with the rules that were broken.
+    Raises `ProfileError`: a material without data (`rule.material_unknown`), a Z that is not in front of the jaws
+    (`value.out_of_range`), or a part that cannot be held or cut at all, with the rules that were broken.
     """
     of_rules = check(job, machine)
     broken = [f.problem for f in refusals(of_rules) if f.problem.code in IMPOSSIBLE]
@@ -98,27 +94,30 @@ def predict(
     part, loss_n, scale = held_part(job, machine), centrifugal_loss_n(job, machine), lobe_scale(job, machine)
     factor = 1.0 if scale is None else scale.factor
     z = _places(job, z_mm)
-    angle = _kept(np.arange(ANGLES) * (360 / ANGLES) if angle_deg is None else np.atleast_1d(angle_deg))
+    angle = read_only(np.arange(ANGLES) * (360 / ANGLES) if angle_deg is None else np.atleast_1d(angle_deg))
     stock_mm = np.linspace(0.0, job.depth_of_cut_mm, STOCK_STEPS)
     stock = [cut_error(part.turned_down(float(depth)), loss_n) for depth in stock_mm]
-    from_jaw_deg = angle - job.jaw_1_deg - (0.0 if scale is None else _turned_deg(job, stock[0]))
+    from_jaw_deg = angle - job.jaw_1_deg
+    if scale is not None and stock[0].crest_deg is not None:
+        # By how far the maximum that was found is past that of the model.
+        from_jaw_deg = from_jaw_deg - round(job.lobe_phase_deg - stock[0].crest_deg, 6)
     bare = part.error_parts_um(from_jaw_deg, z)
-    parts = {name: _kept(factor * each) for name, each in bare.items()}
+    parts = {name: read_only(factor * each) for name, each in bare.items()}
     cut = stock[0] if scale is None else scaled_cut(stock[0], factor, job.lobe_phase_deg)
     lobed_um_pp = job.lobe_error_um_pp if scale is None and found_on_a_part(job) else cut.um_pp
     of_prediction = (f for f in of_rules if f.problem.code in _OF_PREDICTION)
     return Prediction(
         angle_deg=angle,
         z_mm=z,
-        error_um=_kept(np.sum(list(parts.values()), axis=0)),
+        error_um=read_only(np.sum(list(parts.values()), axis=0)),
         parts_um=parts,
-        model_um_pp=_kept(np.ptp(np.sum(list(bare.values()), axis=0), axis=1)),
-        size_um=_kept(part.size_um(z)),
+        model_um_pp=read_only(np.ptp(np.sum(list(bare.values()), axis=0), axis=1)),
+        size_um=read_only(part.size_um(z)),
         cut=cut,
         model=stock[0],
         scaled_to=scale,
-        stock_mm=_kept(stock_mm),
-        stock_um_pp=_kept([factor * each.um_pp for each in stock]),
+        stock_mm=read_only(stock_mm),
+        stock_um_pp=read_only([factor * each.um_pp for each in stock]),
         process=cutting_process(part, machine, lobed_um_pp),
         advice=clamping_advice(job, machine),
         envelope=envelope(job, machine),
@@ -134,26 +133,14 @@ def _second_pass(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
         return ()
     value, limit = f"{change_um:+.3g} um", f"± {most_um:.6g} um"
     problem = Problem(code="rule.second_pass", key="depth_of_cut_mm", value=value, limit=limit)
-    severity = Severity.OK if abs(change_um) <= most_um else Severity.WARNING
-    return (Finding(severity=severity, problem=problem),)
+    return (judged(abs(change_um) <= most_um, problem, Severity.WARNING),)
 
 
-def _turned_deg(job: Job, model: CutError) -> float:
-    """Return how far the maximum that was found is past that of the model."""
-    return 0.0 if model.crest_deg is None else round(job.lobe_phase_deg - model.crest_deg, 6)
-
-
-def _places(job: Job, z_mm: ArrayLike | None) -> FloatArray:
+def _places(job: Job, z_mm: ArrayLike | None) -> Floats:
     if z_mm is None:
-        return _kept(np.linspace(0.0, job.overhang_mm, Z_PLACES))
-    z = _kept(np.atleast_1d(np.asarray(z_mm, dtype=np.float64)))
+        return read_only(np.linspace(0.0, job.overhang_mm, Z_PLACES))
+    z = read_only(np.atleast_1d(floats(z_mm)))
     for each in z[~((z >= 0) & (z <= job.overhang_mm))][:1]:
         limit = f">= 0, <= {job.overhang_mm:.6g} mm"
-        raise ProfileError(Problem(code="value.out_of_range", key="z_mm", value=f"{each:.6g} mm", limit=limit))
+        raise refused("value.out_of_range", key="z_mm", value=f"{each:.6g} mm", limit=limit)
     return z
-
-
-def _kept(values: ArrayLike) -> FloatArray:
-    copied = np.array(values, dtype=np.float64)
-    copied.setflags(write=False)
-    return copied

@@ -3,7 +3,7 @@
 The model is linear, so least squares is one linear fit and the other three are linear programmes with a unique
 optimal value, solved exactly by the exchange of contacts. Where several centres have that value (an oval), the
 one with the least RONt is taken and, if not unique, the one nearest to the least squares centre: see
-`profiles.metrology.sliding`. The model holds while eccentricity^2 / (2 radius) is small.
+`profiles.metrology.exchange`. The model holds while eccentricity^2 / (2 radius) is small.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from profiles.metrology.exchange import exchanged
-from profiles.metrology.points import LARGEST_GAP_DEG, FloatArray, checked, largest_gap_deg, narrow
-from profiles.metrology.sliding import settled
+from profiles.arrays import Floats
+from profiles.metrology.exchange import exchanged, settled
+from profiles.metrology.points import LARGEST_GAP_DEG, checked, largest_gap_deg, narrow
 from profiles.problem import ProfileError
 
 LEAST_SQUARES = "LSC"
@@ -25,8 +25,7 @@ MINIMUM_CIRCUMSCRIBED = "MCC"
 MAXIMUM_INSCRIBED = "MIC"
 CIRCLES = (LEAST_SQUARES, MINIMUM_ZONE, MINIMUM_CIRCUMSCRIBED, MAXIMUM_INSCRIBED)
 
-WIDEST_SEEN_DEG = 90.0
-"""A quarter turn: below it no quarter is empty of points, and a zone has a start."""
+WIDEST_SEEN_DEG = 90.0  # a quarter turn: below it no quarter is empty of points, and a zone has a start
 
 # Fraction of the peak-to-peak deviation by which a point may be outside: far below 1e-9 um of any real part.
 _OUTSIDE = 1e-13
@@ -67,23 +66,18 @@ class ReferenceCircle:
 def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> ReferenceCircle:
     """Return a reference circle of M points; shape (M,) each, in any order, several at one angle are allowed.
 
-    LSC minimises the sum of squares, MZC hi - lo with all points between, MCC is the smallest R with none
-    outside, MIC the largest R with none inside. Of several equally good centres it is the one with the least
-    RONt, then the one nearest to that of least squares.
-
-    Raises:
-        ProfileError: as `profiles.metrology.points.checked`.
+    LSC minimises the sum of squares, MZC hi - lo with all points between, MCC is the smallest R with none outside,
+    MIC the largest R with none inside. Of several equally good centres it is the one with the least RONt, then the
+    one nearest to that of least squares. Raises as `profiles.metrology.points.checked`.
     """
     return seen_circle(kind, *checked(angle_deg, deviation_um))
 
 
-def seen_circle(kind: str, angle: FloatArray, deviation: FloatArray) -> ReferenceCircle:
+def seen_circle(kind: str, angle: Floats, deviation: Floats) -> ReferenceCircle:
     """Return `limacon_circle` of points measured all round, as seen from another centre.
 
     From there a gap may be wider than from the axis of measurement: that is due to the centre, not the data.
-
-    Raises:
-        ProfileError: `trace.narrow_angles`, it is so wide that no circle of them has its centre there.
+    Raises `ProfileError`: `trace.narrow_angles`, it is so wide that no circle of them has its centre there.
     """
     gap_deg = largest_gap_deg(angle)
     if gap_deg >= WIDEST_SEEN_DEG:
@@ -118,12 +112,12 @@ def seen_circle(kind: str, angle: FloatArray, deviation: FloatArray) -> Referenc
     )
 
 
-def least_squares(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
+def least_squares(angle_deg: Floats, deviation_um: Floats) -> tuple[float, float, float]:
     """Return mean, x and y of the least squares circle, um; exact for unequal angles, too."""
     return _least_squares(_direction(angle_deg), deviation_um)
 
 
-def _least_squares(direction: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
+def _least_squares(direction: Floats, deviation_um: Floats) -> tuple[float, float, float]:
     """Solve the normal equations twice: the exchange works on the residuals, down to the last digit."""
     design = np.vstack((np.ones(deviation_um.size), direction))
     normal = design @ design.T
@@ -132,14 +126,14 @@ def _least_squares(direction: FloatArray, deviation_um: FloatArray) -> tuple[flo
     return float(solution[0]), float(solution[1]), float(solution[2])
 
 
-def _direction(angle_deg: FloatArray) -> FloatArray:
+def _direction(angle_deg: Floats) -> Floats:
     """Return cosines and sines, shape (2, M)."""
     theta = np.radians(angle_deg)
     return np.stack((np.cos(theta), np.sin(theta)))
 
 
 def _extreme(
-    kind: str, angle_deg: FloatArray, direction: FloatArray, left_um: FloatArray
+    kind: str, angle_deg: Floats, direction: Floats, left_um: Floats
 ) -> tuple[float, float, tuple[Contact, ...]]:
     """Return the shift of the centre in x and y, and the contacts of the circle; `direction` is (2, M)."""
     span_um = float(np.ptp(left_um))
@@ -162,7 +156,7 @@ def _extreme(
     rhs = np.zeros(columns.shape[0])
     rhs[:sides] = 1.0
 
-    def excess_of(prices: FloatArray) -> FloatArray:
+    def excess_of(prices: Floats) -> Floats:
         over = gains[:size] - prices[-2:] @ columns[-2:, :size] - prices[0]
         # Inner contacts are the same points from the other side: prices[0] + prices[1] is the width of the zone.
         return over if sides == 1 else np.concatenate((over, -over - (prices[0] + prices[1])))
@@ -179,7 +173,7 @@ def _extreme(
     return float(x), float(y), tuple(sorted(found, key=lambda contact: contact.angle_deg % 360.0))
 
 
-def _crossing(direction: FloatArray, left_um: FloatArray) -> NDArray[np.intp]:
+def _crossing(direction: Floats, left_um: Floats) -> NDArray[np.intp]:
     """Return the highest, lowest, highest and lowest point of four quarters: two crossing chords support a zone.
 
     No quarter is empty: no gap between points is that large.
@@ -192,22 +186,16 @@ def _crossing(direction: FloatArray, left_um: FloatArray) -> NDArray[np.intp]:
     return np.array(found, dtype=np.intp)
 
 
-def _enclosing(angle_deg: FloatArray, direction: FloatArray) -> NDArray[np.intp]:
+def _enclosing(angle_deg: Floats, direction: Floats) -> NDArray[np.intp]:
     """Return three points around the centre that the angles are seen from.
 
     Those that best divide the turn enclose it where no gap is above `LARGEST_GAP_DEG`; else the first point
     does, with its two neighbours across.
     """
     if largest_gap_deg(angle_deg) <= LARGEST_GAP_DEG:
-        return _nearest(direction, 3)
+        target = 2 * math.pi * np.arange(3) / 3
+        nearest = np.argmax(np.column_stack((np.cos(target), np.sin(target))) @ direction, axis=1)
+        return np.asarray(nearest, dtype=np.intp)
     ahead = np.mod(angle_deg - angle_deg[0], 360.0)
     across = np.where(ahead <= 180.0, ahead, -np.inf).argmax(), np.where(ahead > 180.0, ahead, np.inf).argmin()
     return np.array([0, *across], dtype=np.intp)
-
-
-def _nearest(direction: FloatArray, parts: int) -> NDArray[np.intp]:
-    """Return the points that best divide the turn into this many parts: they support a circle, or a zone."""
-    target = 2 * math.pi * np.arange(parts) / parts
-    return np.asarray(
-        np.argmax(np.column_stack((np.cos(target), np.sin(target))) @ direction, axis=1), dtype=np.intp
-    )

@@ -1,16 +1,17 @@
 """Reference circles of points in a plane, and of parts too far off the axis for the limacon model.
 
-The distance from a centre is not linear in it. Each step linearises it about the present centre (Gauss-Newton
-for least squares, sequential linear programming for zone and inscribed circle) and is shortened until the true
-objective drops. Least squares and zone have one optimum near a round part. The circumscribed circle is found
-exactly, and is unique.
+The distance from a centre is not linear in it. Each step linearises it about the present centre (Gauss-Newton for
+least squares, sequential linear programming for zone and inscribed circle) and is shortened until the true
+objective drops. Least squares and zone have one optimum near a round part. The circumscribed circle is unique;
+with two contacts its centre is fixed across their line only by the curvature of the circle, which a linear model
+lacks. So it is found exactly by exchange: the point that is furthest outside joins the contacts, and the smallest
+circle round these few is the next one. The radius grows with each step, so the search terminates.
 
-The inscribed circle may have several positions, so it is searched from the centre of least squares and from a
-ring around it that turns with the part. In the middle of an oval it rests on two points, and can still grow by
-slipping between each and its neighbour: by (ovality x step of the angles, rad)^2 / diameter, 2e-7 um for 55 um
-and 0.1 deg on 52 mm, with a RONt that is 0.1 um more. ISO 12181-1 leaves the choice open. Here circles within
-`SAME_UM` of the largest are equal, and the one with the least RONt is taken; of two that mirror each other,
-either.
+The inscribed circle may have several positions, so it is searched from the centre of least squares and from a ring
+around it that turns with the part. In the middle of an oval it rests on two points, and can still grow by slipping
+between each and its neighbour: by (ovality x step of the angles, rad)^2 / diameter, 2e-7 um for 55 um and 0.1 deg
+on 52 mm, with a RONt that is 0.1 um more. ISO 12181-1 leaves the choice open. Here circles within `SAME_UM` of the
+largest are equal, and the one with the least RONt is taken; of two that mirror each other, either.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats, floats
 from profiles.metrology.circles import (
     CIRCLES,
     LEAST_SQUARES,
@@ -32,17 +35,14 @@ from profiles.metrology.circles import (
     limacon_circle,
     seen_circle,
 )
-from profiles.metrology.enclosing import smallest_enclosing
-from profiles.metrology.points import FloatArray, checked
+from profiles.metrology.points import checked
 from profiles.problem import ProfileError
 
 _MOST_STEPS = 50
 _MOST_HALVINGS = 20
-_STILL = 1e-13
-"""Fraction of the radius below which a step counts as zero: 3e-9 um on a radius of 26 mm."""
+_STILL = 1e-13  # fraction of the radius below which a step counts as zero: 3e-9 um on a radius of 26 mm
 _STARTS = 6
-SAME_UM = 1e-3
-"""Difference of the radii of two inscribed circles that no roundness instrument resolves."""
+SAME_UM = 1e-3  # difference of the radii of two inscribed circles that no roundness instrument resolves
 
 
 def geometric_circle(
@@ -51,12 +51,9 @@ def geometric_circle(
     """Return a reference circle of points x, y (um, shape (M,) each) by their true distances.
 
     `deviation_um` of the circle is its radius. `start` is a point inside the part, the mean of all points if none
-    is given.
-
-    Raises:
-        ProfileError: as `profiles.metrology.points.checked`, of the angles about the start.
+    is given. Raises as `profiles.metrology.points.checked`, of the angles about the start.
     """
-    x, y = np.asarray(x_um, dtype=np.float64), np.asarray(y_um, dtype=np.float64)
+    x, y = floats(x_um), floats(y_um)
     first = (float(x.mean()), float(y.mean())) if start is None else start
     checked(*polar(x, y, first))
     if kind == MINIMUM_CIRCUMSCRIBED:
@@ -66,14 +63,14 @@ def geometric_circle(
     return _inscribed(x, y, _descended(LEAST_SQUARES, x, y, first))
 
 
-def polar(x_um: FloatArray, y_um: FloatArray, centre: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+def polar(x_um: Floats, y_um: Floats, centre: tuple[float, float]) -> tuple[Floats, Floats]:
     """Return angles (deg, in [0, 360)) and distances (um) of points about a centre; shape (M,) each."""
     dx, dy = x_um - centre[0], y_um - centre[1]
     return np.mod(np.degrees(np.arctan2(dy, dx)), 360.0), np.hypot(dx, dy)
 
 
 def circles_about_axis(
-    angle_deg: FloatArray, deviation_um: FloatArray, radius_um: float | None
+    angle_deg: Floats, deviation_um: Floats, radius_um: float | None
 ) -> tuple[ReferenceCircle, ...]:
     """Return the four circles of a centred profile: by true distances with its radius, as limacons without."""
     if radius_um is None:
@@ -84,7 +81,7 @@ def circles_about_axis(
     return tuple(replace(circle, deviation_um=circle.deviation_um - radius_um) for circle in found)
 
 
-def _circumscribed(x: FloatArray, y: FloatArray) -> ReferenceCircle:
+def _circumscribed(x: Floats, y: Floats) -> ReferenceCircle:
     centre, touching = smallest_enclosing(x, y)
     angle, distance = polar(x, y, centre)
     radius_um, lowest_um = float(distance.max()), float(distance.min())
@@ -102,7 +99,7 @@ def _circumscribed(x: FloatArray, y: FloatArray) -> ReferenceCircle:
     )
 
 
-def _inscribed(x: FloatArray, y: FloatArray, middle: ReferenceCircle) -> ReferenceCircle:
+def _inscribed(x: Floats, y: Floats, middle: ReferenceCircle) -> ReferenceCircle:
     """Return the largest inscribed circle; `middle` is that of least squares."""
     centre = (middle.centre_x_um, middle.centre_y_um)
     angle, distance = polar(x, y, centre)
@@ -120,7 +117,7 @@ def _inscribed(x: FloatArray, y: FloatArray, middle: ReferenceCircle) -> Referen
     return min((c for c in found if c.deviation_um >= largest_um - SAME_UM), key=lambda circle: circle.ront_um)
 
 
-def _descended(kind: str, x: FloatArray, y: FloatArray, start: tuple[float, float]) -> ReferenceCircle:
+def _descended(kind: str, x: Floats, y: Floats, start: tuple[float, float]) -> ReferenceCircle:
     circle = _moved(seen_circle(kind, *polar(x, y, start)), start)
     centre, reached = start, math.inf
     for _ in range(_MOST_STEPS):
@@ -142,7 +139,7 @@ def _moved(circle: ReferenceCircle, origin: tuple[float, float]) -> ReferenceCir
     return replace(circle, centre_x_um=circle.centre_x_um + origin[0], centre_y_um=circle.centre_y_um + origin[1])
 
 
-def _objective(kind: str, x: FloatArray, y: FloatArray, centre: tuple[float, float]) -> float:
+def _objective(kind: str, x: Floats, y: Floats, centre: tuple[float, float]) -> float:
     """Return what the circle of this kind minimises, um (least squares: the rms)."""
     distance = np.hypot(x - centre[0], y - centre[1])
     if kind == LEAST_SQUARES:
@@ -150,3 +147,40 @@ def _objective(kind: str, x: FloatArray, y: FloatArray, centre: tuple[float, flo
     if kind == MAXIMUM_INSCRIBED:
         return -float(distance.min())
     return float(np.ptp(distance))
+
+
+_OUTSIDE = 1e-12  # fraction of the radius that a point may be outside: 3e-8 um of 26 mm
+
+
+def smallest_enclosing(x_um: Floats, y_um: Floats) -> tuple[tuple[float, float], tuple[int, ...]]:
+    """Return the centre, um, and the contacts as indices of the points, shape (M,) each."""
+    points = x_um + 1j * y_um
+    contacts: tuple[int, ...] = (int(np.argmax(np.abs(points - points.mean()))),)
+    centre, radius_um = complex(points[contacts[0]]), 0.0
+    while True:
+        distance = np.abs(points - centre)
+        furthest = int(np.argmax(distance))
+        if distance[furthest] <= radius_um * (1.0 + _OUTSIDE):
+            break
+        few = points[[*contacts, furthest]]
+        # The new point is on the next circle, with one or two of the others. Whether a circle holds them all would
+        # be a question of rounding: of these centres that of the smallest circle is the one that reaches least.
+        groups = [(*g, furthest) for size in (1, 2) for g in combinations(contacts, size)]
+        tried = [(_middle([complex(points[i]) for i in group]), group) for group in groups]
+        reaches = [float(np.abs(few - middle).max()) for middle, _ in tried]
+        least = int(np.argmin(reaches))
+        if reaches[least] <= radius_um:
+            break
+        (centre, contacts), radius_um = tried[least], reaches[least]
+    return (centre.real, centre.imag), contacts
+
+
+def _middle(points: list[complex]) -> complex:
+    """Return the centre of the circle on two points as a diameter, or through three, infinity if in line."""
+    if len(points) == 2:
+        return (points[0] + points[1]) / 2
+    b, c = points[1] - points[0], points[2] - points[0]
+    area = 2 * (b.real * c.imag - b.imag * c.real)
+    if area == 0.0:
+        return complex(math.inf, 0.0)
+    return points[0] + 1j * (abs(c) ** 2 * b - abs(b) ** 2 * c) / area

@@ -23,36 +23,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from profiles.confidence import student
+from profiles.arrays import Floats, floats
+from profiles.least_squares import student
 
-Floats = NDArray[np.float64]
-
-HIGHEST_ORDER = 120
-"""Orders up to here are evaluated one by one; those above count as a whole."""
-
-_BEYOND = 20
-"""Minimum orders evaluated above the highest one that was fitted."""
-
-_LEAST_ORDERS = 8
-"""With fewer unfitted orders no spectrum can be distinguished from white."""
-
-_COLOURED = 4.0
-"""Gain of log-likelihood above which noise is not white: half of chi-square with three, 95 %."""
-
+HIGHEST_ORDER = 120  # orders up to here are evaluated one by one; those above count as a whole
+_BEYOND = 20  # minimum orders evaluated above the highest one that was fitted
+_LEAST_ORDERS = 8  # with fewer unfitted orders no spectrum can be distinguished from white
+_COLOURED = 4.0  # gain of log-likelihood above which noise is not white: half of chi-square with three, 95 %
+# Loss of log-likelihood for another steepness that is about as likely; the best alone would be overconfident.
 _AS_LIKELY = 1.0
-"""Loss of log-likelihood for another steepness that is about as likely; the best alone would be overconfident."""
-
-_LINE = 50.0
-"""Multiple of the median of its neighbours: by chance one order in a hundred thousand."""
-
-_NEIGHBOURS = 4
-"""Neighbours of an order, on each side."""
-
+_LINE = 50.0  # multiple of the median of its neighbours: by chance one order in a hundred thousand
+_NEIGHBOURS = 4  # neighbours of an order, on each side
 _CORNERS, _HUMPS = 32, 32
 _STEEPNESS = (1.0, 2.0, 3.0)
 _MOST_HUMP = 1e6
-_PRIOR = 0.1
-"""Prior on the logarithms of hump and corner: within a factor of 20."""
+_PRIOR = 0.1  # prior on the logarithms of hump and corner: within a factor of 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,9 +89,9 @@ def noise_spectrum(angle_deg: Floats, left: Floats, fitted: Sequence[int], param
     orders = np.setdiff1d(np.arange(1, powers.size + 1), np.array(fitted))
     if orders.size < _LEAST_ORDERS or level <= 0.0:
         return white
-    told = orders[~_lines(powers[orders - 1])]
-    heard, counts, places = _with_the_rest(powers, told, orders, freedom, level, angle_deg.size)
-    return replace(white, humps=_humps(level, heard / level, counts, places))
+    single = orders[~_lines(powers[orders - 1])]
+    judged, counts, places = _with_the_rest(powers, single, orders, freedom, level, angle_deg.size)
+    return replace(white, humps=_humps(level, judged / level, counts, places))
 
 
 def _powers(angle_deg: Floats, left: Floats, highest: int) -> Floats:
@@ -132,26 +117,26 @@ def _lines(powers: Floats) -> NDArray[np.bool_]:
 
 
 def _with_the_rest(
-    powers: Floats, told: NDArray[np.int_], orders: NDArray[np.int_], freedom: float, level: float, points: int
+    powers: Floats, single: NDArray[np.int_], orders: NDArray[np.int_], freedom: float, level: float, points: int
 ) -> tuple[Floats, Floats, Floats]:
     """Return powers, how many each stands for, and their orders; the last combines all orders not taken singly."""
-    counts = np.ones(told.size)
+    counts = np.ones(single.size)
     rest = 0.5 * freedom - orders.size
     energy = 0.5 * level * freedom - float(powers[orders - 1].sum())
     if rest < 1.0 or energy <= 0.0:
-        return powers[told - 1], counts, told.astype(np.float64)
+        return powers[single - 1], counts, single.astype(np.float64)
     middle = math.sqrt(powers.size * 0.5 * points)
-    heard = np.append(powers[told - 1], energy / rest)
-    return heard, np.append(counts, rest), np.append(told.astype(np.float64), middle)
+    judged = np.append(powers[single - 1], energy / rest)
+    return judged, np.append(counts, rest), np.append(single.astype(np.float64), middle)
 
 
-def _humps(level: float, heard: Floats, counts: Floats, places: Floats) -> tuple[Hump, ...]:
+def _humps(level: float, judged: Floats, counts: Floats, places: Floats) -> tuple[Hump, ...]:
     """Return the likeliest hump of each steepness that is about as likely as the best; none if white."""
     corners = np.geomspace(0.5, places.max(), _CORNERS)
     humps = np.concatenate([[0.0], np.geomspace(0.1, _MOST_HUMP, _HUMPS)])
     falls = np.array([(1.0 + (places / corners[:, None]) ** 2) ** -steep for steep in _STEEPNESS])
     shapes = 1.0 + humps[:, None] * falls[:, :, None, :]
-    levels = (counts * heard / shapes).sum(axis=3) / counts.sum()
+    levels = (counts * judged / shapes).sum(axis=3) / counts.sum()
     likelihood = -(counts * np.log(levels[..., None] * shapes)).sum(axis=3)
     best = float(likelihood.max())
     if best - float(likelihood[0, 0, 0]) < _COLOURED:
@@ -164,7 +149,7 @@ def _humps(level: float, heard: Floats, counts: Floats, places: Floats) -> tuple
             slopes = _shape(places, size, order, steepness)[1]
             information = (slopes * counts) @ slopes.T + np.diag([0.0, _PRIOR, _PRIOR])
             own = level * float(levels[place, corner, hump])
-            covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+            covariance = floats(np.linalg.inv(information))
             found.append(Hump(level=own, size=size, corner=order, steepness=steepness, covariance=covariance))
     return tuple(found)
 

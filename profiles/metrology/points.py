@@ -6,40 +6,36 @@ Angles in degrees, in any order and from any start; deviations in um, positive o
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from profiles.problem import Problem, ProfileError
-
-FloatArray = NDArray[np.float64]
+from profiles.arrays import Floats, floats
+from profiles.problem import Problem, ProfileError, refused
 
 FEWEST_POINTS = 4
-LARGEST_GAP_DEG = 60.0
-"""Half the period of a three-lobe, maximum to minimum: a larger gap can hide all of it."""
+LARGEST_GAP_DEG = 60.0  # half the period of a three-lobe, maximum to minimum: a larger gap can hide all of it
 # Fraction of a step by which the angles of an equally spaced trace may be off, e.g. by rounding in a file.
 _SPACING_TOLERANCE = 0.01
 _GAP_TOLERANCE_DEG = 1e-6
 _TURN_DEG = 360.0
 
 
-def checked(angle_deg: ArrayLike, deviation_um: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def checked(angle_deg: ArrayLike, deviation_um: ArrayLike) -> tuple[Floats, Floats]:
     """Return both as arrays of shape (M,).
 
-    Raises:
-        ProfileError: `trace.columns`, `trace.few_points`, `trace.not_finite`; `trace.narrow_angles`, there is a
-        gap
-            above `LARGEST_GAP_DEG`.
+    Raises `ProfileError`: `trace.columns`, `trace.few_points`, `trace.not_finite`; `trace.narrow_angles`, there is
+    a gap above `LARGEST_GAP_DEG`.
     """
-    angle = np.asarray(angle_deg, dtype=np.float64)
-    deviation = np.asarray(deviation_um, dtype=np.float64)
+    angle = floats(angle_deg)
+    deviation = floats(deviation_um)
     if angle.ndim != 1 or angle.shape != deviation.shape:
         value = f"{angle.shape} {deviation.shape}"
-        raise ProfileError(Problem(code="trace.columns", value=value, limit="(M,) (M,)"))
+        raise refused("trace.columns", value=value, limit="(M,) (M,)")
     if angle.size < FEWEST_POINTS:
-        raise ProfileError(Problem(code="trace.few_points", value=str(angle.size), limit=f">= {FEWEST_POINTS}"))
+        raise refused("trace.few_points", value=str(angle.size), limit=f">= {FEWEST_POINTS}")
     for key, values in (("angle_deg", angle), ("deviation_um", deviation)):
         if not np.isfinite(values).all():
             value = f"{values[~np.isfinite(values)][0]:g}"
-            raise ProfileError(Problem(code="trace.not_finite", key=key, value=value))
+            raise refused("trace.not_finite", key=key, value=value)
     gap_deg = largest_gap_deg(angle)
     if gap_deg > LARGEST_GAP_DEG + _GAP_TOLERANCE_DEG:
         raise ProfileError(narrow(gap_deg, LARGEST_GAP_DEG))
@@ -64,7 +60,7 @@ def largest_gap_deg(angle_deg: ArrayLike) -> float:
     return float(_gaps_deg(angle_deg).max())
 
 
-def at_equal_angles(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[FloatArray, FloatArray]:
+def at_equal_angles(angle_deg: Floats, deviation_um: Floats) -> tuple[Floats, Floats]:
     """Return M equally spaced angles from 0 and the profile there, by the cubic through four neighbours.
 
     For nearly equal steps h (rad) and an undulation n of amplitude A the error is below A (n h)^4 / 40.
@@ -86,8 +82,8 @@ def at_equal_angles(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[Fl
     return target, result
 
 
-def _gaps_deg(angle_deg: ArrayLike) -> FloatArray:
-    angle = np.asarray(angle_deg, dtype=np.float64)
+def _gaps_deg(angle_deg: ArrayLike) -> Floats:
+    angle = floats(angle_deg)
     if angle.min() < 0.0 or angle.max() >= _TURN_DEG:
         angle = np.mod(angle, _TURN_DEG)
     angle = np.sort(angle)

@@ -1,7 +1,4 @@
-"""Several turns of one part: what repeats with the angle belongs to the part, the rest is random.
-
-Problem code: `trace.turns`.
-"""
+"""Several turns of one part (what repeats with the angle belongs to it, the rest is random), and its size."""
 
 from __future__ import annotations
 
@@ -11,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from profiles.metrology.points import FloatArray
-from profiles.problem import Problem, ProfileError
+from profiles.arrays import Floats, floats
+from profiles.problem import refused
 
-# Fraction of a step by which the angles of a turn may differ from those of the first one.
-_SAME_ANGLE = 0.01
+_SAME_ANGLE = 0.01  # fraction of a step by which the angles of a turn may differ from those of the first one
 _TURN_DEG = 360.0
 
 
@@ -27,9 +23,9 @@ class Turns:
     K turns are free), so that of the mean is `random_um` / sqrt(K).
     """
 
-    angle_deg: FloatArray
-    each_um: FloatArray
-    repeatable_um: FloatArray
+    angle_deg: Floats
+    each_um: Floats
+    repeatable_um: Floats
     random_um: float
 
     def amplitude_sd_um(self, n: int) -> float:
@@ -45,21 +41,18 @@ class Turns:
 def several_turns(angle_deg: ArrayLike, deviation_um: ArrayLike, turns: int) -> Turns:
     """Return the turns of a trace whose angles run on from 0 to 360 `turns`; at least 2, shape (K M,) each.
 
-    Raises:
-        ProfileError: `trace.turns`, the turns do not have the same angles.
+    Raises `ProfileError`: `trace.turns`, the turns do not have the same angles.
     """
-    angle = np.asarray(angle_deg, dtype=np.float64)
-    deviation = np.asarray(deviation_um, dtype=np.float64)
+    angle = floats(angle_deg)
+    deviation = floats(deviation_um)
     if turns < 2 or angle.size % turns:
-        raise ProfileError(Problem(code="trace.turns", value=str(angle.size), limit=f"{turns} x N"))
+        raise refused("trace.turns", value=str(angle.size), limit=f"{turns} x N")
     order = np.argsort(angle, kind="stable")
     stood = angle[order].reshape(turns, -1) - _TURN_DEG * np.arange(turns)[:, np.newaxis]
     allowed_deg = _SAME_ANGLE * _TURN_DEG / stood.shape[1]
     apart_deg = float(np.abs(stood - stood[0]).max())
     if apart_deg > allowed_deg:
-        raise ProfileError(
-            Problem(code="trace.turns", value=f"{apart_deg:.3g} deg", limit=f"<= {allowed_deg:.3g} deg")
-        )
+        raise refused("trace.turns", value=f"{apart_deg:.3g} deg", limit=f"<= {allowed_deg:.3g} deg")
     each = deviation[order].reshape(turns, -1)
     mean = each.mean(axis=0)
     return Turns(
@@ -68,3 +61,13 @@ def several_turns(angle_deg: ArrayLike, deviation_um: ArrayLike, turns: int) -> 
         repeatable_um=mean,
         random_um=math.sqrt(float(np.sum((each - mean) ** 2)) / (stood.shape[1] * (turns - 1))),
     )
+
+
+def mean_diameter_mm(radius_mm: float, mean_deviation_um: float) -> float:
+    """Return 2 (R + mean deviation): R is where the deviation is 0, the mean that of the least squares circle."""
+    return 2.0 * (radius_mm + mean_deviation_um / 1000.0)
+
+
+def tool_offset_um(mean_diameter_mm: float, target_diameter_mm: float) -> float:
+    """Return half of the oversize: how far the tool has to move, positive into the work."""
+    return 500.0 * (mean_diameter_mm - target_diameter_mm)

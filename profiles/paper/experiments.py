@@ -8,11 +8,8 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
 
-COMPENSATED_UM = (30.0, 14.0)
-"""RONt of the compensated parts, Fig 16."""
-
-CONCLUDED_UM = 27.0
-"""What the 51 % of the conclusion would make of 55 um."""
+COMPENSATED_UM = (30.0, 14.0)  # RONt of the compensated parts, Fig 16
+CONCLUDED_UM = 27.0  # what the 51 % of the conclusion would make of 55 um
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from profiles.arrays import Floats
 
 
 class Relation(StrEnum):
@@ -33,7 +32,7 @@ class Basis(StrEnum):
     FITTED = "fitted"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Record:
     """One number. `expected` is the paper's value or, with an acceptance `number` (1 to 12), the required one.
 
@@ -66,35 +65,26 @@ class Record:
         """Whether our value satisfies the relation; None where nothing is expected."""
         if self.expected is None:
             return None
-        if self.relation is Relation.AT_MOST:
-            return self.ours <= self.expected
-        if self.relation is Relation.ABOVE:
-            return self.ours > self.expected
-        if self.relation is Relation.OTHER:
-            return abs(self.ours - self.expected) > self.tolerance
+        match self.relation:
+            case Relation.AT_MOST:
+                return self.ours <= self.expected
+            case Relation.ABOVE:
+                return self.ours > self.expected
+            case Relation.OTHER:
+                return abs(self.ours - self.expected) > self.tolerance
         return math.isclose(self.ours, self.expected, rel_tol=1e-12, abs_tol=self.tolerance)
 
 
-def constructed(record: Record, why: str) -> Record:
-    """Return a record that holds by construction, and why."""
-    return replace(record, basis=Basis.CONSTRUCTION, why=why)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Curve:
     """One line of a figure; `x` and `y` have shape (M,)."""
 
     name: str
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, name: str, x: ArrayLike, y: ArrayLike) -> Curve:
-        """Return the curve through these points."""
-        return cls(name=name, x=np.asarray(x, dtype=np.float64), y=np.asarray(y, dtype=np.float64))
+    x: Floats
+    y: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Figure:
     """The curves of one figure in its units; `at` distinguishes figures of one name."""
 
@@ -105,7 +95,7 @@ class Figure:
     at: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Section:
     """One part of the comparison."""
 

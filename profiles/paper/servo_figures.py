@@ -5,20 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from profiles.axis.envelope import first_beyond
-from profiles.axis.servo import eq9_response, eq9_summary, sampled_response
+from profiles.arrays import Complexes
+from profiles.axis.envelope import first_beyond, nyquist_hz
+from profiles.axis.servo import eq9_response, eq9_summary, sampled_response, step_error
 from profiles.machine import MachineProfile
 from profiles.paper import table_5
-from profiles.paper.eq9_in_time import step_error
 from profiles.paper.record import Basis, Curve, Figure, Record, Relation, Section
 
 PAPER_BANDWIDTH_HZ, PAPER_TOLERANCE_HZ = 80.0, 5.0
-COIL_KG = 2.95
-"""Table 2: the coil alone, without the slide and the tool that Table 4 has with it."""
-
+COIL_KG = 2.95  # Table 2: the coil alone, without the slide and the tool that Table 4 has with it
 _TOP_HZ = 150.0
 _LOBE_HZ = 50.0
 _SETTLED_S = 0.1
@@ -27,73 +26,50 @@ _SETTLED_S = 0.1
 def section(machine: MachineProfile) -> Section:
     """Return the comparison of section 4.2, Fig 11 and Table 5, with Fig 12."""
     return Section(
-        name="servo",
-        records=(*_fig_11(machine), *_table_5(machine), *_fits(machine)),
-        figures=(*_figures_11(machine), *(_figure_12(machine, hz) for hz in table_5.FREQUENCIES_HZ)),
+        "servo",
+        (*_fig_11(machine), *_table_5(machine), *_fits(machine)),
+        (*_figures_11(machine), *(_figure_12(machine, hz) for hz in table_5.FREQUENCIES_HZ)),
     )
-
-
-def sampled_bandwidth_hz(machine: MachineProfile) -> float | None:
-    """Return the half-power frequency of the sampled loop; None if there is none."""
-    nyquist_hz = 0.999 * 500 / machine.controller.servo_period_ms
-    return first_beyond(lambda f: 1 / np.abs(sampled_response(machine, f)), math.sqrt(2), nyquist_hz)
 
 
 def _fig_11(machine: MachineProfile) -> tuple[Record, ...]:
     whole = eq9_summary(machine)
     coil = eq9_summary(replace(machine, tool=replace(machine.tool, moving_mass_kg=COIL_KG)))
-
+    half_power_hz = first_beyond(
+        lambda f: 1 / np.abs(sampled_response(machine, f)), math.sqrt(2), nyquist_hz(machine)
+    )
     facts = {
         "mass_kg": machine.tool.moving_mass_kg,
         "bandwidth_hz": whole.bandwidth_hz,
         "paper_hz": PAPER_BANDWIDTH_HZ,
     }
-
-    def bandwidth(at: str, hz: float, why: str = "") -> Record:
-        return Record(
-            name="fig11.bandwidth",
-            at=at,
-            ours=hz,
-            unit="Hz",
-            expected=PAPER_BANDWIDTH_HZ,
-            tolerance=PAPER_TOLERANCE_HZ,
-            why=why,
-            facts=facts if why else {},
-        )
-
+    bandwidth = partial(
+        Record, "fig11.bandwidth", unit="Hz", expected=PAPER_BANDWIDTH_HZ, tolerance=PAPER_TOLERANCE_HZ
+    )
+    most = partial(Record, unit="%", relation=Relation.AT_MOST)
     return (
-        bandwidth("eq9", whole.bandwidth_hz, "bandwidth"),
-        bandwidth("coil", coil.bandwidth_hz),
-        bandwidth("sampled", sampled_bandwidth_hz(machine) or math.inf),
-        Record(
-            name="eq9.overshoot", ours=whole.overshoot_percent, unit="%", expected=5.0, relation=Relation.AT_MOST
-        ),
-        Record(
-            name="eq9.steady", ours=_step_error_percent(machine), unit="%", expected=1.0, relation=Relation.AT_MOST
-        ),
+        bandwidth(whole.bandwidth_hz, at="eq9", why="bandwidth", facts=facts),
+        bandwidth(coil.bandwidth_hz, at="coil"),
+        bandwidth(half_power_hz or math.inf, at="sampled"),
+        most("eq9.overshoot", whole.overshoot_percent, expected=5.0),
+        most("eq9.steady", 100 * abs(step_error(machine, _SETTLED_S)), expected=1.0),
     )
 
 
-def _step_error_percent(machine: MachineProfile) -> float:
-    """Return the error of a step after 0.1 s."""
-    return 100 * abs(step_error(machine, _SETTLED_S))
-
-
 def _table_5(machine: MachineProfile) -> tuple[Record, ...]:
-    """Compare Eq 9 as printed with the rows of the table, in its own units."""
-    met = eq9_response(machine, table_5.FREQUENCIES_HZ)
+    actual = eq9_response(machine, table_5.FREQUENCIES_HZ)
     fit = table_5.fitted_feedforward(machine)
     fitted = table_5.feedforward_response(machine, table_5.FREQUENCIES_HZ, fit.acceleration_share, fit.delay_s)
     lobe = table_5.FREQUENCIES_HZ.index(_LOBE_HZ)
     facts = {
         "lobe_hz": _LOBE_HZ,
-        "times": -float(np.angle(met[lobe])) / table_5.PHASE_ERROR_RAD[lobe],
+        "times": -float(np.angle(actual[lobe])) / table_5.PHASE_ERROR_RAD[lobe],
         "gain": table_5.fitted_gain(machine),
         "share_percent": 100 * fit.acceleration_share,
         "delay_ms": 1000 * fit.delay_s,
     }
     return (
-        *_rows("eq9", met, why="feedforward", facts=facts),
+        *_rows("eq9", actual, why="feedforward", facts=facts),
         *_rows("fitted", fitted, basis=Basis.FITTED),
         _chi_square(fit.chi2),
     )
@@ -110,43 +86,27 @@ def _chi_square(chi2: float) -> Record:
         "freedom": freedom,
         "chance_percent": 100 * float(chdtrc(freedom, chi2)),
     }
-    limit = float(chdtri(freedom, 0.05))
-    return Record(
-        name="table5.chi2", ours=chi2, expected=limit, relation=Relation.AT_MOST, why="chi_square", facts=facts
-    )
+    most = partial(Record, expected=float(chdtri(freedom, 0.05)), relation=Relation.AT_MOST)
+    return most("table5.chi2", chi2, why="chi_square", facts=facts)
 
 
 def _rows(
     model: str,
-    met: np.ndarray,
+    actual: Complexes,
     why: str = "",
     facts: Mapping[str, float] | None = None,
     basis: Basis = Basis.COMPUTED,
 ) -> tuple[Record, ...]:
     """Return amplitude and phase errors of a response; tolerances are two standard deviations of a reading."""
-
-    def of(kind: str, at: str, ours: float, unit: str, expected: float, tolerance: float) -> Record:
-        return Record(
-            name=f"table5.{model}.{kind}",
-            at=at,
-            ours=ours,
-            unit=unit,
-            expected=expected,
-            tolerance=tolerance,
-            why=why,
-            facts=facts or {},
-            basis=basis,
-        )
-
-    phase_tolerance_rad = 2 * table_5.WEIGHT
-    amplitude_tolerance_um = phase_tolerance_rad * table_5.COMMAND_UM_PP
-
+    of = partial(Record, why=why, facts=facts or {}, basis=basis)
+    phase_rad = 2 * table_5.WEIGHT
+    amplitude = partial(of, f"table5.{model}.amplitude", unit="um", tolerance=phase_rad * table_5.COMMAND_UM_PP)
+    phase = partial(of, f"table5.{model}.phase", unit="rad", tolerance=phase_rad)
     rows = []
     for i, hz in enumerate(table_5.FREQUENCIES_HZ):
-        at, loss_um = f"{hz:g} Hz", table_5.COMMAND_UM_PP * (1 - abs(met[i]))
-        rows.append(of("amplitude", at, loss_um, "um", table_5.AMPLITUDE_ERROR_UM[i], amplitude_tolerance_um))
-        late_rad = -float(np.angle(met[i]))
-        rows.append(of("phase", at, late_rad, "rad", table_5.PHASE_ERROR_RAD[i], phase_tolerance_rad))
+        loss_um, late_rad = table_5.COMMAND_UM_PP * (1 - abs(actual[i])), -float(np.angle(actual[i]))
+        rows.append(amplitude(loss_um, at=f"{hz:g} Hz", expected=table_5.AMPLITUDE_ERROR_UM[i]))
+        rows.append(phase(late_rad, at=f"{hz:g} Hz", expected=table_5.PHASE_ERROR_RAD[i]))
     return tuple(rows)
 
 
@@ -155,10 +115,10 @@ def _fits(machine: MachineProfile) -> tuple[Record, ...]:
     cycle_ms = machine.controller.servo_period_ms
     facts = {"cycles": 1000 * delay_s / cycle_ms, "cycle_ms": cycle_ms}
     return (
-        Record(name="table5.delay", ours=1000 * delay_s, unit="ms", why="delay", facts=facts),
-        Record(name="table5.acceleration", ours=100 * fit.acceleration_share, unit="%"),
-        Record(name="table5.fitted_delay", ours=1000 * fit.delay_s, unit="ms"),
-        Record(name="table5.misfit", ours=table_5.misfit_of_eq9(machine), unit="rad"),
+        Record("table5.delay", 1000 * delay_s, "ms", why="delay", facts=facts),
+        Record("table5.acceleration", 100 * fit.acceleration_share, "%"),
+        Record("table5.fitted_delay", 1000 * fit.delay_s, "ms"),
+        Record("table5.misfit", table_5.misfit_of_eq9(machine), "rad"),
     )
 
 
@@ -166,14 +126,11 @@ def _figures_11(machine: MachineProfile) -> tuple[Figure, Figure]:
     hz = np.linspace(0.5, _TOP_HZ, 300)
     loops = {"eq9": eq9_response(machine, hz), "sampled": sampled_response(machine, hz)}
     points = np.array(table_5.FREQUENCIES_HZ)
-    gains = [Curve.of(name, hz, np.abs(each)) for name, each in loops.items()]
-    phases = [Curve.of(name, hz, np.degrees(np.unwrap(np.angle(each)))) for name, each in loops.items()]
-    gains.append(Curve.of("table5", points, table_5.measured_gains()))
-    phases.append(Curve.of("table5", points, -np.degrees(table_5.PHASE_ERROR_RAD)))
-    return (
-        Figure(name="fig11.gain", x_unit="Hz", y_unit="", curves=tuple(gains)),
-        Figure(name="fig11.phase", x_unit="Hz", y_unit="deg", curves=tuple(phases)),
-    )
+    gains = [Curve(name, hz, np.abs(each)) for name, each in loops.items()]
+    phases = [Curve(name, hz, np.degrees(np.unwrap(np.angle(each)))) for name, each in loops.items()]
+    gains.append(Curve("table5", points, table_5.measured_gains()))
+    phases.append(Curve("table5", points, -np.degrees(table_5.PHASE_ERROR_RAD)))
+    return Figure("fig11.gain", "Hz", "", tuple(gains)), Figure("fig11.phase", "Hz", "deg", tuple(phases))
 
 
 def _figure_12(machine: MachineProfile, frequency_hz: float) -> Figure:
@@ -186,5 +143,5 @@ def _figure_12(machine: MachineProfile, frequency_hz: float) -> Figure:
         "eq9": complex(eq9_response(machine, frequency_hz)),
         "table5": complex(table_5.measured_response(frequency_hz)),
     }
-    curves = (Curve.of(name, 1000 * time_s, counts * np.imag(each * turning)) for name, each in followed.items())
-    return Figure(name="fig12", at=f"{frequency_hz:g} Hz", x_unit="ms", y_unit="cts", curves=tuple(curves))
+    curves = (Curve(name, 1000 * time_s, counts * np.imag(each * turning)) for name, each in followed.items())
+    return Figure("fig12", "ms", "cts", tuple(curves), at=f"{frequency_hz:g} Hz")

@@ -10,25 +10,20 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.servo import eq9_response, sampled_response
-from profiles.axis.servo_gains import eq9_gains, gains_from_variables, variables_from_gains
+from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables, variables_from_gains
 from profiles.machine import MachineProfile
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 FREQUENCIES_HZ = (10.0, 30.0, 50.0, 70.0)
 AMPLITUDE_ERROR_UM = (2.7, 8.6, 5.8, 6.3)
 PHASE_ERROR_RAD = (0.0, 0.126, 0.241, 0.275)
 COMMAND_UM_PP = 50.0
 
-WEIGHT = 0.03
-"""Assumed reading error in the fits, of a gain and of a phase in rad, one standard deviation."""
-
-UNKNOWNS = 2
-"""What is fitted: acceleration feedforward and delay."""
+WEIGHT = 0.03  # assumed reading error in the fits, of a gain and of a phase in rad, one standard deviation
+UNKNOWNS = 2  # what is fitted: acceleration feedforward and delay
 
 
 class Reading(Enum):
@@ -52,22 +47,22 @@ class Feedforward:
     chi2: float
 
 
-def measured_gains(reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> FloatArray:
+def measured_gains(reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> Floats:
     """Return |T| at `FREQUENCIES_HZ`; loss of peak to peak is the reading that a simple loop can produce."""
-    return np.asarray(1.0 + reading.value * np.array(AMPLITUDE_ERROR_UM), dtype=np.float64)
+    return floats(1.0 + reading.value * np.array(AMPLITUDE_ERROR_UM))
 
 
-def measured_response(frequency_hz: ArrayLike, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> ComplexArray:
+def measured_response(frequency_hz: ArrayLike, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> Complexes:
     """Return T of Table 5 in the shape of `frequency_hz`: straight lines from 1 at 0 Hz through the points.
 
     Above 70 Hz, where nothing was measured, gain and lag are taken to fall with 1/f.
     """
-    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    frequency = floats(frequency_hz)
     known_hz = (0.0, *FREQUENCIES_HZ)
     gain = np.interp(frequency, known_hz, [1.0, *measured_gains(reading)])
     lag = np.interp(frequency, known_hz, [0.0, *PHASE_ERROR_RAD])
     fall = known_hz[-1] / np.maximum(frequency, known_hz[-1])
-    return np.asarray(gain * fall * np.exp(-1j * lag * fall), dtype=np.complex128)
+    return complexes(gain * fall * np.exp(-1j * lag * fall))
 
 
 def pure_delay_s() -> tuple[float, float]:
@@ -79,24 +74,22 @@ def pure_delay_s() -> tuple[float, float]:
 
 def feedforward_response(
     machine: MachineProfile, frequency_hz: ArrayLike, acceleration_share: float, delay_s: float
-) -> ComplexArray:
+) -> Complexes:
     """Return (K C + a M s^2) exp(-s d) / (M s^2 + B s + K C): Eq 9 with acceleration feedforward, delayed."""
-    s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+    s = 2j * np.pi * floats(frequency_hz)
     tool, gains = machine.tool, eq9_gains(machine)
     control = gains.kp_v_per_m + gains.ki_v_per_m_s / s + gains.kd_v_s_per_m * s
     added = acceleration_share * tool.moving_mass_kg * s**2 / (tool.loop_gain_n_per_v * control)
-    return np.asarray(
-        eq9_response(machine, frequency_hz) * (1 + added) * np.exp(-s * delay_s), dtype=np.complex128
-    )
+    return complexes(eq9_response(machine, frequency_hz) * (1 + added) * np.exp(-s * delay_s))
 
 
 def fitted_feedforward(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> Feedforward:
     """Return the least squares fit of acceleration feedforward and delay to Table 5."""
     from scipy.optimize import least_squares
 
-    def misfit(unknowns: FloatArray) -> FloatArray:
-        met = feedforward_response(machine, FREQUENCIES_HZ, unknowns[0], unknowns[1] / 1000.0)
-        return _misfit(met, reading)
+    def misfit(unknowns: Floats) -> Floats:
+        actual = feedforward_response(machine, FREQUENCIES_HZ, unknowns[0], unknowns[1] / 1000.0)
+        return _misfit(actual, reading)
 
     found = least_squares(misfit, (0.5, 0.5), xtol=1e-12)
     share, delay_ms = (float(each) for each in found.x)
@@ -115,10 +108,10 @@ def fitted_gain(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO
     return float(minimize_scalar(chi2, bounds=(0.1, 20.0), method="bounded").x)
 
 
-def _misfit(met: ComplexArray, reading: Reading) -> FloatArray:
+def _misfit(actual: Complexes, reading: Reading) -> Floats:
     """Return the misfit of a response in gain and phase, in weights; shape (8,)."""
-    off = np.concatenate([np.abs(met) - measured_gains(reading), np.angle(met) + PHASE_ERROR_RAD])
-    return np.asarray(off / WEIGHT, dtype=np.float64)
+    off = np.concatenate([np.abs(actual) - measured_gains(reading), np.angle(actual) + PHASE_ERROR_RAD])
+    return floats(off / WEIGHT)
 
 
 def misfit_of_eq9(machine: MachineProfile) -> float:
@@ -135,13 +128,13 @@ def with_measured_servo(machine: MachineProfile, frequency_hz: float) -> Machine
     """
     gains = gains_from_variables(machine)
 
-    def at(velocity: float, acceleration: float) -> complex:
-        changed = replace(
-            gains,
-            velocity_feedforward_v_s_per_m=velocity,
-            acceleration_feedforward_v_s2_per_m=acceleration,
+    def with_feedforward(velocity: float, acceleration: float) -> PidGains:
+        return replace(
+            gains, velocity_feedforward_v_s_per_m=velocity, acceleration_feedforward_v_s2_per_m=acceleration
         )
-        return complex(sampled_response(machine, frequency_hz, changed))
+
+    def at(velocity: float, acceleration: float) -> complex:
+        return complex(sampled_response(machine, frequency_hz, with_feedforward(velocity, acceleration)))
 
     without = at(0.0, 0.0)
     by_velocity, by_acceleration = at(1.0, 0.0) - without, at(0.0, 1.0) - without
@@ -149,14 +142,7 @@ def with_measured_servo(machine: MachineProfile, frequency_hz: float) -> Machine
     velocity, acceleration = np.linalg.solve(
         [[by_velocity.real, by_acceleration.real], [by_velocity.imag, by_acceleration.imag]],
         [missing.real, missing.imag],
-    )
-    told = variables_from_gains(
-        machine,
-        replace(
-            gains,
-            velocity_feedforward_v_s_per_m=float(velocity),
-            acceleration_feedforward_v_s2_per_m=float(acceleration),
-        ),
-    )
-    variables = {**machine.controller.variables, **told}
+    ).tolist()
+    whole = variables_from_gains(machine, with_feedforward(velocity, acceleration))
+    variables = {**machine.controller.variables, **whole}
     return replace(machine, controller=replace(machine.controller, variables=variables))

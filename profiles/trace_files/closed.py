@@ -3,8 +3,6 @@
 None of them can express closed profiles, start marks or directions: heights are along a line. Such a profile is
 taken as one turn, so that its length, the number of points times the step, is the circumference. The phase stays
 unknown, and so does the size: the heights are from any zero.
-
-Problem codes: `trace.format`; `trace.not_number`, `trace.not_finite` and `trace.out_of_range` with their line.
 """
 
 from __future__ import annotations
@@ -15,8 +13,8 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from profiles.files import printable
-from profiles.problem import Problem, ProfileError
-from profiles.trace_files.dialect import Dialect
+from profiles.problem import ProfileError, refused
+from profiles.trace_files.columns import Dialect
 from profiles.trace_files.limits import MOST_POINTS, too_large
 from profiles.trace_files.table import FEWEST_POINTS, LARGEST_DEVIATION_UM
 
@@ -24,16 +22,12 @@ Content = TypeVar("Content", bytes, str)
 """The content of a file: its bytes, or their text."""
 
 UM_PER_M = 1e6
-ABOVE_ZERO = math.ulp(0.0)
-"""The smallest step or scale."""
+ABOVE_ZERO = math.ulp(0.0)  # the smallest step or scale
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedProfile:
-    """Deviations in um at equal angles, and the radius in mm that the step implies (None without a step).
-
-    `format` is the common name of the format.
-    """
+    """Deviations in um at equal angles, and the radius in mm that the step implies (None without a step)."""
 
     format: str
     deviation_um: list[float]
@@ -54,24 +48,16 @@ class TraceFormat(Generic[Content]):
 
 
 def closed(kind: str, deviation_um: list[float], points: float, step_m: float, where: str) -> ClosedProfile:
-    """Return a profile with as many points as its file states; a `step_m` of 0 means none.
-
-    Raises:
-        ProfileError: `trace.format`, there are more or fewer.
-    """
+    """Return a profile with as many points as its file states; a `step_m` of 0 means none."""
     if len(deviation_um) != points:
-        met = f"> {points:g}" if len(deviation_um) > points else f"{len(deviation_um)}"
-        raise unusable(where, f"{kind}: points", met, f"{points:g}")
+        actual = f"> {points:g}" if len(deviation_um) > points else f"{len(deviation_um)}"
+        raise unusable(where, f"{kind}: points", actual, f"{points:g}")
     radius_mm = 1000.0 * points * step_m / (2.0 * math.pi)
     return ClosedProfile(format=kind, deviation_um=deviation_um, radius_mm=radius_mm or None)
 
 
 def point_count(stated: str, key: str, where: str) -> float:
-    """Return a number of points that a trace may have.
-
-    Raises:
-        ProfileError: `trace.too_large`, more than are read; `trace.format`.
-    """
+    """Return a number of points that a trace may have."""
     value, code = Dialect(",").number(stated)
     if not code and value > MOST_POINTS:
         raise too_large(f"{where}: {key}", f"{value:.0f} points", f"{MOST_POINTS} points")
@@ -79,11 +65,7 @@ def point_count(stated: str, key: str, where: str) -> float:
 
 
 def number(stated: str, key: str, where: str, least: float, most: float) -> float:
-    """Return a number from a file's header that is within bounds.
-
-    Raises:
-        ProfileError: `trace.format`, not a number, or out of bounds.
-    """
+    """Return a number from a file's header that is within bounds."""
     value, code = Dialect(",").number(stated)
     if code or not least <= value <= most:
         raise unusable(where, key, stated, f"{least:g} - {most:g}")
@@ -93,17 +75,15 @@ def number(stated: str, key: str, where: str, least: float, most: float) -> floa
 def heights_um(cells: Iterable[tuple[str, str]], um_per_unit: float, points: float) -> list[float]:
     """Return heights in um of cells, each with its position; at most one beyond the header's `points`.
 
-    Raises:
-        ProfileError: `trace.not_number`, `trace.not_finite` (a value marked BAD, too), `trace.out_of_range`.
+    Raises `ProfileError`: `trace.not_number`, `trace.not_finite` (a value marked BAD, too), `trace.out_of_range`.
     """
     dialect, found = Dialect(","), []
     for place, cell in cells:
         value, code = dialect.number(cell)
         value_um = value * um_per_unit
         if code or abs(value_um) > LARGEST_DEVIATION_UM:
-            limit = f"<= {LARGEST_DEVIATION_UM:g} um"
-            code, shown = code or "trace.out_of_range", printable(cell, 60) or '""'
-            raise ProfileError(Problem(code=code, where=place, key="Z", value=shown, limit=limit))
+            limit, shown = f"<= {LARGEST_DEVIATION_UM:g} um", printable(cell, 60) or '""'
+            raise refused(code or "trace.out_of_range", where=place, key="Z", value=shown, limit=limit)
         found.append(value_um)
         if len(found) > points:
             break
@@ -112,6 +92,4 @@ def heights_um(cells: Iterable[tuple[str, str]], um_per_unit: float, points: flo
 
 def unusable(where: str, key: str, value: str, limit: str) -> ProfileError:
     """Return the refusal of a field that cannot be used."""
-    return ProfileError(
-        Problem(code="trace.format", where=where, key=key, value=printable(value, 60) or "-", limit=limit)
-    )
+    return refused("trace.format", where=where, key=key, value=printable(value, 60) or "-", limit=limit)

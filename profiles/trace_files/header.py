@@ -2,14 +2,13 @@
 
 Some keys change the numbers and are applied while the file is read (`units`, `angles`, `angle_range`); the rest
 is kept here. What a trace does not state is unknown, never assumed.
-
-Problem code, as a warning: `trace.header_value`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 from profiles.files import printable
@@ -20,12 +19,10 @@ DIRECTIONS = ("spindle", "cw", "ccw")
 """Direction of the angles over the part, seen from the tailstock. Those of a spindle that turns
 counter-clockwise in the cut (M3), taken at the tool, run clockwise over the part: `spindle` and `cw` are the
 same."""
-START_MARKS = ("spindle index", "jaw 1", "unknown")
-"""The mark at angle 0."""
+START_MARKS = ("spindle index", "jaw 1", "unknown")  # the mark at angle 0
 METHODS = ("radial", "v_block", "two_point")
 SIZES = ("absolute", "relative")
-APPLIED = ("units", "angles", "angle_range")
-"""Keys that are applied while the file is read and then dropped."""
+APPLIED = ("units", "angles", "angle_range")  # keys that are applied while the file is read and then dropped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,15 +77,11 @@ def header_of(meta: Mapping[str, str]) -> tuple[TraceHeader, tuple[Problem, ...]
     unusable: list[Problem] = []
 
     def number(key: str, above: float, limit: str) -> float | None:
-        stated = meta.get(key)
-        if stated is None:
+        if (stated := meta.get(key)) is None:
             return None
-        try:
-            value = float(stated)
-        except ValueError:
-            value = math.nan
-        if math.isfinite(value) and value > above:
-            return value
+        with suppress(ValueError):
+            if above < float(stated) < math.inf:
+                return float(stated)
         unusable.append(_unusable(key, stated, limit))
         return None
 

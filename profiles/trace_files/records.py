@@ -1,18 +1,21 @@
-"""Profiles in text records: SMD files (ISO 5436-2) and the PRF files of the NPL's softgauges.
+"""Profiles in text: SDF files (ISO 25178-71), SMD files (ISO 5436-2) and the PRF files of the NPL's softgauges.
 
-Both begin with a record that names the file, its feature (`PRF`, a profile) and its axes, one a line: name, type,
-number of points, unit, scale, type of the numbers; the heights follow, a value times the scale is in that unit.
+An SDF file is a version line (`aBCR-1.0`, `aISO-1.0`, `aNPL-V1.0`), lines `Name = value`, a line `*`, the values,
+a line `*`. A value times `Zscale` is a height in m, `Xscale` the step in m. A line that starts with `;` is a
+remark. Binary files begin with a `b` and are refused.
 
-An SMD file separates its fields with NUL and blanks and its records with ETX, and its X axis is incremental
-(`I`) with the step at the end of its line. Its checksum is not compared: writers use another modulus. A PRF
-file separates its records with `EOR`; its axes are measured (`M`), and its second record maps the numbers, here
-only as in the published example. The unit of its `SPACING` is uncertain, so no radius follows from it.
+The other two begin with a record that names the file, its feature (`PRF`, a profile) and its axes, one a line:
+name, type, number of points, unit, scale, type of the numbers; the heights follow, a value times the scale is in
+that unit. An SMD file separates its fields with NUL and blanks and its records with ETX, and its X axis is
+incremental (`I`) with the step at the end of its line. Its checksum is not compared: writers use another modulus.
+A PRF file separates its records with `EOR`; its axes are measured (`M`), and its second record maps the numbers,
+here only as in the published example. The unit of its `SPACING` is uncertain, so no radius follows from it.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from profiles.trace_files.closed import (
@@ -28,6 +31,7 @@ from profiles.trace_files.closed import (
 )
 from profiles.trace_files.limits import lines_of, words_of
 
+_VERSION = re.compile(r"\s*[aAbB](BCR|ISO|NPL) ?- ?V?\d")
 _SMD = re.compile(r"\s*ISO ?5436")
 _PRF = re.compile(r"\s*1[ \t]+2[ \t]*\n[^\n]*\bPRF\b")
 
@@ -46,44 +50,51 @@ class _Axis:
     further: Sequence[str]
 
 
-def read_smd(text: str, where: str) -> ClosedProfile:
-    """Return the profile in the text of an SMD file.
+def read_sdf(text: str, where: str) -> ClosedProfile:
+    """Return the profile in the text of a surface data file."""
+    lines = [line.strip() for line in lines_of(text, where)]
+    first = next(n for n, line in enumerate(lines) if line)
+    if not lines[first].startswith(("a", "A")):
+        raise unusable(where, "SDF: version", lines[first], "aBCR-1.0, aISO-1.0")
+    body = next((n for n, line in enumerate(lines) if line.startswith("*")), len(lines))
+    fields = {}
+    for line in lines[first + 1 : body]:
+        key, equals, value = line.partition("=")
+        if equals and not line.startswith(";"):
+            fields[key.strip().lower()] = value.strip()
 
-    Raises:
-        ProfileError: as `profiles.trace_files.sdf.read_sdf`.
-    """
-    head, _, heights = _records(text, "\x03", where)
-    _feature(head, where)
-    x, z = _axis("CX", head, where), _axis("CZ", head, where)
-    for name, axis, target in (("CX", x, "I"), ("CZ", z, "A")):
-        if axis.kind != target:
-            raise unusable(where, name, axis.kind, target)
+    def stated(key: str, least: float, most: float) -> float:
+        return number(fields.get(key.lower(), ""), key, where, least, most)
+
+    points = point_count(fields.get("numpoints", ""), "NumPoints", where)
+    stated("NumProfiles", 1, 1)
+    um_per_unit = stated("Zscale", ABOVE_ZERO, 1.0) * UM_PER_M
+    step_m = stated("Xscale", 0.0, 1.0)
+    end = next((n for n in range(body + 1, len(lines)) if lines[n].startswith("*")), len(lines))
+    rows = ((f"{where}:{n + 1}", lines[n]) for n in range(body + 1, end) if not lines[n].startswith(";"))
+    return closed("SDF", heights_um(_cells(rows), um_per_unit, points), points, step_m, where)
+
+
+def read_smd(text: str, where: str) -> ClosedProfile:
+    """Return the profile in the text of an SMD file."""
+    (_, _, heights), (x, z) = _recorded(text, "\x03", ("I", "A"), where)
     step = number(x.further[0] if x.further else "", "CX", where, ABOVE_ZERO, 1e6)
     step_m = step * x.um_per_number / UM_PER_M
-    return closed("SMD", _heights(heights, z), z.points, step_m, where)
+    return closed("SMD", heights_um(_cells(heights), z.um_per_number, z.points), z.points, step_m, where)
 
 
 def read_prf(text: str, where: str) -> ClosedProfile:
-    """Return the profile in the text of a PRF file.
-
-    Raises:
-        ProfileError: as `profiles.trace_files.sdf.read_sdf`.
-    """
-    head, told, heights = _records(text, "EOR", where)
-    _feature(head, where)
-    x, z = _axis("CX", head, where), _axis("CZ", head, where)
-    for name, axis in (("CX", x), ("CZ", z)):
-        if axis.kind != "M":
-            raise unusable(where, name, axis.kind, "M")
-    for place, line in told:
+    """Return the profile in the text of a PRF file."""
+    (_, maps, heights), (_, z) = _recorded(text, "EOR", ("M", "M"), where)
+    for place, line in maps:
         words = line.split()
         if words[0] == "MAP" and tuple(_plain(word) for word in words[1:]) not in _MAPS:
             raise unusable(place, "MAP", line, "MAP 1 CZ CZ 1 1, MAP 2 CZ CX 1 0")
-    return closed("PRF", _heights(heights, z), z.points, 0.0, where)
+    return closed("PRF", heights_um(_cells(heights), z.um_per_number, z.points), z.points, 0.0, where)
 
 
-def _records(text: str, end: str, where: str) -> tuple[_Lines, _Lines, _Lines]:
-    """Return the lines of the first three records; checksums and remarks follow."""
+def _recorded(text: str, end: str, kinds: tuple[str, str], where: str) -> tuple[list[_Lines], tuple[_Axis, _Axis]]:
+    """Return the lines of the first three records, and the axes; checksums and remarks follow."""
     records: list[_Lines] = [[]]
     for place, line in enumerate(lines_of(text.replace("\0", " "), where), start=1):
         plain = line.strip(" \t\x1a")
@@ -93,14 +104,15 @@ def _records(text: str, end: str, where: str) -> tuple[_Lines, _Lines, _Lines]:
             records[-1].append((f"{where}:{place}", plain))
     if len(records) < 4:
         raise unusable(where, "records", str(len(records) - 1), ">= 3")
-    return records[0], records[1], records[2]
-
-
-def _feature(head: _Lines, where: str) -> None:
-    """Refuse anything but a profile."""
-    line = head[1][1] if len(head) > 1 else ""
-    if "PRF" not in line.split():
-        raise unusable(where, "feature", line, "PRF")
+    head = records[0]
+    feature = head[1][1] if len(head) > 1 else ""
+    if "PRF" not in feature.split():
+        raise unusable(where, "feature", feature, "PRF")
+    axes = _axis("CX", head, where), _axis("CZ", head, where)
+    for name, axis, kind in zip(("CX", "CZ"), axes, kinds, strict=True):
+        if axis.kind != kind:
+            raise unusable(where, name, axis.kind, kind)
+    return records[:3], axes
 
 
 def _axis(name: str, head: _Lines, where: str) -> _Axis:
@@ -118,9 +130,8 @@ def _axis(name: str, head: _Lines, where: str) -> _Axis:
     raise unusable(where, name, "", "CX, CZ")
 
 
-def _heights(lines: _Lines, axis: _Axis) -> list[float]:
-    cells = ((place, cell) for place, line in lines for cell in words_of(line))
-    return heights_um(cells, axis.um_per_number, axis.points)
+def _cells(lines: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:
+    return ((place, cell) for place, line in lines for cell in words_of(line))
 
 
 def _plain(word: str) -> str:
@@ -131,5 +142,6 @@ def _plain(word: str) -> str:
         return word
 
 
+SDF = TraceFormat(name="SDF", standard="ISO 25178-71", begins=_VERSION.match, read=read_sdf)
 SMD = TraceFormat(name="SMD", standard="ISO 5436-2", begins=_SMD.match, read=read_smd)
 PRF = TraceFormat(name="PRF", standard="softgauges of the NPL", begins=_PRF.match, read=read_prf)

@@ -1,10 +1,4 @@
-"""One text file with a table of points, read line by line.
-
-Problem codes: `trace.no_header`, `trace.columns`, `trace.not_number`, `trace.not_finite`, `trace.out_of_range`,
-`trace.duplicate_angle`, `trace.duplicate_point`, `trace.few_points`, `trace.meta`; of the whole file
-`trace.too_large`, `trace.separator`, `trace.decimal_comma`, `trace.mixed_decimals`, `trace.negative_angle`,
-`trace.units`, `trace.angles`.
-"""
+"""One text file with a table of points, read line by line."""
 
 from __future__ import annotations
 
@@ -12,8 +6,7 @@ from collections.abc import Sequence
 
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
-from profiles.trace_files.columns import ANGLE, TABLES, UM_PER_UNIT, Columns, columns_named, unit_named
-from profiles.trace_files.dialect import Dialect
+from profiles.trace_files.columns import ANGLE, TABLES, UM_PER_UNIT, Columns, Dialect, columns_named, unit_named
 from profiles.trace_files.header import APPLIED
 from profiles.trace_files.limits import MOST_HEADER_LINES, MOST_POINTS
 
@@ -40,7 +33,7 @@ class TableReader:
         self.columns: Columns | None = None
         self.first: list[float] = []
         self.second: list[float] = []
-        self._header_met = False
+        self._header_seen = False
         self._dialect = Dialect("")
         self._line_of_angle: dict[float, int] = {}
         self._line_of_place: dict[tuple[float, float], int] = {}
@@ -55,7 +48,7 @@ class TableReader:
             if not self.second:
                 self._take_meta(number, line)
             return
-        if not self._header_met:
+        if not self._header_seen:
             self._dialect = Dialect(line)
             self._take_header(number, line, self._dialect.cells(self._dialect.header))
             return
@@ -64,9 +57,8 @@ class TableReader:
         if cause := self._dialect.cause(cells, target):
             self._spoil(cause, number, value=line, limit=PLAIN_HEADER)
         elif len(self.second) >= MOST_POINTS:
-            self._spoil(
-                "trace.too_large", number, value=f"> {MOST_POINTS} points", limit=f"<= {MOST_POINTS} points"
-            )
+            value, limit = f"> {MOST_POINTS} points", f"<= {MOST_POINTS} points"
+            self._spoil("trace.too_large", number, value=value, limit=limit)
         elif len(cells) != target:
             names = TABLES[0].names if self.columns is None else self.columns.names
             self._refuse("trace.columns", number, value=line, limit=",".join(names))
@@ -75,13 +67,11 @@ class TableReader:
 
     def finish(self) -> None:
         """Raise `ProfileError` with all problems, if there are any; forget the keys that were applied."""
-        if not self._header_met:
+        if not self._header_seen:
             self.problems.append(Problem(code="trace.no_header", where=self.where, limit=PLAIN_HEADER))
         if not self.problems and len(self.second) < FEWEST_POINTS:
-            value = str(len(self.second))
-            self.problems.append(
-                Problem(code="trace.few_points", where=self.where, value=value, limit=f">= {FEWEST_POINTS}")
-            )
+            value, limit = str(len(self.second)), f">= {FEWEST_POINTS}"
+            self.problems.append(Problem(code="trace.few_points", where=self.where, value=value, limit=limit))
         if self.problems:
             raise ProfileError(*self.problems)
         self.meta = {key: value for key, value in self.meta.items() if key not in APPLIED}
@@ -100,7 +90,7 @@ class TableReader:
             return
         self.meta[key] = value
         allowed = {"units": tuple(UM_PER_UNIT), "angles": ("equal",), "angle_range": tuple(_RANGES)}.get(key)
-        if self._header_met and allowed:
+        if self._header_seen and allowed:
             self._refuse("trace.meta_late", number, key=key, value=line, limit=PLAIN_HEADER)
         elif allowed and value not in allowed:
             self._spoil("trace.key", number, key=key, value=value, limit=", ".join(allowed))
@@ -121,7 +111,7 @@ class TableReader:
             self._to_deg = _TURN_DEG * int(value)
 
     def _take_header(self, number: int, line: str, cells: Sequence[str]) -> None:
-        self._header_met = True
+        self._header_seen = True
         self.columns = columns_named(tuple(cells))
         if self.columns is None:
             code = "trace.no_header" if self._dialect.is_point(cells) else "trace.columns"
@@ -178,9 +168,11 @@ class TableReader:
             self.first.append(angle if angle >= 0.0 else angle % _TURN_DEG)
             self.second.append(deviation)
             return
-        if closes and not self._closed and self._repeats_start(deviation):
-            self._closed = True
-            return
+        if closes and not self._closed:
+            at_start = self.second[list(self._line_of_angle).index(self._from_deg)]
+            self._closed = abs(deviation - at_start) <= CLOSING_TOLERANCE_UM
+            if self._closed:
+                return
         limit = f"{self.where}:{self._line_of_angle[place]}"
         self._refuse("trace.duplicate_angle", number, key=ANGLE, value=cell, limit=limit)
 
@@ -202,13 +194,9 @@ class TableReader:
         key = ",".join(self.columns.names) if self.columns else ""
         self._refuse("trace.duplicate_point", number, key=key, value=shown, limit=f"{self.where}:{before}")
 
-    def _repeats_start(self, deviation: float) -> bool:
-        at_start = self.second[list(self._line_of_angle).index(self._from_deg)]
-        return abs(deviation - at_start) <= CLOSING_TOLERANCE_UM
-
     def _spoil(self, code: str, number: int, *, key: str = "", value: str, limit: str) -> None:
         """Refuse the whole file for a fault that is on every line of it."""
-        self.spoilt = self._header_met = True
+        self.spoilt = self._header_seen = True
         self.problems.clear()
         self._refuse(code, number, key=key, value=value, limit=limit)
 

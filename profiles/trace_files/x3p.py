@@ -41,14 +41,11 @@ DATA_CAP_BYTES = 8 * MOST_POINTS
 MOST_MEMBERS = 1000
 MOST_ELEMENTS = MOST_POINTS + 1000
 MOST_ATTRIBUTES = 1000
-LONGEST_ATTRIBUTE = 300
-"""Characters: that of a namespace is repeated in every name below it."""
-
+LONGEST_ATTRIBUTE = 300  # characters: that of a namespace is repeated in every name below it
 _TYPES = {"I": "<i2", "L": "<i4", "F": "<f4", "D": "<f8"}
 _INTEGERS = ("I", "L")
+# The errors of `zipfile` for an archive that is broken, encrypted, or packed by an unknown method.
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError)
-"""The errors of `zipfile` for an archive that is broken, encrypted, or packed by an unknown method."""
-
 _QUOTED = re.compile(r"""=\s*(?:"[^"]*"|'[^']*')""")
 
 _Element = ElementTree.Element
@@ -57,10 +54,8 @@ _Element = ElementTree.Element
 def read_x3p(content: bytes, where: str) -> ClosedProfile:
     """Return the profile in the bytes of an X3P file.
 
-    Raises:
-        ProfileError: `trace.format`, not such an archive, or not one profile at equal steps;
-            `trace.too_large`, a part of it exceeds its cap; and what
-            `profiles.trace_files.closed.heights_um` refuses.
+    Raises `ProfileError`: `trace.format`, not such an archive, or not one profile at equal steps;
+    `trace.too_large`, a part of it exceeds its cap; and what `profiles.trace_files.closed.heights_um` refuses.
     """
     if (members := content.count(_MEMBER)) > MOST_MEMBERS:  # each uses memory before any is opened
         raise unusable(where, "X3P", f"{members} files", f"<= {MOST_MEMBERS} files")
@@ -118,17 +113,16 @@ def _refuse_swelling(text: str, where: str) -> None:
     elements = text.count("<") - text.count("</")
     attributes = text.count("=")
     longest = max((len(found.group()) for found in _QUOTED.finditer(text)), default=0)
-    for met, most, unit in (
+    for actual, most, unit in (
         (elements, MOST_ELEMENTS, "elements"),
         (attributes, MOST_ATTRIBUTES, "attributes"),
         (longest, LONGEST_ATTRIBUTE, "characters in an attribute"),
     ):
-        if met > most:
-            raise too_large(f"{where}: main.xml", f"{met} {unit}", f"{most} {unit}")
+        if actual > most:
+            raise too_large(f"{where}: main.xml", f"{actual} {unit}", f"{most} {unit}")
 
 
 def _name(element: _Element) -> str:
-    """Return the name of an element without its namespace."""
     return element.tag.rpartition("}")[2]
 
 
@@ -152,7 +146,6 @@ def _expect(root: _Element, path: str, allowed: tuple[str, ...], where: str) -> 
 
 
 def _scale_um(root: _Element, where: str) -> float:
-    """Return the scale of a stored number, um."""
     integer = _expect(root, "Record1/Axes/CZ/DataType", tuple(_TYPES), where) in _INTEGERS
     stated = _said(root, "Record1/Axes/CZ/Increment") or "1"
     return number(stated, "CZ/Increment", where, *((ABOVE_ZERO, 1.0) if integer else (1.0, 1.0))) * UM_PER_M
@@ -181,8 +174,9 @@ def _linked(archive: zipfile.ZipFile, root: _Element, points: float, where: str)
         yield f"{where}: {printable(link, 60)} {place}", repr(value) if good else "BAD"
 
 
-def _begins(content: bytes) -> bool:
-    return content.startswith(_BEGINNING)
-
-
-X3P = TraceFormat(name="X3P", standard="ISO 25178-72", begins=_begins, read=read_x3p)
+X3P = TraceFormat(
+    name="X3P",
+    standard="ISO 25178-72",
+    begins=lambda content: content.startswith(_BEGINNING),
+    read=read_x3p,
+)

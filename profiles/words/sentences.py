@@ -30,8 +30,7 @@ class _Facts(Protocol):
     def facts(self) -> str: ...
 
 
-SINGULAR = ".one"
-"""Ends the key of a singular, beside that of its plural; a language without singulars has none."""
+SINGULAR = ".one"  # ends the key of a singular, beside that of its plural; a language without singulars has none
 
 
 class Sentences:

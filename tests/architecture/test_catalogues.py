@@ -125,8 +125,10 @@ def given_codes() -> Iterator[tuple[str, str]]:
     """
     for path, tree in sources():
         for node in ast.walk(tree):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Problem":
-                for given in (keyword.value for keyword in node.keywords if keyword.arg == "code"):
+            name = getattr(node.func, "id", "") if isinstance(node, ast.Call) else ""
+            if isinstance(node, ast.Call) and name in ("Problem", "refused"):
+                codes = [keyword.value for keyword in node.keywords if keyword.arg == "code"]
+                for given in node.args[:1] if name == "refused" else codes:
                     parts = given.values if isinstance(given, ast.JoinedStr) else [given]
                     code = "".join(str(part.value) if isinstance(part, ast.Constant) else "*" for part in parts)
                     yield f"{path.relative_to(ROOT)}:{node.lineno}", code

@@ -14,7 +14,7 @@ from drivers.pmac.programs.paper import paper_program, spindle_start_counts
 from drivers.pmac.programs.setup import cut_setup
 from profiles.store import load_job, load_machine
 from profiles.trace_files.closed import TraceFormat
-from profiles.trace_files.formats import OF_BYTES, OF_TEXT
+from profiles.traces import OF_BYTES, OF_TEXT
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = (

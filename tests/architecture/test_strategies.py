@@ -10,7 +10,7 @@ import pytest
 from drivers.cutting.strategy import INVERTING, Strategy
 
 ROOT = Path(__file__).parents[2]
-REGISTERED = ROOT / "drivers" / "cutting"
+REGISTERED = ROOT / "drivers" / "cutting" / "strategy.py"
 NAMES = {each.value for each in Strategy}
 
 
@@ -45,10 +45,6 @@ def decisions(source: str) -> Iterator[int]:
             yield node.lineno
 
 
-def registered(path: Path) -> bool:
-    return path == REGISTERED / "strategy.py" or path.parent == REGISTERED / "strategies"
-
-
 def test_nobody_but_its_descriptor_decides_by_the_name_of_a_strategy() -> None:
     paths = sorted(
         path for tree in ("console", "drivers", "profiles", "docs") for path in (ROOT / tree).rglob("*.py")
@@ -56,7 +52,7 @@ def test_nobody_but_its_descriptor_decides_by_the_name_of_a_strategy() -> None:
     found = [
         f"{path.relative_to(ROOT)}:{line}"
         for path in paths
-        if not registered(path)
+        if path != REGISTERED
         for line in decisions(path.read_text(encoding="utf-8"))
     ]
     assert found == []

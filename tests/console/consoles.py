@@ -64,7 +64,7 @@ class OneConsole:
 class WithStation(OneConsole):
     """The same with the station of a screen."""
 
-    place: StationContext
+    context: StationContext
     station: Station
 
     @property
@@ -113,19 +113,19 @@ def station_of(sim: SimulatedLathe, data: Path, *, locking: bool = True) -> With
     """Connect a console with a station, as a screen has it: it claims the machine, or looks on."""
     loaded: LoadedMachine = load_machine(MACHINE)
     alone = console_of(sim, loaded.machine, data, locking=locking)
-    place = StationContext(
+    context = StationContext(
         lathe=alone.lathe,
         owning=alone.owning,
-        machine=loaded,
+        loaded_machine=loaded,
         clock=sim,
         shop=None,
         records=data,
         local_time=lambda: LOCAL_TIME,
     )
-    place.tell(address=ADDRESS)
-    station = Station(place)
+    context.tell(address=ADDRESS)
+    station = Station(context)
     alone.looks.append(station.seen)
-    made = WithStation(**vars(alone), place=place, station=station)
+    made = WithStation(**vars(alone), context=context, station=station)
     assert station.connect()
     return made
 

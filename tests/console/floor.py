@@ -48,7 +48,7 @@ class Floor:
     stop: StopPath
     link: MemoryLink
     station: Station
-    place: StationContext
+    context: StationContext
     looks: list[Callable[[Snapshot], None]] = field(default_factory=list)
 
     @property
@@ -128,16 +128,16 @@ def open_floor(
             floor.station.seen(snapshot)
 
     lathe = Lathe(PmacClient(link, sim), machine.machine, sim, stop, seen)
-    place = StationContext(
+    context = StationContext(
         lathe=lathe,
         owning=Owning(lathe, link.address, records),
-        machine=machine,
+        loaded_machine=machine,
         clock=sim,
         shop=sim,
         records=records,
         local_time=lambda: LOCAL_TIME,
     )
-    floor = Floor(sim=sim, lathe=lathe, stop=stop, link=link, station=Station(place), place=place)
+    floor = Floor(sim=sim, lathe=lathe, stop=stop, link=link, station=Station(context), context=context)
     made.append(floor)
     assert floor.station.connect()
     return floor
@@ -160,6 +160,6 @@ def set_up_once(records: Path, cut_length_mm: float = 3.0) -> Floor:
         _SET_UP[cut_length_mm] = open_floor(records)
         _SET_UP[cut_length_mm].set_up(experiment_1(cut_length_mm))
     floor = _SET_UP[cut_length_mm]
-    shutil.rmtree(floor.place.records)
-    floor.place.records.mkdir()
+    shutil.rmtree(floor.context.records)
+    floor.context.records.mkdir()
     return floor

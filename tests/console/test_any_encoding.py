@@ -170,7 +170,7 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
                     makers.add(f"{path.relative_to(folder).as_posix()} {node.func.id}")
     assert makers == {
         "lines.py Segment",
-        "plot/spans.py Segment",
+        "plot/cell_view.py Segment",
         "lines.py to_strip",
         "pages/setup.py Input",
     }

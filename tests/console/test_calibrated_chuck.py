@@ -24,11 +24,11 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import ideal
-from profiles.calibration.contact import bending_um, contact_um
+from profiles.calibration.deflection import bending_um, contact_um
 from profiles.chucking.advice import clamping_advice
-from profiles.confidence import student
 from profiles.findings import Severity
 from profiles.job import Job
+from profiles.least_squares import student
 from profiles.machine import MachineProfile, real_machine_problems
 from profiles.problem import ProfileError
 from profiles.rules import check, lobe_as_found

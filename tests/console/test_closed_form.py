@@ -16,7 +16,7 @@ from drivers.preview.closed_form import closed_form
 from drivers.preview.outlook import outlook
 from drivers.preview.preview import preview
 from profiles.axis.servo import sampled_response
-from profiles.compensations.path import CutPath, Wave
+from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine
 
@@ -77,7 +77,7 @@ def test_a_learned_path_is_what_everything_is_of() -> None:
     assert seen.command == path.command
     delay_s = MACHINE.controller.servo_period_ms / 1000.0
     answer = complex(sampled_response(MACHINE, 100.0)) * cmath.exp(-2j * math.pi * 100.0 * delay_s)
-    extra = Wave.of(6, -2.0 * answer).at_um(early.angle_deg)
+    extra = PathHarmonic.of(6, -2.0 * answer).at_um(early.angle_deg)
     assert early.residual_um == pytest.approx(extra, abs=1e-6)
     assert seen.predictions[Strategy.CAM].ront_um == pytest.approx(float(np.ptp(extra)), abs=0.1)
     # The others are of the model, as they were.

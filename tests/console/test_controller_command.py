@@ -201,7 +201,7 @@ def test_a_proven_machine_of_iron_has_a_stop_record_until_it_stops_otherwise(
     assert stop_lines(said) == {"stops_other_settings": "warned"}
     card.tell("I219=0.1")
     # Ramps of the card that are longer than what was read back makes of them.
-    bounds = "drivers.commissioning.proofs.stop_results.after_abort"
+    bounds = "drivers.commissioning.proofs.stopping.after_abort"
     monkeypatch.setattr(bounds, lambda speed, rate, late_ms: StoppingDistance(0.0, 0.0))
     assert console("doctor", "--prove", "--yes").code == 1
     assert not file.exists()
@@ -242,7 +242,7 @@ def test_backup_then_diff(console: Console, card: Commissioned, tmp_path: Path) 
 
 
 def test_a_backup_of_another_family_is_refused(console: Console, card: Commissioned, tmp_path: Path) -> None:
-    from drivers.commissioning.backup_text import backup_text
+    from drivers.commissioning.backup import backup_text
     from drivers.commissioning.configuration import Configuration
 
     other = "turbo" if card.dialect.name == "pmac" else "pmac"
@@ -318,7 +318,7 @@ def test_everything_that_can_be_said_has_words(language: str) -> None:
     words = {key for file in files for key in tomllib.loads(file.read_text(encoding="utf-8"))}
     sources = Path(package.__file__ or "").parents[1] / "drivers" / "commissioning"
     code = "\n".join(path.read_text(encoding="utf-8") for path in sources.rglob("*.py"))
-    said = set(re.findall(r'(?:code=|told\(\s*|_check\([\w.]+, )"([a-z_]+)"', code))
+    said = set(re.findall(r'(?:code=|about\(\s*|(?:_check|Check)\(\s*[\w.]+,\s*)"([a-z_]+)"', code))
     said |= set(re.findall(r'"(\w+)" if \w+ else "\w+"', code)) | set(re.findall(r'if \w+ else "(\w+)"', code))
     names = names_of(load_machine("lee-2001-lathe").machine)
     said |= {f"unproven_{name}" for name in names} | {f"proof_{name}" for name in names}

@@ -97,7 +97,7 @@ def test_a_cut_that_another_host_ends_is_ended_early_and_not_measured(
     floor.do(Recover())
     refused = floor.do(Measure())
     assert [problem.code for problem in refused.refusals] == ["session.nothing_cut"]
-    assert (floor.place.records / FILE_NAME).exists()
+    assert (floor.context.records / FILE_NAME).exists()
 
 
 @pytest.mark.parametrize("strategy", [Strategy.CAM, Strategy.PVT])

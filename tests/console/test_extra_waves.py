@@ -47,15 +47,15 @@ def refused(data: Path, strategy: str, extra: tuple[int, ...]) -> list[Problem]:
 
 
 def test_waves_that_are_asked_for_are_learned_and_can_be_cut(tmp_path: Path) -> None:
-    found = lesson(tmp_path, "cam", (2, 5)).lesson
+    found = lesson(tmp_path, "cam", (2, 5)).step
     assert {2, 5} <= set(found.learned) <= {2, 3, 5, 6, 9}
     assert found.expected_ront_um < 0.2
     path = found.next.path
-    waves = {wave.lobes: wave for wave in path.target.overtones}
-    assert (waves[5].amplitude_um, waves[5].crest_deg % 72.0) == pytest.approx((2.0, 11.0), abs=0.1)
-    assert waves[2].amplitude_um == pytest.approx(1.5, abs=0.02)
+    harmonics = {harmonic.lobes: harmonic for harmonic in path.target.overtones}
+    assert (harmonics[5].amplitude_um, harmonics[5].crest_deg % 72.0) == pytest.approx((2.0, 11.0), abs=0.1)
+    assert harmonics[2].amplitude_um == pytest.approx(1.5, abs=0.02)
     assert plan_cut(JOB.job, LATHE.machine, Strategy.CAM, path=path).target == path.target
-    plain = lesson(tmp_path, "cam", ()).lesson
+    plain = lesson(tmp_path, "cam", ()).step
     assert not {2, 5} & set(plain.learned)
     assert plain.expected_ront_um > 3.0
 

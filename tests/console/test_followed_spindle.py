@@ -9,10 +9,9 @@ from typing import Any
 
 import pytest
 
-from console.session.cut.context import CutContext
-from console.session.cut.headless import cut_part
+from console.session.cut.engine import CutContext
 from console.session.cut.interlocks import of_zero
-from console.session.cut.run import plan_run
+from console.session.cut.run import cut_part, plan_run
 from console.session.errors import SessionError
 from drivers.cutting.planning import Strategy
 from drivers.lathe.heartbeat import Heartbeat, cut_condition
@@ -108,7 +107,7 @@ def test_every_stop_is_a_control_k_because_control_a_would_close_the_spindle(mac
 def test_jaw_1_is_known_from_the_zero_of_the_strategy(
     machine: MachineProfile, strategy: Strategy, jaw_found: bool, code: list[str]
 ) -> None:
-    assert [problem.code for problem in of_zero(machine, strategy, jaw_found=jaw_found).problems] == code
+    assert [problem.code for problem in of_zero(machine, strategy, jaw_found=jaw_found)] == code
 
 
 def test_the_command_cuts_without_a_part_to_compare_with(console: Console, tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ def at_start(**axes: AxisState) -> Snapshot:
 
 
 def problems(snapshot: Snapshot) -> list[Problem]:
-    return [problem for lock in of_machine(snapshot, plan(), MACHINE, ()) for problem in lock.problems]
+    return list(of_machine(snapshot, plan(), MACHINE))
 
 
 def test_a_machine_at_its_start_may_cut() -> None:

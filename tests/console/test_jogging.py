@@ -10,10 +10,10 @@ from console.session.cut.alignment import Alignment, TouchOff, clamping_of
 from console.session.station.jogging import (
     STEPS_DEG,
     STEPS_MM,
+    Steps,
     is_too_long,
     longest_in_mm,
     longest_toward_mm,
-    step_of,
     stopping_distance,
     tool_radius_mm,
 )
@@ -79,7 +79,7 @@ def farthest(machine: MachineProfile, axis: AxisName, step: float) -> float:
 def test_no_stop_in_a_step_runs_further_than_is_promised(
     machine: MachineProfile, axis: AxisName, rung: int
 ) -> None:
-    step = step_of(axis, rung)
+    step = Steps(mm=rung, deg=rung).of(axis)
     assert farthest(machine, axis, step) <= stopping_distance(machine, axis, step) + 1e-9
 
 
@@ -88,13 +88,13 @@ def test_a_soft_abort_may_go_beyond_the_step_and_is_told_so(
     machine: MachineProfile, axis: AxisName, rung: int
 ) -> None:
     soft = with_variable(machine, f"I{MOTORS[axis]}15", 0.01)
-    step = step_of(axis, rung)
+    step = Steps(mm=rung, deg=rung).of(axis)
     assert farthest(soft, axis, step) <= stopping_distance(soft, axis, step) + 1e-9
 
 
 @pytest.mark.parametrize(("axis", "rung"), STEPS)
 def test_no_step_is_faster_than_its_bound(machine: MachineProfile, axis: AxisName, rung: int) -> None:
-    step = step_of(axis, rung)
+    step = Steps(mm=rung, deg=rung).of(axis)
     pieces = trajectory(machine, axis, step)
     end_ms = sum(piece.duration_ms for piece in pieces)
     fastest = max(at(pieces, end_ms * n / 500.0)[1] for n in range(501))
@@ -117,7 +117,7 @@ def test_without_an_abort_rate_nothing_is_promised(machine: MachineProfile) -> N
 
 
 def test_the_ladder_is_in_degrees_for_the_spindle_alone() -> None:
-    assert [step_of(axis, 2) for axis in AxisName] == [0.1, 1.0, 0.1]
+    assert [Steps(mm=2, deg=2).of(axis) for axis in AxisName] == [0.1, 1.0, 0.1]
     assert len(STEPS_MM) == len(STEPS_DEG)
 
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.cut.context import CutContext
-from console.session.cut.engine import Step
+from console.session.cut.engine import CutContext, Step
 from console.session.cut.run import plan_run
 from console.session.learning import learning
 from console.session.learning.learning import learn
@@ -129,8 +128,10 @@ def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypat
     result = learn(plan, row.shop, row.tell, 1)
     (part,) = result.parts
     (grown,) = part.grown
-    assert grown.waves == 9 and grown.grown_um > 1.5 * grown.best_um
-    assert next(w.amplitude_um for w in part.path.command.waves if w.lobes == 9) == pytest.approx(0.0, abs=1e-9)
+    assert grown.order == 9 and grown.grown_um > 1.5 * grown.best_um
+    assert next(w.amplitude_um for w in part.path.command.harmonics if w.lobes == 9) == pytest.approx(
+        0.0, abs=1e-9
+    )
     assert 3 in part.learned and 9 not in part.learned
     assert part.roundness.amplitude_um(9) < 1.0
     (problem,) = result.warnings

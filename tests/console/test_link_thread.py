@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from console.session.station.commands import Acknowledge, Command, EnableDrives, Home
-from console.session.station.link_thread import LinkThread, Opened
+from console.session.station.link_thread import LinkThread
 from console.session.station.state import Activity, StationState
+from console.session.station.station import Opened
 from drivers.errors import LinkError
 from profiles.problem import Problem
 from tests.console.floor import Floor, open_floor

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.station.link_time import KEPT_S, LinkTime, rounded_up_ms
+from console.session.station.watches import KEPT_S, LinkTime, rounded_up_ms
 
 ANSWERS_S = st.lists(st.floats(0.0002, 0.09), min_size=2, max_size=60)
 POLL_S = 0.5

@@ -31,10 +31,11 @@ from console.session.station.commands import (
     Verify,
 )
 from console.session.station.handlers import HANDLERS
-from console.session.station.link_thread import LinkThread, Opened
+from console.session.station.link_thread import LinkThread
 from console.session.station.state import Activity, Armed
+from console.session.station.station import Opened
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.lathe.control_state import Standing
+from drivers.lathe.ownership import Standing
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine
@@ -100,7 +101,7 @@ def in_a_jog(owner: WithStation, act: Callable[[], object], way_mm: float = 5.0)
 
 
 def armed(sim: SimulatedLathe, owner: WithStation) -> Armed:
-    plan = plan_cut(JOB, owner.place.machine, Strategy.PVT)
+    plan = plan_cut(JOB, owner.context.machine, Strategy.PVT)
     alignment = owner.state.alignment
     made = MadeWith(compensation="none", strategy="pvt", stage="full", inverted="model")
     until_s = sim.now_s() + 10.0
@@ -230,7 +231,7 @@ def test_at_rest_the_machine_is_taken_over_and_aligned_anew(
 def test_who_takes_the_machine_back_finds_nothing_aligned(ready: WithStation, observer: WithStation) -> None:
     """The other one may have changed anything meanwhile: part, jaws, tool."""
     on = ready.state.alignment.on
-    ready.place.tell(
+    ready.context.tell(
         alignment=replace(
             ready.state.alignment,
             clamping=clamping_of(JOB, at="08:40"),
@@ -266,7 +267,7 @@ def test_in_motion_a_take_over_is_refused_and_nothing_is_written(
 def test_who_was_pushed_aside_says_so_once_is_disarmed_and_sends_nothing_but_stops(
     sim: SimulatedLathe, ready: WithStation, observer: WithStation
 ) -> None:
-    ready.place.tell(armed=armed(sim, ready))
+    ready.context.tell(armed=armed(sim, ready))
     observer.do(TakeControl())
     state = ready.look()
     assert (state.standing, state.holder, state.armed) == (Standing.OUSTED, observer.number, None)
@@ -290,7 +291,7 @@ def test_a_start_that_was_on_its_way_when_the_machine_was_taken_over_does_not_go
     sim: SimulatedLathe, ready: WithStation, observer: WithStation
 ) -> None:
     """The order was taken, and then the other console was faster."""
-    ready.place.tell(armed=armed(sim, ready))
+    ready.context.tell(armed=armed(sim, ready))
     assert ready.station.post(Start())
     observer.do(TakeControl())
     ready.hear()

@@ -17,14 +17,14 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.machine import SimulatedLathe
 from profiles.compensations.learned import HoldsFor, LearnedCompensation, PartRead
-from profiles.compensations.path import CutPath, LobedPath, Wave
+from profiles.compensations.path import CutPath, LobedPath, PathHarmonic
 from profiles.problem import ProblemError, ProfileError
 from profiles.store import load_machine
 from tests.console.test_identified_store import RESPONSE
 
 MACHINE = load_machine("lee-2001-lathe").machine
 HOLDS = HoldsFor(job="j", job_sha256="a", machine="m", machine_sha256="b", simulated=True, strategy="pvt")
-WAVE = Wave(lobes=3, amplitude_um=27.5, crest_deg=10.0)
+WAVE = PathHarmonic(lobes=3, amplitude_um=27.5, crest_deg=10.0)
 PATH = LobedPath(mean_um=50.0, amplitude_um=27.5, lobes=3, crest_deg=10.0, overtones=(WAVE,))
 LEARNED = LearnedCompensation(
     holds_for=HOLDS,

@@ -10,7 +10,7 @@ import pytest
 
 from console.session.errors import SessionError
 from drivers.errors import RefusedError
-from drivers.lathe.control_state import Standing
+from drivers.lathe.ownership import Standing
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile

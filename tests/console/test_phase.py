@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.cut.phase import Phase, is_in_phase, phase_limit_deg
+from console.session.cut.telemetry import Phase, is_in_phase, phase_limit_deg
 from console.session.station.commands import Acknowledge, DisableDrives, Recover, Retract, Start
 from console.session.station.progress import CutStage
 from drivers.cutting.planning import Strategy
@@ -100,8 +100,8 @@ def test_out_of_phase_is_over_with_its_cut_and_leaves_when_it_was_seen(tmp_path:
     floor = open_floor(tmp_path)
     job = experiment_1(2.0)
     floor.set_up(job)
-    motor = floor.place.machine.tool.motor
-    gain = floor.place.machine.controller.variables[f"I{motor}30"]
+    motor = floor.context.machine.tool.motor
+    gain = floor.context.machine.controller.variables[f"I{motor}30"]
 
     def set_gain(share: float) -> None:
         floor.sim.controller.variables.replace_i({**_settings(floor), motor * 100 + 30: share * gain})

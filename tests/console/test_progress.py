@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.cut.phase import phase_of
+from console.session.cut.telemetry import phase_of
 from console.session.station.commands import Start
 from console.session.station.progress import CutProgress, CutStage
 from profiles.compensations.path import LobedPath

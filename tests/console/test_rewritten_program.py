@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from console.session.cut.engine import Step
-from console.session.cut.headless import cut_part
 from console.session.cut.in_process import simulated_context
+from console.session.cut.run import cut_part
 from console.session.errors import SessionError
 from console.session.station.commands import Start
 from drivers.cutting.planning import plan_cut

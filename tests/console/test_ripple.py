@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from console.session.cut.telemetry import ORDERS, WITHIN_LIMIT_PERCENT, spindle_ripple
 from console.session.station.commands import Start
-from console.session.station.ripple import ORDERS, WITHIN_LIMIT_PERCENT, spindle_ripple
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.plant.spindle import Spindle
@@ -117,5 +117,5 @@ def test_a_cut_tells_the_swing_of_its_spindle(
     cut = floor.state.cut
     assert cut is not None and cut.ripple is not None
     true_position = swing_of_the_iron(np.array(recorder.positions[in_part[0] : in_part[-1]]))
-    assert cut.ripple_percent == pytest.approx(true_position, abs=cut.ripple.within_percent)
+    assert cut.ripple.percent == pytest.approx(true_position, abs=cut.ripple.within_percent)
     assert true_position == pytest.approx(200.0 * share, abs=0.1)

@@ -16,10 +16,8 @@ from typing import Any
 
 import pytest
 
-from console.session.data.killed_runs import killed_or_refused, killed_runs
 from console.session.data.record_file import FILE_NAME
-from console.session.data.records import RunRecord
-from console.session.data.running import FOLDER
+from console.session.data.records import FOLDER, RunRecord, killed_or_refused, killed_runs
 from console.session.errors import SessionError
 from console.text.catalogue import load
 

@@ -15,7 +15,7 @@ from console.session.errors import Interrupted
 from console.session.signals import Interruption
 from console.session.station.reaching import guard, leave
 from drivers.errors import RefusedError
-from drivers.lathe.control_state import NOBODY, Standing
+from drivers.lathe.ownership import NOBODY, Standing
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER

@@ -76,7 +76,7 @@ def test_without_alignment_of_the_phase_the_lobe_stays(floor: Floor) -> None:
     jaw = floor.state.alignment.jaw
     assert jaw is not None
     wrong = replace(jaw, angle_deg=(jaw.angle_deg + 60.0) % 360.0)
-    floor.place.tell(alignment=replace(floor.state.alignment, jaw=wrong))
+    floor.context.tell(alignment=replace(floor.state.alignment, jaw=wrong))
     floor.arm(job)
     floor.do(Start())
     measured = floor.do(Measure()).measured
@@ -151,8 +151,8 @@ def test_a_stop_in_mid_cut_says_where_it_marked_the_part(floor: Floor) -> None:
     assert state.marks_mm == (state.stop.mark_mm,)
     assert state.stop.mark_mm == pytest.approx(state.snapshot.carriage.position / 1000.0 - 10.0)
     assert state.stop.mark_mm == pytest.approx(2.0, abs=0.1)
-    assert floor.place.plan is not None
-    stood_um = 0.2 * (state.snapshot.tool.position - floor.place.plan.setup.surface)
+    assert floor.context.plan is not None
+    stood_um = 0.2 * (state.snapshot.tool.position - floor.context.plan.setup.surface)
     floor.do(Recover())
     floor.do(Retract())
     floor.arm(job)
@@ -314,7 +314,7 @@ def test_every_cut_is_in_the_record(aligned: Floor) -> None:
     aligned.arm(experiment_1())
     aligned.do(Start())
     aligned.do(Measure())
-    with sqlite3.connect(aligned.place.records / "records.sqlite3") as database:
+    with sqlite3.connect(aligned.context.records / "records.sqlite3") as database:
         kinds = [kind for (kind,) in database.execute("SELECT kind FROM events ORDER BY number")]
         runs = database.execute("SELECT job, simulated, strategy FROM runs").fetchall()
     database.close()
@@ -336,7 +336,7 @@ def test_an_axis_fault_stops_everything(aligned: Floor) -> None:
 
 def test_what_is_seen_at_the_chuck_is_not_needed_for_the_machine(aligned: Floor) -> None:
     def blind(_: Snapshot) -> None:
-        aligned.place.shop = None
+        aligned.context.shop = None
 
     aligned.looks.append(blind)
     assert aligned.idle().activity is Activity.READY
@@ -480,6 +480,6 @@ def test_a_tool_out_of_phase_is_an_alarm(aligned: Floor) -> None:
     armed = state.armed
     assert armed is not None
     target = replace(armed.plan.target, crest_deg=armed.plan.target.crest_deg + 5.0)
-    aligned.place.tell(armed=replace(armed, plan=replace(armed.plan, target=target)))
+    aligned.context.tell(armed=replace(armed, plan=replace(armed.plan, target=target)))
     state = aligned.do(Start())
     assert "cut.out_of_phase" in [alarm.problem.code for alarm in state.alarms]

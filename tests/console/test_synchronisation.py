@@ -85,7 +85,7 @@ def test_a_followed_spindle_that_comes_to_stand_is_lost_and_has_no_ripple() -> N
         told.append(watch.see(replace(look, driven=driven_axes(machine)), CutStage.RUN_UP, False, rpm))
     assert [each.synchronisation for each in (told[149], told[150], told[199])] == [IN_SYNC, LOST, LOST]
     assert told[199].in_phase
-    assert {each.ripple_percent for each in told} == {None}
+    assert {each.ripple for each in told} == {None}
 
 
 # On the simulated lathe -----------------------------------------------------------------------------------------

@@ -53,7 +53,7 @@ def test_a_trace_that_ends_is_told_once_and_the_job_goes_on(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from drivers.link.trace_file import TraceFile
+    from drivers.link.tracing import TraceFile
 
     written = 0
 

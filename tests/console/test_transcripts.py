@@ -15,15 +15,15 @@ from random import Random
 
 import pytest
 
-from console.session.cut.context import CutContext
-from console.session.cut.headless import CutOutcome, cut_part
+from console.session.cut.engine import CutContext
+from console.session.cut.run import CutOutcome, cut_part
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
-from drivers.link.trace import TracedLink
+from drivers.link.tracing import TracedLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from profiles.roundness import evaluate

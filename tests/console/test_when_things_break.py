@@ -10,10 +10,8 @@ from typing import Any
 
 import pytest
 
-from console.session.cut.context import CutContext
-from console.session.cut.engine import Step
-from console.session.cut.headless import cut_part
-from console.session.cut.run import plan_run
+from console.session.cut.engine import CutContext, Step
+from console.session.cut.run import cut_part, plan_run
 from console.session.data.records import RunRecord
 from console.session.errors import SessionError
 from console.text.catalogue import load
@@ -187,7 +185,7 @@ def test_a_record_that_is_locked_stops_the_machine_within_a_moment(
     shop: tuple[CutContext, SimulatedLathe], plan: CutPlan, tmp_path: Path
 ) -> None:
     opened, simulated = shop
-    record = RunRecord(tmp_path, RUN, patience_s=0.3)
+    record = RunRecord(tmp_path, RUN, timeout_s=0.3)
     other = sqlite3.connect(tmp_path / "records.sqlite3", isolation_level=None)
 
     def lock() -> None:

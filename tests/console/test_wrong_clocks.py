@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from console.session.data import records
-from console.session.data.dates import is_ahead
 from console.session.data.history import last_results
+from console.session.data.kept_files import is_ahead
 from console.session.data.learned_store import asked_for
 from console.session.data.made_parts import cuts_of, date_problems, parts_made
 from console.session.data.records import RunRecord
@@ -120,7 +120,7 @@ def test_a_cut_of_a_day_to_come_is_told(data: Path, monkeypatch: pytest.MonkeyPa
     record_cut(data, monkeypatch, EARLY, None)
     record_cut(data, monkeypatch, EARLY, 3)
     asked = asked_for(JOB, MACHINE, "", simulated=True)
-    monkeypatch.setattr("console.session.data.made_parts.utc_now", lambda: "2001-11-29T10:00:00Z")
+    monkeypatch.setattr("console.session.data.kept_files.utc_now", lambda: "2001-11-29T10:00:00Z")
     (told,) = date_problems(cuts_of(data, asked), asked.job)
     assert (told.code, told.value) == ("record.date_ahead", "2001-11-30T10:00:00.000+00:00")
     assert "2001-11-30T10:00" in load("en").problem(told)

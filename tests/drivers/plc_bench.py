@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from drivers.pmac.dialect import PMAC, Dialect
-from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
-from drivers.pmac.language.plc_structure import PlcCode, link_plc
+from drivers.pmac.language.plc_statements import PlcCode, link_plc, parse_plc_line, stored_lines
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.plcs.plc import Addressed, PlcFault, PlcRun
 from drivers.pmac.settings import settings_with

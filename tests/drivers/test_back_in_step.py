@@ -13,7 +13,7 @@ from drivers.errors import ControllerError, DriverError, LinkError, LinkTimeoutE
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.link_faults import FaultKind
+from drivers.pmac.framing import FaultKind
 from drivers.pmac.reserved import MARKER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile

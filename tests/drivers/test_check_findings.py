@@ -7,7 +7,7 @@ import math
 import pytest
 
 from drivers.pmac.analysis.findings import Code, ProgramFinding
-from drivers.pmac.analysis.folding import fold
+from drivers.pmac.analysis.moves import fold
 from drivers.pmac.analysis.program import ProgramCheck, check_program
 from profiles.findings import Severity
 from profiles.machine import MachineProfile

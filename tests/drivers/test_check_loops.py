@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.pmac.analysis.loops import find_loops
+from drivers.pmac.analysis.endless import find_loops
 from drivers.pmac.analysis.walk import Ending, Walk, walk
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.program_text import read_program

@@ -10,12 +10,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from drivers.pmac.compensation.buffers import refuse_definition, refuse_deletion
 from drivers.pmac.compensation.table import (
     CompensationTable,
     TableDefinition,
     TableSource,
     correction_range,
+    refuse_definition,
+    refuse_deletion,
     step_counts,
 )
 from drivers.pmac.compensation.table_text import definition_text, read_table, table_lines

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.commissioning.applying import apply
-from drivers.commissioning.gains import gain_writes
+from drivers.commissioning.gains import apply, gain_writes
 from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.commissioning.verification import checks_of
 from drivers.errors import DriverError, RefusedError

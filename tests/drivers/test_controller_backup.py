@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.commissioning.backup_reading import read_backup
-from drivers.commissioning.backup_text import END_OF_HEADER, TITLE, backup_text
+from drivers.commissioning.backup import END_OF_HEADER, TITLE, backup_text, read_backup
 from drivers.commissioning.comparison import differences
 from drivers.commissioning.configuration import AxisEntry, Configuration, digest
 from drivers.commissioning.reading import read_configuration, whole_card

@@ -16,7 +16,7 @@ from drivers.commissioning.proofs.tables import compensation_edge, roll_over, ta
 from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.errors import DriverError, LinkError
 from drivers.lathe.stop import StoppedError
-from drivers.pmac.heartbeat.registers import definitions
+from drivers.pmac.heartbeat.watchdog import definitions
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.card.leads import Leads

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.cutting.table_state import switch_off, table_problems
+from drivers.cutting.tables import Tables
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from drivers.pmac.dialect import DIALECTS
 from profiles.compensations.path import target_path
 from profiles.problem import ProblemError
 from tests.drivers.close_together import machine as machine
@@ -124,20 +123,20 @@ def test_after_a_stop_in_mid_cut_the_table_is_left_in_the_row_of_zeros(
     floor = CutFloor(short(experiment), machine, Strategy.CAM)
     card, plan = floor.card, floor.plan
     client = PmacClient(MemoryLink(card.port, card.sim), card.sim)
-    dialect = DIALECTS["pmac"]
-    assert table_problems(client, machine, dialect) == ()
+    tables = Tables(client, machine)
+    assert tables.left() == ()
     floor.start()
     card.sim.wait(5.0)
     card.raw("\x01")
     card.settle()
-    found = switch_off(client, machine, dialect)
+    found = tables.switch_off()
     assert "cut.table_on" in {problem.code for problem in found}
     assert floor.number("I51") == 1.0
     card.tell(f"#1J={plan.setup.retracted}")
     card.settle()
     card.tell(f"#3J={plan.zero_row_z}")
     card.settle()
-    assert switch_off(client, machine, dialect) == ()
+    assert tables.switch_off() == ()
     assert (floor.number("I51"), floor.number("M169")) == (0.0, 0.0)
 
 
@@ -151,7 +150,7 @@ def test_with_a_correction_that_was_left_behind_nothing_moves(
     track = floor.finish()
     assert np.ptp(track.carriage) == np.ptp(track.spindle) == 0.0
     client = PmacClient(MemoryLink(floor.card.port, floor.card.sim), floor.card.sim)
-    held = table_problems(client, machine, DIALECTS["pmac"])
+    held = Tables(client, machine).left()
     assert [problem.code for problem in held] == ["cut.table_holds"]
 
 

@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 
 from drivers.cutting.corrected import with_table
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.pmac.check import CheckedMove, CheckedProgram, extent
+from drivers.pmac.check import CheckedMove, CheckedProgram
 from drivers.pmac.compensation.table import step_counts
 from drivers.pmac.compensation.table_text import table_lines
 from drivers.pmac.program_text import read_program
 from drivers.pmac.programs.cam_table import CHORD_LIMIT_UM, Cam, make_cam
 from drivers.pmac.programs.setup import cut_setup
+from drivers.pmac.trajectory.cubics import motion_of
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece, position_at
 from drivers.pmac.trajectory.planned import MoveRecord
@@ -143,7 +144,7 @@ def test_what_the_table_adds_is_put_into_the_motion_a_cycle_late(z_from: float, 
     assert instant_ms == pytest.approx(400.0)
     assert np.abs(errors).max() * 0.2 < 0.1
     pieces = made.moves[0].pieces
-    assert (made.lowest[1], made.highest[1]) == extent(pieces, 0)
+    assert (made.lowest[1], made.highest[1]) == motion_of(pieces, 0).extent()
     # 155 counts at 50 Hz are 48.7 counts/ms at most.
     assert made.peak_velocity[1] == pytest.approx(155.0 * 0.314159, rel=0.02) or z_per_ms > 1.0
 

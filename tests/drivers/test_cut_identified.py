@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.cutting.planning import Strategy, nominal_command, plan_cut
-from drivers.identification.fit import unfit_problems
 from drivers.identification.nominal import nominal_response
-from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin, as_response
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin, as_response, unfit_problems
 from profiles.axis.servo import sampled_response
 from profiles.problem import ProfileError
 

@@ -16,7 +16,7 @@ from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines, run_through
 from drivers.pmac.settings import settings_with
 from profiles.axis.servo import sampled_response
-from profiles.compensations.path import CutPath, Wave, target_path
+from profiles.compensations.path import CutPath, PathHarmonic, target_path
 from profiles.findings import Severity
 from profiles.problem import ProblemError
 from tests.drivers.cut_floor import short
@@ -72,8 +72,8 @@ def deviation_um(plan: CutPlan, job: Job, machine: MachineProfile) -> np.ndarray
     tool, spindle = sampled(moves, 0), sampled(moves, 1)
     response = complex(sampled_response(machine, job.lobe_frequency_hz))
     target = target_path(job)
-    wave = np.exp(1j * job.jaws * (2 * np.pi * spindle / 10_000 - np.radians(target.crest_deg)))
-    path = target.mean_um + target.amplitude_um * np.real(wave / response)
+    harmonic = np.exp(1j * job.jaws * (2 * np.pi * spindle / 10_000 - np.radians(target.crest_deg)))
+    path = target.mean_um + target.amplitude_um * np.real(harmonic / response)
     return np.asarray((tool - plan.setup.surface) * 0.2 - path)
 
 
@@ -248,9 +248,9 @@ def test_a_learned_path_is_judged_by_its_own_waves_at_the_depth_of_the_job(
     for depth_mm, refused in ((0.0334, True), (0.0336, False)):
         job = replace(short(experiment), depth_of_cut_mm=depth_mm)
         # The mean that was learned is 20 um deeper, for a tool that gives way; the part is not.
-        oval = Wave(lobes=4, amplitude_um=6.0, crest_deg=15.0)
-        waves = replace(lobe, mean_um=1000 * depth_mm + 20.0, overtones=(oval,))
-        plan = plan_cut(job, machine, Strategy.CAM, path=CutPath(target=waves, command=waves))
+        oval = PathHarmonic(lobes=4, amplitude_um=6.0, crest_deg=15.0)
+        harmonics = replace(lobe, mean_um=1000 * depth_mm + 20.0, overtones=(oval,))
+        plan = plan_cut(job, machine, Strategy.CAM, path=CutPath(target=harmonics, command=harmonics))
         assert ("cut.leaves_part" in codes(plan, Severity.REFUSAL)) is refused
 
 

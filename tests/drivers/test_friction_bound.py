@@ -41,11 +41,11 @@ def test_a_dry_tool_is_off_by_no_more_than_was_foreseen_and_not_by_much_less(
     tool = build_drives(machine, true, settings_with(machine.controller.variables)).tool
     tool.close_loop()
     time_s = np.arange(round(1.5 / CYCLE_S)) * CYCLE_S
-    wave = 0.5 * path_um_pp * np.exp(2j * np.pi * frequency_hz * time_s)
-    told = np.minimum(time_s / 0.2, 1.0) * np.imag(wave / complex(sampled_response(machine, frequency_hz)))
+    harmonic = 0.5 * path_um_pp * np.exp(2j * np.pi * frequency_hz * time_s)
+    told = np.minimum(time_s / 0.2, 1.0) * np.imag(harmonic / complex(sampled_response(machine, frequency_hz)))
     at_um = np.array(tool.follow((COUNTS_PER_UM * told).tolist())) / COUNTS_PER_UM
     last = slice(-round(0.5 / CYCLE_S), None)
-    off_um = at_um[last] - np.imag(wave[last])
+    off_um = at_um[last] - np.imag(harmonic[last])
     most_um = friction_um_pp(machine, frequency_hz, friction_n, path_um_pp)
     assert 0.8 * most_um < np.ptp(off_um) <= 1.02 * most_um
 

@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.gathering.gather import gather_settings, long_words_of, pack
+from drivers.pmac.gathering.gather import gather_settings, long_words_of
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.memory import Pointer
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.gather_buffer import GatherBuffer
+from tests.drivers.packed_samples import pack
 
 FAMILIES = pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=["pmac", "turbo"])
 BITS = {"Y": 24, "X": 24, "D": 48}

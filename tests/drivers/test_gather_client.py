@@ -11,8 +11,7 @@ import pytest
 from drivers.errors import ControllerError
 from drivers.pmac.client import PmacClient
 from drivers.pmac.gathering.gather import GatherError
-from drivers.pmac.gathering.gather_client import DataGathering, GatherPlan
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import DataGathering, GatheredData, GatherPlan
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.drivers.commissioned import HeardPort, commissioned, of_family

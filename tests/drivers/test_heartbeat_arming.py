@@ -10,10 +10,9 @@ import pytest
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.heartbeat.arming import heartbeat_problems
+from drivers.pmac.heartbeat.arming import HeartbeatLook, heartbeat_problems, read_heartbeat
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
-from drivers.pmac.heartbeat.proof import WatchdogProof, proof_problems
-from drivers.pmac.heartbeat.reading import HeartbeatLook, read_heartbeat
+from drivers.pmac.heartbeat.watch import WatchdogProof, proof_problems
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

@@ -48,7 +48,7 @@ def test_a_lease_lapses_after_300_ms() -> None:
 def test_what_is_guarded_is_said_behind_the_lease_in_one_line() -> None:
     keeper = Keeper(dialect=TURBO, i10=FACTORY_I10)
     assert keeper.jog_line() == "I5111=677 P1003=1"
-    assert keeper.cut_line(-10_000.0, 1300.0, 700.0) == "P1005=-10000 P1007=2936 P1010=1581 I5111=677 P1003=2"
+    assert keeper.cut_line(-10_000.0, 1300.0) == "P1005=-10000 P1007=2936 P1010=790 I5111=677 P1003=2"
     assert Keeper(dialect=PMAC, i10=FACTORY_I10).jog_line() == "M70=677 P1003=1"
     assert (NOTHING_GUARDED, LOSS_SEEN) == ("P1003=0", "P1004=0")
 

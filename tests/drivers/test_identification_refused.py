@@ -11,9 +11,9 @@ import pytest
 from drivers.cutting.strategy import Strategy
 from drivers.errors import RefusedError
 from drivers.identification.cam_path import return_hz, wave_counts
+from drivers.identification.excitation import axis_word
 from drivers.identification.identify import identify, take_up
 from drivers.identification.request import IdentificationRequest, clearance_mm, request_problems
-from drivers.identification.words import axis_word
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from tests.drivers.families import ON_ONE

@@ -12,7 +12,7 @@ from drivers.identification.cam_path import COLUMNS, CamPath, wave_counts
 from drivers.identification.excitation import PROGRAM
 from drivers.identification.pvt_path import PvtPath
 from drivers.pmac.compensation.table import step_counts
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.program_text import read_program
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine  # both families
@@ -77,11 +77,11 @@ def test_the_table_is_one_wave_that_begins_and_ends_at_nothing(machine: MachineP
     path = CamPath(machine, 25.0, 80.0)
     table = path.table
     assert table is not None
-    wave = wave_counts(machine, 80.0)
-    places = np.arange(wave) + 0.5
+    harmonic = wave_counts(machine, 80.0)
+    places = np.arange(harmonic) + 0.5
     found = np.array([table.correction(float(place)) for place in places])
     # A chord of a fortieth of a wave is within (pi / 40)^2 / 2 of the sine, entries within 1/32 count.
-    target = 125.0 * np.sin(2 * np.pi * places / wave)
+    target = 125.0 * np.sin(2 * np.pi * places / harmonic)
     assert np.abs(found - target).max() < 125.0 * (math.pi / COLUMNS) ** 2 / 2 + 1 / 32 + 0.05
     assert np.abs(found).max() <= 125.0
     assert step_counts(table, [0.0]) == 0.0

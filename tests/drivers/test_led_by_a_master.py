@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.master.time_base_setup import TimeBaseEntry
-from drivers.pmac.master.time_base_source import Trigger, nearest_factor
+from drivers.pmac.master.time_base import TimeBaseEntry, Trigger, nearest_factor
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import Recorder
 from tests.drivers.wire_card import Wire, wire

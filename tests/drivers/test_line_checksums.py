@@ -22,7 +22,7 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.checksums import ASK, ChecksumForm, LineCheck, checksum, form_of, shown, unmistakable
 from drivers.pmac.client import PmacClient
 from drivers.pmac.exchange import CHECKSUM_TIMEOUT_S
-from drivers.pmac.link_faults import FaultKind
+from drivers.pmac.framing import FaultKind
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.system.lathe_sites import compact
@@ -361,7 +361,7 @@ def test_who_checks_a_line_is_told_by_the_link_and_by_the_controller() -> None:
 @pytest.mark.parametrize(("before", "behind"), [(b"", b""), (b"", b"\r"), (b"", b"\r\x06"), (b"\n", b"\r\n")])
 @pytest.mark.parametrize("digits", [False, True])
 def test_every_way_to_word_a_checksum_is_learned_from_one(digits: bool, before: bytes, behind: bytes) -> None:
-    form = ChecksumForm(digits=digits, before=before, behind=behind)
+    form = ChecksumForm(digits=digits, before=before, after=behind)
     assert form_of(form.answer(b"P1001"), b"P1001") == form
     assert form.answer(b"J+") == before + (b"117" if digits else b"u") + behind
 

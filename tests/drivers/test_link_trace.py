@@ -18,8 +18,7 @@ from drivers.errors import DriverError, LinkError
 from drivers.lathe.stop import StopPath
 from drivers.link.base import StopWay
 from drivers.link.memory import MemoryLink
-from drivers.link.trace import TracedLink
-from drivers.link.trace_file import TraceFile
+from drivers.link.tracing import TracedLink, TraceFile
 from drivers.pmac.client import PmacClient
 from profiles.problem import Problem
 

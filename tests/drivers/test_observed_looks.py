@@ -29,7 +29,7 @@ class LateLink(MemoryLink):
     def receive(self, timeout_s: float) -> bytes:
         data = super().receive(timeout_s)
         if data:
-            self._time.wait(self.late_s)
+            self._clock.wait(self.late_s)
         return b"" if self.deaf else data
 
 

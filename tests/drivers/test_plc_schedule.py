@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.pmac.plcs.schedule import PlcSwitches, background_order, foreground_runs, power_up
+from drivers.pmac.plcs.plc import PlcSwitches, background_order, foreground_runs, power_up
 from tests.drivers.plc_bench import PlcBench
 
 ALL = frozenset(range(32))

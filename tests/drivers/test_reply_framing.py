@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.pmac.framing import FramingError, Reply, ReplyReader
-from drivers.pmac.link_faults import FaultKind
+from drivers.pmac.framing import FaultKind, FramingError, Reply, ReplyReader
 
 TEXT = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=12)
 REPLIES = st.builds(

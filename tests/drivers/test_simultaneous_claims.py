@@ -16,8 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError, RefusedError
-from drivers.lathe.control_state import NOBODY, Standing
-from drivers.lathe.ownership import HIGHEST, OWNER_ITEM, Ownership, exchange_line
+from drivers.lathe.ownership import HIGHEST, NOBODY, OWNER_ITEM, Ownership, Standing, exchange_line
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind

@@ -196,8 +196,8 @@ def test_a_ripple_swings_the_true_speed_by_its_share(
     slope, start = np.polyfit(time_s, track, 1)
     angle = 2 * np.pi * (start + slope * time_s + spindle.origin) / TURN
     swing = track - start - slope * time_s
-    waves = np.column_stack([f(n * angle) for n in (1, 2, 3, 4) for f in (np.cos, np.sin)])
-    fitted = np.linalg.lstsq(waves, swing, rcond=None)[0].reshape(4, 2)
+    harmonics = np.column_stack([f(n * angle) for n in (1, 2, 3, 4) for f in (np.cos, np.sin)])
+    fitted = np.linalg.lstsq(harmonics, swing, rcond=None)[0].reshape(4, 2)
     amplitudes = np.hypot(fitted[:, 0], fitted[:, 1])
     assert amplitudes[per_turn - 1] * 2 * np.pi * per_turn / TURN == pytest.approx(ripple, rel=0.1)
     assert np.delete(amplitudes, per_turn - 1).max() < 0.05 * amplitudes[per_turn - 1]

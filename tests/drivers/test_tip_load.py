@@ -111,8 +111,8 @@ def test_the_edge_comes_in_on_a_thin_chip_as_it_is_predicted(feed_mm: float, edg
 def test_a_lobed_path_has_a_lobed_force() -> None:
     """124.5 N for each mm at a feed of 0.1 mm: 55 um peak to peak are 6.85 N, three times a turn."""
     turns, forces = Cutting(feed_mm=0.1).passes(lambda t: 0.1 + 0.0275 * math.sin(6 * math.pi * t), 12.0)
-    mean_n, wave = lobed(turns, forces)
-    assert abs(wave) == pytest.approx(3.42, abs=0.02)
+    mean_n, harmonic = lobed(turns, forces)
+    assert abs(harmonic) == pytest.approx(3.42, abs=0.02)
     assert mean_n == pytest.approx(12.45, abs=0.02)
 
 
@@ -134,9 +134,9 @@ def test_a_second_pass_meets_what_the_first_has_left() -> None:
     cutting = Cutting()
     cutting.passes(lambda t: 0.1 + 0.01 * math.cos(6 * math.pi * t), 20.0)
     turns, forces = cutting.passes(lambda _: 0.13, 12.0)
-    mean_n, wave = lobed(turns, forces)
+    mean_n, harmonic = lobed(turns, forces)
     assert mean_n == pytest.approx(0.030 * 74.0, rel=0.02)
-    assert wave == pytest.approx(-0.010 * 74.0, rel=0.05, abs=0.03)
+    assert harmonic == pytest.approx(-0.010 * 74.0, rel=0.05, abs=0.03)
 
 
 @pytest.mark.parametrize(

@@ -43,10 +43,10 @@ def response(frequency_hz: float, amplitude: float = 20_000.0, **changed: float)
     command = amplitude * np.minimum(time_s / 0.5, 1.0) * np.sin(2 * np.pi * frequency_hz * time_s)
     position = np.array(held(**changed).follow([float(place) for place in command]))
     tail = slice(round(1.5 / CYCLE_S), cycles)
-    waves = np.column_stack(
+    harmonics = np.column_stack(
         [np.sin(2 * np.pi * frequency_hz * time_s), np.cos(2 * np.pi * frequency_hz * time_s), np.ones(cycles)]
     )[tail]
-    sine, cosine, _ = np.linalg.lstsq(waves, position[tail], rcond=None)[0]
+    sine, cosine, _ = np.linalg.lstsq(harmonics, position[tail], rcond=None)[0]
     return complex(sine, cosine) / amplitude
 
 

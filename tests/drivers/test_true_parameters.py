@@ -23,7 +23,7 @@ from tests.drivers.conftest import JobMaker, TrueBenchMaker
 from tests.drivers.cut_floor import CutFloor
 
 
-def wave(trace: Trace, per_turn: int) -> complex:
+def harmonic(trace: Trace, per_turn: int) -> complex:
     """Amplitude in um and phase of a wave of a trace, by the DFT of its 3600 points."""
     spectrum = np.fft.rfft(trace.deviation_um) / len(trace.deviation_um) * 2
     return complex(spectrum[per_turn])
@@ -128,23 +128,23 @@ def test_a_jaw_that_presses_harder_makes_the_part_oval_and_eccentric(
 
     per_um = 27.5 / abs(bent(3))
     # The DFT gives a wave A cos n (angle - a) as A exp(-j n a).
-    assert wave(trace, 3) == pytest.approx(bent(3) * per_um, abs=0.01)
-    assert wave(trace, 2) == pytest.approx(bent(2) * per_um, rel=1e-6)
-    assert abs(wave(trace, 2)) == pytest.approx(2.93, abs=0.01)
-    assert wave(trace, 1) == pytest.approx(438 * 0.045 / 75 * np.exp(-1j * np.radians(40.0)), rel=1e-6)
+    assert harmonic(trace, 3) == pytest.approx(bent(3) * per_um, abs=0.01)
+    assert harmonic(trace, 2) == pytest.approx(bent(2) * per_um, rel=1e-6)
+    assert abs(harmonic(trace, 2)) == pytest.approx(2.93, abs=0.01)
+    assert harmonic(trace, 1) == pytest.approx(438 * 0.045 / 75 * np.exp(-1j * np.radians(40.0)), rel=1e-6)
 
 
 def test_equal_jaws_make_the_lobe_alone(machine: MachineProfile, experiment: JobMaker) -> None:
     trace = released(machine, ideal(machine), experiment)
-    assert [abs(wave(trace, n)) for n in (1, 2, 4)] == pytest.approx([0, 0, 0], abs=1e-9)
+    assert [abs(harmonic(trace, n)) for n in (1, 2, 4)] == pytest.approx([0, 0, 0], abs=1e-9)
 
 
 def test_two_jaws_have_no_oval_beside_their_lobe(machine: MachineProfile, experiment: JobMaker) -> None:
     true = replace(ideal(machine), jaw_1_harder=0.03)
     trace = released(machine, true, experiment, jaws=2)
-    assert abs(wave(trace, 2)) == pytest.approx(27.5, abs=0.01)
+    assert abs(harmonic(trace, 2)) == pytest.approx(27.5, abs=0.01)
     # One with 1.03 and the other with 0.97 of 657 N, on two springs of 50 N/um in line.
-    assert abs(wave(trace, 1)) == pytest.approx(657 * 0.06 / 100, rel=1e-6)
+    assert abs(harmonic(trace, 1)) == pytest.approx(657 * 0.06 / 100, rel=1e-6)
 
 
 def test_each_clamping_has_a_force_of_its_own(machine: MachineProfile, experiment: JobMaker) -> None:
@@ -155,7 +155,7 @@ def test_each_clamping_has_a_force_of_its_own(machine: MachineProfile, experimen
     for lathe in lathes:
         for _ in range(200):
             lathe.mount(experiment(1))
-            lobes.append(abs(wave(lathe.measure(), 3)))
+            lobes.append(abs(harmonic(lathe.measure(), 3)))
     assert lobes[:200] == lobes[200:]
     assert np.mean(lobes) == pytest.approx(27.5, rel=0.015)
     assert np.std(lobes[:200]) == pytest.approx(0.0606 * 27.5, rel=0.15)

@@ -234,10 +234,10 @@ def test_the_gauge_adds_eccentricity_and_noise_and_may_begin_anywhere(
     lathe.mount(experiment(1))
     first, second = lathe.measure(), lathe.measure()
     for trace in (first, second):
-        waves = np.fft.rfft(trace.deviation_um) / 1800
-        assert abs(waves[1]) == pytest.approx(5.0, abs=0.01)
-        assert abs(waves[3]) == pytest.approx(27.5, abs=0.01)
-        assert np.sqrt((np.abs(waves[100:]) ** 2).sum() / 2) == pytest.approx(0.05, rel=0.05)
+        harmonics = np.fft.rfft(trace.deviation_um) / 1800
+        assert abs(harmonics[1]) == pytest.approx(5.0, abs=0.01)
+        assert abs(harmonics[3]) == pytest.approx(27.5, abs=0.01)
+        assert np.sqrt((np.abs(harmonics[100:]) ** 2).sum() / 2) == pytest.approx(0.05, rel=0.05)
     assert abs(first.deviation_um - second.deviation_um).max() > 0.1
     lathe = SimulatedLathe(machine, replace(ideal(machine), gauge_mark_known=False, seed=3))
     lathe.mount(experiment(1))
@@ -287,10 +287,10 @@ def swings(machine: MachineProfile, true: TrueParameters) -> complex:
     tool = build_drives(machine, true, settings_with(machine.controller.variables)).tool
     tool.close_loop()
     time_s = np.arange(round(1.2 / CYCLE_S)) * CYCLE_S
-    wave = np.exp(100j * np.pi * time_s)
-    told = 25.0 * np.minimum(time_s / 0.2, 1.0) * wave.imag
+    harmonic = np.exp(100j * np.pi * time_s)
+    told = 25.0 * np.minimum(time_s / 0.2, 1.0) * harmonic.imag
     tail = slice(-round(0.4 / CYCLE_S), None)
-    return complex(2j * (np.array(tool.follow(told.tolist()))[tail] / wave[tail]).mean() / 25.0)
+    return complex(2j * (np.array(tool.follow(told.tolist()))[tail] / harmonic[tail]).mean() / 25.0)
 
 
 def test_the_paper_has_its_iron_whatever_the_profile_says(machine: MachineProfile) -> None:
@@ -369,9 +369,9 @@ def test_the_lobe_may_be_what_it_is_whatever_the_job_believes(
     lathe = SimulatedLathe(machine, plant_named(str(path), machine, 1))
     for job, amplitude_um in ((experiment(1), 30.0), (replace(experiment(1), chucking_force_n=657.0), 11.812)):
         lathe.mount(job)
-        wave = np.fft.rfft(lathe.measure().deviation_um)[3] / 1800
-        assert abs(wave) == pytest.approx(amplitude_um, abs=1e-3)
-        crest_deg = -math.degrees(cmath.phase(wave)) / 3.0
+        harmonic = np.fft.rfft(lathe.measure().deviation_um)[3] / 1800
+        assert abs(harmonic) == pytest.approx(amplitude_um, abs=1e-3)
+        crest_deg = -math.degrees(cmath.phase(harmonic)) / 3.0
         assert math.remainder(crest_deg - job.jaw_1_deg - 4.0, 120.0) == pytest.approx(0.0, abs=1e-6)
     lathe.mount(replace(experiment(1), lobe_error_um_pp=0.0))
     assert roundness_um(lathe.measure()) < 1e-6
@@ -399,11 +399,11 @@ def learnt_um(machine: MachineProfile, true: TrueParameters, passes: int) -> lis
     told, left, cycles = 27.5 / nominal, [], round(1.5 / CYCLE_S)
     for number in range(passes):
         time_s = (np.arange(cycles) + number * cycles) * CYCLE_S
-        wave = np.exp(100j * np.pi * time_s)
+        harmonic = np.exp(100j * np.pi * time_s)
         grown = 1.0 if number else np.minimum(time_s / 0.2, 1.0)
-        at_um = np.array(tool.follow((COUNTS_PER_UM * grown * np.imag(told * wave)).tolist())) / COUNTS_PER_UM
+        at_um = np.array(tool.follow((COUNTS_PER_UM * grown * np.imag(told * harmonic)).tolist())) / COUNTS_PER_UM
         tail = slice(cycles // 2, None)
-        error = 27.5 - 2j * (at_um[tail] / wave[tail]).mean()
+        error = 27.5 - 2j * (at_um[tail] / harmonic[tail]).mean()
         told += error / nominal
         left.append(2.0 * abs(error))
     return left

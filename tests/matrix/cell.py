@@ -9,7 +9,7 @@ from typing import cast
 
 import pytest
 
-from console.session.cut.context import Workshop
+from console.session.cut.engine import Workshop
 from console.session.errors import SessionError
 from console.session.station.commands import Measure
 from console.session.station.handlers import measure
@@ -130,9 +130,9 @@ def _may_be_measured(rig: Rig) -> bool:
     """Whether the cut counts as done; of another one the order to measure is refused, past all else against it."""
     if rig.state.cut_done:
         return True
-    rig.place.shop = cast(Workshop, object())  # a gauge is there; it is not asked
+    rig.context.shop = cast(Workshop, object())  # a gauge is there; it is not asked
     with pytest.raises(SessionError) as refused:
-        measure(rig.place, Measure())
+        measure(rig.context, Measure())
     assert [problem.code for problem in refused.value.problems] == ["session.nothing_cut"]
     return False
 

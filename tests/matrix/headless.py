@@ -10,9 +10,8 @@ from pathlib import Path
 from signal import SIGINT
 from typing import cast
 
-from console.session.cut.context import CutContext
-from console.session.cut.engine import Step
-from console.session.cut.headless import cut_part
+from console.session.cut.engine import CutContext, Step
+from console.session.cut.run import cut_part
 from console.session.errors import Interrupted
 from console.session.signals import Interruption
 from console.session.station.owning import Owning

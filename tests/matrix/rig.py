@@ -44,7 +44,7 @@ class Rig(Watched):
     """A station at it; `looks` are called before the station sees one."""
 
     station: Station
-    place: StationContext
+    context: StationContext
 
     @property
     def state(self) -> StationState:
@@ -105,16 +105,16 @@ def build_rig(records: Path) -> Rig:
     """Put lathe and station together as a screen has them, with a heartbeat; nothing is connected yet."""
     watched = build_watched()
     looks: list[Callable[[Snapshot], None]] = []
-    place = StationContext(
+    context = StationContext(
         lathe=watched.lathe,
         owning=Owning(watched.lathe, watched.wire.address, records),
-        machine=compact_machine(),
+        loaded_machine=compact_machine(),
         clock=watched.sim,
         shop=None,
         records=records,
         local_time=lambda: "21 Nov 10:00",
     )
-    station = Station(place)
+    station = Station(context)
 
     def seen(snapshot: Snapshot) -> None:
         for look in tuple(looks):
@@ -123,4 +123,4 @@ def build_rig(records: Path) -> Rig:
 
     watched.looks.append(seen)
     there = {name: getattr(watched, name) for name in ("sim", "wire", "lathe", "stop")}
-    return Rig(**there, looks=looks, station=station, place=place)
+    return Rig(**there, looks=looks, station=station, context=context)

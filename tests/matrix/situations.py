@@ -92,7 +92,7 @@ def _switch_on(rig: Rig) -> None:
         jaw=JawAngle(angle_deg=90.0, jaws=job.jaws, at="-", on=on),
         touch_off=TouchOff(zero_radius_mm=machine.tool.home_radius_mm, diameter_mm=job.diameter_mm, at="-", on=on),
     )
-    rig.place.tell(alignment=alignment)
+    rig.context.tell(alignment=alignment)
     assert rig.state.activity is Activity.READY and rig.state.refusals == () and rig.state.alarms == ()
 
 

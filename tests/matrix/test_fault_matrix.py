@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from console.session.cut import planning
+from console.session.cut import run
 from console.session.data import records
 from drivers.lathe import standstill
-from drivers.lathe.lathe import Lathe
+from drivers.lathe.jogs import Jogs
 from drivers.simulator.faults.catalogue import CATALOGUE
 from tests.matrix.cell import run_cell
 from tests.matrix.expected import TABLE, tried
@@ -35,10 +35,10 @@ PATIENCE_S = 20.0
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan once for all cells, wait no longer than that for spindle or zero, and keep records nowhere."""
-    monkeypatch.setattr(planning, "plan_cut", planned_once)
+    monkeypatch.setattr(run, "plan_cut", planned_once)
     monkeypatch.setattr(records, "opened", record_in_memory)
     monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", PATIENCE_S)
-    monkeypatch.setattr(Lathe.home, "__defaults__", (PATIENCE_S,))
+    monkeypatch.setattr(Jogs.home, "__defaults__", (PATIENCE_S,))
 
 
 CELLS = [(row, situation) for row in ROWS for situation in Situation if tried(row.name, situation)]

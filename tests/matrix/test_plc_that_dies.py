@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.cut import planning
+from console.session.cut import run
 from console.session.station.commands import EndCut, Jog
 from console.session.station.state import Activity
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -31,7 +31,7 @@ def build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Build:
         monkeypatch.setattr(rigs, "compact_machine", lambda: replace(loaded, machine=machine))
         return build_rig(tmp_path)
 
-    monkeypatch.setattr(planning, "plan_cut", planned_once)
+    monkeypatch.setattr(run, "plan_cut", planned_once)
     return of
 
 
@@ -56,7 +56,7 @@ def stop_s(rig: Rig, since_s: float) -> float:
 
 
 def tool_is_out(rig: Rig) -> bool:
-    plan = rig.place.plan
+    plan = rig.context.plan
     assert plan is not None
     return rig.sim.controller.motors[1].position == pytest.approx(plan.setup.retracted, abs=5.0)
 

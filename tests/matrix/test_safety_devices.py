@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.cut import planning
+from console.session.cut import run
 from console.session.station.commands import Command, DisableDrives, EnableDrives, Home, Jog, Start
 from console.session.station.state import Activity
 from drivers.lathe.snapshot import AxisName
@@ -34,7 +34,7 @@ def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Rig:
     loaded = compact_machine()
     guarded = replace(loaded.machine, safety=replace(loaded.machine.safety, inputs=("guard->Y:$7F0,3=1",)))
     monkeypatch.setattr(rigs, "compact_machine", lambda: replace(loaded, machine=guarded))
-    monkeypatch.setattr(planning, "plan_cut", planned_once)
+    monkeypatch.setattr(run, "plan_cut", planned_once)
     made = build_rig(tmp_path)
     write(made, CLOSED)
     return made

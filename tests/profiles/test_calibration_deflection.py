@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from profiles.calibration.contact import bending_um, contact_um
-from profiles.calibration.deflection import DeflectionFit, fit_deflection
+from profiles.calibration.deflection import DeflectionFit, bending_um, contact_um, fit_deflection
 from profiles.problem import ProfileError
 
 Floats = NDArray[np.float64]

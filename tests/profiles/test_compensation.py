@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from profiles.compensations.path import (
     CutPath,
     LobedPath,
-    Wave,
+    PathHarmonic,
     chord_error,
     chord_scale,
     compensated_depth_um,
@@ -156,16 +156,16 @@ def test_a_delay_turns_the_response_and_leaves_its_gain() -> None:
 
 @given(
     mean_um=st.floats(-200.0, 200.0),
-    waves=st.lists(st.tuples(st.floats(0.0, 60.0), st.floats(-360.0, 360.0)), min_size=3, max_size=3),
+    harmonics=st.lists(st.tuples(st.floats(0.0, 60.0), st.floats(-360.0, 360.0)), min_size=3, max_size=3),
     growth=st.floats(-0.1, 0.1),
     by_deg=st.floats(-720.0, 720.0),
     past_middle_mm=st.floats(-20.0, 20.0),
 )
 def test_a_turned_path_has_at_the_turned_angle_what_it_had_before(
-    mean_um: float, waves: list[tuple[float, float]], growth: float, by_deg: float, past_middle_mm: float
+    mean_um: float, harmonics: list[tuple[float, float]], growth: float, by_deg: float, past_middle_mm: float
 ) -> None:
     lobe, *others = (
-        Wave(lobes=n, amplitude_um=a, crest_deg=c) for n, (a, c) in zip((3, 6, 9), waves, strict=True)
+        PathHarmonic(lobes=n, amplitude_um=a, crest_deg=c) for n, (a, c) in zip((3, 6, 9), harmonics, strict=True)
     )
     path = LobedPath(
         mean_um=mean_um,

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from profiles.chucking.contact import (
     Contact,
-    Overhung,
     cantilever_um,
     deflection,
     overhung_deflection,
@@ -75,8 +74,7 @@ def test_more_jaws_are_even(jaws: int, alpha: float, share: float) -> None:
 def test_a_load_in_front_of_the_jaws(
     force_n: float, load_n: float, overhang_mm: float, share: float, lifts: bool
 ) -> None:
-    place = Overhung(jaw_length_mm=40.0, overhang_mm=overhang_mm)
-    moved = overhung_deflection(contact(force_n=force_n), place, load_n, TURN_DEG)
+    moved = overhung_deflection(contact(force_n=force_n), overhang_mm / 40.0, load_n, TURN_DEG)
     assert np.ptp(moved.along_um) / moved.along_um.mean() == pytest.approx(share, abs=5e-4)
     assert moved.lifted.any() == lifts
 
@@ -91,9 +89,8 @@ def test_a_load_in_front_of_the_jaws(
 def test_it_gives_way_in_the_direction_of_the_load_and_alike_at_every_jaw(
     jaws: int, alpha: float, load_n: float, lever: float
 ) -> None:
-    place = Overhung(jaw_length_mm=40.0, overhang_mm=40.0 * lever)
     angle = np.array([17.0, 17.0 + 360 / jaws, -17.0])
-    moved = overhung_deflection(contact(jaws, alpha=alpha), place, load_n, angle).along_um
+    moved = overhung_deflection(contact(jaws, alpha=alpha), lever, load_n, angle).along_um
     assert (moved > 0).all()
     assert moved == pytest.approx(np.full(3, moved[0]), rel=1e-6)
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from profiles.axis.envelope import envelope, envelope_row, first_beyond
-from profiles.axis.servo import eq9_response
-from profiles.axis.tool_stiffness import tool_compliance_um_per_n
+from profiles.axis.servo import eq9_response, tool_compliance_um_per_n
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
 

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from profiles.chucking.advice import Stands, clamping_advice, force_span
 from profiles.chucking.grip import (
-    centrifugal_loss_n,
     cut_grip_n,
     least_force_n,
+    lobe_um_per_n,
+    loss_n,
     most_loss_speed_rpm,
     permitted_speed_rpm,
 )
-from profiles.chucking.job_grip import lobe_um_per_n
-from profiles.chucking.wrench import Wrench, torque_n_m
+from profiles.chucking.holding import Wrench, torque_n_m
 from profiles.cutting import cutting_force
 from profiles.findings import Severity, refusals
 from profiles.job import Job
@@ -36,7 +36,7 @@ def warned(job: Job) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("mass_radius", "speed_rpm", "loss_n"),
+    ("mass_radius", "speed_rpm", "lost_n"),
     [
         (HEAVY_KG_M, 500, 395),
         (HEAVY_KG_M, 1000, 1579),
@@ -45,13 +45,12 @@ def warned(job: Job) -> set[str]:
         (3 * 5.33 * 0.107, 1200, 27018),  # a maker's catalogue
     ],
 )
-def test_centrifugal_force(mass_radius: float, speed_rpm: float, loss_n: float) -> None:
-    assert centrifugal_loss_n(mass_radius, speed_rpm) == pytest.approx(loss_n, abs=1)
+def test_centrifugal_force(mass_radius: float, speed_rpm: float, lost_n: float) -> None:
+    assert loss_n(mass_radius, speed_rpm) == pytest.approx(lost_n, abs=1)
 
 
 def test_least_force_and_permitted_speed() -> None:
-    loss_n = centrifugal_loss_n(HEAVY_KG_M, 1000)
-    assert least_force_n(200, loss_n, 1.5) == pytest.approx(2818.7, abs=0.1)
+    assert least_force_n(200, loss_n(HEAVY_KG_M, 1000), 1.5) == pytest.approx(2818.7, abs=0.1)
     assert permitted_speed_rpm(3077, 200, HEAVY_KG_M, 1.0) == pytest.approx(1326, abs=0.5)
     assert permitted_speed_rpm(3077, 200, HEAVY_KG_M, 1.5) == pytest.approx(1053, abs=0.5)
     assert most_loss_speed_rpm(3077, HEAVY_KG_M) == pytest.approx(1143, abs=0.5)
@@ -69,7 +68,7 @@ def test_a_force_is_a_torque_above_what_there_is_without_any() -> None:
 
 def test_the_advised_least_force_is_where_the_rule_begins_to_hold() -> None:
     least_n = clamping_advice(JOB, LATHE).span.least_n
-    assert least_n > centrifugal_loss_n(3 * 0.2 * 0.035, 1000) * 1.5
+    assert least_n > loss_n(3 * 0.2 * 0.035, 1000) * 1.5
     held, slips = (replace(JOB, chucking_force_n=share * least_n) for share in (1.001, 0.999))
     assert "rule.grip_need" not in warned(held)
     assert "rule.grip_need" in warned(slips)

@@ -16,7 +16,7 @@ from profiles.compensations.learning import (
     learned_part,
     trimmed,
 )
-from profiles.compensations.path import CutPath, LobedPath, Wave, invert
+from profiles.compensations.path import CutPath, LobedPath, PathHarmonic, invert
 from profiles.problem import ProfileError
 
 WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=90.0)
@@ -33,7 +33,7 @@ def passes_um_pp(true: complex, nominal: complex, gain: float, count: int) -> li
     """Errors of the tool, peak to peak, of passes in a row."""
     path, errors = untouched(), []
     for _ in range(count):
-        off = WANTED.waves[0].coefficient - true * path.command.waves[0].coefficient
+        off = WANTED.harmonics[0].coefficient - true * path.command.harmonics[0].coefficient
         errors.append(2.0 * abs(off))
         path = learned_command(path, {3: off}, lambda _: nominal, gain)
     return errors
@@ -72,7 +72,7 @@ def test_at_full_gain_sixty_degrees_of_phase_are_the_limit() -> None:
 def test_the_fit_of_one_turn_is_as_uncertain_as_the_noise_makes_it() -> None:
     """360 points of 3 um: sd of the amplitude 0.224 um in theory, 0.222 in a simulation of 2000 runs."""
     random, angle = np.random.default_rng(7), np.arange(360.0)
-    true = Wave(lobes=3, amplitude_um=27.5, crest_deg=17.0)
+    true = PathHarmonic(lobes=3, amplitude_um=27.5, crest_deg=17.0)
     fits = [
         fit_harmonics(angle, 5.0 + true.at_um(angle) + random.normal(0.0, 3.0, 360), (1, 2, 3, 6, 9))
         for _ in range(300)
@@ -96,11 +96,11 @@ def test_what_the_tool_missed_is_not_wanted_deeper() -> None:
     path = CutPath(target=WANTED, command=invert(WANTED, LAG))
     misjudged = learned_part(path, Deviation(coefficients_um=high), Deviation(coefficients_um={}), lambda _: LAG)
     missed = learned_part(path, Deviation(coefficients_um=high), Deviation(coefficients_um=high), lambda _: LAG)
-    lobe = WANTED.waves[0].coefficient
-    assert misjudged.target.waves[0].coefficient == pytest.approx(lobe + high[3])
-    assert missed.target.waves[0].coefficient == pytest.approx(lobe)
+    lobe = WANTED.harmonics[0].coefficient
+    assert misjudged.target.harmonics[0].coefficient == pytest.approx(lobe + high[3])
+    assert missed.target.harmonics[0].coefficient == pytest.approx(lobe)
     for learned in (misjudged, missed):
-        assert LAG * learned.command.waves[0].coefficient == pytest.approx(lobe + high[3])
+        assert LAG * learned.command.harmonics[0].coefficient == pytest.approx(lobe + high[3])
 
 
 def test_a_part_that_is_too_large_is_cut_deeper() -> None:

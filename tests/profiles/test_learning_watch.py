@@ -9,8 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from profiles.compensations.learning import Deviation, learned_command, learned_part
-from profiles.compensations.learning_watch import REPEATS_SD_UM, Watch, coefficient_of
+from profiles.compensations.learning import (
+    REPEATS_SD_UM,
+    Deviation,
+    Watch,
+    coefficient_of,
+    learned_command,
+    learned_part,
+)
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.path import CutPath, LobedPath
 
@@ -82,12 +88,12 @@ def test_what_one_path_leaves_otherwise_from_pass_to_pass_stops_nothing() -> Non
 def test_one_wave_that_grows_leaves_the_others_to_be_learned_and_stays_as_it_was() -> None:
     path, watch, true = CutPath(target=WANTED, command=WANTED), Watch(), {3: 0.7 + 0j, 9: 2.6 + 0.8j}
     for _ in range(4):
-        off = {3: WANTED.waves[0].coefficient - made(path, true[3], 3), 9: 1j - made(path, true[9], 9)}
+        off = {3: WANTED.harmonics[0].coefficient - made(path, true[3], 3), 9: 1j - made(path, true[9], 9)}
         watch = watch.judged(path, off, lambda _: 0.04)
         path = learned_command(watch.kept(path), watch.learned(off), nominal)
-    assert abs(WANTED.waves[0].coefficient - made(path, true[3], 3)) < 0.5
+    assert abs(WANTED.harmonics[0].coefficient - made(path, true[3], 3)) < 0.5
     (grown,) = watch.grown
-    assert (grown.waves, grown.best_um) == (9, 1.0)
+    assert (grown.order, grown.best_um) == (9, 1.0)
     assert grown.grown_um == pytest.approx(abs(1 - true[9]))
     # Other passes begin, and it is still not learned.
     assert watch.afresh().learned({3: 1j, 9: 1j}) == {3: 1j}

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from profiles.files import remove_all_left, write_atomically
-from profiles.left_files import made_locked
+from profiles.files import made_locked, remove_all_left, write_atomically
 
 WRITES = """
 import signal, sys

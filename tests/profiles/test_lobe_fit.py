@@ -21,13 +21,18 @@ def turn(points: int, turns: int = 1) -> Floats:
     return np.arange(points * turns) * 360.0 / points
 
 
-def wave(angle_deg: Floats, n: int, amplitude: float, crest_deg: float) -> Floats:
+def harmonic(angle_deg: Floats, n: int, amplitude: float, crest_deg: float) -> Floats:
     return np.asarray(amplitude * np.cos(n * np.radians(angle_deg - crest_deg)))
 
 
 def part(angle_deg: Floats) -> Floats:
     """27.5 um of three lobes with a crest at 30 deg, off centre, oval, from another nominal radius."""
-    return wave(angle_deg, 3, 27.5, 30.0) + wave(angle_deg, 1, 12.0, 77.0) + wave(angle_deg, 2, 4.0, 10.0) + 3.0
+    return (
+        harmonic(angle_deg, 3, 27.5, 30.0)
+        + harmonic(angle_deg, 1, 12.0, 77.0)
+        + harmonic(angle_deg, 2, 4.0, 10.0)
+        + 3.0
+    )
 
 
 def refused(
@@ -51,10 +56,10 @@ def test_without_noise_it_is_exact_at_any_angles(
 ) -> None:
     angle = np.sort(np.random.default_rng(seed).uniform(0.0, 360.0, 240))
     crest = crest_share * 360.0 / jaws
-    off_centre = wave(angle, 1, 40.0, 200.0) + wave(angle, 2 * jaws, 1.5, 4.0)
-    fit = fit_lobe(angle, wave(angle, jaws, amplitude, crest) + off_centre, jaws)
+    off_centre = harmonic(angle, 1, 40.0, 200.0) + harmonic(angle, 2 * jaws, 1.5, 4.0)
+    fit = fit_lobe(angle, harmonic(angle, jaws, amplitude, crest) + off_centre, jaws)
     if jaws == 2:  # the ovality is the lobe
-        assert fit.lobe is fit.wave(2)
+        assert fit.lobe is fit.harmonic(2)
     assert fit.error_um_pp == pytest.approx(2 * amplitude, rel=1e-6)
     assert math.remainder(fit.lobe.crest_deg - crest, 360.0 / jaws) == pytest.approx(0.0, abs=1e-6)
     assert fit.noise_um == pytest.approx(0.0, abs=1e-9)
@@ -99,7 +104,7 @@ def test_the_confidence_holds_where_neighbouring_points_err_alike(memory: float,
 def test_a_wave_that_was_not_declared_makes_no_noise_of_the_others() -> None:
     """One line of 2 um in white noise of 0.1 um: the lobe is as sure as the variance of both makes it."""
     rng, angle = np.random.default_rng(8), turn(360)
-    fit = fit_lobe(angle, part(angle) + wave(angle, 5, 2.0, 20.0) + rng.normal(0.0, 0.1, 360), 3)
+    fit = fit_lobe(angle, part(angle) + harmonic(angle, 5, 2.0, 20.0) + rng.normal(0.0, 0.1, 360), 3)
     assert (fit.left_n, fit.left_um > 3.0 * fit.floor_um) == (5, True)
     assert fit.lobe.sd_um == pytest.approx(math.sqrt((2.0 + 0.01) * 2 / 360), rel=0.05)
 
@@ -153,18 +158,18 @@ def test_worse_points_count_less() -> None:
 
 def test_a_wave_that_was_not_declared_is_named() -> None:
     angle = turn(360)
-    fit = fit_lobe(angle, part(angle) + wave(angle, 5, 2.0, 20.0), 3)
+    fit = fit_lobe(angle, part(angle) + harmonic(angle, 5, 2.0, 20.0), 3)
     assert fit.left_n == 5
     assert fit.left_um == pytest.approx(2.0, abs=1e-9)
-    declared = fit_lobe(angle, part(angle) + wave(angle, 5, 2.0, 20.0), 3, extra=(5,))
-    assert declared.wave(5).crest_deg == pytest.approx(20.0)
+    declared = fit_lobe(angle, part(angle) + harmonic(angle, 5, 2.0, 20.0), 3, extra=(5,))
+    assert declared.harmonic(5).crest_deg == pytest.approx(20.0)
     assert declared.left_um == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_rounding_of_a_trace_without_noise_is_no_wave() -> None:
     angle = turn(360)
-    fit = fit_lobe(angle, wave(angle, 3, 27.5, 20.0) + wave(angle, 1, 12.0, 5.0), 3)
-    assert [each.n for each in fit.waves if each.significant] == [1, 3]
+    fit = fit_lobe(angle, harmonic(angle, 3, 27.5, 20.0) + harmonic(angle, 1, 12.0, 5.0), 3)
+    assert [each.n for each in fit.harmonics if each.significant] == [1, 3]
 
 
 def test_nothing_has_no_crest() -> None:

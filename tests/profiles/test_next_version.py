@@ -15,10 +15,9 @@ from hypothesis import strategies as st
 
 from profiles.calibration.lobe import find_lobe
 from profiles.compensations.learned import HoldsFor, as_table, differences, from_table
-from profiles.compensations.next_version import CutWith, LearningStep, Verdict, next_version
-from profiles.compensations.part_waves import PartWaves, part_waves
+from profiles.compensations.next_version import CutWith, LearningStep, Verdict, next_version, uncompensated
+from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import CutPath, expected, invert, share_of, target_path
-from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.problem import ProfileError
 from profiles.store import load_job
@@ -40,33 +39,33 @@ MODEL = CutPath(target=target_path(JOB), command=invert(target_path(JOB), nomina
 
 
 def part(
-    waves: Mapping[int, complex],
+    harmonics: Mapping[int, complex],
     noise_um: float = 0.0,
     seed: int = 1,
     meta: Mapping[str, str] | None = None,
     extra: tuple[int, ...] = (),
-) -> PartWaves:
+) -> PartHarmonics:
     """A part with these waves in spindle angle, measured from the index."""
     angle = np.arange(360.0)
     deviation = np.random.default_rng(seed).normal(0.0, noise_um, 360) if noise_um else np.zeros(360)
-    for n, c in waves.items():
+    for n, c in harmonics.items():
         deviation = deviation + np.real(c * np.exp(1j * n * np.radians(angle)))
     trace = Trace(angle_deg=angle, deviation_um=deviation, meta={**INDEX, **(meta or {})})
-    return part_waves(trace, JOB, filter_upr=50.0, extra=extra)
+    return part_harmonics(trace, JOB, filter_upr=50.0, extra=extra)
 
 
 def left(
     path: CutPath, share: float, true: complex, more: Mapping[int, complex] | None = None
 ) -> dict[int, complex]:
     """What an axis that makes `true` times its nominal response leaves on the part."""
-    made = {w.lobes: true * nominal(w.lobes) * w.coefficient for w in share_of(path, share).command.waves}
+    made = {w.lobes: true * nominal(w.lobes) * w.coefficient for w in share_of(path, share).command.harmonics}
     wants = {3: LOBE, **(more or {})}
     return {n: wants.get(n, 0j) - made.get(n, 0j) for n in {*made, *wants}}
 
 
 def taught(
     cut: CutWith,
-    measured: PartWaves,
+    measured: PartHarmonics,
     *,
     gain: float | None = None,
     scatter_um: float = 0.0,
@@ -93,16 +92,16 @@ def test_the_parts_get_better_by_what_two_of_them_foretell() -> None:
     cut, shrinks = CutWith(path=MODEL, share=1.0, version=None), []
     before = 27.5
     for gain in (1.0, 0.7, 0.7):
-        waves = left(cut.path, 1.0, true, {6: 2.0 + 1j})
-        lesson = taught(cut, part(waves, noise_um=1e-6))
-        assert lesson.next.gain == gain
-        assert lesson.contraction is not None
-        assert lesson.contraction.arrives == pytest.approx(true, abs=1e-5)
-        assert lesson.contraction.value == pytest.approx(abs(1 - gain * true), abs=1e-5)
-        assert lesson.contraction.verdict is Verdict.CONVERGES
-        shrinks.append(abs(waves[3]) / before)
-        before = abs(waves[3])
-        cut = CutWith(path=lesson.next.path, share=1.0, version=lesson.next)
+        harmonics = left(cut.path, 1.0, true, {6: 2.0 + 1j})
+        step = taught(cut, part(harmonics, noise_um=1e-6))
+        assert step.next.gain == gain
+        assert step.contraction is not None
+        assert step.contraction.arrives == pytest.approx(true, abs=1e-5)
+        assert step.contraction.value == pytest.approx(abs(1 - gain * true), abs=1e-5)
+        assert step.contraction.verdict is Verdict.CONVERGES
+        shrinks.append(abs(harmonics[3]) / before)
+        before = abs(harmonics[3])
+        cut = CutWith(path=step.next.path, share=1.0, version=step.next)
     assert shrinks == pytest.approx([abs(1 - true), abs(1 - true), abs(1 - 0.7 * true)], rel=1e-6)
     assert cut.path.target.overtones[0].lobes == 6
     assert [cut.version.version, cut.version.parent] == [3, 2] if cut.version else False
@@ -116,7 +115,7 @@ def test_half_of_the_compensation_tells_sign_and_angle() -> None:
         taught(half, part(left(MODEL, 0.5, true), noise_um=0.1))
         for true in (1.0, -1.0, cmath.exp(-1j * math.radians(3 * 10.0)))
     )
-    assert [2 * lesson.next.part.lobe.amplitude_um for lesson in (right, wrong) if lesson.next.part] == (
+    assert [2 * step.next.part.lobe.amplitude_um for step in (right, wrong) if step.next.part] == (
         pytest.approx([27.5, 82.5], abs=0.1)
     )
     assert [problem.code for problem in right.reasons] == ["learned.nothing"], "it is as it was to be: go on"
@@ -133,11 +132,11 @@ def test_half_of_the_compensation_tells_sign_and_angle() -> None:
 def test_only_what_stands_out_of_the_noise_is_learned() -> None:
     cut = CutWith(path=MODEL, share=1.0, version=None)
     sd_um = 1.0 * math.sqrt(2 / 360)
-    lesson = taught(cut, part({3: 1.5j, 6: 0.5 * sd_um, 9: 12.0 * sd_um}, noise_um=1.0))
-    assert lesson.learned == (3, 9)
+    step = taught(cut, part({3: 1.5j, 6: 0.5 * sd_um, 9: 12.0 * sd_um}, noise_um=1.0))
+    assert step.learned == (3, 9)
     nothing = taught(cut, part({}, noise_um=1.0))
     assert (nothing.learned, [problem.code for problem in nothing.reasons]) == ((), ["learned.nothing"])
-    assert nothing.next.path.target.waves[0].coefficient == pytest.approx(LOBE)
+    assert nothing.next.path.target.harmonics[0].coefficient == pytest.approx(LOBE)
 
 
 def test_later_parts_learn_half_of_the_noise_of_one() -> None:
@@ -147,9 +146,9 @@ def test_later_parts_learn_half_of_the_noise_of_one() -> None:
     cut, off = CutWith(path=MODEL, share=1.0, version=first), []
     for _ in range(150):
         clamped = complex(rng.normal(), rng.normal())
-        lesson = taught(cut, part({3: left(cut.path, 1.0, 1.0)[3] + clamped}, noise_um=1e-9))
-        cut = CutWith(path=lesson.next.path, share=1.0, version=first)
-        off.append(abs(cut.path.target.waves[0].coefficient - LOBE) ** 2)
+        step = taught(cut, part({3: left(cut.path, 1.0, 1.0)[3] + clamped}, noise_um=1e-9))
+        cut = CutWith(path=step.next.path, share=1.0, version=first)
+        off.append(abs(cut.path.target.harmonics[0].coefficient - LOBE) ** 2)
     assert np.mean(off) / 2 == pytest.approx(0.7 / 1.3, rel=0.3)
 
 
@@ -175,7 +174,7 @@ def test_a_part_is_the_same_however_it_was_measured(offset: int, against: bool, 
     deviation = sum(np.real(c * np.exp(1j * n * np.radians(at_spindle))) for n, c in spindle.items())
     meta = {"state": "free", "direction": "ccw" if against else "cw", "jaw_1_deg": str(offset)}
     trace = Trace(angle_deg=angle, deviation_um=np.asarray(deviation), meta=meta)
-    found = part_waves(trace, job, filter_upr=50.0)
+    found = part_harmonics(trace, job, filter_upr=50.0)
     assert found.reasons == ()
     assert {n: found.coefficients_um[n] for n in spindle} == pytest.approx(spindle, abs=1e-9)
     crest = find_lobe(trace, job).crest_deg
@@ -192,8 +191,8 @@ def test_a_part_without_a_place_on_the_spindle_teaches_nothing() -> None:
         ({"start_mark": "jaw 1"}, "learned.jaw_assumed"),
         ({"state": "clamped"}, "lobe.not_free"),
     ):
-        lesson = taught(cut, part({3: 3.0 + 0j}, 0.01, meta=meta))
-        assert code in [problem.code for problem in lesson.reasons]
+        step = taught(cut, part({3: 3.0 + 0j}, 0.01, meta=meta))
+        assert code in [problem.code for problem in step.reasons]
     with pytest.raises(ProfileError, match=r"learned\.gain"):
         taught(cut, part({3: 3.0 + 0j}), gain=1.5)
 
@@ -202,13 +201,13 @@ def test_waves_that_are_asked_for_are_learned_beside_the_lobe() -> None:
     """An oval and a fifth wave: what the second part keeps of them is what the axis makes too little of."""
     true, odd = 0.9 + 0j, {2: 2.0 - 1j, 5: 1.5j}
     orders, cut = (2, 3, 5, 6, 9), CutWith(path=MODEL, share=1.0, version=None)
-    waves = left(cut.path, 1.0, true, odd)
-    lesson = taught(cut, part(waves, noise_um=1e-6, extra=(5,)), orders=orders)
-    assert {2, 3, 5} <= set(lesson.learned)
-    again = left(lesson.next.path, 1.0, true, odd)
+    harmonics = left(cut.path, 1.0, true, odd)
+    step = taught(cut, part(harmonics, noise_um=1e-6, extra=(5,)), orders=orders)
+    assert {2, 3, 5} <= set(step.learned)
+    again = left(step.next.path, 1.0, true, odd)
     for n, c in odd.items():
         assert again[n] == pytest.approx(0.1 * c, abs=1e-5)
-    assert 5 not in part(waves, noise_um=1e-6).coefficients_um
+    assert 5 not in part(harmonics, noise_um=1e-6).coefficients_um
 
 
 def test_the_next_part_is_expected_as_sure_as_two_clampings_and_the_trace_allow() -> None:
@@ -217,13 +216,13 @@ def test_the_next_part_is_expected_as_sure_as_two_clampings_and_the_trace_allow(
     measured = part({3: 3.0 + 0j}, noise_um=1.0)
     trace_sd_um = 1.0 * math.sqrt(2 / 360)
     for scatter_um in (0.0, 0.4):
-        lesson = taught(cut, measured, scatter_um=scatter_um)
+        step = taught(cut, measured, scatter_um=scatter_um)
         sd_um = math.sqrt(trace_sd_um**2 + 2.0 * scatter_um**2)
-        assert lesson.expected_half_width_um_pp == pytest.approx(2.0 * 2.45 * sd_um, rel=0.1)
+        assert step.expected_half_width_um_pp == pytest.approx(2.0 * 2.45 * sd_um, rel=0.1)
         # By the job's own lobe, from 27.5 um to 3: T'/T shares the same doubt.
-        assert lesson.contraction is not None
+        assert step.contraction is not None
         noise_um = math.sqrt(measured.sd_um[3] ** 2 + 2.0 * scatter_um**2)
-        assert lesson.contraction.half_width == pytest.approx(2.45 * noise_um / 27.5, rel=1e-6)
+        assert step.contraction.half_width == pytest.approx(2.45 * noise_um / 27.5, rel=1e-6)
 
 
 def test_a_version_comes_back_from_its_file_and_holds_for_its_job_alone() -> None:
@@ -266,7 +265,7 @@ def test_a_version_with_a_value_of_another_type_is_refused_and_not_converted(
 
 def overtaken(path: CutPath, true: Mapping[int, complex], wants: Mapping[int, complex]) -> dict[int, complex]:
     """What an axis leaves that answers with another share of its nominal response at each wave."""
-    made = {w.lobes: true[w.lobes] * nominal(w.lobes) * w.coefficient for w in path.command.waves}
+    made = {w.lobes: true[w.lobes] * nominal(w.lobes) * w.coefficient for w in path.command.harmonics}
     return {n: wants.get(n, 0j) - made.get(n, 0j) for n in true}
 
 
@@ -282,11 +281,11 @@ def test_an_overtone_that_the_axis_makes_too_much_of_is_no_lesson_but_with_a_sma
         first = taught(model, part(overtaken(MODEL, true, wants), noise_um=0.01)).next
         assert set(taught(model, part(overtaken(MODEL, true, wants), noise_um=0.01)).contractions) == {3}
         cut = CutWith(path=first.path, share=1.0, version=first, parent=MODEL)
-        lesson = taught(cut, part(overtaken(first.path, true, wants), noise_um=0.01), gain=gain)
-        assert lesson.contractions[9].arrives == pytest.approx(arrives, abs=0.02)
-        assert lesson.contractions[9].value == pytest.approx(factor, abs=0.02)
-        assert [problem.code for problem in lesson.reasons] == told
-        for problem in lesson.reasons:
+        step = taught(cut, part(overtaken(first.path, true, wants), noise_um=0.01), gain=gain)
+        assert step.contractions[9].arrives == pytest.approx(arrives, abs=0.02)
+        assert step.contractions[9].value == pytest.approx(factor, abs=0.02)
+        assert [problem.code for problem in step.reasons] == told
+        for problem in step.reasons:
             assert (problem.key, problem.value.startswith("9/rev: 1.2")) == ("--revert 0", True)
 
 
@@ -306,10 +305,10 @@ def test_an_overtone_is_judged_by_what_half_a_part_has_taught_too() -> None:
     assert again.reasons == ()
 
 
-def turned(path: CutPath, off_deg: float, arrives: complex, share: float = 1.0) -> PartWaves:
+def turned(path: CutPath, off_deg: float, arrives: complex, share: float = 1.0) -> PartHarmonics:
     """A part in the angles of its job, when jaw 1 was taken so many degrees off: its lobe stands that far on."""
     lobe = LOBE * cmath.exp(-3j * math.radians(off_deg))
-    return part({3: lobe - share * arrives * path.target.waves[0].coefficient}, noise_um=0.05)
+    return part({3: lobe - share * arrives * path.target.harmonics[0].coefficient}, noise_um=0.05)
 
 
 @pytest.mark.parametrize("held", [1.0, 0.82, 0.61], ids=["ideal", "3 N at 50 Hz", "3 N at 33 um"])
@@ -318,8 +317,8 @@ def turned(path: CutPath, off_deg: float, arrives: complex, share: float = 1.0) 
 def test_a_part_with_jaw_1_taken_elsewhere_teaches_nothing(off_deg: float, held: float, share: float) -> None:
     """|1 - exp(-j 75 deg)| is 1.22: worse than no compensation, though clamping may scatter by more than that."""
     cut = CutWith(path=MODEL, share=share, version=None)
-    lesson = taught(cut, turned(MODEL, off_deg, held, share), scatter_um=2.3)
-    (problem,) = lesson.reasons
+    step = taught(cut, turned(MODEL, off_deg, held, share), scatter_um=2.3)
+    (problem,) = step.reasons
     assert (problem.code, problem.limit) == ("learned.worse", "55.0 um")
     # The tool is taken for one that does its path: 17 to 25 degrees of 25.
     assert 16.0 <= math.copysign(1.0, off_deg) * float(problem.key.split()[0]) <= 25.0
@@ -340,14 +339,14 @@ def test_a_lobe_that_is_only_elsewhere_is_a_warning_and_a_tool_that_is_held_back
 def test_what_has_no_lobe_to_speak_of_is_not_made_worse() -> None:
     tiny = replace(JOB, lobe_error_um_pp=0.02)
     path = CutPath(target=target_path(tiny), command=target_path(tiny))
-    found = uncompensated(0.5j, 0.001, path.target.waves[0].coefficient, 1.0, tiny)
+    found = uncompensated(0.5j, 0.001, path.target.harmonics[0].coefficient, 1.0, tiny)
     assert (found.reasons(), found.warnings()) == ((), ())
 
 
 def test_of_a_lobe_that_a_model_says_the_part_itself_tells_how_large_it_was() -> None:
     """A job that says 20 um of 55: what is left is larger than 20, and the part is better all the same."""
     job = replace(JOB, lobe_error_source="model", lobe_error_um_pp=20.0)
-    known, expected_um = 27.5 + 0j, target_path(job).waves[0].coefficient
+    known, expected_um = 27.5 + 0j, target_path(job).harmonics[0].coefficient
     towards = expected_um / abs(expected_um)
     assert uncompensated(known * towards - expected_um, 0.01, expected_um, 1.0, job).reasons() == ()
     aside = known * towards * cmath.exp(-3j * math.radians(59.0))

@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from profiles.axis.servo import sampled_response
+from profiles.axis.servo import sampled_response, step_error
 from profiles.compensations.path import chord_scale
 from profiles.paper import chuck, servo_figures
-from profiles.paper.eq9_in_time import step_error
 from profiles.paper.experiments import lee_2001
 from profiles.paper.parts import models
-from profiles.paper.prog_1 import Ramps, fundamental_share, stroke_share, zigzag
 from profiles.paper.record import Basis
-from profiles.paper.residual import left_um_pp
+from profiles.paper.residual import Ramps, fundamental_share, left_um_pp, stroke_share, zigzag
 from profiles.paper.table_5 import (
     Reading,
     feedforward_response,
@@ -46,10 +44,10 @@ PAPER = lee_2001()
 def test_the_waves_of_a_blended_zigzag(
     ramps: Ramps, share: float, fundamental: float, third: float | None
 ) -> None:
-    waves = zigzag(ramps, share)
-    assert fundamental_share(waves) == pytest.approx(fundamental, abs=1e-5)
+    harmonics = zigzag(ramps, share)
+    assert fundamental_share(harmonics) == pytest.approx(fundamental, abs=1e-5)
     if third is not None:
-        assert 2 * abs(waves[3]) == pytest.approx(third, abs=1e-4)
+        assert 2 * abs(harmonics[3]) == pytest.approx(third, abs=1e-4)
 
 
 @pytest.mark.parametrize("ramps", list(Ramps))
@@ -79,9 +77,9 @@ def test_a_triangle_is_the_chord_of_two_points_a_wave() -> None:
 )
 def test_what_each_explanation_leaves(model: str, first: float, second: float) -> None:
     """What the servo of Table 5 does above 70 Hz nobody knows: it is worth 0.2 um, of a triangle 0.4."""
-    waves, servo, hz = models(PAPER)[model]
+    harmonics, servo, hz = models(PAPER)[model]
     tolerance = 0.45 if "triangle" in model else 0.15
-    met = [left_um_pp(error, waves, servo, hz) for error in PAPER.errors_um_pp]
+    met = [left_um_pp(error, harmonics, servo, hz) for error in PAPER.errors_um_pp]
     assert met == pytest.approx([first, second], abs=tolerance)
 
 

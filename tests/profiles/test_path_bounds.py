@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 
 from profiles.axis.friction import held_back_um
-from profiles.compensations.path import CutPath, LobedPath, Wave, invert, target_path
-from profiles.compensations.path_bounds import path_problems
+from profiles.compensations.path import CutPath, LobedPath, PathHarmonic, invert, path_problems, target_path
 from profiles.job import Job
 from profiles.store import load_job, load_machine
 
@@ -28,7 +27,7 @@ def codes(path: CutPath, job: Job = RING) -> list[str]:
 
 def test_what_learning_does_is_let_through() -> None:
     """As on the realistic lathe: friction asks for a fifth more, the cut for 25 um of mean, overtones for one."""
-    nine = Wave(lobes=9, amplitude_um=0.9, crest_deg=5.0)
+    nine = PathHarmonic(lobes=9, amplitude_um=0.9, crest_deg=5.0)
     command = replace(PATH.command, amplitude_um=36.7, mean_um=125.0, overtones=(nine,))
     assert codes(CutPath(target=replace(WANTED, amplitude_um=28.9), command=command)) == []
     half = CutPath(target=replace(WANTED, amplitude_um=13.75), command=replace(PATH.command, amplitude_um=15.5))
@@ -43,8 +42,8 @@ def test_what_learning_does_is_let_through() -> None:
         {"crest_deg": 30.0},
         {"lobes": 4},
         {"growth_per_mm": 0.5},
-        {"overtones": (Wave(lobes=6, amplitude_um=100.0, crest_deg=0.0),)},
-        {"overtones": (Wave(lobes=3, amplitude_um=100.0, crest_deg=0.0),)},
+        {"overtones": (PathHarmonic(lobes=6, amplitude_um=100.0, crest_deg=0.0),)},
+        {"overtones": (PathHarmonic(lobes=3, amplitude_um=100.0, crest_deg=0.0),)},
         {"mean_um": float("nan")},
     ],
 )
@@ -71,7 +70,7 @@ def test_a_small_slow_lobe_may_be_told_much_more_than_it_is_to_do(held_um: float
     """3 N hold a tool by (4/pi) 3 N 4.51 um/N = 17.2 um at 20 Hz, in which two jaws want 5.2 um."""
     job = load_job("two-jaw-tube").job
     target = target_path(job)
-    held = target.plus({2: held_um * 1j * target.waves[0].coefficient / target.amplitude_um})
+    held = target.plus({2: held_um * 1j * target.harmonics[0].coefficient / target.amplitude_um})
     assert codes(CutPath(target=target, command=invert(held, LAG)), job) == told
     misread = CutPath(target=held, command=invert(held, LAG))
     assert codes(misread, job) == ["path.beyond"], "what is wanted of the tool has no friction"

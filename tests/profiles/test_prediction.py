@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from profiles.chucking.diagnosis import Mechanism, diagnose
+from profiles.chucking.held_part import held_part
 from profiles.findings import Severity
 from profiles.job import Job
-from profiles.lobe.held_job import held_part
 from profiles.lobe.prediction import Prediction, predict
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError

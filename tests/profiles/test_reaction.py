@@ -47,10 +47,10 @@ def test_integrating_eq_2_in_time_stays_on_the_steady_state() -> None:
 
     def force(t: float) -> float:
         n = np.arange(1, 4)
-        waves = np.array(CHUCK.a_n[1:]) * np.cos(3 * n * omega * t) + np.array(CHUCK.b_n) * np.sin(
+        harmonics = np.array(CHUCK.a_n[1:]) * np.cos(3 * n * omega * t) + np.array(CHUCK.b_n) * np.sin(
             3 * n * omega * t
         )
-        return float(1.5 * CHUCK.a_n[0] * RATIO + 3 * np.sum(RATIO ** (2 * n) * waves))
+        return float(1.5 * CHUCK.a_n[0] * RATIO + 3 * np.sum(RATIO ** (2 * n) * harmonics))
 
     def motion(t: float, state: np.ndarray) -> tuple[float, float]:
         x, v = state

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog, minimize
 
 from profiles.metrology.circles import CIRCLES, Contact, limacon_circle
+from profiles.metrology.exchange import HANDFUL
 from profiles.metrology.geometric import geometric_circle
-from profiles.metrology.sliding import HANDFUL
 from profiles.problem import ProfileError
 from profiles.roundness import evaluate
 

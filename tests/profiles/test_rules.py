@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n
+from profiles.chucking.grip import centrifugal_loss_n, grip_margin_n
 from profiles.findings import Severity, refusals
 from profiles.job import Job
 from profiles.machine import MachineProfile

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from profiles.axis.envelope import envelope
+from profiles.axis.envelope import envelope, speed_limits_rpm
 from profiles.axis.response import Source, identified_response, model_response
-from profiles.axis.safe_speed import speed_limits_rpm
 from profiles.axis.servo import sampled_response
-from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
+from profiles.chucking.grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
 from profiles.job import Job
 from profiles.store import load_job, load_machine
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from profiles.metrology.harmonics import Harmonic
-from profiles.metrology.size import mean_diameter_mm, tool_offset_um
-from profiles.metrology.turns import several_turns
+from profiles.metrology.turns import mean_diameter_mm, several_turns, tool_offset_um
 from profiles.metrology.v_block import usable_factor, v_block_factor
 from profiles.problem import ProfileError
 

@@ -97,7 +97,8 @@ def test_a_digit_too_many_in_a_jog_ends_the_run_and_moves_nothing(made: Order) -
         assert process.returncode == 1
         motors = card.lathe.controller.motors
         assert cable.positions, "no jog was ever sent"
-        assert [motors[number].desired for number in (1, 2, 3)] == pytest.approx(cable.positions, abs=5.0)
+        # A drive that is disabled while it settles rests some counts off; the digit would make it thousands.
+        assert [motors[number].desired for number in (1, 2, 3)] == pytest.approx(cable.positions, abs=20.0)
         assert not any(motors[number].amplifier_enabled for number in (1, 2, 3))
     assert "reached the controller corrupted" in told, told
     assert len(cable.jogs) == 1, "it was sent again"

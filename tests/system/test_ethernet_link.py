@@ -14,7 +14,7 @@ import pytest
 
 from drivers.errors import LinkError, LinkTimeoutError
 from drivers.lathe.stop import StopPath
-from drivers.link import ethernet, stop_connection
+from drivers.link import ethernet
 from drivers.link.address import EthernetAddress
 from drivers.link.base import StopWay
 from drivers.link.ethernet import EthernetLink
@@ -230,7 +230,7 @@ def test_a_stop_that_nobody_answers_on_its_own_connection_is_repeated_on_both(
         stops.expect(ABORT)
         lines.expect(ABORT)
         assert way_of(link) is StopWay.RESERVED, "a board takes its time"
-        monkeypatch.setattr(stop_connection, "ANSWER_S", 0.0)
+        monkeypatch.setattr(ethernet, "ANSWER_S", 0.0)
         assert way_of(link) is StopWay.LOST
         stops.say(b"\x06\x06")
         lines.say(b"\x06")

@@ -20,7 +20,7 @@ import pytest
 
 from console.text.catalogue import load
 from drivers.errors import LinkError
-from drivers.link import connection, serial_opening, stop_connection
+from drivers.link import connection, ethernet, serial_opening
 from drivers.link.address import (
     EthernetAddress,
     SerialAddress,
@@ -269,7 +269,7 @@ def test_a_board_with_room_for_one_connection_says_that_stops_have_none(monkeypa
 def test_a_connection_for_stops_that_the_network_takes_and_no_board_serves_is_none(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(stop_connection, "OPENING_S", 0.05)
+    monkeypatch.setattr(ethernet, "OPENING_S", 0.05)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = int(listener.getsockname()[1])
         problem = refusal(EthernetAddress(host="127.0.0.1", port=port, reserves_stop=True))

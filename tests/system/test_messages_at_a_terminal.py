@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.data.running import FOLDER
+from console.session.data.records import FOLDER
 from console.text.catalogue import load
 from profiles.problem import Problem
 from tests.console.test_run_record import begins, killed

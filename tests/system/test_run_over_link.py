@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.clock import RealClock
-from drivers.lathe.control_state import NOBODY
-from drivers.lathe.ownership import OWNER_ITEM
+from drivers.lathe.ownership import NOBODY, OWNER_ITEM
 from drivers.link.address import TcpAddress
 from drivers.link.opening import open_link
 from drivers.pmac.client import PmacClient

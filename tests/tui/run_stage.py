@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 
 from console.session.cut.alignment import Alignment
-from console.session.cut.phase import Phase
-from console.session.cut.telemetry import CutFigures
+from console.session.cut.telemetry import CutFigures, Phase, SpindleRipple
 from console.session.data.made_parts import MadeWith
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
-from console.session.station.ripple import SpindleRipple
 from console.session.station.state import Activity, StationState, StopState, TouchedBlank
 from console.session.work import Work
 from console.tui.pages.run import RunPage
@@ -25,7 +23,7 @@ from drivers.lathe.snapshot import Snapshot
 from profiles.machine import SAFETY_DEVICES
 from tests.tui.machine_states import ON, REST, aligned, look_at
 from tests.tui.page_stage import shown_on
-from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, desk_for, experiment, grid
+from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, experiment, grid, ui_for
 
 OFF = REST | {"open_loop", "home_complete"}
 VALID = aligned(76.0)
@@ -81,7 +79,6 @@ def cut(stage: CutStage = CutStage.CUT, **changes: Any) -> CutProgress:
         "speed_rpm": 1000.3,
         "tool_radius_mm": 25.9271,
         "infeed_um": 72.9,
-        "target_um": 73.5,
         "tool_error_um": -0.6,
         "tool_error_peak_um": 1.4,
         "following_error_um": 12.3,
@@ -161,6 +158,6 @@ async def states_shown(page: RunPage, states: Sequence[StationState], work: Work
 
 def frames_of(states: Sequence[StationState]) -> list[str]:
     work, frames = experiment(), list[str]()
-    page = RunPage(desk_for(FixedControl(states[-1]), Path("/nowhere"), "en", work))
+    page = RunPage(ui_for(FixedControl(states[-1]), Path("/nowhere"), "en", work))
     asyncio.run(states_shown(page, states, work, frames))
     return frames

@@ -15,14 +15,12 @@ import pytest
 from textual.pilot import Pilot
 
 from console.session.cut.alignment import Alignment, JawAngle, TouchOff, aligned_job, clamping_of
-from console.session.cut.phase import Phase
+from console.session.cut.telemetry import Phase, SpindleRipple
 from console.session.data import records
 from console.session.data.kept_files import jobs_folder
 from console.session.data.made_parts import MadeWith
-from console.session.learning.learning_steps import taught_by
-from console.session.learning.part_learning import PartLearning
+from console.session.learning.learning_steps import PartLearning, taught_by
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
-from console.session.station.ripple import SpindleRipple
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited
 from console.text.catalogue import load
@@ -133,7 +131,9 @@ def machine(activity: Activity) -> StationState:
 def cut() -> CutProgress:
     """The middle of a cut in phase; two waves, so that no two looks are the same."""
     angles_deg = (np.arange(240.0) * 137.0 + 0.37) % 360.0
-    waves = 0.61 * np.sin(np.radians(3.0 * angles_deg + 20.0)) + 0.23 * np.sin(np.radians(7.0 * angles_deg + 50.0))
+    harmonics = 0.61 * np.sin(np.radians(3.0 * angles_deg + 20.0)) + 0.23 * np.sin(
+        np.radians(7.0 * angles_deg + 50.0)
+    )
     return CutProgress(
         stage=CutStage.CUT,
         holding=False,
@@ -145,7 +145,6 @@ def cut() -> CutProgress:
         speed_rpm=1000.31,
         tool_radius_mm=25.92713,
         infeed_um=72.87,
-        target_um=73.46,
         tool_error_um=-0.587,
         tool_error_peak_um=1.423,
         following_error_um=12.34,
@@ -154,7 +153,7 @@ def cut() -> CutProgress:
         synchronisation=Synchronisation.IN_SYNC,
         ripple=SpindleRipple(1.183, 0.568),
         angles_deg=angles_deg,
-        errors_um=waves,
+        errors_um=harmonics,
     )
 
 
@@ -163,11 +162,11 @@ BEFORE = ((3, 27.1, 14.3), (2, 1.31, 67.0), (6, 0.83, 31.0), (5, 0.57, 11.0))
 AFTER = ((3, 0.91, 21.7), (2, 0.47, 33.0), (6, 0.29, 7.0), (4, 0.23, 49.0), (7, 0.17, 3.0))
 
 
-def part(strategy: Strategy, waves: tuple[tuple[int, float, float], ...]) -> MeasuredPart:
+def part(strategy: Strategy, harmonics: tuple[tuple[int, float, float], ...]) -> MeasuredPart:
     """A part that was measured off centre, by 4.3 um."""
     angle_deg = np.arange(3600) / 10.0
     deviation_um = 2.7 + 4.3 * np.cos(np.radians(angle_deg - 57.0))
-    for n, amplitude_um, crest_deg in waves:
+    for n, amplitude_um, crest_deg in harmonics:
         deviation_um = deviation_um + amplitude_um * np.cos(n * np.radians(angle_deg - crest_deg))
     return MeasuredPart(
         job=aligned_job(signed().job, ALIGNED),
@@ -192,7 +191,7 @@ def taught(part: MeasuredPart) -> MeasuredPart:
     found = taught_by(
         trace, work.loaded, work.machine, Path("/nowhere"), made, gain=None, robust=False, date=CLOCK.isoformat()
     )
-    return replace(part, lesson=PartLearning(made=made, taught=found))
+    return replace(part, learning=PartLearning(made=made, taught=found))
 
 
 @cache
@@ -247,7 +246,7 @@ def application(
         local_time=lambda: CLOCK,
         ticking=False,
     )
-    app.desk.work = scene.work
+    app.ui.work = scene.work
     answer(app, scene)
     return app, control
 
@@ -259,8 +258,8 @@ def answer(app: ConsoleApp, scene: Scene) -> None:
         job = aligned_job(scene.work.job, alignment)
         made = previewed(job) if scene.page is PageName.PREVIEW else None
         work = replace(scene.work, outlook=made, preview=made)
-        app.desk.work = work
-        app._previewer._settled = (work, alignment, None, None)
+        app.ui.work = work
+        app._previewer._settled = (work, alignment, None)
 
 
 @asynccontextmanager

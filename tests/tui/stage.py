@@ -60,8 +60,8 @@ def experiment() -> Work:
     return opened(load_job(EXPERIMENT), load_machine(MACHINE))
 
 
-def desk_for(control: FixedControl, data: Path, language: str = "en", work: Work | None = None) -> UiContext:
-    desk = UiContext(
+def ui_for(control: FixedControl, data: Path, language: str = "en", work: Work | None = None) -> UiContext:
+    ui = UiContext(
         text=load(language),
         palette=COLOUR,
         control=control,
@@ -69,8 +69,8 @@ def desk_for(control: FixedControl, data: Path, language: str = "en", work: Work
         data=data,
         go=lambda _: None,
     )
-    desk.work = work
-    return desk
+    ui.work = work
+    return ui
 
 
 class PageStage(App[None]):

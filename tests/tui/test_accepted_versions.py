@@ -41,8 +41,8 @@ class OnJobs(PageScene):
             await self.act("jobs.down")
             assert self.text != before, name
         await self.act("jobs.open")
-        assert self.desk.work is not None and self.desk.work.loaded.job.name == name
-        return self.desk.work
+        assert self.ui.work is not None and self.ui.work.loaded.job.name == name
+        return self.ui.work
 
 
 class OnPreview(PageScene):
@@ -50,8 +50,8 @@ class OnPreview(PageScene):
 
 
 def learned() -> LearnedCompensation:
-    assert PART.lesson is not None and PART.lesson.taught is not None
-    return PART.lesson.taught.lesson.next
+    assert PART.learning is not None and PART.learning.taught is not None
+    return PART.learning.taught.step.next
 
 
 def cut_with(version: LearnedCompensation | None) -> Work:
@@ -126,15 +126,15 @@ def test_a_version_that_is_set_aside_is_told_with_the_key_that_uses_it(language:
 
     async def play(stage: OnPreview) -> None:
         await stage.act("preview.learned")
-        assert stage.desk.work is not None
-        aside.append(stage.desk.work)
-        (problem,) = stage.desk.work.set_aside
+        assert stage.ui.work is not None
+        aside.append(stage.ui.work)
+        (problem,) = stage.ui.work.set_aside
         assert (problem.code, problem.key) == ("learned.set_aside", "1")
         assert "· w" in stage.text and stage.next_step.startswith(text("preview_page.next_aside"))
         assert cell_len(stage.next_step) <= 77
         assert text.problem(problem)[:20] in plain(stage.page.in_full(stage.view, 200))
         await stage.act("preview.learned")
-        assert (stage.desk.work.compensation, stage.desk.work.set_aside) == (learned(), ())
+        assert (stage.ui.work.compensation, stage.ui.work.set_aside) == (learned(), ())
 
     play_on(OnPreview, play, tmp_path, work=cut_with(learned()), state=READY, language=language)
     run = shown_on(RunPage, run_stage.state(), work=aside[0], language=language)
@@ -147,16 +147,16 @@ def test_a_version_that_was_learned_elsewhere_meanwhile_is_told_on_run(tmp_path:
 
     async def play(stage: OnRun) -> None:
         await stage.show()
-        assert stage.desk.work is not None
-        assert [problem.code for problem in stage.desk.work.set_aside] == []
+        assert stage.ui.work is not None
+        assert [problem.code for problem in stage.ui.work.set_aside] == []
         store(tmp_path, replace(learned(), version=2))
         stage.page.leave()
         await stage.show()
         await stage.show()
-        assert [(problem.code, problem.key) for problem in stage.desk.work.set_aside] == [("learned.newer", "2")]
-        assert "version 2" in stage.text and stage.desk.work.compensation == learned()
-        step_compensation(stage.desk)
-        assert stage.desk.work.compensation == replace(learned(), version=2)
+        assert [(problem.code, problem.key) for problem in stage.ui.work.set_aside] == [("learned.newer", "2")]
+        assert "version 2" in stage.text and stage.ui.work.compensation == learned()
+        step_compensation(stage.ui)
+        assert stage.ui.work.compensation == replace(learned(), version=2)
 
     keep(tmp_path)
     play_on(OnRun, play, tmp_path, work=cut_with(learned()), state=run_stage.state())

@@ -44,7 +44,7 @@ from tests.tui.align_stage import (
 )
 from tests.tui.machine_states import CLAMPED, JAW, ON
 from tests.tui.page_stage import Shown
-from tests.tui.stage import FixedControl, PageStage, desk_for, experiment, grid
+from tests.tui.stage import FixedControl, PageStage, experiment, grid, ui_for
 
 STOPPED = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.5)
 
@@ -287,24 +287,24 @@ def test_the_jog_ends_with_a_stop_and_does_not_come_back(changes: dict[str, Any]
 
 def test_after_a_stop_the_jog_keys_want_to_be_enabled_again() -> None:
     control = FixedControl(state())
-    desk = desk_for(control, Path("/nowhere"), work=experiment())
-    page = AlignPage(desk)
+    ui = ui_for(control, Path("/nowhere"), work=experiment())
+    page = AlignPage(ui)
     page.act("align.enable")
     control.state = state(stops=1)
     page.act("align.tail")
-    assert (control.orders, [problem.code for problem in desk.said]) == ([], ["screen.jog_not_enabled"])
+    assert (control.orders, [problem.code for problem in ui.said]) == ([], ["screen.jog_not_enabled"])
 
 
 def test_while_it_moves_the_time_of_the_jog_is_whole() -> None:
     """A tick shows what was read some ms before: 30 s of 30, by the time of the view, not 31."""
     control = FixedControl(state(), now_s=100.02)
-    desk = desk_for(control, Path("/nowhere"), work=experiment())
-    page = AlignPage(desk)
+    ui = ui_for(control, Path("/nowhere"), work=experiment())
+    page = AlignPage(ui)
     page.act("align.enable")
     jogging = state(activity=Activity.JOGGING)
 
     async def run() -> str:
-        view = View(state=jogging, work=desk.work, now_s=100.0)
+        view = View(state=jogging, work=ui.work, now_s=100.0)
         app = PageStage(page, view)
         async with app.run_test(size=(80, 18)) as pilot:
             await pilot.pause()
@@ -356,15 +356,15 @@ def test_the_run_on_after_a_stop_is_told_for_every_axis() -> None:
 
 def test_a_held_key_is_one_step_and_another_stops() -> None:
     control = FixedControl(state())
-    desk = desk_for(control, Path("/nowhere"), work=experiment())
-    page = AlignPage(desk)
+    ui = ui_for(control, Path("/nowhere"), work=experiment())
+    page = AlignPage(ui)
     page.act("align.enable")
     page.act("align.tail")
     control.state = state(activity=Activity.JOGGING)
     page.act("align.tail")
     assert (len(control.orders), control.stops) == (1, [])
     page.act("align.chuck")
-    assert desk.said[0].code == "screen.key_in_motion"
+    assert ui.said[0].code == "screen.key_in_motion"
     page.act("align.larger")
     page.act("align.off")
     assert control.stops == ["change ←", "change +", "change F3"]

@@ -32,7 +32,7 @@ from tests.tui.align_stage import (
     words_of,
 )
 from tests.tui.machine_states import CLAMPED, ON
-from tests.tui.stage import FRAME_ROWS, LANGUAGES, MACHINE, SIZES, FixedControl, PageStage, desk_for, experiment
+from tests.tui.stage import FRAME_ROWS, LANGUAGES, MACHINE, SIZES, FixedControl, PageStage, experiment, ui_for
 
 STOPPING = StopState(reason="space", killed=False, sent_s=99.9)
 
@@ -243,9 +243,9 @@ def test_of_a_lost_machine_nothing_is_shown_as_known() -> None:
 
 
 def test_showing_the_same_again_paints_nothing() -> None:
-    desk = desk_for(FixedControl(state()), Path("/nowhere"), work=experiment())
-    page = AlignPage(desk)
-    view = View(state=state(), work=desk.work, now_s=100.0)
+    ui = ui_for(FixedControl(state()), Path("/nowhere"), work=experiment())
+    page = AlignPage(ui)
+    view = View(state=state(), work=ui.work, now_s=100.0)
 
     async def run() -> int:
         app = PageStage(page, view)

@@ -18,7 +18,7 @@ from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys
 from console.tui.keymap import ACTIONS, PageName
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.lathe.control_state import Standing
+from drivers.lathe.ownership import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
 from tests.tui.scenes import Scene, application, fill, played
@@ -53,7 +53,7 @@ class Console:
 
     @property
     def said(self) -> list[str]:
-        return [problem.code for problem in self.app.desk.said]
+        return [problem.code for problem in self.app.ui.said]
 
 
 def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float, str]) -> Console:
@@ -135,11 +135,11 @@ def test_an_answer_goes_with_the_state_that_it_speaks_of(
 ) -> None:
     console = pressed(tmp_path, run_stage.state(), page, (0.0, key))
     assert console.said == [code]
-    desk = console.app.desk
-    desk.forget_stale_answer(replace(console.control.state, at_s=101.0))
+    ui = console.app.ui
+    ui.forget_stale_answer(replace(console.control.state, at_s=101.0))
     assert console.said == [code]
     changes = {"armed": armed()} if "armed" in later else later
-    desk.forget_stale_answer(replace(console.control.state, **changes))
+    ui.forget_stale_answer(replace(console.control.state, **changes))
     assert console.said == []
 
 
@@ -169,7 +169,7 @@ def test_why_a_key_stopped_the_machine_stays_said(tmp_path: Path) -> None:
     console = pressed(tmp_path, jogging, PageName.ALIGN, (0.0, "f3"))
     assert (console.control.stops, console.said) == (["change F3"], ["screen.key_in_motion"])
     stopped = replace(jogging, activity=Activity.STOPPED, stop=replace(STOP, rest_s=100.4))
-    console.app.desk.forget_stale_answer(stopped)
+    console.app.ui.forget_stale_answer(stopped)
     assert console.said == ["screen.key_in_motion"]
 
 
@@ -195,7 +195,7 @@ def test_a_character_whose_field_is_closed_meanwhile_shows_no_page(tmp_path: Pat
             await pilot.pause()
 
     asyncio.run(run())
-    assert (app._page, [problem.code for problem in app.desk.said]) == (PageName.SETUP, ["screen.entry_over"])
+    assert (app._page, [problem.code for problem in app.ui.said]) == (PageName.SETUP, ["screen.entry_over"])
 
 
 def test_a_character_for_a_field_is_written_into_it(tmp_path: Path) -> None:
@@ -268,7 +268,7 @@ def test_a_press_that_makes_no_step_is_told_behind_the_next_that_does(tmp_path: 
                 await pilot.pause()
 
     asyncio.run(run())
-    (missed,) = app.desk.said
+    (missed,) = app.ui.said
     assert (len(control.orders), missed.code) == (2, "screen.presses_missed")
     assert (missed.key, missed.value, missed.limit) == ("→", "1", "3")
 
@@ -287,9 +287,9 @@ def test_no_character_is_left_out_of_a_number_and_no_key_acts_in_the_middle_of_i
     """1e3 without its e would be 13 mm: what does not belong stays in the entry, and Enter refuses it."""
     keys = ["down", "enter", *("space" if each == " " else each for each in typed), "enter"]
     console = pressed(tmp_path, align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys)))
-    (refused,) = console.app.desk.said
+    (refused,) = console.app.ui.said
     assert (refused.code, refused.value) == ("value.not_number", f'"{typed}"')
-    assert console.app.desk.work == experiment()
+    assert console.app.ui.work == experiment()
     assert console.app._field is FieldKind.NUMBER and console.orders == []
 
 
@@ -298,12 +298,12 @@ def test_nothing_is_typed_or_taken_behind_a_list_that_hides_the_entry(opening: s
     """13 would be taken by somebody who has not seen the list come up in the middle of it."""
     keys = ["down", "enter", "1", opening, "3", "enter"]
     hidden = pressed(tmp_path, align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys)))
-    assert hidden.app.desk.work == experiment() and hidden.app._field is FieldKind.NUMBER
+    assert hidden.app.ui.work == experiment() and hidden.app._field is FieldKind.NUMBER
     keys += ["backspace", "5", "enter"]
     again = pressed(
         tmp_path / "again", align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys))
     )
-    assert again.app.desk.work is not None and again.app.desk.work.job.diameter_mm == 15.0
+    assert again.app.ui.work is not None and again.app.ui.work.job.diameter_mm == 15.0
 
 
 def test_a_character_that_does_not_belong_is_told_at_once_and_can_be_deleted(tmp_path: Path) -> None:
@@ -314,4 +314,4 @@ def test_a_character_that_does_not_belong_is_told_at_once_and_can_be_deleted(tmp
     mended = pressed(
         tmp_path / "again", align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys))
     )
-    assert mended.app.desk.work is not None and mended.app.desk.work.job.diameter_mm == 53.0
+    assert mended.app.ui.work is not None and mended.app.ui.work.job.diameter_mm == 53.0

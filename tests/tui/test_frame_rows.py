@@ -235,12 +235,14 @@ def test_no_alarm_is_not_said_of_what_nobody_looks_at(language: str) -> None:
     """A controller looks at limit switches and amplifiers only while the drives are on."""
     text = load(language)
 
-    def row(flags: frozenset[str]) -> str:
-        axis = replace(AXIS, flags=flags)
-        look = replace(LOOK, tool=axis, spindle=axis, carriage=axis)
-        return plain(alarm_row(frame(replace(READY, snapshot=look), language), 80)).strip()
+    def rows(snapshot: Snapshot | None, width: int = 80) -> list[str]:
+        lines = alarm_row(frame(replace(READY, snapshot=snapshot), language), width)
+        assert all(width_of(each) <= width for each in lines)
+        return [plain([each]) for each in lines]
 
-    assert row(REST) == f"· {text('frame.no_alarms')}"
-    assert row(REST - {"amplifier_enabled"}) == f"· {text('frame.no_alarms_off')}"
-    unknown = plain(alarm_row(frame(replace(READY, snapshot=None), language), 80)).strip()
-    assert unknown == f"· {text('frame.alarms_unknown')}"
+    axis = replace(AXIS, flags=REST - {"amplifier_enabled"})
+    disabled = replace(LOOK, tool=axis, spindle=axis, carriage=axis)
+    shown = {"frame.no_alarms": LOOK, "frame.no_alarms_off": disabled, "frame.alarms_unknown": None}
+    for key, snapshot in shown.items():
+        assert rows(snapshot) == [f" · {text(key)}"], "one row at 80 columns, and all of it"
+        assert "".join("".join(rows(snapshot, 60)).split()) == f"·{text(key)}".replace(" ", "")

@@ -25,7 +25,7 @@ from console.tui.ui_context import View
 from drivers.cutting.planning import Strategy
 from profiles.roundness import evaluate
 from profiles.traces import Trace
-from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, desk_for, experiment, grid
+from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, experiment, grid, ui_for
 
 ROOMS = [(columns, rows - FRAME_ROWS) for columns, rows in SIZES]
 SMALLEST_ROOM = (60, 12)
@@ -35,7 +35,7 @@ Waves = Sequence[tuple[int, float, float]]
 
 def part(
     strategy: Strategy,
-    waves: Waves,
+    harmonics: Waves,
     *,
     jaw_1_deg: float = 90.0,
     filter_upr: float | None = 50.0,
@@ -45,7 +45,7 @@ def part(
     angle_deg = np.arange(3600) / 10.0
     angle = np.radians(angle_deg)
     deviation_um = 3.0 + 5.0 * np.cos(angle - 1.0)
-    for n, amplitude_um, crest_deg in waves:
+    for n, amplitude_um, crest_deg in harmonics:
         deviation_um = deviation_um + amplitude_um * np.cos(n * (angle - np.radians(crest_deg)))
     job = replace(experiment().job, lobe_phase_deg=jaw_1_deg, **changes)  # type: ignore[arg-type]
     return MeasuredPart(
@@ -65,7 +65,7 @@ BOTH = StationState(measured=AFTER, uncompensated=BEFORE)
 
 def staged(state: StationState, language: str = "en") -> tuple[PageStage, InspectPage, FixedControl]:
     control = FixedControl(state)
-    page = InspectPage(desk_for(control, Path("/nowhere"), language, experiment()))
+    page = InspectPage(ui_for(control, Path("/nowhere"), language, experiment()))
     return PageStage(page, View(state=state, work=experiment(), now_s=0.0)), page, control
 
 
@@ -247,7 +247,7 @@ def test_m_releases_and_measures_the_part_that_was_cut() -> None:
     _, page, control = staged(StationState(cut_done=True, activity=Activity.READY))
     page.act("inspect.measure")
     assert control.orders == [Measure()]
-    assert page.desk.said == ()
+    assert page.ui.said == ()
 
 
 @pytest.mark.parametrize(
@@ -263,13 +263,13 @@ def test_m_is_refused_with_the_reason(state: StationState, code: str) -> None:
     _, page, control = staged(state)
     page.act("inspect.measure")
     assert control.orders == []
-    assert [problem.code for problem in page.desk.said] == [code]
+    assert [problem.code for problem in page.ui.said] == [code]
 
 
 def test_enter_goes_to_the_next_part_and_moves_nothing() -> None:
     _, page, control = staged(BOTH)
     gone: list[PageName] = []
-    page.desk.go = gone.append
+    page.ui.go = gone.append
     page.act("inspect.next")
     assert gone == [PageName.ALIGN]
     assert control.orders == []

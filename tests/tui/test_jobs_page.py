@@ -149,8 +149,8 @@ def test_enter_opens_the_selected_job_at_set_up(own: Path, tmp_path: Path) -> No
     async def scene(stage: Stage) -> None:
         await stage.act("jobs.down", "jobs.down", "jobs.open")
         assert stage.gone == [PageName.SETUP]
-        assert stage.desk.work is not None
-        assert stage.desk.work.loaded.path == own / "my ring.toml"
+        assert stage.ui.work is not None
+        assert stage.ui.work.loaded.path == own / "my ring.toml"
 
     play(scene, tmp_path)
 
@@ -161,7 +161,7 @@ def test_the_job_in_hand_keeps_its_edits(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         assert "edits not saved" in stage.text
         await stage.act("jobs.open")
-        assert stage.desk.work is work
+        assert stage.ui.work is work
         assert stage.gone == [PageName.SETUP]
 
     play(scene, tmp_path, work=work)
@@ -173,12 +173,12 @@ def test_edits_are_given_up_on_the_second_enter_only(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         await stage.act("jobs.down", "jobs.open")
         assert stage.codes == ["screen.edits_unsaved"]
-        assert (stage.desk.work, stage.gone) == (work, [])
+        assert (stage.ui.work, stage.gone) == (work, [])
         await stage.act("jobs.up", "jobs.down", "jobs.open")
-        assert (stage.desk.work, stage.gone) == (work, [])
+        assert (stage.ui.work, stage.gone) == (work, [])
         await stage.act("jobs.open")
-        assert stage.desk.work is not None
-        assert stage.desk.work.job.name == "lee-2001-experiment-2"
+        assert stage.ui.work is not None
+        assert stage.ui.work.job.name == "lee-2001-experiment-2"
 
     play(scene, tmp_path, work=work)
 

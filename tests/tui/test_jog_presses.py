@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from console.tui.pages.jog_presses import JogPresses
+from console.tui.pages.align_jog import JogPresses
 
 STEP_S = 0.27
 """What a step takes on the machine of the paper: its ramps are 0.2 s long."""

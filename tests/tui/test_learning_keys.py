@@ -12,7 +12,7 @@ from rich.cells import cell_len
 
 from console.session.cut.alignment import Alignment, JawAngle
 from console.session.data.learned_store import FOLDER, asked_for, versions
-from console.session.learning.part_learning import PartLearning
+from console.session.learning.learning_steps import PartLearning
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited, with_strategy
@@ -61,8 +61,8 @@ def on_inspect(scene: Callable[[OnInspect], Awaitable[None]], data: Path, state:
 
 
 def used(stage: PageScene) -> LearnedCompensation:
-    assert stage.desk.work is not None and stage.desk.work.compensation is not None
-    return stage.desk.work.compensation
+    assert stage.ui.work is not None and stage.ui.work.compensation is not None
+    return stage.ui.work.compensation
 
 
 def kept(data: Path) -> list[int]:
@@ -73,9 +73,9 @@ def kept(data: Path) -> list[int]:
 
 def without(reason: Problem) -> MeasuredPart:
     """The part, of which nothing may be kept."""
-    assert PART.lesson is not None and PART.lesson.taught is not None
-    lesson = replace(PART.lesson.taught.lesson, reasons=(reason,))
-    return replace(PART, lesson=replace(PART.lesson, taught=replace(PART.lesson.taught, lesson=lesson)))
+    assert PART.learning is not None and PART.learning.taught is not None
+    step = replace(PART.learning.taught.step, reasons=(reason,))
+    return replace(PART, learning=replace(PART.learning, taught=replace(PART.learning.taught, step=step)))
 
 
 def test_a_keeps_what_the_part_teaches_and_v_goes_back_to_the_model(tmp_path: Path) -> None:
@@ -105,9 +105,9 @@ def test_a_disk_error_is_told_and_changes_nothing(tmp_path: Path) -> None:
     (tmp_path / FOLDER).write_text("no folder", encoding="utf-8")
 
     async def play(stage: OnInspect) -> None:
-        before = stage.desk.work
+        before = stage.ui.work
         await stage.act("inspect.accept")
-        assert stage.codes == ["file.not_writable"] and stage.desk.work is before
+        assert stage.codes == ["file.not_writable"] and stage.ui.work is before
 
     on_inspect(play, tmp_path)
 
@@ -147,18 +147,18 @@ def test_why_nothing_is_learned_and_what_comes_next_fit_the_screen(
     page = shown_on(InspectPage, replace(MEASURED, measured=measured), work=cam(), language=language)
     assert cell_len(page.next_step) <= 77 and re.search(key, page.next_step)
     assert len(page.text.splitlines()) <= 18
-    for reason in () if measured.lesson is None else measured.lesson.reasons:
+    for reason in () if measured.learning is None else measured.learning.reasons:
         assert load(language).problem(reason)[:30] in page.text
 
 
 def test_of_half_a_part_it_is_said_what_is_right_and_nothing_is_judged(tmp_path: Path) -> None:
-    assert PART.lesson is not None and PART.lesson.taught is not None
-    made = replace(PART.lesson.made, stage="partial")
-    half = replace(PART, lesson=PartLearning(made=made, problems=(Problem(code="learned.nothing"),)))
+    assert PART.learning is not None and PART.learning.taught is not None
+    made = replace(PART.learning.made, stage="partial")
+    half = replace(PART, learning=PartLearning(made=made, problems=(Problem(code="learned.nothing"),)))
     page = shown_on(InspectPage, replace(MEASURED, measured=half), work=cam())
     assert "PASS" not in page.text and "half cut: not judged" in page.text
     assert "full compensation next" in page.next_step
-    rows = plain(learn_lines(PART.lesson, cam(), load("en"), 76))
+    rows = plain(learn_lines(PART.learning, cam(), load("en"), 76))
     assert "± 11.55 um p-p); learning it may not help" in " ".join(rows.split())
 
 
@@ -166,15 +166,15 @@ def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
     async def play(stage: OnPreview) -> None:
         await stage.act("preview.learned")
         assert stage.codes == ["learned.none_yet"]
-        stage.desk.work = previewed_cam()
+        stage.ui.work = previewed_cam()
         await stage.act("preview.stage")
         assert "cut: model, in air" in stage.text and "Air cut" in stage.next_step
         await stage.act("preview.stage")
         assert "cut: model, half" in stage.text
         await stage.act("preview.stage")
-        accept_lesson(stage.desk)
+        accept_lesson(stage.ui)
         await stage.act("preview.learned")
-        assert stage.desk.work is not None and stage.desk.work.compensation is None
+        assert stage.ui.work is not None and stage.ui.work.compensation is None
         await stage.act("preview.learned")
         assert used(stage).version == 1 and "cut: learned 1, full" in stage.text
         assert "(" not in stage.text.partition("── cam")[2].partition("um/div")[0], "no band for what was learned"
@@ -194,7 +194,7 @@ def test_an_edited_job_has_no_version_and_half_of_the_printed_program_does_not_e
     async def play(stage: OnPreview) -> None:
         await stage.act("preview.learned")
         assert stage.codes == ["learned.edited_now"]
-        stage.desk.work = replace(with_strategy(cam(), "paper"), stage="air")
+        stage.ui.work = replace(with_strategy(cam(), "paper"), stage="air")
         await stage.act("preview.stage")
         assert stage.codes == ["stage.strategy"]
 
@@ -249,8 +249,8 @@ def test_letters_of_learning_move_nothing() -> None:
 
 
 def learned() -> LearnedCompensation:
-    assert PART.lesson is not None and PART.lesson.taught is not None
-    return PART.lesson.taught.lesson.next
+    assert PART.learning is not None and PART.learning.taught is not None
+    return PART.learning.taught.step.next
 
 
 def previewed_cam() -> Work:

@@ -78,23 +78,23 @@ def test_an_answer_takes_lines_from_the_page_and_gives_them_back(page: PageName,
 
     async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
         before = rows_of(app)
-        answered = app.desk.said
+        answered = app.ui.said
         for said in (REFUSED, ENDLESS):
-            app.desk.said = said
+            app.ui.said = said
             await settle(app, pilot)
             rows = rows_of(app)
-            assert app.desk.said == said, "something went wrong on a page with little room"
+            assert app.ui.said == said, "something went wrong on a page with little room"
             assert (len(rows), rows[-1]) == (24, before[-1])
             assert text("frame.stop") in rows[-2] or text("frame.stop_in_text") in rows[-2]
             assert rows[0] == before[0]
-        app.desk.said = REFUSED
+        app.ui.said = REFUSED
         await settle(app, pilot)
         rows = rows_of(app)
         more = f"+2 {text('frame.all')}"
         assert more in rows[1]
         shown = one_word(" ".join(rows[1:9]).replace(more, ""))
         assert one_word(text.problem(named(REFUSED[0], text))) in shown
-        app.desk.said = answered
+        app.ui.said = answered
         await settle(app, pilot)
         assert rows_of(app) == before
 
@@ -125,14 +125,14 @@ def test_w_shows_all_answers_and_alarms_and_what_the_page_asks_for(language: str
     async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
         before = rows_of(app)
         control.state = replace(control.state, alarms=alarms)
-        app.desk.said = REFUSED
+        app.ui.said = REFUSED
         await pilot.press("w")
         shown = await read_through(app, pilot)
         for problem in REFUSED:
             assert one_word(text.problem(named(problem, text))) in shown
         assert one_word(text.problem(alarms[0].problem)) in shown
         assert one_word(text("name.rule.feed_over_land")) in shown
-        assert app.desk.said == REFUSED
+        assert app.ui.said == REFUSED
         control.state = replace(control.state, alarms=())
         await pilot.press("backspace")
         await settle(app, pilot)
@@ -189,7 +189,7 @@ def test_an_entry_stays_in_its_row_while_an_answer_comes_and_goes_on_after_a_lis
 
     async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
         for said in (ENDLESS, ()):
-            app.desk.said = said
+            app.ui.said = said
             await settle(app, pilot)
             assert [row for row in rows_of(app) if "▸" in row and "[1,200     ]" in row]
         for key, expected in (("w", "[1,2009    ]"), ("?", "[1,20099   ]")):

@@ -48,9 +48,9 @@ def inspected(measured: MeasuredPart, language: str = "en") -> Shown:
 
 def panel(measured: MeasuredPart) -> str:
     """What the panel Learn says, as w shows it."""
-    assert measured.lesson is not None
+    assert measured.learning is not None
     failed = measured.result.ront_um > measured.job.roundness_tolerance_um
-    return " ".join(plain(learn_lines(measured.lesson, cam(), EN, 76, failed=failed)).split())
+    return " ".join(plain(learn_lines(measured.learning, cam(), EN, 76, failed=failed)).split())
 
 
 def test_what_may_not_help_is_not_offered_and_what_is_offered_is_not_called_so() -> None:
@@ -62,18 +62,18 @@ def test_what_may_not_help_is_not_offered_and_what_is_offered_is_not_called_so()
 
 
 def test_of_a_lobe_that_is_elsewhere_the_set_up_is_asked_for_first() -> None:
-    assert PART.lesson is not None and PART.lesson.taught is not None
-    warned = replace(PART.lesson.taught, warnings=(Problem(code="learned.lobe_elsewhere", value="+15 deg"),))
+    assert PART.learning is not None and PART.learning.taught is not None
+    warned = replace(PART.learning.taught, warnings=(Problem(code="learned.lobe_elsewhere", value="+15 deg"),))
     for measured in (PART, fails(PART)):
-        page = inspected(replace(measured, lesson=replace(PART.lesson, taught=warned)))
+        page = inspected(replace(measured, learning=replace(PART.learning, taught=warned)))
         assert page.next_step == EN("inspect_page.next_check_jaw")
 
 
 def test_nothing_is_promised_of_what_may_not_be_kept() -> None:
-    assert PART.lesson is not None and PART.lesson.taught is not None
+    assert PART.learning is not None and PART.learning.taught is not None
     worse = Problem(code="learned.worse", key="+25 deg", value="67.0 um", limit="55.0 um")
-    lesson = replace(PART.lesson.taught.lesson, reasons=(worse,))
-    part_ = replace(PART, lesson=replace(PART.lesson, taught=replace(PART.lesson.taught, lesson=lesson)))
+    step = replace(PART.learning.taught.step, reasons=(worse,))
+    part_ = replace(PART, learning=replace(PART.learning, taught=replace(PART.learning.taught, step=step)))
     assert "3/rev 1.82 · 6/rev" in panel(part_)
     assert not any(words in panel(part_) for words in ("→", "gain 1 ", "may not help"))
 
@@ -136,7 +136,7 @@ def test_nobody_is_sent_on_to_align_past_what_was_found(language: str) -> None:
         severity=Severity.WARNING,
         problem=Problem(code="rule.lobe_unstated", key="lobe_error_source", value="measured", limit="lobe_tool"),
     )
-    taught_by = ExpectedPart(ront_um=2.4, lobe=made.target.waves[0])
+    taught_by = ExpectedPart(ront_um=2.4, lobe=made.target.harmonics[0])
     for found in (False, True):
         seen = replace(made, findings=(warning,) if found else ())
         plainly = replace(signed(), outlook=seen, preview=seen)

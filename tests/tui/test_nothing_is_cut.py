@@ -14,7 +14,7 @@ import pytest
 from rich.cells import cell_len
 
 from console.session.cut.interlocks import Interlock
-from console.session.learning.part_learning import PartLearning
+from console.session.learning.learning_steps import PartLearning
 from console.session.station.alarms import Alarm, Priority
 from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import LANGUAGES, Catalogue, load
@@ -22,7 +22,7 @@ from console.tui.frame import LEAST_BODY, ROWS, Frame, alarm_row, frame_rows, ne
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line, plain, width_of
-from console.tui.messages import message_lines
+from console.tui.list_panel import message_lines
 from console.tui.pages import preview_lines, setup_lines
 from console.tui.pages.fields import FORM, judge, name_problem, named
 from console.tui.pages.learn_lines import reason_lines

@@ -19,7 +19,7 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import line, plain, width_of
 from console.tui.pages.align_lines import why_lines
-from drivers.lathe.control_state import Standing
+from drivers.lathe.ownership import Standing
 from profiles.problem import Problem
 from profiles.store import load_machine
 from tests.golden_text import compare, writing
@@ -67,7 +67,7 @@ def pressed(
                 control.at(100.0 + after_s)
                 await pilot.press(key)
                 await pilot.pause()
-                said.append(" ".join(problem.code for problem in app.desk.said))
+                said.append(" ".join(problem.code for problem in app.ui.said))
 
     asyncio.run(run())
     assert app.fault is None

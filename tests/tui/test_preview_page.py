@@ -37,9 +37,9 @@ from tests.tui.stage import (
     SIZES,
     FixedControl,
     PageStage,
-    desk_for,
     experiment,
     grid,
+    ui_for,
 )
 
 ROOMS = [(columns, rows - FRAME_ROWS) for columns, rows in SIZES]
@@ -62,7 +62,7 @@ def staged(
     work: Work | None, language: str = "en", state: StationState | None = None
 ) -> tuple[PageStage, PreviewPage]:
     state = state or StationState()
-    page = PreviewPage(desk_for(FixedControl(state), Path("/nowhere"), language, work))
+    page = PreviewPage(ui_for(FixedControl(state), Path("/nowhere"), language, work))
     return PageStage(page, View(state=state, work=work, now_s=0.0)), page
 
 
@@ -89,8 +89,8 @@ def shown(
 
 def by_order(prediction: Prediction, n: int) -> complex:
     """The harmonic of the residual at equal angles, um; crest at jaw 1 is real and positive."""
-    wave = np.exp(-1j * n * np.radians(prediction.angle_deg - 90.0))
-    return complex(2.0 * np.mean(prediction.residual_um * wave))
+    harmonic = np.exp(-1j * n * np.radians(prediction.angle_deg - 90.0))
+    return complex(2.0 * np.mean(prediction.residual_um * harmonic))
 
 
 @pytest.mark.parametrize(
@@ -256,9 +256,9 @@ def test_c_steps_through_the_strategies() -> None:
         for _ in Strategy:
             page.act("preview.strategy")
             await pilot.pause()
-            assert page.desk.work is not None
+            assert page.ui.work is not None
             row = next(row for row in grid(app).split("\n") if "▸" in row)
-            chosen.append(f"{page.desk.work.strategy}: {row.split()[1]}")
+            chosen.append(f"{page.ui.work.strategy}: {row.split()[1]}")
         return chosen
 
     async def run() -> list[str]:

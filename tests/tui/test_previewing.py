@@ -115,11 +115,11 @@ def test_the_page_has_the_new_numbers_while_the_programs_are_still_computed(
     app, _ = application(Scene(page=PageName.PREVIEW, state=state_of(Activity.READY)), tmp_path)
 
     async def play(pilot: Pilot[None]) -> tuple[str, str, Work]:
-        app.desk.work = short()
+        app.ui.work = short()
         await pilot.press("3")
         await settle(app, pilot)
         assert planner.begun() == (1000.0, Strategy.PVT)
-        app.desk.work = at_speed(app.desk.work, 800.0)
+        app.ui.work = at_speed(app.ui.work, 800.0)
         app.tick()
         await pilot.pause()
         early = "\n".join(rows_of(app))
@@ -129,7 +129,7 @@ def test_the_page_has_the_new_numbers_while_the_programs_are_still_computed(
         assert thread is not None
         await asyncio.to_thread(thread.join, STRETCH_S)
         await settle(app, pilot)
-        return early, "\n".join(rows_of(app)), app.desk.work
+        return early, "\n".join(rows_of(app)), app.ui.work
 
     async def run() -> tuple[str, str, Work]:
         async with app.run_test(size=(100, 30)) as pilot:

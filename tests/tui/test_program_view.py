@@ -17,13 +17,13 @@ from console.session.station.state import StationState
 from console.text.catalogue import load
 from console.tui.lines import plain, width_of
 from console.tui.pages.preview import PreviewPage
-from console.tui.pages.program import program_lines, program_rows
+from console.tui.pages.preview_lines import program_lines, program_rows
 from console.tui.theme import Token
 from console.tui.ui_context import View
 from drivers.cutting.planning import CutPlan, Strategy
 from drivers.preview.preview import Preview, Program, preview, underway
 from profiles.store import load_job, load_machine
-from tests.tui.stage import EXPERIMENT, LANGUAGES, MACHINE, FixedControl, PageStage, desk_for, experiment, grid
+from tests.tui.stage import EXPERIMENT, LANGUAGES, MACHINE, FixedControl, PageStage, experiment, grid, ui_for
 
 ROOM = (80, 18)
 
@@ -42,7 +42,7 @@ def text_of(strategy: Strategy) -> str:
 def shown(*acts: str, strategy: Strategy = Strategy.PAPER, language: str = "en") -> str:
     state = StationState()
     work = replace(experiment(), preview=seen(), strategy=strategy.value)
-    page = PreviewPage(desk_for(FixedControl(state), Path("/nowhere"), language, work))
+    page = PreviewPage(ui_for(FixedControl(state), Path("/nowhere"), language, work))
     app = PageStage(page, View(state=state, work=work, now_s=0.0))
 
     async def play() -> str:
@@ -135,7 +135,7 @@ def test_it_stays_where_it_was_scrolled_to_when_another_program_is_there() -> No
     paper = Program(plan=seen().strategies[Strategy.PAPER], prediction=seen().predictions[Strategy.PAPER])
     early = underway(seen(), seen().eq9_loop, {Strategy.PAPER: paper})
     work = replace(experiment(), outlook=early, strategy="paper")
-    page = PreviewPage(desk_for(FixedControl(StationState()), Path("/nowhere"), "en", work))
+    page = PreviewPage(ui_for(FixedControl(StationState()), Path("/nowhere"), "en", work))
     app = PageStage(page, View(state=StationState(), work=work, now_s=0.0))
 
     async def play() -> tuple[str, str]:

@@ -9,10 +9,9 @@ import pytest
 from rich.cells import cell_len
 
 from console.session.cut.alignment import JawAngle
-from console.session.cut.phase import Phase
+from console.session.cut.telemetry import Phase, SpindleRipple
 from console.session.station.commands import Arm, Disarm, EndCut, Start
 from console.session.station.progress import CutStage
-from console.session.station.ripple import SpindleRipple
 from console.session.station.state import Activity, Armed, StationState
 from console.session.work import edited, with_strategy
 from console.text.catalogue import load

@@ -61,7 +61,7 @@ def test_the_values_stand_in_the_room_with_their_units(
         assert "621 … 1970 N" in stage.text
         assert "3.49 N m ±66 N" in stage.text
         # The smallest room has a row: how much there is to be minded.
-        hold = stage.desk.text("setup.hold", count=22, total=22)[:10]
+        hold = stage.ui.text("setup.hold", count=22, total=22)[:10]
         assert (hold if size != ROOMS[-1] else "…") in stage.text
 
     play(scene, tmp_path, work=experiment(), language=language, size=size)
@@ -102,7 +102,7 @@ def test_where_a_force_stands_is_seen_while_it_is_typed(tmp_path: Path, typed: s
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type(typed)
         assert said in stage.text
-        assert stage.desk.work is not None and stage.desk.work.job.chucking_force_n == 1314.0
+        assert stage.ui.work is not None and stage.ui.work.job.chucking_force_n == 1314.0
 
     play(scene, tmp_path, work=experiment())
 
@@ -125,11 +125,11 @@ def test_a_typed_value_replaces_the_old_one_and_is_judged_before_it_counts(tmp_p
         await stage.type("7000")
         assert "= 7000.0" in stage.text
         assert "✗ force, total = 7000 N" in stage.text
-        assert stage.desk.work is not None
-        assert stage.desk.work.job.chucking_force_n == 1314.0
+        assert stage.ui.work is not None
+        assert stage.ui.work.job.chucking_force_n == 1314.0
         await stage.act("setup.edit")
         assert stage.kind() is FieldKind.NONE
-        assert stage.desk.work.job.chucking_force_n == 7000.0
+        assert stage.ui.work.job.chucking_force_n == 7000.0
         assert "edited, not saved" in stage.text
         assert "2 rules refuse" in stage.next_step
 
@@ -156,14 +156,14 @@ def test_what_does_not_parse_is_not_taken_and_not_lost(
     async def scene(stage: Stage) -> None:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type(typed)
-        assert "✗ " + stage.desk.text("setup.refused") in stage.text
+        assert "✗ " + stage.ui.text("setup.refused") in stage.text
         for ending in ("setup.edit", "setup.next", "setup.previous", "setup.save_as"):
-            stage.desk.said = ()
+            stage.ui.said = ()
             await stage.act(ending)
             assert stage.codes == [code]
             assert stage.kind() is FieldKind.NUMBER
             assert f"[{typed} " in stage.text
-        assert stage.desk.work == experiment()
+        assert stage.ui.work == experiment()
 
     play(scene, tmp_path, work=experiment(), language=language)
 
@@ -176,8 +176,8 @@ def test_a_letter_in_a_number_refuses_the_entry_and_is_not_left_out(tmp_path: Pa
         assert f"[{typed} " in stage.text and "✗ refused" in stage.text
         await stage.act("setup.edit")
         assert stage.codes == ["value.not_number"]
-        assert stage.desk.said[0].value == f'"{typed}"'
-        assert stage.desk.work == experiment()
+        assert stage.ui.said[0].value == f'"{typed}"'
+        assert stage.ui.work == experiment()
 
     play(scene, tmp_path, work=experiment())
 
@@ -193,8 +193,8 @@ def test_keys_that_come_in_one_piece_are_all_in_the_value(tmp_path: Path) -> Non
             stage.app.focused.post_message(Key(character, character))  # type: ignore[union-attr]
         stage.page.act("setup.edit")
         await stage.pilot.pause()
-        assert stage.desk.work is not None
-        assert stage.desk.work.job.chucking_force_n == 1350.0
+        assert stage.ui.work is not None
+        assert stage.ui.work.job.chucking_force_n == 1350.0
 
     play(scene, tmp_path, work=experiment())
 
@@ -208,12 +208,12 @@ def test_tab_takes_the_value_and_opens_the_next_one(tmp_path: Path) -> None:
         assert stage.kind() is FieldKind.NUMBER
         await stage.type("60,5")
         await stage.act("setup.edit")
-        assert stage.desk.work is not None
-        assert (stage.desk.work.job.material, stage.desk.work.job.diameter_mm) == ("Steel 45", 60.5)
+        assert stage.ui.work is not None
+        assert (stage.ui.work.job.material, stage.ui.work.job.diameter_mm) == ("Steel 45", 60.5)
         await stage.act("setup.undo")
-        assert stage.desk.work.job.diameter_mm == 52.0
+        assert stage.ui.work.job.diameter_mm == 52.0
         await stage.act("setup.undo")
-        assert not stage.desk.work.edited
+        assert not stage.ui.work.edited
         await stage.act("setup.undo")
         assert stage.codes == ["screen.nothing_to_undo"]
 
@@ -226,8 +226,8 @@ def test_tab_behind_the_last_value_ends_the_entry(tmp_path: Path) -> None:
         await stage.type("4")
         await stage.act("setup.next")
         assert stage.kind() is FieldKind.NONE
-        assert stage.desk.work is not None
-        assert stage.desk.work.job.roundness_tolerance_um == 4.0
+        assert stage.ui.work is not None
+        assert stage.ui.work.job.roundness_tolerance_um == 4.0
 
     play(scene, tmp_path, work=experiment())
 
@@ -238,8 +238,8 @@ def test_an_empty_entry_keeps_the_value(tmp_path: Path) -> None:
         await stage.pilot.press("delete")
         assert "keeps 1314.0 N" in stage.text
         await stage.act("setup.edit")
-        assert stage.desk.work is not None
-        assert not stage.desk.work.edited
+        assert stage.ui.work is not None
+        assert not stage.ui.work.edited
         assert stage.kind() is FieldKind.NONE
 
     play(scene, tmp_path, work=experiment())
@@ -256,8 +256,8 @@ def test_leaving_takes_a_good_value_and_says_which_one_it_drops(
         await stage.type(typed)
         stage.page.leave()
         assert stage.kind() is FieldKind.NONE
-        assert stage.desk.work is not None
-        assert stage.desk.work.job.chucking_force_n == force_n
+        assert stage.ui.work is not None
+        assert stage.ui.work.job.chucking_force_n == force_n
         assert stage.codes == codes
 
     play(scene, tmp_path, work=experiment())
@@ -277,14 +277,14 @@ def armed() -> Any:
 )
 def test_values_are_locked_while_they_matter(state: StationState, code: str, tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
-        before = stage.desk.work
+        before = stage.ui.work
         for action in ("setup.edit", "setup.undo", "setup.save_as"):
-            stage.desk.said = ()
+            stage.ui.said = ()
             await stage.act(action)
             assert stage.codes == [code]
             assert stage.kind() is FieldKind.NONE
         await stage.act("setup.next")
-        assert stage.desk.work is before
+        assert stage.ui.work is before
         assert "locked" in stage.text
 
     play(scene, tmp_path, work=edited(experiment(), "jaws", "4"), state=state)
@@ -298,8 +298,8 @@ def test_an_open_entry_is_dropped_when_the_machine_begins_to_move(tmp_path: Path
         stage.page.show(stage.view)
         assert stage.kind() is FieldKind.NONE
         assert stage.codes == ["screen.entry_dropped"]
-        assert stage.desk.work is not None
-        assert not stage.desk.work.edited
+        assert stage.ui.work is not None
+        assert not stage.ui.work.edited
 
     play(scene, tmp_path, work=experiment())
 
@@ -339,15 +339,15 @@ def test_save_as_offers_a_free_name_and_opens_what_it_saved(tmp_path: Path) -> N
         await stage.type("lee-2001-experiment-1")
         await stage.act("setup.edit")
         assert stage.codes == ["screen.name_taken"]
-        assert stage.desk.said[0].limit == "lee-2001-experiment-1-2"
+        assert stage.ui.said[0].limit == "lee-2001-experiment-1-2"
         await stage.pilot.press("home", *["delete"] * 40)
         await stage.pilot.press("m", "y", "space", "r")
         await stage.act("setup.edit")
         assert stage.kind() is FieldKind.NONE
-        assert stage.desk.work is not None
-        assert stage.desk.work.loaded == load_job("my r", jobs_folder(tmp_path))
-        assert stage.desk.work.job.name == "my r"
-        assert stage.desk.work.job.jaws == 4
+        assert stage.ui.work is not None
+        assert stage.ui.work.loaded == load_job("my r", jobs_folder(tmp_path))
+        assert stage.ui.work.job.name == "my r"
+        assert stage.ui.work.job.jaws == 4
 
     play(scene, tmp_path, work=edited(experiment(), "jaws", "4"))
 

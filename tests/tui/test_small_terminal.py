@@ -158,6 +158,6 @@ def test_a_storm_of_sizes_breaks_nothing(page: PageName, tmp_path: Path) -> None
             app.tick()
         await resize(app, pilot, USUAL)
         assert rows_of(app) == before
-        assert app.desk.said == ()
+        assert app.ui.said == ()
 
     play(page, act, tmp_path)

@@ -14,12 +14,10 @@ from console.cli.output import show
 from console.session.data.kept_files import make_folder
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
-from drivers.commissioning.applying import apply, refuse_unready
-from drivers.commissioning.backup_reading import CAP_BYTES, read_backup
-from drivers.commissioning.backup_text import backup_text
+from drivers.commissioning.backup import CAP_BYTES, backup_text, read_backup
 from drivers.commissioning.comparison import differences
 from drivers.commissioning.configuration import Configuration
-from drivers.commissioning.gains import Write, gain_writes
+from drivers.commissioning.gains import Write, apply, gain_writes, refuse_unready
 from drivers.commissioning.judged import Judged
 from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.commissioning.verification import in_order, read_of_machine, verify

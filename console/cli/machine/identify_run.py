@@ -11,8 +11,8 @@ from console.cli.library import data_of, machine_of, true_parameters_of
 from console.cli.machine.identify_report import Teller, response_fields
 from console.cli.machine.stopping import Stopping
 from console.cli.output import agreed, show, tell
-from console.session.data.dates import utc_now
 from console.session.data.identified import store
+from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
 from console.session.signals import Interruption
 from console.session.station.owning import Owning

@@ -58,7 +58,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.machine.run_cut import agreed_to, cut_requested
     from console.cli.machine.run_request import requested
     from console.cli.output import tell
-    from console.session.data.killed_runs import killed_runs
+    from console.session.data.records import killed_runs
     from profiles.files import remove_all_left
 
     request = requested(options)

@@ -17,8 +17,7 @@ from console.cli.machine.run_request import RunRequest
 from console.cli.machine.stopping import Stopping
 from console.cli.output import agreed, show
 from console.cli.output import tell as tell_problems
-from console.session.cut.context import CutContext
-from console.session.cut.engine import Step
+from console.session.cut.engine import CutContext, Step
 from console.session.cut.in_process import simulated_context
 from console.session.cut.run import RunResult, TellPart, run, run_once
 from console.session.data.learned_store import NONE
@@ -28,8 +27,7 @@ from console.session.errors import SessionError
 from console.session.learning.learning import LearnResult, learn
 from console.session.signals import Interruption
 from console.session.stages import Stage
-from console.session.station.commissioned import Commissioned
-from console.session.station.reaching import Reached, guard, leave, machine_context, reach
+from console.session.station.reaching import Commissioned, Reached, guard, leave, machine_context, reach
 from console.text.catalogue import Catalogue
 from drivers.link.tracing import Tracing
 from profiles.problem import Problem
@@ -66,7 +64,7 @@ def cut_requested(
         simulated=request.simulated,
         open_timeout_s=OPEN_TIMEOUT_S,
         # On a lathe in this process, a wait for other writers keeps no real drive enabled.
-        patience_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
+        timeout_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
     )
     tell_cut_with(options, request, text)
     tell = _teller(options, text, interruption, record, simulated=request.simulated)

@@ -14,7 +14,7 @@ from console.session.stages import Stage
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from profiles.compensations.path import Wave
+from profiles.compensations.path import PathHarmonic
 from profiles.roundness import RoundnessResult
 
 
@@ -65,22 +65,22 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
         "learned": {
             "air_lobe_error_um_pp": list(part.air_um),
             "wanted_mean_um": path.target.mean_um,
-            "wanted": _harmonic_fields(path.target.waves),
+            "wanted": _harmonic_fields(path.target.harmonics),
             "command_mean_um": path.command.mean_um,
-            "command": _harmonic_fields(path.command.waves),
-            "trim": _harmonic_fields([Wave.of(path.target.lobes, part.trim_um)]),
+            "command": _harmonic_fields(path.command.harmonics),
+            "trim": _harmonic_fields([PathHarmonic.of(path.target.lobes, part.trim_um)]),
             "tool_mean_error_um": part.tool_off.mean_um,
             "tool_error": _harmonic_fields(
-                Wave.of(n, um) for n, um in sorted(part.tool_off.coefficients_um.items())
+                PathHarmonic.of(n, um) for n, um in sorted(part.tool_off.coefficients_um.items())
             ),
             "part_gain": part.part_gain,
             "learned_waves": list(part.learned),
-            "frozen": [{"n": each.waves, **fields_of(each, "best_um", "grown_um")} for each in part.grown],
+            "frozen": [{"n": each.order, **fields_of(each, "best_um", "grown_um")} for each in part.grown],
         },
     }
 
 
-def _harmonic_fields(harmonics: Iterable[Wave]) -> list[dict[str, object]]:
+def _harmonic_fields(harmonics: Iterable[PathHarmonic]) -> list[dict[str, object]]:
     return [{"n": h.lobes, "amplitude_um": h.amplitude_um, "crest_deg": h.crest_deg} for h in harmonics]
 
 
@@ -147,7 +147,7 @@ def _series(result: LearnResult, text: Catalogue) -> list[str]:
                 " ".join(f"{error_um:.2f}" for error_um in part.air_um),
                 f"{abs(part.trim_um):.2f}",
                 "um",
-                " ".join(f"{each.waves}/rev" for each in part.grown),
+                " ".join(f"{each.order}/rev" for each in part.grown),
             )
             for number, part in enumerate(result.parts, start=1)
         ),

@@ -13,7 +13,7 @@ from console.cli.library import data_of, machine_of, naming
 from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import refuse_unusable
 from console.session.data.calibrations import Calibration, date_problems, newest, store
-from console.session.data.dates import utc_now
+from console.session.data.kept_files import utc_now
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.deflection import DeflectionFit, fit_deflection

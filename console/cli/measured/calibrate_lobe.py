@@ -11,7 +11,7 @@ from console.cli.judgement import lobe_place_line
 from console.cli.library import data_of, job_of, machine_of, named, naming
 from console.cli.output import show, tell
 from console.session.data.calibrations import Calibration, keep_job, store
-from console.session.data.dates import utc_now
+from console.session.data.kept_files import utc_now
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.lobe import FoundLobe, find_lobe, with_lobe
@@ -106,7 +106,7 @@ def _lines(found: FoundLobe, text: Catalogue) -> list[str]:
             f"{each.ci_deg:.2f}",
             text("calibrate.yes" if each.significant else "calibrate.no"),
         )
-        for each in fit.waves
+        for each in fit.harmonics
     ]
     facts = [(text("calibrate.error"), f"{fit.error_um_pp:.3f}", f"± {2 * fit.lobe.ci_um:.3f} um p-p")]
     if found.crest_deg is not None:

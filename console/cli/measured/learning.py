@@ -13,7 +13,7 @@ from pathlib import Path
 from console.cli.library import data_of, naming
 from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import CalibratedMachine
-from console.session.data.dates import is_ahead, utc_now
+from console.session.data.kept_files import is_ahead, utc_now
 from console.session.data.learned_store import asked_for, store, versions
 from console.session.data.made_parts import KEYS
 from console.session.errors import SessionError
@@ -47,7 +47,7 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
             date=utc_now(),
             extra=options.extra or (),
         )
-    following, reasons = found.lesson.next, found.lesson.reasons
+    following, reasons = found.step.next, found.step.reasons
     warnings = tell((*machine.warnings, *found.warnings, *(() if options.keep else reasons)), text)
     kept = store(data, following) if options.keep and not reasons else None
     asked = options.keep or bool(reasons)
@@ -96,19 +96,19 @@ def _refuse_unused(options: Namespace) -> None:
 
 def _lesson_fields(found: Taught) -> dict[str, object]:
     """Return a learning step; what cannot be determined from two parts is null."""
-    lesson = found.lesson
-    lobes = lesson.next.path.target.lobes
+    step = found.step
+    lobes = step.next.path.target.lobes
     return {
         "cut_with": asdict(found.made),
-        "next": as_table(lesson.next),
-        "learned_waves": list(lesson.learned),
+        "next": as_table(step.next),
+        "learned_waves": list(step.learned),
         "expected": {
-            "lobe_um_pp": lesson.expected_lobe_um_pp,
-            "half_width_um_pp": lesson.expected_half_width_um_pp,
-            "RONt_um": lesson.expected_ront_um,
+            "lobe_um_pp": step.expected_lobe_um_pp,
+            "half_width_um_pp": step.expected_half_width_um_pp,
+            "RONt_um": step.expected_ront_um,
         },
-        "contraction": None if lesson.contraction is None else _contraction_fields(lesson.contraction, lobes),
-        "contractions": [{"n": n, **_contraction_fields(c, n)} for n, c in sorted(lesson.contractions.items())],
+        "contraction": None if step.contraction is None else _contraction_fields(step.contraction, lobes),
+        "contractions": [{"n": n, **_contraction_fields(c, n)} for n, c in sorted(step.contractions.items())],
     }
 
 
@@ -139,17 +139,17 @@ def _still_holds(version: LearnedCompensation, asked: HoldsFor) -> bool:
 
 
 def _lesson_lines(found: Taught, text: Catalogue) -> list[str]:
-    lesson, made = found.lesson, found.made
-    holds, part = lesson.next.holds_for, lesson.next.part
+    step, made = found.step, found.made
+    holds, part = step.next.holds_for, step.next.part
     assert part is not None
     head = text("learned.head", made=f"{made.compensation} · {made.strategy} · {text(f'stage.{found.stage}')}")
-    expected = f"{lesson.expected_lobe_um_pp:.2f} ± {lesson.expected_half_width_um_pp:.2f}"
+    expected = f"{step.expected_lobe_um_pp:.2f} ± {step.expected_half_width_um_pp:.2f}"
     rows = [
         ("", text("learned.measured"), text("learned.next"), ""),
-        ("RONt", f"{part.ront_um:.2f}", f"{lesson.expected_ront_um:.2f}", "um"),
+        ("RONt", f"{part.ront_um:.2f}", f"{step.expected_ront_um:.2f}", "um"),
         (text("learned.lobe"), f"{2 * part.lobe.amplitude_um:.2f}", expected, "um"),
     ]
-    return [f"{_subject(holds, text)}: {head}", "", *table(rows, numeric=(1, 2)), "", *table(_facts(lesson, text))]
+    return [f"{_subject(holds, text)}: {head}", "", *table(rows, numeric=(1, 2)), "", *table(_facts(step, text))]
 
 
 def _kept_lines(
@@ -196,16 +196,16 @@ def _row(version: LearnedCompensation, asked: HoldsFor, text: Catalogue) -> tupl
     )
 
 
-def _facts(lesson: LearningStep, text: Catalogue) -> list[tuple[str, str]]:
-    learned = ", ".join(str(n) for n in lesson.learned) or text("learned.no_waves")
-    rows = [(text("learned.waves"), learned), (text("learned.gain"), f"{lesson.next.gain:g}")]
-    lobes, contraction = lesson.next.path.target.lobes, lesson.contraction
+def _facts(step: LearningStep, text: Catalogue) -> list[tuple[str, str]]:
+    learned = ", ".join(str(n) for n in step.learned) or text("learned.no_harmonics")
+    rows = [(text("learned.harmonics"), learned), (text("learned.gain"), f"{step.next.gain:g}")]
+    lobes, contraction = step.next.path.target.lobes, step.contraction
     if contraction is not None:
         fraction, late_deg = _arrival(contraction, lobes)
         late = text("learned.arrives_late", share=f"{100 * fraction:.1f}", late=f"{late_deg:+.2f}")
         rows += [(text("learned.arrives"), late), (text("learned.factor"), _factor(contraction, text))]
-    others = sorted((n, each) for n, each in lesson.contractions.items() if n != lobes)
-    return [*rows, *((text("learned.factor_of", waves=f"{n}/rev"), _factor(each, text)) for n, each in others)]
+    others = sorted((n, each) for n, each in step.contractions.items() if n != lobes)
+    return [*rows, *((text("learned.factor_of", harmonics=f"{n}/rev"), _factor(each, text)) for n, each in others)]
 
 
 def _factor(contraction: Contraction, text: Catalogue) -> str:

@@ -10,8 +10,7 @@ from console.cli.library import job_of, named, naming
 from profiles.files import printable
 from profiles.job import Job
 from profiles.metrology.harmonics import Harmonic
-from profiles.metrology.size import mean_diameter_mm, tool_offset_um
-from profiles.metrology.turns import Turns, several_turns
+from profiles.metrology.turns import Turns, mean_diameter_mm, several_turns, tool_offset_um
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import OFF_AXIS, RoundnessResult, evaluate
 from profiles.trace_files.header import TraceHeader, header_of

@@ -6,11 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from drivers.pmac.analysis.folding import Fold, fold
-from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
+from drivers.pmac.analysis.moves import Fold, MotorMove, MoveAnalysis, fold
 from drivers.pmac.analysis.program import ProgramCheck
-from drivers.pmac.analysis.step import SAME_COUNTS
-from drivers.pmac.analysis.timeline import NOTHING
+from drivers.pmac.analysis.timeline import NOTHING, SAME_COUNTS
 from drivers.pmac.analysis.units import unit_of
 from profiles.machine import MachineProfile
 

@@ -13,8 +13,7 @@ from drivers.cutting.planning import CutPlan
 from drivers.preview.band import Band, predicted_band
 from drivers.preview.outlook import grip_share
 from drivers.preview.preview import Preview, Response
-from profiles.axis.envelope import envelope
-from profiles.axis.safe_speed import speed_limits_rpm
+from profiles.axis.envelope import envelope, speed_limits_rpm
 from profiles.findings import Severity
 from profiles.lobe.lobe_conditions import OTHER_CUT, lobe_source
 from profiles.problem import ProblemError

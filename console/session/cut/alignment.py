@@ -15,7 +15,6 @@ Pure: the station keeps the value and reports events to it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -24,6 +23,9 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.rules import force_as_measured, same_force
+
+_BLANK = {"jaws": "", "material": "", "diameter_mm": "mm", "wall_thickness_mm": "mm", "overhang_mm": "mm"}
+"""Properties of a clamping besides its force, with their units."""
 
 
 class AlignStep(StrEnum):
@@ -103,7 +105,7 @@ def mounted_on(machine: MachineProfile) -> Mounted:
 
 def clamping_of(job: Job, at: str) -> Clamping:
     """Return the clamping stamp for the blank of a job."""
-    return Clamping(force_n=job.chucking_force_n, at=at, **{key: getattr(job, key) for key, _ in _BLANK})
+    return Clamping(force_n=job.chucking_force_n, at=at, **{key: getattr(job, key) for key in _BLANK})
 
 
 def observed(
@@ -120,7 +122,7 @@ def observed(
     after = replace(alignment, drives_on=drives_on, homed=homed)
     if homed:
         return _settled(after, "alignment.home_lost")
-    if alignment.homed and not homed and (alignment.jaw or alignment.touch_off):
+    if alignment.homed and (alignment.jaw or alignment.touch_off):
         return _without(replace(after, jaw=None, touch_off=None), Problem(code="alignment.home_lost", value=at))
     return after
 
@@ -157,7 +159,21 @@ def handed_over(alignment: Alignment, at: str) -> Alignment:
 
 def step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Problem, ...]:
     """Return why a step is not yet done for this job; empty when it is."""
-    return _JUDGES[step](alignment, job)
+    match step:
+        case AlignStep.VERIFY:
+            settings = alignment.settings
+            return (Problem(code="alignment.not_verified"),) if settings is None else settings
+        case AlignStep.CLAMP:
+            return _clamp(alignment, job)
+        case AlignStep.DRIVES:
+            return () if alignment.drives_on else (Problem(code="alignment.drives_off"),)
+        case AlignStep.HOME:
+            lost = (*_lost(alignment, "alignment.home_lost"), Problem(code="alignment.not_homed"))
+            return () if alignment.homed else lost
+        case AlignStep.JAW:
+            return _jaw(alignment, job)
+        case AlignStep.TOUCH_OFF:
+            return _touch_off(alignment, job)
 
 
 def problems(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
@@ -191,14 +207,10 @@ def aligned_machine(machine: MachineProfile, alignment: Alignment) -> MachinePro
 
     The tip does not depend on what is clamped: only a change of tool or machine invalidates it.
     """
-    if alignment.touch_off is None or _mounted_otherwise(alignment, alignment.touch_off.on, "machine", "tool"):
+    touched = alignment.touch_off
+    if touched is None or _mounted_otherwise(alignment, touched.on, "machine", "tool"):
         return machine
-    tool = replace(machine.tool, home_radius_mm=alignment.touch_off.zero_radius_mm)
-    return replace(machine, tool=tool)
-
-
-def _verify(alignment: Alignment, _: Job) -> tuple[Problem, ...]:
-    return (Problem(code="alignment.not_verified"),) if alignment.settings is None else alignment.settings
+    return replace(machine, tool=replace(machine.tool, home_radius_mm=touched.zero_radius_mm))
 
 
 def _clamp(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
@@ -212,22 +224,12 @@ def _clamp(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
     if not same_force(clamping.force_n, job.chucking_force_n):
         value, limit = f"{clamping.force_n:g} N", f"{job.chucking_force_n:g} N"
         return (Problem(code="alignment.clamped_otherwise", key="chucking_force_n", value=value, limit=limit),)
-    for key, unit in _BLANK:
+    for key, unit in _BLANK.items():
         stamped, target = getattr(clamping, key), getattr(job, key)
         if stamped != target:
             value, limit = (f"{each:g} {unit}" if unit else str(each) for each in (stamped, target))
             return (Problem(code="alignment.clamped_otherwise", key=key, value=value, limit=limit),)
     return force_problems(job)
-
-
-def _drives(alignment: Alignment, _: Job) -> tuple[Problem, ...]:
-    return () if alignment.drives_on else (Problem(code="alignment.drives_off"),)
-
-
-def _home(alignment: Alignment, _: Job) -> tuple[Problem, ...]:
-    return (
-        () if alignment.homed else (*_lost(alignment, "alignment.home_lost"), Problem(code="alignment.not_homed"))
-    )
 
 
 def _jaw(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
@@ -250,10 +252,10 @@ def _touch_off(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
 
 
 def _mounted_otherwise(alignment: Alignment, stamped: Mounted, *names: str) -> tuple[Problem, ...]:
-    pairs = ((name, getattr(stamped, name), getattr(alignment.on, name)) for name in names)
+    pairs = ((f"{name}.name", getattr(stamped, name), getattr(alignment.on, name)) for name in names)
     return tuple(
-        Problem(code="alignment.mounted_otherwise", key=f"{name}.name", value=f'"{then}"', limit=f'"{now}"')
-        for name, then, now in pairs
+        Problem(code="alignment.mounted_otherwise", key=key, value=f'"{then}"', limit=f'"{now}"')
+        for key, then, now in pairs
         if then != now
     )
 
@@ -270,22 +272,3 @@ def _settled(alignment: Alignment, *codes: str) -> Alignment:
 
 def _lost(alignment: Alignment, *codes: str) -> tuple[Problem, ...]:
     return tuple(problem for problem in alignment.lost if problem.code in codes)
-
-
-_BLANK = (
-    ("jaws", ""),
-    ("material", ""),
-    ("diameter_mm", "mm"),
-    ("wall_thickness_mm", "mm"),
-    ("overhang_mm", "mm"),
-)
-"""Properties of a clamping besides its force, with their units."""
-
-_JUDGES: dict[AlignStep, Callable[[Alignment, Job], tuple[Problem, ...]]] = {
-    AlignStep.VERIFY: _verify,
-    AlignStep.CLAMP: _clamp,
-    AlignStep.DRIVES: _drives,
-    AlignStep.HOME: _home,
-    AlignStep.JAW: _jaw,
-    AlignStep.TOUCH_OFF: _touch_off,
-}

@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from console.session.data.learned_store import accepted, asked_for, versions
-from console.session.stages import Stage
+from console.session.stages import Stage, not_staged
 from console.session.work import Work
-from drivers.cutting.strategy import INVERTING, Strategy
+from drivers.cutting.strategy import Strategy
 from profiles.compensations.learned import LearnedCompensation, differences
 from profiles.compensations.path import CutPath
 from profiles.job import Job
@@ -39,15 +39,14 @@ def compensation_problems(
     `loaded` is the file of the job, None for one that was edited: codes `learned.edited`, those of `differences`,
     and `stage.strategy`.
     """
-    problems: list[Problem] = []
+    problems: tuple[Problem, ...] = ()
     if compensation is not None and loaded is None:
-        problems.append(Problem(code="learned.edited", key=str(compensation.version)))
+        problems = (Problem(code="learned.edited", key=str(compensation.version)),)
     elif compensation is not None and loaded is not None:
-        problems += differences(compensation, asked_for(loaded, machine, strategy, simulated=simulated))
+        problems = differences(compensation, asked_for(loaded, machine, strategy, simulated=simulated))
     if stage is Stage.PARTIAL and not strategy.traits.inverts:
-        limit = " | ".join(INVERTING)
-        problems.append(Problem(code="stage.strategy", key=stage, value=strategy, limit=limit))
-    return tuple(problems)
+        problems = (*problems, not_staged(stage, strategy))
+    return problems
 
 
 def with_accepted(work: Work, data: Path, *, simulated: bool) -> Work:
@@ -91,11 +90,10 @@ def using(work: Work, version: LearnedCompensation) -> Work:
 def without_learned(work: Work) -> Work:
     """Return the work with the model's compensation; report a learned version that this sets aside."""
     learned = work.compensation
-    if learned is None or learned.is_model:
-        return replace(work, compensation=None, set_aside=())
-    return replace(
-        work, compensation=None, set_aside=(Problem(code="learned.set_aside", key=str(learned.version)),)
-    )
+    aside: tuple[Problem, ...] = ()
+    if learned is not None and not learned.is_model:
+        aside = (Problem(code="learned.set_aside", key=str(learned.version)),)
+    return replace(work, compensation=None, set_aside=aside)
 
 
 def chosen_problems(work: Work, *, simulated: bool) -> tuple[Problem, ...]:
@@ -116,6 +114,5 @@ def stored_problems(compensation: LearnedCompensation, data: Path) -> tuple[Prob
         known = versions(data, compensation.holds_for)
     except ProblemError as error:
         return tuple(error.problems)
-    if compensation in known:
-        return ()
-    return (Problem(code="learned.file_changed", key=str(compensation.version)),)
+    changed = Problem(code="learned.file_changed", key=str(compensation.version))
+    return () if compensation in known else (changed,)

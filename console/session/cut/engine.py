@@ -1,38 +1,33 @@
-"""One cut of one part: load, verify, approach, arm, start, monitor, end, prove clear.
+"""One cut of one part: load, verify, approach, arm, start, monitor, end, compare with its plan, prove clear.
 
-The screens and `console run` cut with these two functions. `load` puts the program into the controller without
+The screens and `console run` cut with `load` and `cut`. `load` puts the program into the controller without
 motion; `cut` returns only when the planned cut has been made, the tool is proven to be clear, and the controller
 is set again as its profile says. Where either fails, the caller stops the machine.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Protocol
 
-from console.session.cut.context import CutContext
-from console.session.cut.interlocks import (
-    SPEED_BAND,
-    START_BAND_COUNTS,
-    Interlock,
-    at_speed,
-    of_machine,
-    refuse_unless,
-)
-from console.session.cut.planned_cut import PlannedCut, refuse_unless_held
+from console.session.cut.interlocks import SPEED_BAND, START_BAND_COUNTS, at_speed, of_machine
 from console.session.cut.telemetry import CutFigures, Telemetry
-from console.session.errors import SessionError
+from console.session.errors import SessionError, refuse
+from drivers.cutting.guarding import CutLength, cut_guard, end_problems
+from drivers.cutting.path_seen import PathSeen
 from drivers.cutting.planning import CutPlan
-from drivers.errors import DriverError
+from drivers.errors import DriverError, LinkError
 from drivers.lathe.lathe import SPEED_S, Lathe
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import way_problems
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
-from profiles.machine import MachineProfile
 from profiles.problem import Problem
+from profiles.traces import Trace
 
 TIME_ALLOWANCE = 1.5
 EXTRA_TIME_S = 5.0
@@ -41,7 +36,6 @@ EXTRA_TIME_S = 5.0
 RETRACT_BAND_COUNTS = 50.0
 SPINDLE_TIMEOUT_S = 120.0
 STILL_RPM = 0.1
-AT_START = "at_start"
 
 
 class Step(StrEnum):
@@ -56,14 +50,48 @@ class Step(StrEnum):
     MEASURE = "measure"
 
 
-class Observer(Protocol):
-    """Observer of a cut."""
+Tell = Callable[[Step, str], None]
+"""Called at the beginning of every step, with a detail that needs no translation."""
 
-    def step(self, step: Step, detail: str) -> None:
-        """Report the start of a step; `detail` needs no translation."""
+See = Callable[[Snapshot], None]
+"""Called with every status poll while the program runs."""
 
-    def see(self, snapshot: Snapshot) -> None:
-        """Report a status poll while the program runs."""
+
+class Workshop(Protocol):
+    """Simulated workshop: chuck, gauge, and the switch of an inverter-driven spindle."""
+
+    def mount(self, job: Job) -> None:
+        """Clamp a new blank."""
+
+    def measure(self) -> Trace:
+        """Release the part and measure it."""
+
+    def look(self) -> WorkshopView:
+        """Return what can be seen at the chuck."""
+
+    def set_spindle(self, rpm: float | None) -> None:
+        """Set a spindle that the controller does not drive, rpm; None switches it off."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutContext:
+    """One machine. Without a `workshop` the operator clamps, measures and sets the spindle.
+
+    `commissioned` returns every reason why the machine, as the snapshot shows it, may not cut. Whoever connects
+    for one cut alone calls `admit` once the controller answers, before anything is written. `sets_spindle` says
+    that the workshop sets the spindle for the cut and switches it off afterwards.
+    """
+
+    lathe: Lathe
+    workshop: Workshop | None = None
+    commissioned: Callable[[Snapshot], tuple[Problem, ...]] = lambda _: ()
+    admit: Callable[[], None] = lambda: None
+    sets_spindle: bool = False
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the machine is simulated."""
+        return self.workshop is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,27 +111,20 @@ class NotAsPlannedError(DriverError):
         self.turns = turns
 
 
-def load(context: CutContext, plan: CutPlan, observer: Observer, *, aligned: bool) -> None:
+def load(context: CutContext, plan: CutPlan, tell: Tell, *, aligned: bool) -> None:
     """Load the program of a cut and read it back, on a machine that is set as its profile says. Nothing moves.
 
     `aligned` means that the drives are enabled and the axes homed: all but their positions must then be as for the
-    start.
-
-    Raises:
-        SessionError: what forbids the cut.
-        DriverError: the controller refused a line, or holds something else.
+    start. Raises SessionError: what forbids the cut; DriverError: a line was refused, or something else is held.
     """
     lathe = context.lathe
-    _refuse_tables(lathe)
+    refuse(lathe.program.tables_left())  # none may add to the tool position, or have left an offset
     lathe.program.load(plan.program, plan.axis_definitions, plan.restore)
-    observer.step(Step.CHECK, f"PROG {plan.program.number}")
-    if aligned:
-        refuse_unless(*_ready(lathe, plan, at_start=False))
-    else:
-        refuse_unless(Interlock(name="controller_verified", problems=lathe.verify()))
+    tell(Step.CHECK, f"PROG {plan.program.number}")
+    refuse(_unready(lathe, plan, at_start=False) if aligned else lathe.verify())
 
 
-def cut(context: CutContext, job: Job, plan: CutPlan, observer: Observer, *, settle_tool: bool = True) -> CutEnd:
+def cut(context: CutContext, job: Job, plan: CutPlan, tell: Tell, see: See, *, settle_tool: bool = True) -> CutEnd:
     """Go to the start, tool last, verify everything again, cut, and prove that the tool is clear of the part.
 
     Without `settle_tool` the tool is known to stand at its start, with its integrator as the last cut left it.
@@ -118,37 +139,53 @@ def cut(context: CutContext, job: Job, plan: CutPlan, observer: Observer, *, set
     _refuse_changed(context, plan)
     _go_to_start(lathe, plan, settle_tool=settle_tool)
     _turn(context, job.spindle_speed_rpm)
-    observer.step(Step.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
-    commissioned = _commissioned(context)
-    refuse_unless(*_ready(lathe, plan, at_start=True), commissioned, at_speed(lathe, job))
-    refuse_unless_held(lathe, plan)
-    observer.step(Step.CUT, f"{plan.duration_s:.1f} s")
-    figures = _run(lathe, job, plan, observer)
+    tell(Step.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
+    allowed = context.commissioned(lathe.snapshot())
+    refuse(_unready(lathe, plan, at_start=True), allowed, at_speed(lathe, job))
+    refuse(_changes(lathe, plan))  # somebody else may have changed what was loaded
+    tell(Step.CUT, f"{plan.duration_s:.1f} s")
+    figures = _run(lathe, job, plan, see)
     if figures is None and not lathe.program.held:
         raise SessionError(nothing_seen(job))
-    _refuse_tables(lathe)
-    observer.step(Step.RETRACT, "")
-    last = _proven_clear(lathe, plan)
+    refuse(lathe.program.tables_left())  # none may add to the tool position, or have left an offset
+    tell(Step.RETRACT, "")
+    last = lathe.snapshot()
+    if not last.at_rest or not tool_clear(last, plan):
+        axis, places = AxisName.TOOL, (last.tool.position, _clear_of(plan))
+        value, limit = (Lengths(lathe.machine).at(axis, place) for place in places)
+        raise SessionError(Problem(code="machine.not_retracted", key=axis, value=value, limit=f"< {limit}"))
     _turn(context, 0.0)
     lathe.stop.check()  # a stop at the last moment must not be lost in a report
     return CutEnd(last=last, figures=figures, held=lathe.program.held)
 
 
-def _run(lathe: Lathe, job: Job, plan: CutPlan, observer: Observer) -> CutFigures | None:
-    """Run the program to its end, and compare the cut with its plan."""
-    planned, telemetry = PlannedCut(lathe, plan), Telemetry(plan, lathe.machine, job.cut_length_mm)
+def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
+    """Run the program to its end, and compare the cut with its plan: only the planned cut makes a good part.
 
-    def see(snapshot: Snapshot) -> None:
+    Compared are turns and length, the program with its constants and tables, the settings, and the polled path,
+    which shows a change that somebody has reverted.
+    """
+    telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
+    length, path = CutLength(plan, lathe.machine), PathSeen(plan, lathe.machine)
+
+    def polled(snapshot: Snapshot) -> None:
         telemetry.see(snapshot, holding=lathe.program.held)
-        planned.see(snapshot)
-        observer.see(snapshot)
+        length.see(snapshot)
+        if not lathe.program.held:  # while retracting, the tool is on no path of a turn
+            path.see(snapshot)
+        see(snapshot)
 
+    guard = cut_guard(plan, lathe.machine)
     lathe.program.start(plan.program.number, plan.setup.retracted)
-    lathe.program.follow(see, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, planned.guard)
+    lathe.program.follow(polled, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, guard)
     lathe.program.put_back()
-    problems = planned.problems()
-    if problems:
-        raise NotAsPlannedError(*problems, turns=None if planned.end is None else planned.end.turns)
+    end = lathe.program.end()
+    if not end.finished:  # a program that was ended in mid-turn no longer reports its turns
+        end = replace(end, turns=length.turns)
+    early = end_problems(plan, end, length, held=lathe.program.held)
+    changed = (*early, *_changes(lathe, plan, ended=True), *lathe.verify())
+    if problems := changed or tuple(path.problems()):
+        raise NotAsPlannedError(*problems, turns=end.turns)
     return telemetry.figures()
 
 
@@ -156,23 +193,25 @@ def _refuse_changed(context: CutContext, plan: CutPlan) -> None:
     """Refuse any motion on a machine that has changed since loading: safety devices, settings, program."""
     lathe = context.lathe
     devices = device_problems(lathe.snapshot().inputs)
-    refuse_unless(Interlock(name="safe", problems=(*devices, *way_problems(lathe.stop.way))))
-    refuse_unless(*_ready(lathe, plan, at_start=False))
-    refuse_unless_held(lathe, plan, tables=False)  # the table is read after the move to the start
+    refuse(devices, way_problems(lathe.stop.way))
+    refuse(_unready(lathe, plan, at_start=False))
+    refuse(_changes(lathe, plan, tables=False))  # the table is read after the move to the start
 
 
-def _ready(lathe: Lathe, plan: CutPlan, *, at_start: bool) -> tuple[Interlock, ...]:
-    locks = of_machine(lathe.snapshot(), plan, lathe.machine, lathe.verify())
-    return tuple(lock for lock in locks if at_start or lock.name != AT_START)
+def _changes(lathe: Lathe, plan: CutPlan, *, tables: bool = True, ended: bool = False) -> tuple[Problem, ...]:
+    """Return what differs from the cut as loaded; a broken link is raised."""
+    try:
+        lathe.program.holds(plan.program, tables=tables, ended=ended)
+    except LinkError:
+        raise
+    except DriverError as changed:
+        return tuple(changed.problems)
+    return ()
 
 
-def _commissioned(context: CutContext) -> Interlock:
-    return Interlock(name="commissioned", problems=context.commissioned(context.lathe.snapshot()))
-
-
-def _refuse_tables(lathe: Lathe) -> None:
-    """Refuse to continue while a compensation table adds to the tool position, or has left an offset there."""
-    refuse_unless(Interlock(name="no_table", problems=lathe.program.tables_left()))
+def _unready(lathe: Lathe, plan: CutPlan, *, at_start: bool) -> tuple[Problem, ...]:
+    snapshot = lathe.snapshot()
+    return (*lathe.verify(), *of_machine(snapshot, plan, lathe.machine, at_start=at_start))
 
 
 def _go_to_start(lathe: Lathe, plan: CutPlan, *, settle_tool: bool) -> None:
@@ -195,23 +234,9 @@ def _turn(context: CutContext, speed_rpm: float) -> None:
             return
 
 
-def _proven_clear(lathe: Lathe, plan: CutPlan) -> Snapshot:
-    """Prove that the program has retracted the tool: the controller must report it there, with nothing moving."""
-    snapshot = lathe.snapshot()
-    if not snapshot.at_rest or not tool_clear(snapshot, plan):
-        raise SessionError(not_retracted(snapshot, plan, lathe.machine))
-    return snapshot
-
-
 def nothing_seen(job: Job) -> Problem:
     """Return the problem that too few polls fell into a cut to judge it."""
     return Problem(code="session.nothing_seen", key="cut_length_mm", value=f"{job.cut_length_mm:g} mm")
-
-
-def not_retracted(snapshot: Snapshot, plan: CutPlan, machine: MachineProfile) -> Problem:
-    """Return the problem that the tool is not out of the part, with its position and the position clear of it."""
-    value, limit = (Lengths(machine).at(AxisName.TOOL, at) for at in (snapshot.tool.position, _clear_of(plan)))
-    return Problem(code="machine.not_retracted", key=AxisName.TOOL, value=value, limit=f"< {limit}")
 
 
 def _clear_of(plan: CutPlan) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.session.cut.context import CutContext
+from console.session.cut.engine import CutContext
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.stop import StopPath

@@ -1,13 +1,12 @@
-"""Interlocks of a cut start, each with a name and the reasons why it is not met."""
+"""Interlocks of a cut start: the reasons why it may not begin, with a name where the screens show it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from console.session.errors import SessionError
 from drivers.cutting.planning import CutPlan
-from drivers.cutting.strategies.traits import AngleZero
 from drivers.cutting.strategy import Strategy
+from drivers.cutting.traits import AngleZero
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -20,8 +19,7 @@ from profiles.rules import check, force_as_measured, lobe_as_found
 SPEED_BAND = 0.02
 """Allowed speed error of a spindle not driven by the controller: the servo is inverted for the job's speed."""
 
-START_BAND_COUNTS = 10.0
-"""Allowed distance of an axis from its start position."""
+START_BAND_COUNTS = 10.0  # allowed distance of an axis from its start position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,16 +59,10 @@ def of_lobe(job: Job, machine: MachineProfile, strategy: Strategy, *, simulated:
     return Interlock(name="lobe_as_found", problems=tuple(p for p in problems if p.code not in borne))
 
 
-def of_program(plan: CutPlan) -> Interlock:
-    """Check that the program stays within the machine's limits."""
-    problems = tuple(finding.problem for finding in refusals(plan.findings))
-    return Interlock(name="program_is_safe", problems=problems)
-
-
 def of_machine(
-    snapshot: Snapshot, plan: CutPlan, machine: MachineProfile, settings: tuple[Problem, ...]
-) -> tuple[Interlock, ...]:
-    """Check what the controller must report before the start; `settings` are its differences."""
+    snapshot: Snapshot, plan: CutPlan, machine: MachineProfile, *, at_start: bool = True
+) -> tuple[Problem, ...]:
+    """Return what the controller must report otherwise before the start; `at_start` includes the positions."""
     lengths = Lengths(machine)
     starts = dict(zip(AxisName, (plan.tool_start, plan.spindle_start, plan.carriage_start), strict=True))
     away = tuple(
@@ -81,61 +73,43 @@ def of_machine(
             limit=lengths.around(axis, starts[axis], START_BAND_COUNTS),
         )
         for axis, state in zip(snapshot.driven, snapshot.driven_axes, strict=True)
-        # A program continues from the commanded position of an axis; friction may still hold the axis back from
-        # it.
+        # A program continues from the commanded position; friction may still hold the axis back from it.
         if abs(state.commanded - starts[axis]) > START_BAND_COUNTS
     )
+    expected = {
+        "machine.not_enabled": snapshot.loops_closed,
+        "machine.not_homed": snapshot.homed,
+        "machine.moving": snapshot.at_rest,
+    }
     return (
-        Interlock(name="controller_verified", problems=settings),
-        _yes_or_no("drives_on", snapshot.loops_closed, "machine.not_enabled"),
-        _yes_or_no("homed", snapshot.homed, "machine.not_homed"),
-        _yes_or_no("at_rest", snapshot.at_rest, "machine.moving"),
-        Interlock(name="no_fault", problems=_faults(snapshot)),
-        Interlock(name="at_start", problems=away),
+        *(Problem(code=code) for code, holds in expected.items() if not holds),
+        # A run-time error of an earlier program is no reason: only the next start clears that bit.
+        *(Problem(code="machine.fault", key="arm", value=fault) for fault in snapshot.axis_faults),
+        *(away if at_start else ()),
     )
 
 
-def of_zero(machine: MachineProfile, strategy: Strategy, *, jaw_found: bool) -> Interlock:
-    """Check that jaw 1 is known from the angle zero that the strategy uses, on a spindle that was never homed.
+def of_zero(machine: MachineProfile, strategy: Strategy, *, jaw_found: bool) -> tuple[Problem, ...]:
+    """Return why jaw 1 is not known from the angle zero that the strategy uses, on a spindle that was never homed.
 
     A table counts from power-on of the controller, as does jaw 1 found at the machine (`jaw_found`);
     the spindle's time counts from the index, as does the file of a job.
     """
-    code = ""
     counts_from = strategy.traits.counts_from if machine.spindle.followed else None
     if counts_from is AngleZero.SWITCH_ON and not jaw_found:
-        code = "cut.zero_unknown"
-    elif counts_from is AngleZero.INDEX and jaw_found:
-        code = "cut.index_unknown"
-    return Interlock(name="zero_known", problems=(Problem(code=code, key=strategy),) if code else ())
+        return (Problem(code="cut.zero_unknown", key=strategy),)
+    if counts_from is AngleZero.INDEX and jaw_found:
+        return (Problem(code="cut.index_unknown", key=strategy),)
+    return ()
 
 
-def at_speed(lathe: Lathe, job: Job) -> Interlock:
-    """Check that a spindle switched and set at the lathe has the speed of the job."""
+def at_speed(lathe: Lathe, job: Job) -> tuple[Problem, ...]:
+    """Return that a spindle switched and set at the lathe does not have the speed of the job."""
     if not lathe.machine.spindle.followed:
-        return Interlock(name="at_speed")
+        return ()
     rpm, target_rpm = lathe.spindle_rpm(), job.spindle_speed_rpm
-    holds = abs(rpm - target_rpm) <= SPEED_BAND * target_rpm
-    value, limit = f"{rpm:.1f} rpm", f"{target_rpm:.1f} ± {SPEED_BAND * target_rpm:.1f} rpm"
-    problem = Problem(code="machine.not_at_speed", key=AxisName.SPINDLE, value=value, limit=limit)
-    return Interlock(name="at_speed", problems=() if holds else (problem,))
-
-
-def refuse_unless(*interlocks: Interlock) -> None:
-    """Raise unless every interlock is met.
-
-    Raises:
-        SessionError: every reason why the cut may not start.
-    """
-    reasons = [problem for interlock in interlocks for problem in interlock.problems]
-    if reasons:
-        raise SessionError(*reasons)
-
-
-def _yes_or_no(name: str, holds: bool, code: str) -> Interlock:
-    return Interlock(name=name, problems=() if holds else (Problem(code=code),))
-
-
-def _faults(snapshot: Snapshot) -> tuple[Problem, ...]:
-    # A run-time error of an earlier program is no reason: only the next start clears that bit.
-    return tuple(Problem(code="machine.fault", key="arm", value=fault) for fault in snapshot.axis_faults)
+    band_rpm = SPEED_BAND * target_rpm
+    if abs(rpm - target_rpm) <= band_rpm:
+        return ()
+    value, limit = f"{rpm:.1f} rpm", f"{target_rpm:.1f} ± {band_rpm:.1f} rpm"
+    return (Problem(code="machine.not_at_speed", key=AxisName.SPINDLE, value=value, limit=limit),)

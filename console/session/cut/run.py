@@ -1,32 +1,36 @@
-"""Whole job: the part without compensation, the part with it, and the improvement."""
+"""Jobs without an operator at a screen: connect, load, clamp, home, cut, measure; and compare two parts.
+
+After any error with the machine connected, stop it and prove it at rest before the error is raised.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import Protocol
 
-from console.session.cut.context import CutContext
-from console.session.cut.engine import Step
-from console.session.cut.headless import CutOutcome, cut_part
-from console.session.cut.planning import planned, refuse_unplannable
+from console.session.cut.engine import CutContext, CutEnd, Step, Tell, cut, load, nothing_seen, tool_clear
+from console.session.cut.interlocks import of_job, of_lobe, of_zero
 from console.session.cut.telemetry import CutFigures
-from console.session.stages import Stage
-from drivers.cutting.planning import CutPlan
+from console.session.errors import SessionError, fault_problem, refuse
+from console.session.stages import Stage, air_mm, staged
+from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
+from drivers.errors import LinkError
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import Snapshot
 from profiles.compensations.path import CutPath, Expected, expected
-from profiles.findings import Severity
+from profiles.findings import Severity, refusals
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.rules import check
 from profiles.traces import Trace
 
-FILTER_UPR = 50.0
-"""Cut-off of the roundness filter for the comparison of before and after."""
-
+FILTER_UPR = 50.0  # cut-off of the roundness filter for the comparison of before and after
 _PARTS = {Stage.AIR: "air", Stage.PARTIAL: "partial", Stage.FULL: "after"}
-
 
 TellPart = Callable[[str, Step, str], None]
 """Called at each step with the part, the step, and a detail that needs no translation."""
@@ -61,9 +65,8 @@ class RunPlan:
 class RunResult:
     """Result of a run: `before` is the same job cut without compensation, `after` with the strategy.
 
-    A part that was not cut or not measured is None. `trace` is that of the part of `after`.
-
-    `collisions` are those of the tool in either cut, each kind once.
+    A part that was not cut or not measured is None. `trace` is that of the part of `after`; `collisions` are those
+    of the tool in either cut, each kind once.
     """
 
     plan: RunPlan
@@ -96,6 +99,53 @@ class RunResult:
         return self.after.ront_um <= self.plan.job.roundness_tolerance_um
 
 
+def refuse_unplannable(
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy,
+    *also: tuple[Problem, ...],
+    jaw_found: bool,
+    simulated: bool,
+    where: str = "",
+) -> None:
+    """Refuse a job that does not fit the machine, with all other objections at once.
+
+    `where` is the file that a refusal of the job names. `jaw_found`: jaw 1 was found at the machine, see
+    `of_zero`. `simulated`: nothing real is cut, see `of_lobe`.
+    """
+    lobe = of_lobe(job, machine, strategy, simulated=simulated)
+    zero = of_zero(machine, strategy, jaw_found=jaw_found)
+    refuse(of_job(job, machine, where).problems, lobe.problems, zero, *also)
+
+
+def planned(
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy,
+    stage: Stage,
+    path: CutPath | None,
+    *,
+    watchdog: str,
+    ts_ms: int | None = None,
+    from_turn: int = 0,
+    trimmed: bool = False,
+) -> CutPlan:
+    """Plan a cut in a stage, see `plan_cut`; `path` is what was learned or identified, None the model's."""
+    plan = plan_cut(
+        job,
+        machine,
+        strategy,
+        ts_ms=ts_ms,
+        from_turn=from_turn,
+        watchdog=watchdog,
+        path=staged(job, machine, strategy, stage, path),
+        air_mm=air_mm(job, stage),
+        trimmed=trimmed,
+    )
+    refuse(finding.problem for finding in refusals(plan.findings))
+    return plan
+
+
 def plan_run(
     job: Job,
     machine: MachineProfile,
@@ -113,72 +163,165 @@ def plan_run(
     """Judge a job and plan its cuts; `ts_ms` is the TS of the `paper` strategy, None as printed.
 
     `where` is the file that a refusal of the job names, `watchdog` the condition without which a program ends.
-    `path` was learned, as version `compensation`, or inverts the response named `inverted`; None is the
-    model's. `simulated`: no real machine will cut, see `of_lobe`.
-
-    Raises:
-        ProblemError: every refusal at once; nothing has been touched.
+    `path` was learned, as version `compensation`, or inverts the response named `inverted`; None is the model's.
+    `simulated`: no real machine will cut, see `of_lobe`. Raises `ProblemError`: every refusal at once; nothing has
+    been touched.
     """
     refuse_unplannable(job, machine, strategy, jaw_found=False, simulated=simulated, where=where)
     cut = planned(job, machine, strategy, stage, path, watchdog=watchdog, ts_ms=ts_ms)
-    reference = None if stage is Stage.AIR else _reference(job, machine, cut, watchdog)
+    reference: CutPlan | None = cut
+    if stage is Stage.AIR or (cut.strategy.traits.follows_lobe and machine.spindle.followed):
+        reference = None
+    elif cut.strategy.traits.follows_lobe:
+        reference = planned(job, machine, UNCOMPENSATED, Stage.FULL, None, watchdog=watchdog)
     findings = (*check(job, machine), *cut.findings)
-    warnings = tuple(f.problem for f in findings if f.severity is Severity.WARNING)
     return RunPlan(
         job=job,
         machine=machine,
         cut=cut,
         reference=reference,
-        warnings=warnings,
+        warnings=tuple(f.problem for f in findings if f.severity is Severity.WARNING),
         stage=stage,
         compensation=compensation,
         inverted=inverted,
     )
 
 
-def _reference(job: Job, machine: MachineProfile, cut: CutPlan, watchdog: str) -> CutPlan | None:
-    if not cut.strategy.traits.follows_lobe:
-        return cut
-    if machine.spindle.followed:
-        return None
-    return planned(job, machine, UNCOMPENSATED, Stage.FULL, None, watchdog=watchdog)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutOutcome:
+    """Trace of the released part, figures read during the cut, and collisions of the tool.
+
+    Without a gauge, or where no measurement was asked for, there is no trace.
+    """
+
+    trace: Trace | None
+    figures: CutFigures
+    collisions: tuple[str, ...]
+
+
+class Beside(Protocol):
+    """Work done beside a cut: it is notified when the machine is ready, and gets every poll of the program."""
+
+    def begin(self, plan: CutPlan) -> None:
+        """Take notice that the machine is ready and at rest, and that the cut is about to start."""
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Take a status poll during the cut."""
+
+
+def cut_part(
+    context: CutContext,
+    job: Job,
+    plan: CutPlan,
+    tell: Tell,
+    beside: Beside | None = None,
+    *,
+    homed: bool = False,
+    blank: bool = True,
+    measured: bool = True,
+) -> CutOutcome:
+    """Make one part, with the work `beside` it; a machine that is `homed` is not homed again.
+
+    Without a `blank` it is an air cut, clear of what is clamped. A part not to be `measured` stays clamped.
+
+    Raises:
+        ProblemError: what went wrong, or who stopped it; the machine is at rest, or the problems say that this
+            could not be proven. What is refused before any motion leaves the machine alone.
+    """
+    lathe = context.lathe
+
+    def begin(step: Step, detail: str) -> None:
+        tell(step, detail)
+        if step is Step.CUT and beside is not None:
+            beside.begin(plan)
+
+    version, kind = lathe.connect()
+    try:
+        context.admit()
+        tell(Step.LOAD, f"{kind} {version}")
+        load(context, plan, tell, aligned=False)
+        tell(Step.ALIGN, "")
+        _switch_on(context, job, homed=homed, blank=blank)
+        see = (lambda _: None) if beside is None else beside.see
+        end = cut(context, job, plan, begin, see, settle_tool=not homed)
+        return _outcome(context, job, end, tell, measured=measured and blank)
+    except ProblemError as error:
+        if lathe.stop.reason is None and not lathe.has_moved:
+            raise
+        raise _left_at_rest(lathe, plan, error) from error
+    except Exception as fault:
+        # A fault of the console itself must stop the machine too.
+        raise _left_at_rest(lathe, plan, SessionError(fault_problem(fault))) from fault
+
+
+def _switch_on(context: CutContext, job: Job, *, homed: bool, blank: bool) -> None:
+    """Clamp the blank, enable the drives, and home the axes."""
+    lathe = context.lathe
+    if context.workshop is not None and blank:
+        context.workshop.mount(job)
+    lathe.snapshot()  # loading and clamping take time: another console may have taken control
+    lathe.enable()
+    if not homed:
+        lathe.home()
+
+
+def _outcome(context: CutContext, job: Job, end: CutEnd, tell: Tell, *, measured: bool) -> CutOutcome:
+    if end.figures is None:
+        raise SessionError(nothing_seen(job))
+    workshop, trace = context.workshop, None
+    if workshop is not None and measured:
+        tell(Step.MEASURE, "")
+        trace = workshop.measure()
+    collisions = () if workshop is None else workshop.look().collisions
+    return CutOutcome(trace=trace, figures=end.figures, collisions=collisions)
+
+
+def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionError:
+    """Stop, wait for rest, and return the error to raise, with what the operator must know of the machine."""
+    problems = error.problems
+    if lathe.anothers:
+        return SessionError(*problems)
+    if isinstance(error, LinkError):
+        lathe.in_doubt()
+    if lathe.stop.reason is None:
+        lathe.stop.stop(problems[0].code)
+    try:
+        snapshot = lathe.wait_for_rest()
+    except ProblemError as unproven:
+        return SessionError(*problems, *unproven.problems, Problem(code="machine.state_unknown"))
+    with suppress(ProblemError):
+        # The machine is at rest, and the first error is what matters: the next cut would find the others.
+        lathe.program.put_back()
+    if not snapshot.homed:
+        return SessionError(*problems, Problem(code="machine.tool_unknown"))
+    if not tool_clear(snapshot, plan):
+        # The tool may be in the part: report it, and whether the machine can retract it.
+        code = "machine.tool_in_part" if snapshot.loops_closed else "machine.retract_not_possible"
+        return SessionError(*problems, Problem(code=code))
+    return SessionError(*problems)
 
 
 def run(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart) -> RunResult:
     """Cut the reference part and the compensated part, each on a new machine, and compare them.
 
-    `tell` is called with the part ("before", or as `run_once`), the step and a detail.
-
-    Raises:
-        ProblemError: what went wrong; see `cut_part`.
+    `tell` is called with the part ("before", or as `run_once`), the step and a detail. Raises `ProblemError`: what
+    went wrong; see `cut_part`.
     """
     context = open_machine()
     if plan.reference is None:
         return run_once(plan, context, tell)
     before = cut_part(context, plan.job, plan.reference, lambda step, detail: tell("before", step, detail))
-    after = before
-    if plan.cut is not plan.reference:
-        context.lathe.stop.check()
-        context = open_machine()
-        after = cut_part(context, plan.job, plan.cut, lambda step, detail: tell(_PARTS[plan.stage], step, detail))
-    return RunResult(
-        plan=plan,
-        simulated=context.simulated,
-        before=_roundness(before),
-        after=_roundness(after),
-        figures=after.figures,
-        collisions=tuple(dict.fromkeys((*before.collisions, *after.collisions))),
-        trace=after.trace,
-    )
+    if plan.cut is plan.reference:
+        return _result(plan, context, before, before)
+    context.lathe.stop.check()
+    return run_once(plan, open_machine(), tell, before)
 
 
-def run_once(plan: RunPlan, context: CutContext, tell: TellPart) -> RunResult:
+def run_once(plan: RunPlan, context: CutContext, tell: TellPart, before: CutOutcome | None = None) -> RunResult:
     """Cut only the compensated part, on an existing machine; an air cut is not measured.
 
-    `tell` is called with the part ("after", "partial" or "air"), the step and a detail.
-
-    Raises:
-        ProblemError: what went wrong; see `cut_part`.
+    `tell` is called with the part ("after", "partial" or "air"), the step and a detail. `before` is the part cut
+    without compensation, if any. Raises `ProblemError`: what went wrong; see `cut_part`.
     """
     after = cut_part(
         context,
@@ -187,13 +330,18 @@ def run_once(plan: RunPlan, context: CutContext, tell: TellPart) -> RunResult:
         lambda step, detail: tell(_PARTS[plan.stage], step, detail),
         measured=plan.stage is not Stage.AIR,
     )
+    return _result(plan, context, before, after)
+
+
+def _result(plan: RunPlan, context: CutContext, before: CutOutcome | None, after: CutOutcome) -> RunResult:
+    earlier = () if before is None else before.collisions
     return RunResult(
         plan=plan,
         simulated=context.simulated,
-        before=None,
-        after=_roundness(after),
+        before=None if before is None or before.trace is None else roundness_of(before.trace),
+        after=None if after.trace is None else roundness_of(after.trace),
         figures=after.figures,
-        collisions=after.collisions,
+        collisions=tuple(dict.fromkeys((*earlier, *after.collisions))),
         trace=after.trace,
     )
 
@@ -201,7 +349,3 @@ def run_once(plan: RunPlan, context: CutContext, tell: TellPart) -> RunResult:
 def roundness_of(trace: Trace) -> RoundnessResult:
     """Return the roundness by which parts are compared."""
     return evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])
-
-
-def _roundness(outcome: CutOutcome) -> RoundnessResult | None:
-    return None if outcome.trace is None else roundness_of(outcome.trace)

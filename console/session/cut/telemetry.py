@@ -1,7 +1,10 @@
-"""Telemetry of a cut while the tool is in the part, and the figures derived from it."""
+"""Telemetry of a cut while the tool is in the part: its figures, the phase lag of the tool, the speed ripple."""
 
 from __future__ import annotations
 
+import cmath
+import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,11 +12,21 @@ from numpy.typing import NDArray
 
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import Snapshot
-from profiles.least_squares import fit, harmonic_columns
+from profiles.compensations.path import LobedPath
+from profiles.least_squares import fit, harmonic_columns, phasors
 from profiles.machine import MachineProfile
 
 LEAST_PEAK_UM = 1.0
 """Floor of the peak tool error: below it, twice the error does not mean that the tool is retracting."""
+
+Floats = NDArray[np.float64]
+
+PHASE_SAMPLES = 20  # fewest samples from which a phase is fitted
+TOLERANCE_FRACTION = 0.8
+"""Fraction of the roundness tolerance that phase alone may use: a servo by its model leaves 0.5 of 5 um of 55."""
+
+MEASURABLE_UM = 2.0  # smallest difference that can be measured on a part, um peak to peak
+SURE = 2.0  # coverage factor: the uncertainty of the fit in standard deviations, 95 %
 
 Row = tuple[float, float, float, float, float]
 """Time in s; tool and spindle in counts; distance past the middle of the cut in mm; following error in counts."""
@@ -75,7 +88,7 @@ class Telemetry:
         """Whether a hold retracts the tool while the carriage is still over the part."""
         return is_leaving(self._errors_um([row])[0], np.abs(self._errors_um(self._rows)).max())
 
-    def _errors_um(self, rows: list[Row]) -> NDArray[np.float64]:
+    def _errors_um(self, rows: list[Row]) -> Floats:
         """Return the tool against the target path at the spindle angle of each row, infeed positive."""
         _, tool, spindle, past_mm, _ = np.array(rows, dtype=np.float64).T
         infeed_um = (tool - self._plan.setup.surface) * self._machine.tool.count_um
@@ -100,3 +113,141 @@ class Telemetry:
             following_error_rms_um=float(np.sqrt(np.mean(following_um**2))),
             samples=len(self._rows),
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Phase:
+    """Phase lag of the tool behind the target path, spindle degrees, and its uncertainty."""
+
+    error_deg: float
+    within_deg: float
+
+
+def phase_of(samples: Floats, target: LobedPath) -> Phase | None:
+    """Return the phase lag of the tool behind `target`.
+
+    `samples` has rows of spindle angle (deg) and infeed (um). The best sine of the lobe's order through them
+    (least squares) is compared with the target; None with too few samples, or without a lobe. The residual gives
+    the uncertainty of the phase.
+    """
+    if len(samples) < PHASE_SAMPLES or target.amplitude_um == 0.0:
+        return None
+    angle = target.lobes * np.radians(samples[:, 0])
+    found = fit(harmonic_columns(angle, (1,)), samples[:, 1])
+    coefficient = phasors(found.coefficients, (1,))[1]
+    amplitude_um = abs(coefficient)
+    if amplitude_um < 0.1 * target.amplitude_um:
+        return None
+    behind_deg = math.degrees(-cmath.phase(coefficient)) / target.lobes - target.crest_deg
+    across = np.array([0.0, coefficient.imag, coefficient.real]) / amplitude_um**2
+    return Phase(
+        error_deg=math.remainder(behind_deg, 360.0 / target.lobes),
+        within_deg=SURE * math.degrees(found.sd_along(across)) / target.lobes,
+    )
+
+
+def phase_limit_deg(target: LobedPath, tolerance_um: float) -> float | None:
+    """Return the limit of the phase error, spindle degrees either way; None where no phase spoils the part.
+
+    A sine of N lobes and amplitude A that is cut dphi late leaves the difference of the two, a sine of its own, of
+    peak-to-peak height 2 * A * 2 * sin(N * dphi / 2): 2.9 um of 55 at 1 degree and three lobes. The limit is
+    the dphi at which that is R,
+
+        dphi = 2 / N * asin(R / (4 * A))
+
+    with R = 0.8 of the roundness tolerance, but never tighter than what can be measured (2 um), and never looser
+    than the tolerance. Where even the opposite phase, 4 * A, leaves no more than R there is no limit: the lobe is
+    nothing to the part.
+    """
+    residual_um = min(max(TOLERANCE_FRACTION * tolerance_um, MEASURABLE_UM), tolerance_um)
+    most_um = 4.0 * target.amplitude_um
+    if most_um <= residual_um:
+        return None
+    return math.degrees(2.0 / target.lobes * math.asin(residual_um / most_um))
+
+
+def is_in_phase(phase: Phase | None, limit_deg: float | None) -> bool | None:
+    """Return whether the phase may be within its limit, given its uncertainty; None where it is not known.
+
+    An uncertainty above the limit is not noise: such a tool does not follow the lobe, so the allowance is capped
+    at the limit once more.
+    """
+    if phase is None:
+        return None
+    return limit_deg is None or abs(phase.error_deg) - min(phase.within_deg, limit_deg) <= limit_deg
+
+
+ORDERS = range(1, 7)
+"""Ripple harmonics per revolution that are fitted: belts, jaws, gears, poles. Faster ones are left out."""
+
+RIPPLE_SAMPLES = 40  # nearly three times the number of unknowns in the fit
+WITHIN_LIMIT_PERCENT = 1.0  # a ripple with a larger uncertainty than this is not reported
+LEAST_SPREAD = 0.05
+"""Smallest over largest singular value of the fit; below it the samples are too close together in the turn."""
+
+DEVIATIONS = 7.0
+"""Standard errors by which chance may spoil the figure: 3.5 at the fastest place of a turn, which is sought among
+all of them, and as many at the slowest."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpindleRipple:
+    """Peak to peak of the speed within a turn over its mean, and its uncertainty, both in percent."""
+
+    percent: float
+    within_percent: float
+
+
+def spindle_ripple(samples: Floats, counts_per_rev: float) -> SpindleRipple | None:
+    """Return the ripple of the speed over the angle, None where its uncertainty exceeds `WITHIN_LIMIT_PERCENT`.
+
+    `samples` has rows of position and following error, counts, of a spindle that is commanded to turn evenly. Its
+    lead is fitted over the angle (least squares), beside a lag that may drift; the slope of that is the
+    ripple of the speed. Its standard error comes from the residual; samples at too few angles of a turn are
+    rejected. The rounding of the encoder is added (`_rounded`).
+
+    Not from the times of the samples. A sample was taken somewhere between request and reply: 5 ms are 30 deg at
+    1000 rpm, and a speed that swings by 1 % twice a turn moves the angle by 0.29 deg. From 240 samples a ripple
+    could be determined to some 90 %. The following error comes with the angle in one reply, and while the
+    controller commands an even speed it is the ripple itself, to a count of the encoder. A ms between the two only
+    turns the ripple by some degrees. A spindle not driven by the controller has no following error, and no ripple
+    is reported.
+    """
+    if len(samples) < RIPPLE_SAMPLES:
+        return None
+    count_rad = 2.0 * np.pi / counts_per_rev
+    angle, ahead = samples[:, 0] * count_rad, -samples[:, 1] * count_rad
+    drift = (angle - angle.mean()) / max(float(np.ptp(angle)), count_rad)
+    found = fit(harmonic_columns(angle, ORDERS, drift), ahead)
+    if found.condition * LEAST_SPREAD >= 1.0:
+        return None
+    swing = _SLOPES @ found.coefficients
+    error = np.sqrt(np.einsum("ij,jk,ik->i", _SLOPES, found.covariance, _SLOPES).max())
+    within_percent = 100.0 * (DEVIATIONS * float(error) + _rounded(count_rad))
+    if within_percent > WITHIN_LIMIT_PERCENT or swing.max() >= 1.0:
+        return None
+    # The ripple is over the true angle: d(true - even) / d(true), and so the speed is 1 / (1 - ripple) of the
+    # mean.
+    speed = 1.0 / (1.0 - swing)
+    return SpindleRipple(percent=100.0 * float(np.ptp(speed)), within_percent=within_percent)
+
+
+def _rounded(count_rad: float) -> float:
+    """Return the ripple, peak to peak, that rounding to whole counts can make: 0.45 % for 10 000 counts a turn.
+
+    The rounding error is a saw tooth over the counts. With evenly timed samples it may alias to one over the turn:
+    its harmonics, the n-th of 1 / (n pi) counts, are then taken for ripple; at the worst the largest for the
+    highest order, and so on.
+    """
+    worst = sum(order / harmonic for harmonic, order in enumerate(reversed(ORDERS), start=1))
+    return 2.0 * worst * count_rad / np.pi
+
+
+def _slopes(angle: Floats) -> Floats:
+    """Return the slopes of the fit's columns over the angle; mean and drift have none."""
+    none = np.zeros_like(angle)
+    pairs = ((-order * np.sin(order * angle), order * np.cos(order * angle)) for order in ORDERS)
+    return np.column_stack([none, none, *itertools.chain.from_iterable(pairs)])
+
+
+_SLOPES = _slopes(2.0 * np.pi * np.arange(180) / 180)

@@ -13,19 +13,23 @@ because the screen opens with them; a contradiction needs the fit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from console.session.data.calibrations import Calibration, date_problems, files_of, load, newest, record_problem
 from profiles.fields import fault, spelled
 from profiles.files import printable
 from profiles.machine import MachineProfile
 from profiles.machine_fields import SECTIONS
-from profiles.own_values import number
+from profiles.own_values import number, record
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedMachine
+
+if TYPE_CHECKING:
+    from profiles.calibration.deflection import DeflectionFit
+    from profiles.calibration.wrench import WrenchFit
 
 WRENCH, JAWS = "wrench", "deflection"
 """The kinds of `profiles.calibration.table.CalibrationKind`, which loads numerics."""
@@ -33,6 +37,11 @@ WRENCH, JAWS = "wrench", "deflection"
 LINE = ("force_per_torque_n_per_n_m", "force_offset_n")
 OF_WRENCH = (*LINE, "force_sd_percent")
 OF_JAWS = ("jaw_stiffness_n_per_um", "jaw_contact_exponent", "jaw_length_mm")
+
+Variance = tuple[float, float, float]
+"""Variance of the offset, covariance, variance of the slope of the wrench line."""
+
+NO_VARIANCE: Variance = (0.0, 0.0, 0.0)
 
 _FOUND = (*OF_WRENCH, *OF_JAWS)
 _FIELDS = {field.key: field for field in SECTIONS["chuck"]}
@@ -66,7 +75,7 @@ def calibrated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
     machine = loaded.machine
     found: dict[str, tuple[float, str]] = {}
     warnings: list[Problem] = []
-    variance = (0.0, 0.0, 0.0)
+    variance = NO_VARIANCE
     for kind, may_say in ((WRENCH, OF_WRENCH), (JAWS, OF_JAWS)):
         of_chuck = newest(data, machine.name, kind, machine.chuck.name)
         if of_chuck is None:
@@ -76,14 +85,13 @@ def calibrated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
         file, kept = of_chuck
         warnings += date_problems(file, kept)
         values = _values(kept, may_say, file)
-        found |= {key: (value, kept.date) for key, value in values.items() if _is_open(key, machine)}
-        if LINE[0] in found and kind == WRENCH:
+        unset = {key: value for key, value in values.items() if _is_open(key, machine)}
+        found |= {key: (value, kept.date) for key, value in unset.items()}
+        if LINE[0] in unset:
             variance = _line_variance(kept, file)
-        stated = {key: getattr(machine.chuck, key) for key in values if not _is_open(key, machine)}
+        stated = {key: getattr(machine.chuck, key) for key in values if key not in unset}
         if stated:
-            from console.session.data.contradictions import contradictions
-
-            warnings += contradictions(kept, stated, file)
+            warnings += _contradictions(kept, stated, file)
     return _with(loaded, found, tuple(warnings), variance)
 
 
@@ -109,19 +117,10 @@ def calibrations_of(machine: LoadedMachine) -> dict[str, str]:
 
 
 def refuse_unusable(values: Mapping[str, Any], where: str) -> None:
-    """Refuse values for keys of [chuck] that no profile may have.
-
-    Raises:
-        ProfileError: `calibration.unusable`, one problem for each.
-    """
+    """Refuse (`calibration.unusable`) each value for a key of [chuck] that no profile may have."""
+    code = "calibration.unusable"
     problems = [
-        Problem(
-            code="calibration.unusable",
-            where=where,
-            key=f"chuck.{key}",
-            value=spelled(value),
-            limit=_FIELDS[key].limit,
-        )
+        Problem(code=code, where=where, key=f"chuck.{key}", value=spelled(value), limit=_FIELDS[key].limit)
         for key, value in values.items()
         if fault(_FIELDS[key], value)
     ]
@@ -133,7 +132,7 @@ def _with(
     loaded: LoadedMachine,
     found: Mapping[str, tuple[float, str]],
     warnings: tuple[Problem, ...],
-    variance: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    variance: Variance = NO_VARIANCE,
 ) -> CalibratedMachine:
     """Put values with their dates into the chuck; measured values are no longer assumed."""
     machine, chuck = loaded.machine, loaded.machine.chuck
@@ -165,12 +164,8 @@ def _values(kept: Calibration, may_say: tuple[str, ...], file: Path) -> dict[str
     return ({LINE[1]: 0.0} if LINE[0] in said else {}) | said
 
 
-def _line_variance(kept: Calibration, file: Path) -> tuple[float, float, float]:
-    """Return the covariance of offset and slope of a kept line: s^2 (X' X)^-1.
-
-    Raises:
-        ProfileError: `calibration.record`, the file has none.
-    """
+def _line_variance(kept: Calibration, file: Path) -> Variance:
+    """Return the covariance of offset and slope of a kept line: s^2 (X' X)^-1; refuse a file without it."""
     try:
         u00, u01, u11 = (number(each) for each in kept.found["covariance"])
         square = number(kept.found["sd_n"]) ** 2
@@ -185,3 +180,47 @@ def _line_variance(kept: Calibration, file: Path) -> tuple[float, float, float]:
 def _other_chuck(kept: Calibration, machine: MachineProfile) -> Problem:
     value, limit = f'"{printable(kept.chuck or "", 60)}"', f'"{machine.chuck.name}"'
     return Problem(code="calibration.other_chuck", where=kept.date, key="chuck.name", value=value, limit=limit)
+
+
+def _contradictions(kept: Calibration, stated: Mapping[str, float | None], file: Path) -> list[Problem]:
+    """Return `calibration.differs` for each key of [chuck] whose profile value a calibration contradicts."""
+    from profiles.calibration.deflection import DeflectionFit
+    from profiles.calibration.wrench import WrenchFit
+
+    kind: type[DeflectionFit] | type[WrenchFit] = DeflectionFit if kept.kind == JAWS else WrenchFit
+    try:
+        fit = record(kind, {f.name: kept.found[f.name] for f in fields(kind) if f.name in kept.found})
+        differ = _jaws_differ(fit, stated) if isinstance(fit, DeflectionFit) else _line_differs(fit, stated)
+        return [
+            Problem(code="calibration.differs", where=kept.date, key=f"chuck.{key}", value=value, limit=limit)
+            for key, value, limit in differ
+        ]
+    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
+        raise record_problem(file, str(error)) from error
+
+
+def _line_differs(line: WrenchFit, stated: Mapping[str, float | None]) -> Iterator[tuple[str, str, str]]:
+    """Compare two lines at both ends of the measured force range."""
+    slope = stated.get(LINE[0])
+    if slope is None:
+        return
+    for torque_n_m in (line.highest_n_m, line.lowest_n_m):
+        band = line.line_n(torque_n_m)
+        said_n = (stated.get(LINE[1]) or 0.0) + slope * torque_n_m
+        if not band.low <= said_n <= band.high:
+            limit = f"{band.value:.4g} ± {band.high - band.value:.2g} N"
+            yield f"{LINE[0]} ({torque_n_m:g} N m)", f"{said_n:.4g} N", limit
+            return
+
+
+def _jaws_differ(fit: DeflectionFit, stated: Mapping[str, float | None]) -> Iterator[tuple[str, str, str]]:
+    """Compare each key that is stated with its half-width."""
+    found = {
+        "jaw_stiffness_n_per_um": (fit.stiffness_n_per_um, fit.stiffness_ci),
+        "jaw_contact_exponent": (fit.alpha, fit.alpha_ci),
+        "jaw_length_mm": (fit.jaw_length_mm, fit.jaw_length_ci),
+    }
+    for key, said in stated.items():
+        value, half = found[key]
+        if said is not None and abs(said - value) > half:
+            yield key, f"{said:.4g}", f"{value:.4g} ± {half:.2g}"

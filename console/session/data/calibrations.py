@@ -6,14 +6,22 @@ wrong. Older files have a date in place of the number, and sort before all that 
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from console.session.data.dates import is_ahead, utc_now
-from console.session.data.kept_files import folder_name, jobs_folder, keep, kept, make_folder
+from console.session.data.kept_files import (
+    ahead_problems,
+    file_error,
+    folder_name,
+    jobs_folder,
+    keep,
+    kept,
+    make_folder,
+)
 from profiles.files import printable
 from profiles.job import Job, copy_of
 from profiles.own_values import read_own
@@ -46,45 +54,31 @@ class Calibration:
     chuck: str | None = None
     schema: int = SCHEMA
 
-    def is_of(self, chuck: str) -> bool:
-        """Whether it applies to a chuck of this name."""
-        return self.chuck is None or self.chuck == chuck
-
 
 def store(data: Path, calibration: Calibration) -> Path:
-    """Keep a calibration in the data folder, and return its file.
-
-    Raises:
-        ProfileError: `file.exists`, `file.not_writable`.
-    """
+    """Keep a calibration in the data folder, and return its file; ProfileError as `keep`."""
     kind, folder = calibration.kind, _folder(data, calibration.subject)
     number = max((_number(file) for file in files_of(data, calibration.subject, kind)), default=0)
-    for tried in range(1, _TRIES + 1):
+    for tried in itertools.count(1):
         path = folder / f"{kind}-{number + tried:06d}.json"
         try:
             keep(path, asdict(calibration))
+            break
         except ProfileError as error:
             if error.problems[0].code != "file.exists" or tried == _TRIES:
                 raise
-        else:
-            break
     return path
 
 
 def files_of(data: Path, subject: str, kind: str) -> list[Path]:
-    """Return the calibration files of a kind, the newest first.
-
-    Raises:
-        ProfileError: `file.unreadable`, the folder.
-    """
+    """Return the calibration files of a kind, the newest first; `file.unreadable` for a folder that is not."""
     folder = _folder(data, subject)
     try:
         files = [file for file in folder.iterdir() if file.match(f"{kind}-*.json")]
     except (FileNotFoundError, NotADirectoryError):  # it is made with the first calibration
         return []
     except OSError as error:
-        where, value = printable(str(folder)), error.strerror or str(error)
-        raise ProfileError(Problem(code="file.unreadable", where=where, value=value)) from error
+        raise file_error("file.unreadable", folder, error) from error
     return sorted(files, key=lambda file: (_number(file), file.name), reverse=True)
 
 
@@ -95,45 +89,31 @@ def _number(file: Path) -> int:
 
 
 def newest(data: Path, subject: str, kind: str, chuck: str) -> tuple[Path, Calibration] | None:
-    """Return the newest calibration of a kind for a chuck, None where there is none.
-
-    Raises:
-        ProfileError: as `files_of` and `load`.
-    """
+    """Return the newest calibration of a kind for a chuck, None where there is none; raises as `load`."""
     kept = ((file, load(file, subject, kind)) for file in files_of(data, subject, kind))
-    return next((each for each in kept if each[1].is_of(chuck)), None)
+    return next((each for each in kept if each[1].chuck in (None, chuck)), None)
 
 
 def date_problems(file: Path, calibration: Calibration) -> tuple[Problem, ...]:
     """Return `calibration.date_ahead` for a calibration dated in the future."""
-    now = utc_now()
-    if not is_ahead(calibration.date, now):
-        return ()
-    where, value = printable(str(file)), printable(calibration.date, 60)
-    return (Problem(code="calibration.date_ahead", where=where, key=calibration.kind, value=value, limit=now),)
+    where = printable(str(file))
+    return ahead_problems("calibration.date_ahead", [calibration.date], key=calibration.kind, where=where)
 
 
 def record_problem(file: Path, why: str) -> ProfileError:
     """Return the refusal of a file that is not a calibration."""
-    problem = Problem(code="calibration.record", where=printable(str(file)), value=printable(why))
-    return ProfileError(problem)
+    return ProfileError(Problem(code="calibration.record", where=printable(str(file)), value=printable(why)))
 
 
 def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
-    """Write a job over its own file, or into the operator's folder for a supplied one; return it loaded.
-
-    Raises:
-        ProfileError: `file.not_writable`, and the problems of the job.
-    """
+    """Write a job over its own file, or into the operator's folder for a supplied one; return it as `load_job`."""
     if loaded.path.parent != BUNDLED_JOBS:
         save_job(job, loaded.path, overwrite=True)
         return load_job(str(loaded.path))
     folder = jobs_folder(data)
     make_folder(folder)
-    name, number = loaded.path.stem, 2
-    while (folder / f"{name}-{number}.toml").exists():
-        number += 1
-    path = folder / f"{name}-{number}.toml"
+    paths = (folder / f"{loaded.path.stem}-{number}.toml" for number in itertools.count(2))
+    path = next(path for path in paths if not path.exists())
     save_job(copy_of(job, path.stem, loaded.job.name), path, private=True)
     return load_job(str(path))
 

@@ -10,8 +10,7 @@ from pathlib import Path
 from console.session.errors import SessionError
 from profiles.own_values import from_json, number, text
 
-LOCK_TIMEOUT_S = 0.1
-"""How long to wait for a writer; a list of jobs is not worth more."""
+LOCK_TIMEOUT_S = 0.1  # how long to wait for a writer; a list of jobs is not worth more
 
 # By row, the order in which they were added: a clock may have been set back meanwhile.
 _QUERY = """
@@ -43,8 +42,17 @@ def last_results(folder: Path, *, simulated: bool) -> LastResults:
 
     For a record that is missing, locked or unreadable the mapping is empty.
     """
+    # The first page is painted before anything is read.
+    import sqlite3
+
+    from console.session.data.record_file import rows
+
+    try:
+        measured = rows(folder, _QUERY, (int(simulated),), LOCK_TIMEOUT_S)
+    except (SessionError, sqlite3.Error):
+        return {}
     results: dict[str, LastResult] = {}
-    for data, at_utc in _measured(folder, simulated):
+    for data, at_utc in measured:
         try:
             event = from_json(data)
             job, ront_um = text(event["job"]), number(event["ront_um"])
@@ -55,16 +63,3 @@ def last_results(folder: Path, *, simulated: bool) -> LastResults:
         parts = results[job].parts + 1 if job in results else 1
         results[job] = LastResult(ront_um=ront_um, measured_at=measured_at, strategy=strategy, parts=parts)
     return results
-
-
-def _measured(folder: Path, simulated: bool) -> list[tuple[str, str]]:
-    """Return the data and the time of every measured part, oldest first."""
-    # The first page is painted before anything is read.
-    import sqlite3
-
-    from console.session.data.record_file import rows
-
-    try:
-        return rows(folder, _QUERY, (int(simulated),), LOCK_TIMEOUT_S)
-    except (SessionError, sqlite3.Error):
-        return []

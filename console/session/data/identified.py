@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from console.session.data.kept_files import folder_name, keep, kept, stamp
-from console.session.errors import SessionError
+from console.session.data.kept_files import folder_name, keep, kept
+from console.session.errors import refuse
 from drivers.cutting.strategy import Strategy
-from drivers.identification.fit import unfit_problems
-from drivers.identification.result import IdentifiedResponse, as_response, as_table, from_table
+from drivers.identification.result import IdentifiedResponse, as_response, as_table, from_table, unfit_problems
 from profiles.axis.response import ServoResponse
 from profiles.files import printable
 from profiles.machine import MachineProfile
@@ -17,23 +16,16 @@ FOLDER = "identified"
 
 
 def store(data: Path, identified: IdentifiedResponse) -> Path:
-    """Keep a response in the data folder, and return its file; nothing is ever overwritten.
-
-    Raises:
-        ProfileError: `file.exists`, `file.not_writable`.
-    """
+    """Keep a response in the data folder, and return its file; ProfileError as `keep`."""
     folder = data / FOLDER / folder_name(identified.origin.machine)
-    path = folder / f"{identified.path}-{stamp(identified.date)}.json"
+    date = "".join(c for c in identified.date if c.isalnum())  # valid on any file system, and sorted by date
+    path = folder / f"{identified.path}-{date}.json"
     keep(path, as_table(identified))
     return path
 
 
 def load(file: Path) -> IdentifiedResponse:
-    """Read one file.
-
-    Raises:
-        ProfileError: `file.unreadable`, `file.too_large`, `identify.file`.
-    """
+    """Read one file. Raises `ProfileError`: `file.unreadable`, `file.too_large`, `identify.file`."""
     return from_table(kept(file, "identify.file"), printable(str(file)))
 
 
@@ -47,6 +39,5 @@ def response_in(
         SessionError: `response.of_another`, every reason why it does not apply here.
     """
     identified = load(file)
-    if problems := unfit_problems(identified, machine, path, simulated=simulated, where=printable(str(file))):
-        raise SessionError(*problems)
+    refuse(unfit_problems(identified, machine, path, simulated=simulated, where=printable(str(file))))
     return as_response(identified, printable(file.name))

@@ -1,11 +1,12 @@
-"""Files in the data folder, and where that is: one file each, plain values, never overwritten."""
+"""Files in the data folder, and where that is: one file each, plain values, never overwritten; and their dates."""
 
 from __future__ import annotations
 
 import json
 import os
 import pwd
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -25,41 +26,28 @@ def folder_name(name: str) -> str:
     return quote(name, safe=" ").replace(".", "%2E")
 
 
-def stamp(date: str) -> str:
-    """Return a date without punctuation: valid on any file system, and sorted by date."""
-    return "".join(c for c in date if c.isalnum())
-
-
 def make_folder(folder: Path) -> None:
-    """Create a folder where it is missing, accessible to its owner alone.
-
-    Raises:
-        ProfileError: `file.not_writable`.
-    """
+    """Create a folder for its owner alone where it is missing; ProfileError `file.not_writable` if it cannot."""
     try:
         make_private_folder(folder)
     except OSError as error:
-        where, value = printable(str(folder)), error.strerror or str(error)
-        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
+        raise file_error("file.not_writable", folder, error) from error
+
+
+def file_error(code: str, path: Path, error: OSError) -> ProfileError:
+    """Return the refusal of a file or a folder, with the reason of the operating system."""
+    return ProfileError(Problem(code=code, where=printable(str(path)), value=error.strerror or str(error)))
 
 
 def keep(path: Path, table: Mapping[str, Any]) -> None:
-    """Write a new file, creating its folder.
-
-    Raises:
-        ProfileError: `file.exists`, `file.not_writable`.
-    """
+    """Write a new file, creating its folder; ProfileError `file.exists`, `file.not_writable`."""
     make_folder(path.parent)
     content = json.dumps(table, ensure_ascii=False, allow_nan=False, indent=2)
     write_atomically(path, f"{content}\n".encode(), overwrite=False, private=True)
 
 
 def kept(file: Path, code: str) -> Any:
-    """Return the values in a file; `code` is the problem code of a file that is not ours.
-
-    Raises:
-        ProfileError: `file.unreadable`, `file.too_large`; `code`.
-    """
+    """Return the values in a file; ProfileError as `read_regular_file`, or `code` if it is not ours."""
     content = read_regular_file(file, cap_bytes=CAP_BYTES)
     try:
         return from_json(content)
@@ -68,32 +56,21 @@ def kept(file: Path, code: str) -> Any:
         raise ProfileError(Problem(code=code, where=where, value=value)) from error
 
 
-def data_folder(told: str | None = None) -> Path:
-    """Return the data folder (XDG base directories); it need not exist.
-
-    Raises:
-        SessionError: `data.no_home`.
-    """
-    if told:
-        return Path(told)
+def data_folder(given: str | None = None) -> Path:
+    """Return the data folder (XDG base directories); it need not exist. Raises `SessionError`: `data.no_home`."""
+    if given:
+        return Path(given)
     base = os.environ.get("XDG_DATA_HOME", "")
     # The XDG Base Directory Specification says to ignore a relative path in the variable.
-    return (Path(base) if os.path.isabs(base) else _home() / ".local" / "share") / APPLICATION
-
-
-def _home() -> Path:
-    """Return the home folder of this user.
-
-    Raises:
-        SessionError: `data.no_home`, it cannot be determined.
-    """
-    told = os.environ.get("HOME", "")
-    if os.path.isabs(told):
-        return Path(told)
-    try:
-        return Path(pwd.getpwuid(os.getuid()).pw_dir)
-    except KeyError as error:
-        raise SessionError(Problem(code="data.no_home", value=str(os.getuid()))) from error
+    if os.path.isabs(base):
+        return Path(base) / APPLICATION
+    home = os.environ.get("HOME", "")
+    if not os.path.isabs(home):
+        try:
+            home = pwd.getpwuid(os.getuid()).pw_dir
+        except KeyError as error:
+            raise SessionError(Problem(code="data.no_home", value=str(os.getuid()))) from error
+    return Path(home) / ".local" / "share" / APPLICATION
 
 
 def jobs_folder(data: Path) -> Path:
@@ -104,3 +81,37 @@ def jobs_folder(data: Path) -> Path:
 def machines_folder(data: Path) -> Path:
     """Return the folder of the site's own machines."""
     return data / "machines"
+
+
+TOLERANCE = timedelta(minutes=10)  # allowed clock difference of two computers that share a data folder
+
+
+def utc_now() -> str:
+    """Return the date for newly stored data, UTC after ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def is_ahead(date: str, now: str | None = None) -> bool:
+    """Return whether an ISO 8601 date is in the future: a clock was ahead then, or has been set back since.
+
+    A date without a zone is UTC; a text that is no date is not in the future.
+    """
+    now = now or utc_now()
+    try:
+        return _parsed(date) - _parsed(now) > TOLERANCE
+    except OverflowError:  # at either end of the calendar's range
+        return date > now
+    except ValueError:
+        return False
+
+
+def ahead_problems(code: str, dates: Iterable[str], *, key: str, where: str = "") -> tuple[Problem, ...]:
+    """Return a problem of this code for the first of these dates that is in the future."""
+    now = utc_now()
+    ahead = [printable(date, 60) for date in dates if is_ahead(date, now)]
+    return tuple(Problem(code=code, where=where, key=key, value=date, limit=now) for date in ahead[:1])
+
+
+def _parsed(date: str) -> datetime:
+    found = datetime.fromisoformat(date)
+    return found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from console.session.data.dates import is_ahead, utc_now
-from console.session.data.kept_files import folder_name, keep, kept
-from console.session.errors import SessionError
+from console.session.data.kept_files import ahead_problems, folder_name, keep, kept
+from console.session.errors import SessionError, refuse
 from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table, differences, from_table
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
@@ -29,31 +28,19 @@ def asked_for(job: LoadedJob, machine: LoadedMachine, strategy: str, *, simulate
 
 
 def store(data: Path, learned: LearnedCompensation) -> Path:
-    """Keep a version in the data folder, and return its file.
-
-    Raises:
-        ProfileError: `file.exists`, somebody else has kept this version meanwhile; `file.not_writable`.
-    """
+    """Keep a version in the data folder, and return its file; ProfileError as `keep`."""
     path = _folder(data, learned.holds_for) / _name(learned.version)
     keep(path, as_table(learned))
     return path
 
 
 def versions(data: Path, asked: HoldsFor) -> tuple[LearnedCompensation, ...]:
-    """Return all versions of a job on a machine, oldest first, whether they still apply or not.
-
-    Raises:
-        ProfileError: a file that cannot be read, or is not ours: it may be the one that was asked for.
-    """
+    """Return all versions of a job on a machine, oldest first, whether or not they apply; errors as `kept`."""
     return tuple(_load(file) for file in sorted(_folder(data, asked).glob("version-*.json")))
 
 
 def accepted(job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool) -> LearnedCompensation | None:
-    """Return the newest version of a job on a machine, whether it still applies or not; None without any.
-
-    Raises:
-        ProfileError: as `versions`.
-    """
+    """Return the newest of the `versions` of a job on a machine, whether it applies or not; None without any."""
     known = versions(data, asked_for(job, machine, "", simulated=simulated))
     return known[-1] if known else None
 
@@ -70,20 +57,16 @@ def chosen(word: str, known: tuple[LearnedCompensation, ...], asked: HoldsFor) -
         raise SessionError(Problem(code="learned.none", key=asked.job, value=asked.machine))
     found = known[-1] if word == NEWEST else next((each for each in known if str(each.version) == word), None)
     if found is None:
-        limit = f"1 … {known[-1].version}"
-        raise SessionError(Problem(code="learned.unknown", value=word, limit=limit))
-    if problems := differences(found, asked):
-        raise SessionError(*problems)
+        raise SessionError(Problem(code="learned.unknown", value=word, limit=f"1 … {known[-1].version}"))
+    refuse(differences(found, asked))
     return found
 
 
 def date_problems(learned: LearnedCompensation | None) -> tuple[Problem, ...]:
     """Return `learned.date_ahead` for a version dated in the future; nothing for the model's, None."""
-    now = utc_now()
-    if learned is None or not is_ahead(learned.date, now):
+    if learned is None:
         return ()
-    value = printable(learned.date, 60)
-    return (Problem(code="learned.date_ahead", key=str(learned.version), value=value, limit=now),)
+    return ahead_problems("learned.date_ahead", [learned.date], key=str(learned.version))
 
 
 def _load(file: Path) -> LearnedCompensation:
@@ -100,5 +83,5 @@ def _name(version: int) -> str:
 
 def _folder(data: Path, asked: HoldsFor) -> Path:
     """Return the folder of a job on a machine."""
-    names = [folder_name(name) for name in (asked.machine, asked.job)]
-    return data.joinpath(FOLDER, "simulated" if asked.simulated else "machine", *names)
+    where = "simulated" if asked.simulated else "machine"
+    return data / FOLDER / where / folder_name(asked.machine) / folder_name(asked.job)

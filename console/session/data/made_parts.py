@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from console.session.data.dates import is_ahead, utc_now
+from console.session.data.kept_files import ahead_problems
 from console.session.data.learned_store import NONE
 from console.session.errors import SessionError
 from console.session.stages import Stage
 from profiles.compensations.learned import HoldsFor
-from profiles.files import printable
 from profiles.own_values import from_json, number, text, whole
 from profiles.problem import Problem
 
@@ -23,7 +22,6 @@ WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha25
 ORDER BY events.rowid DESC
 """
 """By row, the order in which they were added: a clock may have been set back meanwhile."""
-
 
 Cut = tuple[str, str, str]
 """Kind, data and date of a cut, as in the run record."""
@@ -57,17 +55,14 @@ class MadeWith:
         return None if self.compensation == NONE else self.compensation
 
     def event(self) -> dict[str, object]:
-        """Return it as the run record keeps it."""
+        """Return it as the run record keeps it; None is the model's compensation, and jaw 1 as filed."""
         jaw_1_deg = None if self.cut_jaw_1_deg == AS_FILED else float(self.cut_jaw_1_deg)
         version = None if self.version is None else int(self.version)
         return {**asdict(self), "compensation": version, CUT_JAW: jaw_1_deg}
 
 
-KEYS = ("compensation", "strategy", "stage")
-"""What must be known of a cut."""
-
-_ALL_KEYS = (*KEYS, INVERTED, CUT_JAW)
-"""The others default to the model's response and jaw 1 as filed."""
+KEYS = ("compensation", "strategy", "stage")  # what must be known of a cut
+_ALL_KEYS = (*KEYS, INVERTED, CUT_JAW)  # the others default to the model's response and jaw 1 as filed
 
 
 def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[MadeWith | None]) -> MadeWith:
@@ -108,19 +103,11 @@ def parts_made(cuts: Sequence[Cut]) -> list[MadeWith | None]:
 
 def date_problems(cuts: Sequence[Cut], job: str) -> tuple[Problem, ...]:
     """Return `record.date_ahead` for the first cut of a job that is dated in the future."""
-    now = utc_now()
-    found = next((at_utc for _, _, at_utc in cuts if is_ahead(at_utc, now)), None)
-    if found is None:
-        return ()
-    return (Problem(code="record.date_ahead", key=job, value=printable(found, 60), limit=now),)
+    return ahead_problems("record.date_ahead", (at_utc for _, _, at_utc in cuts), key=job)
 
 
 def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
-    """Return the cuts of this job on this machine, newest first.
-
-    Raises:
-        SessionError: `record.unreadable`, `record.other_schema`.
-    """
+    """Return the cuts of this job on this machine, newest first; refuses an unreadable record."""
     import sqlite3
 
     from console.session.data.record_file import FILE_NAME, record_error, rows
@@ -137,19 +124,14 @@ def _made(kind: str, data: str) -> list[MadeWith | None]:
         event = from_json(data)
         strategy, stage, inverted = (text(event[key]) for key in ("strategy", "stage", INVERTED))
         version, jaw_1_deg = event["compensation"], event.get(CUT_JAW)
-        compensation = NONE if version is None else str(whole(version))
-        cut_jaw_1_deg = AS_FILED if jaw_1_deg is None else str(number(jaw_1_deg))
-    except (ValueError, TypeError, KeyError):
-        # Written by another version of the console, which did not record how a cut on the screen was made.
-        return [None] if kind == "cut" else []
-    if stage == Stage.AIR or "passes" in event:
-        return []
-    return [
-        MadeWith(
-            compensation=compensation,
+        made = MadeWith(
+            compensation=NONE if version is None else str(whole(version)),
             strategy=strategy,
             stage=stage,
             inverted=inverted,
-            cut_jaw_1_deg=cut_jaw_1_deg,
+            cut_jaw_1_deg=AS_FILED if jaw_1_deg is None else str(number(jaw_1_deg)),
         )
-    ]
+    except (ValueError, TypeError, KeyError):
+        # Written by another version of the console, which did not record how a cut on the screen was made.
+        return [None] if kind == "cut" else []
+    return [] if stage == Stage.AIR or "passes" in event else [made]

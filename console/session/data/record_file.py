@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -73,29 +74,18 @@ def opened(folder: Path, until_s: float) -> sqlite3.Connection:
 
 
 def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -> list[Any]:
-    """Return the rows of a query on the records in a folder, none where there are no records.
-
-    Raises:
-        SessionError: `record.other_schema`.
-        sqlite3.Error: they cannot be read.
-    """
+    """Return the rows of a query, none without records; SessionError `record.other_schema`, sqlite3.Error."""
     path = folder / FILE_NAME
     if not path.is_file():
         return []
-    database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=timeout_s)
-    try:
+    read_only = f"{path.resolve().as_uri()}?mode=ro"
+    with closing(sqlite3.connect(read_only, uri=True, timeout=timeout_s)) as database:
         _refuse_other_schema(database, path)
         return database.execute(query, keys).fetchall()
-    finally:
-        database.close()
 
 
 def patiently(work: Callable[[], Result], until_s: float) -> Result:
-    """Run a database operation; wait for other writers until the deadline, also where SQLite would not.
-
-    Raises:
-        sqlite3.Error: what went wrong, or the wait timed out.
-    """
+    """Run a database operation; wait for other writers until the deadline, also where SQLite would not."""
     while True:
         try:
             return work()
@@ -118,16 +108,23 @@ def record_error(code: str, path: Path, error: object) -> SessionError:
 def _made_ready(database: sqlite3.Connection, path: Path) -> None:
     """Check an existing file, and create the tables in an empty one."""
     if not _refuse_other_schema(database, path):
-        _make_tables(database, path)
-    _refuse_damaged(database, path)
+        database.execute("BEGIN IMMEDIATE")
+        try:
+            if not _refuse_other_schema(database, path):  # another console may have created them meanwhile
+                for line in _TABLES:
+                    database.execute(line)
+            database.execute("COMMIT")
+        except BaseException:
+            if database.in_transaction:
+                database.execute("ROLLBACK")
+            raise
+    (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()  # less than 0.1 s for some thousand runs
+    if found != "ok":
+        raise record_error("record.damaged", path, " ".join(str(found).split()))
 
 
 def _refuse_other_schema(database: sqlite3.Connection, path: Path) -> bool:
-    """Refuse a file of another schema; return whether there is one of this.
-
-    Raises:
-        SessionError: `record.other_schema`; a file is never downgraded.
-    """
+    """Refuse a file of another schema, which is never downgraded; return whether there is one of this."""
     # In this order: another console may create the tables, with their version, between the two.
     (things,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
     (found,) = database.execute("PRAGMA user_version").fetchone()
@@ -135,22 +132,3 @@ def _refuse_other_schema(database: sqlite3.Connection, path: Path) -> bool:
         return bool(found == SCHEMA)
     where = printable(str(path))
     raise SessionError(Problem(code="record.other_schema", where=where, value=str(found), limit=str(SCHEMA)))
-
-
-def _make_tables(database: sqlite3.Connection, path: Path) -> None:
-    database.execute("BEGIN IMMEDIATE")
-    try:
-        if not _refuse_other_schema(database, path):  # another console may have created them meanwhile
-            for line in _TABLES:
-                database.execute(line)
-        database.execute("COMMIT")
-    except BaseException:
-        if database.in_transaction:
-            database.execute("ROLLBACK")
-        raise
-
-
-def _refuse_damaged(database: sqlite3.Connection, path: Path) -> None:
-    (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()  # less than 0.1 s for some thousand runs
-    if found != "ok":
-        raise record_error("record.damaged", path, " ".join(str(found).split()))

@@ -10,12 +10,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from datetime import date
 from pathlib import Path
 from urllib.parse import quote
 
-from console.session.data.kept_files import make_folder
+from console.session.data.kept_files import file_error, make_folder
 from drivers.commissioning.judged import Judged
 from drivers.commissioning.proofs.bench import ProofRig
 from drivers.commissioning.stop_record import StopRecord, stop_key
@@ -50,11 +50,7 @@ def record_path(data: Path, machine: MachineProfile) -> Path:
 
 
 def store(data: Path, machine: MachineProfile, record: StopRecord) -> Path:
-    """Replace the record; return its path.
-
-    Raises:
-        ProfileError: `file.not_writable`.
-    """
+    """Replace the record; return its path. ProfileError `file.not_writable`."""
     path = record_path(data, machine)
     values = {"schema": SCHEMA, **asdict(record), "measured_at": record.measured_at.isoformat()}
     make_folder(path.parent)
@@ -70,17 +66,12 @@ def with_checksum(values: Mapping[str, object]) -> bytes:
 
 
 def withdraw(data: Path, machine: MachineProfile) -> None:
-    """Remove the record of a machine that was seen to stop otherwise.
-
-    Raises:
-        ProfileError: `file.not_writable`.
-    """
+    """Remove the record of a machine that was seen to stop otherwise; ProfileError `file.not_writable`."""
     path = record_path(data, machine)
     try:
         path.unlink(missing_ok=True)
     except OSError as error:
-        where, value = printable(str(path)), error.strerror or str(error)
-        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
+        raise file_error("file.not_writable", path, error) from error
 
 
 def load(data: Path, machine: MachineProfile) -> StopRecord | None:
@@ -100,9 +91,11 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
     except ValueError as error:
         raise ProfileError(Problem(code=UNREADABLE, where=where, value=printable(str(error)))) from error
     if isinstance(table, dict) and "schema" in table:
-        checksum = str(table.pop(CHECKSUM, ""))
-        if refusal := _schema_problem(table["schema"], machine):
-            raise ProfileError(replace(refusal, where=where))
+        schema, checksum = table["schema"], str(table.pop(CHECKSUM, ""))
+        if type(schema) is not int or schema != SCHEMA:
+            code = "stops.old_schema" if schema in WITHOUT_CHECKSUM else "stops.unknown_schema"
+            value, limit = printable(str(schema), 60), str(SCHEMA)
+            raise ProfileError(Problem(code=code, where=where, key=machine.name, value=value, limit=limit))
         if checksum != hashlib.sha256(content.replace(checksum.encode(), b"")).hexdigest():
             raise ProfileError(Problem(code="stops.changed", where=where, key=machine.name))
     return read_own(StopRecord, table, schema=SCHEMA, code=UNREADABLE, where=where, judge=_judge)
@@ -141,34 +134,22 @@ def stop_record_problems(
     """Return why the machine's stopping-performance record forbids arming. `data` is the data folder, None: none.
 
     The settings that the record was measured with are read from the controller, eleven short lines.
-
-    Raises:
-        DriverError: the link broke, or the controller sent an unexpected reply.
     """
     key, link = stop_key(client, machine, dialect), client.link
+    record: StopRecord | None
     try:
-        record = _simulated(machine, dialect, today) if simulated else data and load(data, machine)
+        if simulated:
+            of = dialect.name, repr(machine)
+            if of not in _measured:
+                _measured[of] = simulated_record(machine, dialect, today)
+            record = _measured[of]
+        else:
+            record = load(data, machine) if data else None
     except ProfileError as error:
         return tuple(error.problems)
     address = None if simulated else link.address
     now = StopsNow(machine=machine, key=key, today=today, stop_way=link.stop_way, address=address)
-    return (*way_problems(now.stop_way), *record_problems(record or None, now))
-
-
-def _simulated(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:
-    of = dialect.name, repr(machine)
-    if of not in _measured:
-        _measured[of] = simulated_record(machine, dialect, now)
-    return _measured[of]
-
-
-def _schema_problem(schema: object, machine: MachineProfile) -> Problem | None:
-    if schema in WITHOUT_CHECKSUM:
-        return Problem(code="stops.old_schema", key=machine.name, value=str(schema), limit=str(SCHEMA))
-    if type(schema) is not int or schema != SCHEMA:
-        value = printable(str(schema), 60)
-        return Problem(code="stops.unknown_schema", key=machine.name, value=value, limit=str(SCHEMA))
-    return None
+    return (*way_problems(now.stop_way), *record_problems(record, now))
 
 
 def _judge(found: StopRecord) -> None:

@@ -12,28 +12,41 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from console.session.cut.context import CutContext
-from console.session.cut.engine import Step
-from console.session.cut.headless import Beside, CutOutcome, cut_part
-from console.session.cut.planning import planned
-from console.session.cut.run import FILTER_UPR, RunPlan, RunResult, TellPart, roundness_of
+from console.session.cut.engine import CutContext, Step
+from console.session.cut.run import (
+    FILTER_UPR,
+    Beside,
+    CutOutcome,
+    RunPlan,
+    RunResult,
+    TellPart,
+    cut_part,
+    planned,
+    roundness_of,
+)
 from console.session.cut.telemetry import CutFigures
-from console.session.errors import SessionError
+from console.session.errors import SessionError, refuse
 from console.session.learning.learning_beside import AirWatch, CutLearner
-from console.session.stages import Stage
-from drivers.cutting.planning import CutPlan, nominal_command
+from console.session.learning.learning_steps import scatter_um
+from console.session.stages import Stage, nominal_path
+from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
 from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from profiles.axis.friction import held_back_um
-from profiles.chucking.job_grip import force_sd_n, lobe_um_per_n
-from profiles.compensations.learning import Deviation, HarmonicFit, fit_harmonics, learned_command, learned_part
-from profiles.compensations.learning_watch import Grown, Watch
-from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
-from profiles.compensations.part_waves import PartWaves, part_waves
-from profiles.compensations.path import CutPath, target_path
-from profiles.compensations.uncompensated import uncompensated
+from profiles.compensations.learning import (
+    Deviation,
+    Grown,
+    HarmonicFit,
+    Watch,
+    fit_harmonics,
+    learned_command,
+    learned_part,
+)
+from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN, uncompensated
+from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
+from profiles.compensations.path import CutPath
 from profiles.job import Job
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult
@@ -45,9 +58,7 @@ AIR_ENOUGH_UM_PP = 1.0
 
 AIR_TURNS = 30
 
-OVERTONES = (2, 3)
-"""Harmonics of the lobe that are learned beside it."""
-
+OVERTONES = (2, 3)  # harmonics of the lobe that are learned beside it
 OTHERS = (1, 2)
 """Harmonics that are fitted but not learned: eccentricity and ovality would leak into the others."""
 
@@ -92,7 +103,7 @@ class LearnResult:
             before=self.before,
             after=part.roundness,
             figures=part.figures,
-            collisions=tuple(dict.fromkeys(met for each in self.parts for met in each.collisions)),
+            collisions=tuple(dict.fromkeys(kind for each in self.parts for kind in each.collisions)),
         )
 
     @property
@@ -101,7 +112,7 @@ class LearnResult:
         return tuple(
             Problem(
                 code="learning.grew",
-                key=f"{each.waves}/rev",
+                key=f"{each.order}/rev",
                 value=f"{each.grown_um:.2f} um",
                 limit=f"{each.best_um:.2f} um",
             )
@@ -138,41 +149,19 @@ def refuse_unlearnable(plan: RunPlan, *, measured: bool) -> None:
         raise SessionError(Problem(code="learning.no_gauge"))
 
 
-def _measured(trace: Trace | None) -> Trace:
-    if trace is None:
-        raise SessionError(Problem(code="learning.no_gauge"))
-    return trace
-
-
-def _named(tell: TellPart, part: str, number: int) -> Callable[[Step, str], None]:
-    """Report a part with its number, if it has one."""
-    if not number:
-        return lambda step, detail: tell(part, step, detail)
-    return lambda step, detail: tell(part, step, f"{number} · {detail}" if detail else f"{number}")
-
-
-def _of_the_axis(problem: Problem) -> Problem:
-    return replace(problem, code="learning.axis_beyond") if problem.code == "path.beyond" else problem
-
-
 class _Learner:
     """One machine, and the path as learned so far."""
 
     def __init__(self, plan: RunPlan, context: CutContext, tell: TellPart) -> None:
         self._plan, self._context, self._tell = plan, context, tell
-        self._job, self._machine = plan.job, plan.machine
-        target = target_path(plan.job)
-        self._path = CutPath(target=target, command=nominal_command(plan.job, plan.machine, plan.cut.strategy))
+        self._job, self._machine, self._strategy = plan.job, plan.machine, plan.cut.strategy
+        self._path = nominal_path(plan.job, plan.machine, self._strategy)
         self._watch = Watch()
         self._air_um: list[float] = []
         self._homed = False
 
     def reference(self) -> RoundnessResult:
-        """Cut a part without compensation; what its gauge cannot measure now, it cannot measure later either.
-
-        Raises:
-            SessionError: why nothing can be learned from such a trace.
-        """
+        """Cut a part without compensation; what its gauge cannot measure now, it cannot measure later either."""
         trace = self._plain(self._job, "before")
         self._teaching(trace)
         return roundness_of(trace)
@@ -181,44 +170,32 @@ class _Learner:
         """Cut a part without a lobe and without compensation: the remaining error is the machine's own."""
         return roundness_of(self._plain(replace(self._job, lobe_error_um_pp=0.0), "floor"))
 
-    def _teaching(self, trace: Trace) -> PartWaves:
-        """Return the harmonics of a part, by the rule that `console learn` and the screen share.
-
-        Raises:
-            SessionError: why nothing may be learned from it.
-        """
-        part = part_waves(trace, self._job, filter_upr=FILTER_UPR)
-        if part.reasons:
-            raise SessionError(*part.reasons)
+    def _teaching(self, trace: Trace) -> PartHarmonics:
+        """Return the harmonics of a part, or refuse it by the rule that `console learn` and the screen share."""
+        part = part_harmonics(trace, self._job, filter_upr=FILTER_UPR)
+        refuse(part.reasons)
         return part
 
     def _plain(self, job: Job, name: str) -> Trace:
-        watchdog = self._plan.cut.setup.watchdog
-        plan = planned(
-            job, self._machine, UNCOMPENSATED, Stage.FULL, None, watchdog=watchdog, from_turn=self._turn()
-        )
-        return _measured(self._cut(job, plan, name).trace)
+        plan = self._planned(job, UNCOMPENSATED, Stage.FULL, None)
+        return self._traced(self._cut(job, plan, name))
+
+    def _traced(self, outcome: CutOutcome) -> Trace:
+        if outcome.trace is None:
+            raise SessionError(Problem(code="learning.no_gauge"))
+        return outcome.trace
 
     def _cut(
-        self,
-        job: Job,
-        plan: CutPlan,
-        name: str,
-        beside: Beside | None = None,
-        number: int = 0,
-        *,
-        blank: bool = True,
+        self, job: Job, plan: CutPlan, name: str, beside: Beside | None = None, number: int = 0
     ) -> CutOutcome:
-        tell = _named(self._tell, name, number)
-        outcome = cut_part(self._context, job, plan, tell, beside, homed=self._homed, blank=blank)
+        """Cut a part; reports name it with its number, if it has one. One in air has no blank."""
+
+        def tell(step: Step, detail: str) -> None:
+            self._tell(name, step, " · ".join(filter(None, (str(number or ""), detail))))
+
+        outcome = cut_part(self._context, job, plan, tell, beside, homed=self._homed, blank=name != "air")
         self._homed = True
         return outcome
-
-    def _turn(self) -> int:
-        """Return the whole turn nearest to the spindle position; the spindle need not turn back."""
-        if not self._homed:
-            return 0
-        return round(self._context.lathe.snapshot().spindle.position / self._machine.spindle.counts_per_rev)
 
     def in_air(self) -> None:
         """Learn the path clear of the part."""
@@ -226,49 +203,50 @@ class _Learner:
         # Some turns of the same feed, over the end of the part.
         short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
         for number in range(1, MOST_AIR_PASSES + 1):
-            if number > AIR_PASSES and self._right_in_air:
+            right = not self._learns_lobe or (self._air_um and self._air_um[-1] <= AIR_ENOUGH_UM_PP)
+            if number > AIR_PASSES and right:
                 break
-            plan = self._planned_in_air(short)
+            try:
+                plan = self._planned(short, self._strategy, Stage.AIR, self._path)
+            except DriverError as error:
+                # A limit exceeded here is the axis's own, for nothing else was measured yet.
+                own = {"path.beyond": "learning.axis_beyond"}
+                problems = (replace(each, code=own.get(each.code, each.code)) for each in error.problems)
+                raise SessionError(*problems) from error
             watch = AirWatch(self._context.lathe, job.jaws)
-            self._cut(short, plan, "air", watch, number, blank=False)
-            off = self._off(watch.last())
-            self._air_um.append(2.0 * abs(off.coefficients_um[job.jaws]))
-            self._learn_in_air(off)
+            self._cut(short, plan, "air", watch, number)
+            error_um = self._error(watch.last())
+            self._air_um.append(2.0 * abs(error_um.coefficients_um[job.jaws]))
+            self._learn_in_air(error_um)
         self._watch = self._watch.afresh()
-
-    @property
-    def _right_in_air(self) -> bool:
-        """Whether another air pass would improve nothing that matters."""
-        return not self._learns_lobe or self._air_um[-1] <= AIR_ENOUGH_UM_PP
 
     @property
     def _learns_lobe(self) -> bool:
         return self._job.jaws not in self._watch.frozen
 
-    def _learn_in_air(self, off: HarmonicFit) -> None:
-        left = self._learnable(off.coefficients_um)
+    def _learn_in_air(self, error: HarmonicFit) -> None:
+        left = self._learnable(error.coefficients_um)
         # Friction couples the overtones to the amplitude of the lobe, which is still being learned.
         allowed = {n: 0.0 if n == self._job.jaws else held_back_um(self._machine, self._job, n) for n in left}
-        self._watch = self._watch.judged(self._path, left, lambda _: off.amplitude_sd_um, allowed.__getitem__)
+        self._watch = self._watch.judged(self._path, left, lambda _: error.amplitude_sd_um, allowed.__getitem__)
         self._path = learned_command(self._watch.kept(self._path), self._watch.learned(left), self._response)
 
     def part(self, number: int) -> LearnedPart:
         """Cut a part, learn during the cut, and from its trace for the next one."""
-        plan = self._planned(self._job, trimmed=True)
-        watch = CutLearner(self._context.lathe, self._job, self._off, trims=self._learns_lobe)
+        plan = self._planned(self._job, self._strategy, Stage.FULL, self._path, trimmed=True)
+        watch = CutLearner(self._context.lathe, self._job, self._error, trims=self._learns_lobe)
         outcome = self._cut(self._job, plan, "part", watch, number)
-        watch.refuse_failed()
-        trace = _measured(outcome.trace)
-        off, trim_um = watch.in_the_middle()
+        tool_off, trim_um = watch.in_the_middle()
+        trace = self._traced(outcome)
         gain = FIRST_GAIN if number == 1 else LATER_GAIN
         cut_with = self._path
-        learned = self._learn_from(trim_um, trace, off, gain)
+        learned = self._learn_from(trim_um, trace, tool_off, gain)
         return LearnedPart(
             roundness=roundness_of(trace),
             figures=outcome.figures,
             path=cut_with,
             trim_um=trim_um,
-            tool_off=off,
+            tool_off=tool_off,
             air_um=tuple(self._air_um) if number == 1 else (),
             part_gain=gain,
             learned=learned,
@@ -276,80 +254,58 @@ class _Learner:
             collisions=outcome.collisions,
         )
 
-    def _learn_from(self, trim_um: complex, trace: Trace, off: Deviation, gain: float) -> tuple[int, ...]:
+    def _learn_from(self, trim_um: complex, trace: Trace, tool_off: Deviation, gain: float) -> tuple[int, ...]:
         """Put the trim and the part's correction into the table; return the learned harmonics."""
         job = self._job
         found = self._teaching(trace)
-        self._refuse_worse(found, off)
+        self._refuse_worse(found, tool_off)
         by_program = nominal_response(Strategy.PVT, self._machine, job.lobe_frequency_hz)
         folded = self._path.command.plus({job.jaws: trim_um * by_program / self._response(job.jaws)})
         path = CutPath(target=self._path.target, command=folded)
         # Another clamping has another lobe, whatever the tool does.
-        scatter_um = {job.jaws: 0.5 * lobe_um_per_n(job, self._machine) * force_sd_n(job, self._machine)}
+        scatter = {job.jaws: scatter_um(job, self._machine)}
         self._watch = self._watch.judged(
             path,
             self._learnable(found.coefficients_um),
-            lambda n: math.hypot(found.sd_um[n], scatter_um.get(n, 0.0)),
+            lambda n: math.hypot(found.sd_um[n], scatter.get(n, 0.0)),
         )
         high = self._watch.learned(self._learnable(found.significant_um()))
-        missed = self._watch.learned(self._learnable(off.coefficients_um))
+        missed = self._watch.learned(self._learnable(tool_off.coefficients_um))
         part = Deviation(mean_um=found.mean_um, coefficients_um=high)
-        tool = Deviation(mean_um=off.mean_um, coefficients_um=missed)
+        tool = Deviation(mean_um=tool_off.mean_um, coefficients_um=missed)
         self._path = learned_part(self._watch.kept(path), part, tool, self._response, gain)
         return tuple(sorted({*high, *missed}))
 
-    def _refuse_worse(self, part: PartWaves, off: Deviation) -> None:
-        """Refuse to learn from a part that its compensation has made worse, by the rule for a single part.
-
-        Raises:
-            SessionError: `learned.worse`.
-        """
+    def _refuse_worse(self, part: PartHarmonics, tool_off: Deviation) -> None:
+        """Refuse to learn from a part that its compensation has made worse, by the rule for a single part."""
         lobes = self._job.jaws
         # The tool error was measured here.
-        done_um = self._path.target.waves[0].coefficient - off.coefficients_um.get(lobes, 0j)
+        done_um = self._path.target.harmonics[0].coefficient - tool_off.coefficients_um.get(lobes, 0j)
         plain = uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
-        if plain.reasons():
-            raise SessionError(*plain.reasons())
+        refuse(plain.reasons())
 
-    def _planned_in_air(self, job: Job) -> CutPlan:
-        """Plan an air pass; a limit exceeded here is the axis's own, for nothing else was measured yet.
-
-        Raises:
-            SessionError: `learning.axis_beyond`.
-            ProblemError: as `plan_cut`.
-        """
-        try:
-            return self._planned(job, Stage.AIR)
-        except DriverError as error:
-            raise SessionError(*map(_of_the_axis, error.problems)) from error
-
-    def _planned(self, job: Job, stage: Stage = Stage.FULL, *, trimmed: bool = False) -> CutPlan:
+    def _planned(
+        self, job: Job, strategy: Strategy, stage: Stage, path: CutPath | None, *, trimmed: bool = False
+    ) -> CutPlan:
+        """Plan a cut from the whole turn nearest to the spindle position; the spindle need not turn back."""
+        turn = 0
+        if self._homed:
+            turn = round(self._context.lathe.snapshot().spindle.position / self._machine.spindle.counts_per_rev)
+        watchdog = self._plan.cut.setup.watchdog
         return planned(
-            job,
-            self._machine,
-            self._plan.cut.strategy,
-            stage,
-            self._path,
-            watchdog=self._plan.cut.setup.watchdog,
-            from_turn=self._turn(),
-            trimmed=trimmed,
+            job, self._machine, strategy, stage, path, watchdog=watchdog, from_turn=turn, trimmed=trimmed
         )
 
-    def _off(self, batch: Batch) -> HarmonicFit:
+    def _error(self, batch: Batch) -> HarmonicFit:
         """Return the tool error of a batch, positive where the tool was not in far enough."""
         target_um = self._path.target.at_um(batch.angle_deg, batch.past_middle_mm)
-        return fit_harmonics(batch.angle_deg, target_um - batch.infeed_um, self._orders)
-
-    @property
-    def _orders(self) -> tuple[int, ...]:
         lobes = self._job.jaws
-        waves = {*OTHERS, lobes, *(lobes * overtone for overtone in OVERTONES)}
-        return tuple(sorted(waves))
+        orders = tuple(sorted({*OTHERS, lobes, *(lobes * overtone for overtone in OVERTONES)}))
+        return fit_harmonics(batch.angle_deg, target_um - batch.infeed_um, orders)
 
     def _learnable(self, coefficients_um: Mapping[int, complex]) -> dict[int, complex]:
         """Return the coefficients of the lobe and its overtones."""
         return {n: c for n, c in coefficients_um.items() if n % self._job.jaws == 0}
 
-    def _response(self, waves: int) -> complex:
-        frequency_hz = waves * self._job.spindle_speed_rpm / 60.0
-        return nominal_response(self._plan.cut.strategy, self._machine, frequency_hz)
+    def _response(self, order: int) -> complex:
+        return nominal_response(self._strategy, self._machine, order * self._job.spindle_speed_rpm / 60.0)

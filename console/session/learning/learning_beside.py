@@ -17,9 +17,7 @@ from profiles.compensations.learning import Deviation, HarmonicFit, trimmed
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 
-AIR_BATCH_S = 1.0
-CUT_BATCH_S = 0.25
-
+AIR_BATCH_S, CUT_BATCH_S = 1.0, 0.25
 TRIM_GAIN = 0.7
 
 HELD_FOR = ("learning.trim_limit", "learning.few_samples", "gather.failed")
@@ -43,11 +41,7 @@ class AirWatch:
         self._gather.see(snapshot)
 
     def last(self) -> Batch:
-        """Return what was gathered.
-
-        Raises:
-            SessionError: `learning.nothing_gathered`.
-        """
+        """Return what was gathered; `learning.nothing_gathered` where that is nothing."""
         self._gather.finish()
         if not self._batches:
             raise SessionError(Problem(code="learning.nothing_gathered"))
@@ -82,15 +76,6 @@ class CutLearner:
             self._failed = error
             self._lathe.program.end_after_turn()
 
-    def refuse_failed(self) -> None:
-        """Raise the error that has ended the cut.
-
-        Raises:
-            ProblemError: `learning.trim_limit`, `learning.few_samples`, `gather.failed`.
-        """
-        if self._failed is not None:
-            raise self._failed
-
     def _take(self, batch: Batch) -> None:
         found = self._off(batch)
         self._found.append((batch.past_middle_mm, found, self.trim_um))
@@ -101,11 +86,9 @@ class CutLearner:
         self._lathe.program.trim(self.trim_um)
 
     def in_the_middle(self) -> tuple[Deviation, complex]:
-        """Return the tool error where the part is measured, and the trim in effect there.
-
-        Raises:
-            SessionError: `learning.nothing_gathered`.
-        """
+        """Return the tool error and the trim where the part is measured, or raise what has ended the cut."""
+        if self._failed is not None:  # it has ended the cut
+            raise self._failed
         self._over = True
         self._gather.finish()  # fetch what a slow line has not transferred during the cut
         if not self._found:

@@ -1,42 +1,40 @@
-"""Learning steps: from a measured part, its cut and the versions so far, to the next version."""
+"""Learning steps: from a measured part, its cut and the versions so far, to the next version; and keeping it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from console.session.cut.alignment import Alignment, JawAngle, aligned_job
 from console.session.cut.run import FILTER_UPR
 from console.session.data.identified import response_in
-from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
+from console.session.data.kept_files import utc_now
+from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, store, versions
 from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MadeWith, cuts_of, made_with, parts_made
 from console.session.data.made_parts import MODEL as MADE_BY_MODEL
 from console.session.data.made_parts import date_problems as cut_date_problems
-from console.session.errors import SessionError
+from console.session.errors import SessionError, refuse
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
 from drivers.identification.nominal import nominal_response
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
-from profiles.chucking.holding import holding_of
-from profiles.chucking.job_grip import lobe_um_per_n
+from profiles.chucking.grip import force_sd_n, lobe_um_per_n
 from profiles.compensations.learned import MODEL, LearnedCompensation, again, model_again
-from profiles.compensations.learning_watch import coefficient_of
+from profiles.compensations.learning import coefficient_of
 from profiles.compensations.next_version import CutWith, LearningStep, next_version
-from profiles.compensations.part_waves import PartWaves, part_waves
-from profiles.compensations.path import CutPath, target_path
-from profiles.compensations.path_bounds import MOST_WAVES
+from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
+from profiles.compensations.path import MOST_HARMONICS, CutPath, target_path
 from profiles.files import printable
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
 from profiles.traces import Trace
 
-SIMULATED = ("simulated", "yes")
-"""Header line of a simulated trace, which no gauge has measured."""
-
+SIMULATED = ("simulated", "yes")  # header line of a simulated trace, which no gauge has measured
 OVERTONES = (1, 2, 3)
 LEAST_EXTRA = 2
 
@@ -45,10 +43,10 @@ LEAST_FOLLOWED = 1.0 / AMPLIFICATION_LIMIT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LeftWave:
+class LeftHarmonic:
     """Harmonic of the part, um p-p: what was left of it, and what the next should have; `learned` or noise."""
 
-    waves: int
+    order: int
     left_um_pp: float
     expected_um_pp: float
     learned: bool
@@ -58,11 +56,11 @@ class LeftWave:
 class Taught:
     """A learning step, its cut, warnings, and each harmonic that could be learned."""
 
-    lesson: LearningStep
+    step: LearningStep
     made: MadeWith
     stage: Stage
     warnings: tuple[Problem, ...]
-    waves: tuple[LeftWave, ...]
+    harmonics: tuple[LeftHarmonic, ...]
 
 
 def taught(
@@ -95,9 +93,8 @@ def taught(
         said = {**said, INVERTED: printable(identified.name)}
     cuts = cuts_of(data, asked)
     made = made_with(said, trace.meta, parts_made(cuts))
-    found = taught_by(
-        trace, job, machine, data, made, identified, gain=gain, robust=robust, date=date, extra=extra
-    )
+    how: dict[str, Any] = {"gain": gain, "robust": robust, "date": date, "extra": extra}
+    found = taught_by(trace, job, machine, data, made, identified, **how)
     return replace(found, warnings=(*cut_date_problems(cuts, asked.job), *found.warnings))
 
 
@@ -116,55 +113,50 @@ def taught_by(
 ) -> Taught:
     """Return the learning step from a part `made` in this way; the other arguments as for `taught`.
 
-    Versions are kept with jaw 1 where the file of the job has it. A part that was cut with jaw 1 elsewhere is
-    turned there before anything is learned from it.
-
-    Raises:
-        ProblemError: as `taught`.
+    Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
     """
-    simulated = _simulated(trace)
-    strategy, stage = _followed(made)
-    asked = asked_for(job, machine, strategy, simulated=simulated)
+    filed, (strategy, stage) = job.job, _followed(made)
+    asked = asked_for(job, machine, strategy, simulated=_simulated(trace))
     known = versions(data, asked)
-    response = _inverted(made, machine.machine, identified, simulated=simulated)
+    inverted = _inverted(made, machine.machine, identified, simulated=asked.simulated)
     version = chosen(made.compensation, known, asked)
-    path = nominal_path(job.job, machine.machine, strategy, response) if version is None else version.path
-    part = _part(trace, job.job, made, extra, robust=robust)
-    orders = _orders(job.job, machine.machine, strategy, extra)
-    lesson = next_version(
-        CutWith(path=path, share=stage.share, version=version, parent=_parent(version, known, job.job)),
+    path = nominal_path(filed, machine.machine, strategy, inverted) if version is None else version.path
+    part = _part(trace, filed, made, extra, robust=robust)
+
+    def response(order: int) -> complex:
+        return nominal_response(strategy, machine.machine, order * filed.spindle_speed_rpm / 60.0)
+
+    orders = _orders(filed, strategy, extra, response)
+    step = next_version(
+        CutWith(path=path, share=stage.share, version=version, parent=_parent(version, known, filed)),
         part,
         asked,
-        job.job,
+        filed,
         number=_next(known),
         gain=gain,
         orders=orders,
-        response=lambda n: nominal_response(strategy, machine.machine, _hz(job.job, n)),
-        scatter_um=_scatter_um(job.job, machine.machine),
+        response=response,
+        scatter_um=scatter_um(filed, machine.machine),
         date=date,
     )
-    waves = tuple(_left(n, part, lesson, path, stage) for n in orders)
-    warnings = (*date_problems(version), *part.warnings, *lesson.warnings)
-    return Taught(lesson=lesson, made=made, stage=stage, warnings=warnings, waves=waves)
+    harmonics = tuple(_left(n, part, step, path, stage) for n in orders)
+    warnings = (*date_problems(version), *part.warnings, *step.warnings)
+    return Taught(step=step, made=made, stage=stage, warnings=warnings, harmonics=harmonics)
 
 
 def _simulated(trace: Trace) -> bool:
     return trace.meta.get(SIMULATED[0]) == SIMULATED[1]
 
 
-def _part(trace: Trace, job: Job, made: MadeWith, extra: tuple[int, ...], *, robust: bool) -> PartWaves:
+def _part(trace: Trace, job: Job, made: MadeWith, extra: tuple[int, ...], *, robust: bool) -> PartHarmonics:
     """Return the harmonics of a part, turned to where the file of its job has jaw 1."""
     as_cut = _as_cut(job, made)
-    part = part_waves(trace, as_cut, filter_upr=FILTER_UPR, extra=extra, robust=robust)
+    part = part_harmonics(trace, as_cut, filter_upr=FILTER_UPR, extra=extra, robust=robust)
     return part.turned(job.lobe_phase_deg - as_cut.lobe_phase_deg)
 
 
 def _as_cut(job: Job, made: MadeWith) -> Job:
-    """Return the job with jaw 1 where it was found for its cut.
-
-    Raises:
-        SessionError: `learned.bad_stage`, the trace does not state an angle.
-    """
+    """Return the job with jaw 1 where it was found for its cut; `learned.bad_stage` where that is no angle."""
     if made.cut_jaw_1_deg == AS_FILED:
         return job
     try:
@@ -178,15 +170,13 @@ def _as_cut(job: Job, made: MadeWith) -> Job:
     return replace(found, assumed=tuple(key for key in job.assumed if key != "lobe_phase_deg"))
 
 
-def _left(n: int, part: PartWaves, lesson: LearningStep, path: CutPath, stage: Stage) -> LeftWave:
+def _left(n: int, part: PartHarmonics, step: LearningStep, path: CutPath, stage: Stage) -> LeftHarmonic:
     """Return a harmonic of the part, whose height falls by as much as the tool goes deeper."""
     left = part.coefficients_um[n]
-    deeper = coefficient_of(lesson.next.path.target, n) - stage.share * coefficient_of(path.target, n)
-    return LeftWave(
-        waves=n,
-        left_um_pp=2.0 * abs(left),
-        expected_um_pp=2.0 * abs(left - deeper),
-        learned=n in lesson.learned,
+    deeper = coefficient_of(step.next.path.target, n) - stage.share * coefficient_of(path.target, n)
+    expected_um_pp = 2.0 * abs(left - deeper)
+    return LeftHarmonic(
+        order=n, left_um_pp=2.0 * abs(left), expected_um_pp=expected_um_pp, learned=n in step.learned
     )
 
 
@@ -200,12 +190,7 @@ def reverted(
     date: str,
     strategy: str | None = None,
 ) -> LearnedCompensation:
-    """Return an older version as the newest; 0 is the model, for `strategy` (default: that of the newest).
-
-    Raises:
-        SessionError: as `chosen`.
-        ProfileError: as `nominal_path`.
-    """
+    """Return an older version as the newest; 0 is the model, for `strategy` (default: that of the newest)."""
     asked = asked_for(job, machine, "", simulated=simulated)
     known = versions(data, asked)
     strategies = {each.version: each.holds_for.strategy for each in known}
@@ -236,11 +221,7 @@ def _next(known: tuple[LearnedCompensation, ...]) -> int:
 
 
 def _followed(made: MadeWith) -> tuple[Strategy, Stage]:
-    """Return strategy and stage of a cut that followed a path; both may come from a trace.
-
-    Raises:
-        SessionError: `learned.not_followed`, `learned.bad_stage`.
-    """
+    """Return strategy and stage of a cut that followed a path; both may come from a trace."""
     if made.strategy not in INVERTING:
         limit = " | ".join(INVERTING)
         raise SessionError(Problem(code="learned.not_followed", key="strategy", value=made.strategy, limit=limit))
@@ -250,58 +231,38 @@ def _followed(made: MadeWith) -> tuple[Strategy, Stage]:
     return Strategy(made.strategy), Stage(made.stage)
 
 
-def _orders(job: Job, machine: MachineProfile, strategy: Strategy, extra: tuple[int, ...]) -> tuple[int, ...]:
+def _orders(
+    job: Job, strategy: Strategy, extra: tuple[int, ...], response: Callable[[int], complex]
+) -> tuple[int, ...]:
     """Return the harmonics that can be commanded: the lobe; with a table also its overtones and `extra`.
 
-    Raises:
-        SessionError: `learned.extra`.
+    Refuses extra harmonics that cannot be cut, or that are the gauge's own and not the part's (`learned.extra`).
     """
-    _refuse_extra(extra, job, machine, strategy)
     if not strategy.traits.by_table:
+        if extra:
+            raise SessionError(_bad_extra(f"--strategy {strategy}", f"--strategy {' | '.join(BY_TABLE)}"))
         return (job.jaws,)
-    overtones = {job.jaws * overtone for overtone in OVERTONES}
-    reached = {n for n in overtones if _followed_share(n, job, machine, strategy) >= LEAST_FOLLOWED}
-    return tuple(sorted({job.jaws, *reached, *extra}))
-
-
-def _refuse_extra(extra: tuple[int, ...], job: Job, machine: MachineProfile, strategy: Strategy) -> None:
-    """Refuse extra harmonics that cannot be cut, or that are the gauge's own and not the part's.
-
-    Raises:
-        SessionError: `learned.extra`, one problem for each.
-    """
-    if not extra:
-        return
-    if not strategy.traits.by_table:
-        value, limit = f"--strategy {strategy}", f"--strategy {' | '.join(BY_TABLE)}"
-        raise SessionError(Problem(code="learned.extra", key="--extra", value=value, limit=limit))
     problems: list[Problem] = []
     for n in extra:
         # One undulation per revolution is the eccentricity of the part on the gauge.
-        if not LEAST_EXTRA <= n <= MOST_WAVES:
-            value, limit = f"{n}/rev", f"{LEAST_EXTRA}/rev … {MOST_WAVES}/rev"
-            problems.append(Problem(code="learned.extra", key="--extra", value=value, limit=limit))
-        elif (share := _followed_share(n, job, machine, strategy)) < LEAST_FOLLOWED:
-            value, limit = f"{n}/rev (|T| = {share:.3f})", f"|T| >= {LEAST_FOLLOWED:g}"
-            problems.append(Problem(code="learned.extra", key="--extra", value=value, limit=limit))
-    if problems:
-        raise SessionError(*problems)
+        if not LEAST_EXTRA <= n <= MOST_HARMONICS:
+            problems.append(_bad_extra(f"{n}/rev", f"{LEAST_EXTRA}/rev … {MOST_HARMONICS}/rev"))
+        elif (followed := abs(response(n))) < LEAST_FOLLOWED:
+            problems.append(_bad_extra(f"{n}/rev (|T| = {followed:.3f})", f"|T| >= {LEAST_FOLLOWED:g}"))
+    refuse(problems)
+    overtones = (job.jaws * overtone for overtone in OVERTONES)
+    reached = {n for n in overtones if abs(response(n)) >= LEAST_FOLLOWED}
+    return tuple(sorted({job.jaws, *reached, *extra}))
 
 
-def _followed_share(n: int, job: Job, machine: MachineProfile, strategy: Strategy) -> float:
-    """Return the fraction of a command of n undulations per revolution that the axis follows."""
-    return abs(nominal_response(strategy, machine, _hz(job, n)))
+def _bad_extra(value: str, limit: str) -> Problem:
+    return Problem(code="learned.extra", key="--extra", value=value, limit=limit)
 
 
 def _inverted(
     made: MadeWith, machine: MachineProfile, identified: Path | None, *, simulated: bool
 ) -> ServoResponse | None:
-    """Return the response that the cut has inverted, None the model's.
-
-    Raises:
-        SessionError: `learned.identified`, its file was not given; see `response_in`.
-        ProfileError: see `response_in`.
-    """
+    """Return the response that the cut has inverted, None the model's; `learned.identified` without its file."""
     if made.inverted == MADE_BY_MODEL:
         return None
     if identified is None:
@@ -309,11 +270,73 @@ def _inverted(
     return response_in(identified, machine, Strategy(made.strategy), simulated=simulated)
 
 
-def _hz(job: Job, waves: int) -> float:
-    return waves * job.spindle_speed_rpm / 60.0
-
-
-def _scatter_um(job: Job, machine: MachineProfile) -> float:
+def scatter_um(job: Job, machine: MachineProfile) -> float:
     """Return the standard deviation of the lobe's amplitude from one clamping to the next."""
-    scatter_n = holding_of(machine).force_sd_share * job.chucking_force_n
-    return 0.5 * lobe_um_per_n(job, machine) * scatter_n
+    return 0.5 * lobe_um_per_n(job, machine) * force_sd_n(job, machine)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartLearning:
+    """How a part was `made`, and its learning step or why there is none: `taught` or `problems`."""
+
+    made: MadeWith
+    taught: Taught | None = None
+    problems: tuple[Problem, ...] = ()
+
+    @property
+    def reasons(self) -> tuple[Problem, ...]:
+        """Why nothing of it may be kept, empty where it may."""
+        return self.problems if self.taught is None else self.taught.step.reasons
+
+
+def learning_of(
+    job: LoadedJob | None, name: str, made: MadeWith, trace: Trace, machine: LoadedMachine, data: Path
+) -> PartLearning:
+    """Return the learning step from the part of a cut, `made` by `job` as saved; None where `name` was edited.
+
+    An objection to learning does not invalidate the measurement.
+    """
+    if job is None:
+        return PartLearning(made=made, problems=(Problem(code="learned.edited_part", key=name),))
+    try:
+        taught = taught_by(trace, job, machine, data, made, gain=None, robust=False, date=utc_now())
+    except ProblemError as error:
+        return PartLearning(made=made, problems=tuple(error.problems))
+    return PartLearning(made=made, taught=taught)
+
+
+def accept(learning: PartLearning, data: Path) -> LearnedCompensation:
+    """Keep a part's learning step as the newest version, whatever was kept since it was measured, and return it.
+
+    Raises:
+        SessionError: why it must not be kept; `learned.accepted`, the newest version is this one.
+        ProfileError: as `store`, nothing was kept; versions that cannot be read.
+    """
+    if learning.taught is None or learning.reasons:
+        raise SessionError(*learning.reasons)
+    fresh = learning.taught.step.next
+    known = versions(data, fresh.holds_for)
+    if known and known[-1] == replace(fresh, version=known[-1].version):
+        raise SessionError(Problem(code="learned.accepted", key=str(known[-1].version)))
+    kept = replace(fresh, version=known[-1].version + 1 if known else fresh.version)
+    store(data, kept)
+    return kept
+
+
+def revert(
+    used: LearnedCompensation | None, job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool
+) -> LearnedCompensation:
+    """Keep the version before the one that is `used` again as the newest, and return it.
+
+    That is the version from whose part it was learned; before the first comes the model.
+
+    Raises:
+        SessionError: `learned.no_before`, the model is used; as `reverted`.
+        ProfileError: as `store`, nothing was kept; versions that cannot be read.
+    """
+    if used is None or used.is_model:
+        raise SessionError(Problem(code="learned.no_before", key=job.job.name))
+    strategy, date = used.holds_for.strategy, utc_now()
+    older = reverted(used.parent, job, machine, data, simulated=simulated, date=date, strategy=strategy)
+    store(data, older)
+    return older

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from console.session.reproduction.bench import part_of
-from console.session.reproduction.passes import learned_passes
+from console.session.reproduction.bench import learned_passes, part_of
 from drivers.cutting.findings import steady_moves, stroke
 from drivers.cutting.strategy import Strategy
 from drivers.simulator.plant.true_parameters import ideal
@@ -20,8 +19,7 @@ from profiles.paper.table_5 import with_measured_servo
 FULL_S_CURVE_MS, LINEAR_MS = 5, 0
 """TS at which the acceleration time of Prog. 1 is its 10 ms, all of it curved or none."""
 
-CUT_N = 6.0
-"""Steady radial force of the cut; a force in proportion to the depth is then lobed by 1.65 N."""
+CUT_N = 6.0  # steady radial force of the cut; a force in proportion to the depth is then lobed by 1.65 N
 
 AIR, PART = True, False
 
@@ -42,20 +40,17 @@ def uncompensated(paper: Experiments) -> tuple[Record, ...]:
 def printed_program(paper: Experiments) -> tuple[Record, ...]:
     """Number 5: Prog. 1 on the controller, with the loop of Table 5 at 50 Hz, and literally with that of Eq 9."""
     measured = with_measured_servo(paper.machine, paper.jobs[0].lobe_frequency_hz)
-    told = (("s_curve", FULL_S_CURVE_MS, (25.2, 15.1)), ("linear", LINEAR_MS, (31.4, 18.8)))
+    curves = (("s_curve", FULL_S_CURVE_MS, (25.2, 15.1)), ("linear", LINEAR_MS, (31.4, 18.8)))
     records = []
-    for name, ts_ms, left in told:
+    for name, ts_ms, left in curves:
         for number, (job, expected) in enumerate(zip(paper.jobs, left, strict=True), start=1):
             part = part_of(job, measured, Strategy.PAPER, ts_ms)
             records.append(_near(5, f"lathe.{name}", f"{number}", part.roundness.ront_um, expected, 0.3, "um"))
     for number, (job, expected) in enumerate(zip(paper.jobs, COMPENSATED_UM, strict=True), start=1):
         part = part_of(job, paper.machine, Strategy.PAPER)
         speed_rpm = part.spindle_speed_rpm
-        facts = {
-            "segment_ms": part.plan.segment_ms,
-            "speed_rpm": speed_rpm,
-            "lobe_hz": job.jaws * speed_rpm / 60.0,
-        }
+        lobe_hz = job.jaws * speed_rpm / 60.0
+        facts = {"segment_ms": part.plan.segment_ms, "speed_rpm": speed_rpm, "lobe_hz": lobe_hz}
         record = _near(5, "lathe.literal", f"{number}", part.roundness.ront_um, expected, WITHIN_UM, "um")
         records.append(replace(record, why="literal", facts=facts))
     return tuple(records)

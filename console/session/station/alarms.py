@@ -27,12 +27,8 @@ _CODES = {
 
 COLLISION_CODES = tuple(_CODES.values())
 
-FAULT = "machine.fault"
-"""Axis faults reported by the controller; `value` names them, separated by commas."""
-
-AT_REST = "rest"
-"""The `key` of faults that stopped nothing, because nothing was under control."""
-
+FAULT = "machine.fault"  # axis faults reported by the controller; `value` names them, separated by commas
+AT_REST = "rest"  # the `key` of faults that stopped nothing, because nothing was under control
 HOME_LOST = ("controller.was_reset", "controller.home_lost")
 """Lost positions: active until every axis is homed again."""
 
@@ -51,8 +47,7 @@ CONDITIONS = frozenset(
 )
 """Monitored conditions: whoever raises one clears it when its cause is gone."""
 
-OF_A_CUT = ("cut.out_of_phase", "cut.spindle_stands")
-"""Alarms that end with the cut they belong to."""
+OF_A_CUT = ("cut.out_of_phase", "cut.spindle_stands")  # alarms that end with the cut they belong to
 
 
 class Priority(IntEnum):

@@ -1,13 +1,14 @@
-"""Operator commands as values. Stop and kill are not here: they have a path of their own."""
+"""Operator commands as values, and the interface that takes them. Stop and kill have a path of their own."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from drivers.lathe.snapshot import AxisName
 
 if TYPE_CHECKING:
+    from console.session.station.state import StationState
     from drivers.cutting.strategy import Strategy
     from profiles.compensations.learned import LearnedCompensation
     from profiles.job import Job
@@ -15,67 +16,66 @@ if TYPE_CHECKING:
     from profiles.store import LoadedJob
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verify:
+@dataclass(frozen=True)
+class Command:
+    """One command; those without fields differ by their class alone."""
+
+
+class Verify(Command):
     """Compare the controller's settings with the machine profile again. Nothing moves."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ConfirmClamping:
+@dataclass(frozen=True, kw_only=True)
+class ConfirmClamping(Command):
     """The blank of this job is clamped with its chucking force. Drives must be off: somebody was inside."""
 
     job: Job
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EnableDrives:
+class EnableDrives(Command):
     """Close the loops of all axes at their present positions."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DisableDrives:
+class DisableDrives(Command):
     """Open all loops, at rest."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Home:
+class Home(Command):
     """Home each axis: tool outwards first."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Approach:
+@dataclass(frozen=True, kw_only=True)
+class Approach(Command):
     """Bring the tool over the part, clear of it by the machine's retract distance: for the touch-off."""
 
     job: Job
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Jog:
+@dataclass(frozen=True, kw_only=True)
+class Jog(Command):
     """One step of one axis: mm towards the work or the chuck, degrees in the direction of the cut; signed."""
 
     axis: AxisName
     distance: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TakeJaw:
+class TakeJaw(Command):
     """Record the present spindle angle as the one at which jaw 1 meets the mark."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TakeTouchOff:
+@dataclass(frozen=True, kw_only=True)
+class TakeTouchOff(Command):
     """Record that the tool tip touches a surface of this radius at its present position."""
 
     radius_mm: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Forget:
+class Forget(Command):
     """Forget the touch-off, or jaw 1 where there is none, to take it again."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Arm:
+@dataclass(frozen=True, kw_only=True)
+class Arm(Command):
     """Plan, load, read back and check a cut; start is allowed for some seconds after it.
 
     `loaded` is the file that the job is from, None where it differs from it: then nothing was learned of it.
@@ -90,66 +90,59 @@ class Arm:
     stage: str = "full"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Disarm:
+class Disarm(Command):
     """Disarm the cut."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Start:
+class Start(Command):
     """Go to the start position and run the armed cut."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EndCut:
+class EndCut(Command):
     """End the cut at the end of the present turn, tool out first."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Retract:
+class Retract(Command):
     """Take the tool out of the part, after a stop."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recover:
+class Recover(Command):
     """Reset after a stop that the operator has seen. Nothing moves."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TakeControl:
+class TakeControl(Command):
     """Take control from the console that has it, at rest. Nothing moves."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measure:
+class Measure(Command):
     """Release the part and take its roundness trace (the simulated gauge)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Acknowledge:
+@dataclass(frozen=True, kw_only=True)
+class Acknowledge(Command):
     """Acknowledge the alarms that are `shown`; with none, the foremost. The next one takes its place."""
 
     shown: tuple[Problem, ...] = ()
 
 
-Command = (
-    Verify
-    | ConfirmClamping
-    | EnableDrives
-    | DisableDrives
-    | Home
-    | Approach
-    | Jog
-    | TakeJaw
-    | TakeTouchOff
-    | Forget
-    | Arm
-    | Disarm
-    | Start
-    | EndCut
-    | Retract
-    | Recover
-    | TakeControl
-    | Measure
-    | Acknowledge
-)
+class Control(Protocol):
+    """Interface from the operator's keys to the machine. Everything here returns at once, from any thread."""
+
+    @property
+    def state(self) -> StationState:
+        """The newest state."""
+
+    def now_s(self) -> float:
+        """Return machine time, to compute the age of the state."""
+
+    def post(self, intent: Command) -> bool:
+        """Post a command. False when the machine is busy: a command is refused then, never queued."""
+
+    def stop(self, reason: str) -> None:
+        """Stop the machine now, bypassing everything that waits."""
+
+    def kill(self, reason: str) -> None:
+        """Open every loop now; the spindle coasts."""
+
+    def beat(self) -> None:
+        """Signal that the screen is alive; without it, a moving machine is stopped."""

@@ -1,77 +1,65 @@
-"""Context of the link thread: the lathe, its chuck and gauge, and the state that it publishes.
-
-It also monitors the dedicated connection for stops, and raises an alarm when it is lost.
-"""
+"""Context of the link thread: the lathe, its chuck and gauge, and the state that it publishes."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from console.session.cut.alignment import Alignment, aligned_machine, mounted_on
-from console.session.cut.context import CutContext, Workshop
+from console.session.cut.engine import CutContext, Workshop
 from console.session.data.records import RunRecord
 from console.session.errors import SessionError
 from console.session.station.alarms import Alarms, Priority, cleared, raised
-from console.session.station.commissioned import Commissioned
 from console.session.station.owning import Owning
+from console.session.station.reaching import Commissioned
 from console.session.station.state import Armed, StationState
 from drivers.clock import Clock
 from drivers.cutting.planning import CutPlan
-from drivers.lathe.control_state import Standing
 from drivers.lathe.lathe import Lathe
+from drivers.lathe.ownership import Standing
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.stop import way_problems
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
 
+@dataclass(kw_only=True, eq=False)
 class StationContext:
     """Everything that one command needs. `state` is replaced by `tell`, from any thread.
 
-    `plan` is that of the last arming, `started` what was last started; `seen` gets every status poll during a
-    cut. `limits_seen` are the travel limits on which the machine stood when the operator reset after a
-    stop: it may be jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been
-    passed on.
+    Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only. `plan` is
+    that of the last arming, `started` what was last started; `seen` gets every status poll during a cut.
+    `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
+    jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
     """
 
-    def __init__(
-        self,
-        *,
-        lathe: Lathe,
-        owning: Owning,
-        machine: LoadedMachine,
-        clock: Clock,
-        shop: Workshop | None,
-        records: Path,
-        local_time: Callable[[], str],
-        commissioned: Commissioned | None = None,
-    ) -> None:
-        """Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only."""
-        self.lathe = lathe
-        self.owning = owning
-        self.commissioned = commissioned
-        self.loaded_machine = machine
-        self.clock = clock
-        self.shop = shop
-        self.records = records
-        self.local_time = local_time
-        self.plan: CutPlan | None = None
-        self.started: Armed | None = None
-        self.record: RunRecord | None = None
-        self.seen: Callable[[Snapshot], None] | None = None
-        self.limits_seen: frozenset[str] = frozenset()
-        self.end_asked = False
-        self._lock = threading.Lock()
+    lathe: Lathe
+    owning: Owning
+    loaded_machine: LoadedMachine
+    clock: Clock
+    shop: Workshop | None
+    records: Path
+    local_time: Callable[[], str]
+    commissioned: Commissioned | None = None
+    plan: CutPlan | None = None
+    started: Armed | None = None
+    record: RunRecord | None = None
+    seen: Callable[[Snapshot], None] | None = None
+    limits_seen: frozenset[str] = frozenset()
+    end_asked: bool = False
+    _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
+    _state: StationState = field(init=False)
+
+    def __post_init__(self) -> None:
+        machine = self.loaded_machine.machine
         self._state = StationState(
-            simulated=shop is not None,
-            machine=machine.machine.name,
+            simulated=self.shop is not None,
+            machine=machine.name,
             standing=Standing.OBSERVER,
-            alignment=Alignment(on=mounted_on(machine.machine)),
+            alignment=Alignment(on=mounted_on(machine)),
         )
 
     @property
@@ -85,7 +73,7 @@ class StationContext:
         return aligned_machine(self.loaded_machine.machine, self._state.alignment)
 
     @property
-    def context(self) -> CutContext:
+    def cut_context(self) -> CutContext:
         """The machine as a cut needs it."""
         if self.commissioned is None:
             return CutContext(lathe=self.lathe, workshop=self.shop)
@@ -106,9 +94,18 @@ class StationContext:
 
     def alarm(self, problem: Problem, priority: Priority = Priority.HIGH) -> None:
         """Raise an alarm."""
-        with self._lock:
-            alarms = raised(self._state.alarms, problem, priority, self.clock.now_s())
-            self._state = replace(self._state, alarms=alarms)
+        self.change_alarms(lambda alarms: raised(alarms, problem, priority, self.clock.now_s()))
+
+    def alarm_once(self, problem: Problem, priority: Priority = Priority.HIGH) -> None:
+        """Raise an alarm unless one of its code is present."""
+        if not self.alarmed(problem.code):
+            self.alarm(problem, priority)
+
+    def alarm_new(self, problems: tuple[Problem, ...]) -> None:
+        """Raise an alarm for each problem that none reports as it is now."""
+        for problem in problems:
+            if not any(alarm.active and alarm.problem == problem for alarm in self._state.alarms):
+                self.alarm(problem)
 
     def change_alarms(self, change: Callable[[Alarms], Alarms]) -> None:
         """Publish changed alarms; none that another thread raises meanwhile is lost."""
@@ -124,11 +121,7 @@ class StationContext:
         return any(alarm.active and alarm.problem.code == code for alarm in self._state.alarms)
 
     def note(self, kind: str, **data: object) -> None:
-        """Add an event to the record of the current cut, if there is one.
-
-        Raises:
-            SessionError: `record.lost`.
-        """
+        """Add an event to the record of the current cut, if there is one; SessionError `record.lost`."""
         if self.record is not None:
             self.record.add(kind, data)
 
@@ -148,15 +141,3 @@ class StationContext:
                 self.alarm(lost.problems[0], Priority.MEDIUM)
             self.record.close()
             self.record = None
-
-
-def watch_stop_way(place: StationContext) -> None:
-    """Report once that the stop connection is lost: every stop still works, but no new cut is begun."""
-    problems = way_problems(place.lathe.stop.way)
-    if not problems:
-        place.end_alarms("stops.connection_lost")
-        return
-    place.tell(armed=None)
-    for problem in problems:
-        if not any(alarm.active and alarm.problem == problem for alarm in place.state.alarms):
-            place.alarm(problem)

@@ -10,298 +10,241 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from console.session.cut.alignment import TouchOff, aligned_job, clamped, jaw_found, unclamped
+from console.session.cut.alignment import TouchOff, clamped, force_problems, jaw_found, unclamped
 from console.session.cut.engine import tool_clear
-from console.session.cut.interlocks import of_job, refuse_unless
+from console.session.cut.interlocks import of_job
 from console.session.cut.run import roundness_of
-from console.session.errors import SessionError
-from console.session.learning.part_learning import learning_of
+from console.session.errors import SessionError, refuse
+from console.session.learning.learning_steps import learning_of
+from console.session.station import commands, jogging
 from console.session.station.alarms import recovered
-from console.session.station.commands import (
-    Approach,
-    Arm,
-    ConfirmClamping,
-    DisableDrives,
-    Disarm,
-    EnableDrives,
-    Forget,
-    Home,
-    Jog,
-    Measure,
-    Recover,
-    Retract,
-    Start,
-    TakeControl,
-    TakeJaw,
-    TakeTouchOff,
-    Verify,
-)
 from console.session.station.context import StationContext
 from console.session.station.cutting import arm, disarm, retract, start
-from console.session.station.jogging import (
-    TOUCH_OFF_BAND_MM,
-    counts_per_unit,
-    is_too_long,
-    longest_toward_mm,
-    over_part,
-    tool_in_part,
-)
 from console.session.station.state import Activity, MeasuredPart
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
-from profiles.findings import Severity
 from profiles.problem import Problem
-from profiles.rules import force_as_measured
 
 OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
 """Alarms that taking control settles."""
 
-STILL_S, STILL_COUNTS = 0.2, 2.0
-"""Allowed difference of two polls this far apart: 0.06 rpm of the spindle."""
-
-STILL_TIMEOUT_S = 3.0
-"""A just disabled axis may still settle; a spindle that coasts takes longer."""
-
-OVER_PART_MM = 2.0
-"""Distance of the tool behind the face of the part for the touch-off."""
+STILL_S, STILL_COUNTS = 0.2, 2.0  # allowed difference of two polls this far apart: 0.06 rpm of the spindle
+STILL_TIMEOUT_S = 3.0  # a just disabled axis may still settle; a spindle that coasts takes longer
+OVER_PART_MM = 2.0  # distance of the tool behind the face of the part for the touch-off
 
 
-def verify(place: StationContext, _: Verify) -> None:
+def verify(context: StationContext, _: commands.Verify) -> None:
     """Compare the controller with its profile; its owner also reads what tables would add to the tool."""
-    if place.state.controls:
-        place.lathe.program.put_back()
-    settings = place.lathe.verify()
-    if place.state.controls:
-        settings = (*settings, *place.lathe.program.tables_left())
-        if place.commissioned is not None:
-            place.commissioned.take_fingerprint()
-    place.tell(alignment=replace(place.state.alignment, settings=settings))
+    if context.state.controls:
+        context.lathe.program.put_back()
+    settings = context.lathe.verify()
+    if context.state.controls:
+        settings = (*settings, *context.lathe.program.tables_left())
+        if context.commissioned is not None:
+            context.commissioned.take_fingerprint()
+    context.tell(alignment=replace(context.state.alignment, settings=settings))
 
 
-def take_control(place: StationContext, command: TakeControl) -> None:
+def take_control(context: StationContext, command: commands.TakeControl) -> None:
     """Take control of the machine, whoever had it. An alignment made from another console is not known here."""
-    place.owning.take_control()
-    if not place.lathe.snapshot().loops_open:
-        place.lathe.confirm_nobody_inside()  # whoever had control has enabled the drives since
-    place.tell_standing()
-    place.end_alarms(*OWNER_CODES)
-    verify(place, Verify())
+    context.owning.take_control()
+    if not context.lathe.snapshot().loops_open:
+        context.lathe.confirm_nobody_inside()  # whoever had control has enabled the drives since
+    context.tell_standing()
+    context.end_alarms(*OWNER_CODES)
+    verify(context, commands.Verify())
 
 
-def confirm_clamping(place: StationContext, command: ConfirmClamping) -> None:
+def confirm_clamping(context: StationContext, command: commands.ConfirmClamping) -> None:
     """Record the operator's confirmation that the blank is clamped; in the simulator, clamp it."""
-    if not place.lathe.snapshot().loops_open:
-        raise SessionError(Problem(code="alignment.drives_on"))
-    _refuse_unless_still(place)
-    _refuse_tool_in_part(place)
-    refuse_unless(of_job(command.job, place.machine))
-    finding = force_as_measured(command.job)
-    if finding.severity is not Severity.OK:
-        raise SessionError(finding.problem)
-    if place.shop is not None:
-        place.shop.mount(command.job)
-    alignment = clamped(place.state.alignment, command.job, place.local_time())
-    place.tell(alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None)
+    _require(context.lathe.snapshot().loops_open, "alignment.drives_on")
+    _refuse_unless_still(context)
+    in_part = jogging.tool_in_part(
+        context.lathe.snapshot(), context.loaded_machine.machine, context.state.alignment
+    )
+    _require(not in_part, "machine.tool_in_part")
+    refuse(of_job(command.job, context.machine).problems)
+    refuse(force_problems(command.job))
+    if context.shop is not None:
+        context.shop.mount(command.job)
+    alignment = clamped(context.state.alignment, command.job, context.local_time())
+    context.tell(alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None)
 
 
-def switch_on(place: StationContext, _: EnableDrives) -> None:
+def switch_on(context: StationContext, _: commands.EnableDrives) -> None:
     """Enable the drives, on a controller that is set as its profile says."""
-    settings = place.state.alignment.settings
-    if settings is None:
-        raise SessionError(Problem(code="alignment.not_verified"))
-    if settings:
-        raise SessionError(*settings)
-    _refuse_unless_still(place)
-    place.lathe.confirm_nobody_inside()
+    settings = context.state.alignment.settings
+    _require(settings is not None, "alignment.not_verified")
+    refuse(settings or ())
+    _refuse_unless_still(context)
+    context.lathe.confirm_nobody_inside()
     try:
-        place.lathe.enable()
+        context.lathe.enable()
     except ControllerError as refused:
         # One axis may have closed before another was refused: all or none.
-        place.lathe.switch_off()
+        context.lathe.switch_off()
         raise SessionError(*refused.problems) from refused
 
 
-def switch_off(place: StationContext, _: DisableDrives) -> None:
+def switch_off(context: StationContext, _: commands.DisableDrives) -> None:
     """Disable the drives."""
-    place.lathe.switch_off()
-    place.lathe.program.put_back()
+    context.lathe.switch_off()
+    context.lathe.program.put_back()
 
 
-def home(place: StationContext, _: Home) -> None:
+def home(context: StationContext, _: commands.Home) -> None:
     """Home all axes."""
-    _refuse_without_drives(place)
-    place.lathe.home()
+    _require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
+    context.lathe.home()
 
 
-def approach(place: StationContext, command: Approach) -> None:
+def approach(context: StationContext, command: commands.Approach) -> None:
     """Move the tool out, the carriage over the part, and the tool in to the retract distance."""
-    _refuse_unless_homed(place)
-    machine = place.machine
+    _refuse_unless_homed(context)
+    machine = context.machine
     setup = cut_setup(command.job, machine)
     over_mm = min(OVER_PART_MM, 0.5 * command.job.cut_length_mm)
     face = (machine.carriage.jaw_face_mm - command.job.overhang_mm) * machine.carriage.counts_per_mm
-    lathe = place.lathe
+    lathe = context.lathe
     if lathe.snapshot().tool.position > setup.retracted:
         lathe.retract(setup.retracted)
     lathe.jog_to(AxisName.CARRIAGE, face + over_mm * machine.carriage.counts_per_mm)
     lathe.jog_to(AxisName.TOOL, setup.retracted, settle=False)
 
 
-def jog(place: StationContext, command: Jog) -> None:
+def jog(context: StationContext, command: commands.Jog) -> None:
     """Jog one step; toward the work no further than to the clamped part, as far as that is known."""
-    _refuse_unless_homed(place)
+    _refuse_unless_homed(context)
     if command.axis is AxisName.TOOL:
-        nominal, alignment = place.loaded_machine.machine, place.state.alignment
-        longest_mm = longest_toward_mm(place.lathe.snapshot(), nominal, alignment)
-        if is_too_long(command.distance, longest_mm):
+        nominal, alignment = context.loaded_machine.machine, context.state.alignment
+        longest_mm = jogging.longest_toward_mm(context.lathe.snapshot(), nominal, alignment)
+        if jogging.is_too_long(command.distance, longest_mm):
             value, limit = f"{command.distance:.3f} mm", f"<= {longest_mm:.3f} mm"
             raise SessionError(Problem(code="machine.step_too_long", key="tool", value=value, limit=limit))
-    place.lathe.jog_by(command.axis, command.distance * counts_per_unit(place.machine, command.axis))
+    context.lathe.jog_by(command.axis, command.distance * jogging.counts_per_unit(context.machine, command.axis))
 
 
-def take_jaw(place: StationContext, _: TakeJaw) -> None:
+def take_jaw(context: StationContext, _: commands.TakeJaw) -> None:
     """Record jaw 1 at the present spindle position."""
-    _refuse_unless_homed(place)
-    snapshot = place.lathe.snapshot()
-    _refuse_unless_at_rest(snapshot.at_rest)
-    angle_deg = math.fmod(snapshot.spindle.position / counts_per_unit(place.machine, AxisName.SPINDLE), 360.0)
-    alignment = place.state.alignment
-    jaws = place.machine.chuck.jaws if alignment.clamping is None else alignment.clamping.jaws
-    place.tell(alignment=jaw_found(alignment, angle_deg, jaws, place.local_time()))
+    _refuse_unless_homed(context)
+    snapshot = context.lathe.snapshot()
+    _require(snapshot.at_rest, "machine.moving")
+    alignment, counts_per_deg = context.state.alignment, jogging.counts_per_unit(context.machine, AxisName.SPINDLE)
+    angle_deg = math.fmod(snapshot.spindle.position / counts_per_deg, 360.0)
+    jaws = context.machine.chuck.jaws if alignment.clamping is None else alignment.clamping.jaws
+    context.tell(alignment=jaw_found(alignment, angle_deg, jaws, context.local_time()))
 
 
-def take_touch_off(place: StationContext, command: TakeTouchOff) -> None:
+def take_touch_off(context: StationContext, command: commands.TakeTouchOff) -> None:
     """Record the touch-off: the tool tip is at this radius at its present position."""
-    _refuse_unless_homed(place)
-    snapshot = place.lathe.snapshot()
-    _refuse_unless_at_rest(snapshot.at_rest)
-    tool = place.loaded_machine.machine.tool
-    clamping = place.state.alignment.clamping
-    if clamping is None or not over_part(snapshot, place.loaded_machine.machine, clamping.overhang_mm):
+    _refuse_unless_homed(context)
+    snapshot = context.lathe.snapshot()
+    _require(snapshot.at_rest, "machine.moving")
+    nominal, alignment = context.loaded_machine.machine, context.state.alignment
+    tool, clamping = nominal.tool, alignment.clamping
+    if clamping is None or not jogging.over_part(snapshot, nominal, clamping.overhang_mm):
         raise SessionError(Problem(code="alignment.beside_part", key="tool"))
     zero_mm = command.radius_mm + snapshot.tool.position / tool.counts_per_mm
-    if abs(zero_mm - tool.home_radius_mm) > TOUCH_OFF_BAND_MM:
+    if abs(zero_mm - tool.home_radius_mm) > jogging.TOUCH_OFF_BAND_MM:
         value = f"R {zero_mm:.3f} mm"
-        limit = f"R {tool.home_radius_mm:.3f} ± {TOUCH_OFF_BAND_MM:g} mm"
+        limit = f"R {tool.home_radius_mm:.3f} ± {jogging.TOUCH_OFF_BAND_MM:g} mm"
         raise SessionError(Problem(code="alignment.touch_off_far", key="tool", value=value, limit=limit))
-    alignment, diameter_mm = place.state.alignment, clamping.diameter_mm
-    stamp = TouchOff(zero_radius_mm=zero_mm, diameter_mm=diameter_mm, at=place.local_time(), on=alignment.on)
-    place.tell(alignment=replace(alignment, touch_off=stamp))
+    diameter_mm, at = clamping.diameter_mm, context.local_time()
+    stamp = TouchOff(zero_radius_mm=zero_mm, diameter_mm=diameter_mm, at=at, on=alignment.on)
+    context.tell(alignment=replace(alignment, touch_off=stamp))
 
 
-def forget(place: StationContext, _: Forget) -> None:
+def forget(context: StationContext, _: commands.Forget) -> None:
     """Forget one reading: the touch-off, or jaw 1 where there is none."""
-    alignment = place.state.alignment
-    if alignment.touch_off is not None:
-        place.tell(alignment=replace(alignment, touch_off=None))
-    else:
-        place.tell(alignment=replace(alignment, jaw=None))
+    alignment = context.state.alignment
+    without = replace(alignment, jaw=None) if alignment.touch_off is None else replace(alignment, touch_off=None)
+    context.tell(alignment=without)
 
 
-def recover(place: StationContext, _: Recover) -> None:
+def recover(context: StationContext, _: commands.Recover) -> None:
     """Reset after a stop; nothing moves, and the interrupted motion is not resumed."""
-    place.lathe.stop.release()
-    if place.state.controls:
-        place.lathe.acknowledge_loss()
-    place.change_alarms(recovered)
-    place.tell(stop=None, armed=None)
-    place.limits_seen = place.lathe.snapshot().limits
+    context.lathe.stop.release()
+    if context.state.controls:
+        context.lathe.acknowledge_loss()
+    context.change_alarms(recovered)
+    context.tell(stop=None, armed=None)
+    context.limits_seen = context.lathe.snapshot().limits
 
 
-def measure(place: StationContext, _: Measure) -> None:
+def measure(context: StationContext, _: commands.Measure) -> None:
     """Disable the drives, open the chuck, and measure the part on the gauge."""
-    if place.shop is None:
+    if context.shop is None:
         raise SessionError(Problem(code="session.no_gauge"))
-    started, plan = place.started, place.plan
-    if plan is None or started is None or not place.state.cut_done:
+    started, plan = context.started, context.plan
+    if plan is None or started is None or not context.state.cut_done:
         raise SessionError(Problem(code="session.nothing_cut"))
-    snapshot = place.lathe.snapshot()
-    _refuse_unless_at_rest(snapshot.at_rest)
-    if not tool_clear(snapshot, plan):
-        raise SessionError(Problem(code="machine.tool_in_part"))
+    snapshot = context.lathe.snapshot()
+    _require(snapshot.at_rest, "machine.moving")
+    _require(tool_clear(snapshot, plan), "machine.tool_in_part")
     if not snapshot.loops_open:
-        place.lathe.switch_off()
-    _refuse_unless_still(place)
-    trace = place.shop.measure()
+        context.lathe.switch_off()
+    _refuse_unless_still(context)
+    trace = context.shop.measure()
     result = roundness_of(trace)
+    loaded, made = started.loaded, started.made
     part = MeasuredPart(
         job=started.job,
         strategy=started.strategy,
         trace=trace,
         result=result,
         jaw_1_deg=started.job.jaw_1_deg,
-        marks_mm=place.state.marks_mm,
-        lesson=learning_of(
-            started.loaded, started.job.name, started.made, trace, place.loaded_machine, place.records
-        ),
+        marks_mm=context.state.marks_mm,
+        learning=learning_of(loaded, started.job.name, made, trace, context.loaded_machine, context.records),
     )
-    place.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)
-    place.end_record()
-    place.tell(measured=part, cut_done=False, armed=None)
+    context.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)
+    context.end_record()
+    context.tell(measured=part, cut_done=False, armed=None)
     if not part.strategy.traits.follows_lobe:
-        place.tell(uncompensated=part)
-    place.tell(alignment=unclamped(place.state.alignment, place.local_time()))
+        context.tell(uncompensated=part)
+    context.tell(alignment=unclamped(context.state.alignment, context.local_time()))
 
 
-def arm_order(place: StationContext, command: Arm) -> None:
-    """Arm for the job with jaw 1 where it was found."""
-    arm(place, command, aligned_job(command.job, place.state.alignment))
+def _require(holds: bool, code: str) -> None:
+    if not holds:
+        raise SessionError(Problem(code=code))
 
 
-def _refuse_without_drives(place: StationContext) -> None:
-    if not place.lathe.snapshot().loops_closed:
-        raise SessionError(Problem(code="alignment.drives_off"))
+def _refuse_unless_homed(context: StationContext) -> None:
+    _require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
+    _require(context.lathe.snapshot().homed, "alignment.not_homed")
 
 
-def _refuse_unless_homed(place: StationContext) -> None:
-    _refuse_without_drives(place)
-    if not place.lathe.snapshot().homed:
-        raise SessionError(Problem(code="alignment.not_homed"))
-
-
-def _refuse_tool_in_part(place: StationContext) -> None:
-    """Refuse to handle the clamped part while the tool is in it."""
-    alignment, nominal = place.state.alignment, place.loaded_machine.machine
-    if tool_in_part(place.lathe.snapshot(), nominal, alignment):
-        raise SessionError(Problem(code="machine.tool_in_part"))
-
-
-def _refuse_unless_still(place: StationContext) -> None:
+def _refuse_unless_still(context: StationContext) -> None:
     """Refuse while anything turns: with open loops rest is judged by two polls, not by what is commanded."""
-    deadline_s = place.clock.now_s() + STILL_TIMEOUT_S
-    before = place.lathe.snapshot()
-    while place.clock.now_s() < deadline_s:
-        place.clock.wait(STILL_S)
-        after = place.lathe.snapshot()
+    deadline_s = context.clock.now_s() + STILL_TIMEOUT_S
+    before = context.lathe.snapshot()
+    while context.clock.now_s() < deadline_s:
+        context.clock.wait(STILL_S)
+        after = context.lathe.snapshot()
         if after.still(before, STILL_COUNTS):
             return
         before = after
     raise SessionError(Problem(code="machine.moving"))
 
 
-def _refuse_unless_at_rest(at_rest: bool) -> None:
-    if not at_rest:
-        raise SessionError(Problem(code="machine.moving"))
-
-
 HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]] = {
-    Verify: (Activity.VERIFYING, verify),
-    ConfirmClamping: (Activity.CLAMPING, confirm_clamping),
-    EnableDrives: (Activity.SWITCHING, switch_on),
-    DisableDrives: (Activity.SWITCHING, switch_off),
-    Home: (Activity.HOMING, home),
-    Approach: (Activity.APPROACHING, approach),
-    Jog: (Activity.JOGGING, jog),
-    TakeJaw: (Activity.READY, take_jaw),
-    TakeTouchOff: (Activity.READY, take_touch_off),
-    Forget: (Activity.READY, forget),
-    Arm: (Activity.ARMING, arm_order),
-    Disarm: (Activity.READY, disarm),
-    Start: (Activity.POSITIONING, start),
-    Retract: (Activity.RETRACTING, retract),
-    Recover: (Activity.STOPPED, recover),
-    TakeControl: (Activity.VERIFYING, take_control),
-    Measure: (Activity.MEASURING, measure),
+    commands.Verify: (Activity.VERIFYING, verify),
+    commands.ConfirmClamping: (Activity.CLAMPING, confirm_clamping),
+    commands.EnableDrives: (Activity.SWITCHING, switch_on),
+    commands.DisableDrives: (Activity.SWITCHING, switch_off),
+    commands.Home: (Activity.HOMING, home),
+    commands.Approach: (Activity.APPROACHING, approach),
+    commands.Jog: (Activity.JOGGING, jog),
+    commands.TakeJaw: (Activity.READY, take_jaw),
+    commands.TakeTouchOff: (Activity.READY, take_touch_off),
+    commands.Forget: (Activity.READY, forget),
+    commands.Arm: (Activity.ARMING, arm),
+    commands.Disarm: (Activity.READY, disarm),
+    commands.Start: (Activity.POSITIONING, start),
+    commands.Retract: (Activity.RETRACTING, retract),
+    commands.Recover: (Activity.STOPPED, recover),
+    commands.TakeControl: (Activity.VERIFYING, take_control),
+    commands.Measure: (Activity.MEASURING, measure),
 }
 """Activity shown and handler for each command. Hold and Acknowledge do not wait their turn."""

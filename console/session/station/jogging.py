@@ -28,9 +28,7 @@ IDLE_S = 30.0
 BLIND_STEP_MM = 1.0
 """Longest step toward the work while its position is unknown: half of the usual retract distance."""
 
-FEELING_STEP_MM = 0.01
-"""Longest step toward a surface that should already be in contact."""
-
+FEELING_STEP_MM = 0.01  # longest step toward a surface that should already be in contact
 STEP_TOLERANCE_MM = 0.0005
 """Tolerance on the step limit: what is shown with three decimals must agree with what is allowed."""
 
@@ -69,16 +67,6 @@ class JogEnable:
         return not stopped and self.left_s(now_s) > 0.0
 
 
-def ladder_of(axis: AxisName) -> tuple[float, ...]:
-    """Return the steps of an axis, mm or degrees."""
-    return STEPS_DEG if axis is AxisName.SPINDLE else STEPS_MM
-
-
-def step_of(axis: AxisName, rung: int) -> float:
-    """Return the length of a step on a rung of the ladder, mm or degrees."""
-    return ladder_of(axis)[rung]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Steps:
     """Selected rungs of the two ladders."""
@@ -88,14 +76,12 @@ class Steps:
 
     def of(self, axis: AxisName) -> float:
         """Return the length of a step of an axis, mm or degrees."""
-        return step_of(axis, self.deg if axis is AxisName.SPINDLE else self.mm)
+        return STEPS_DEG[self.deg] if axis is AxisName.SPINDLE else STEPS_MM[self.mm]
 
     def changed(self, axis: AxisName, by: int) -> Steps:
         """Return the selection with the ladder of an axis moved by so many rungs, within its ends."""
-        last = len(ladder_of(axis)) - 1
-        if axis is AxisName.SPINDLE:
-            return replace(self, deg=min(max(self.deg + by, 0), last))
-        return replace(self, mm=min(max(self.mm + by, 0), last))
+        name, ladder = ("deg", STEPS_DEG) if axis is AxisName.SPINDLE else ("mm", STEPS_MM)
+        return replace(self, **{name: min(max(getattr(self, name) + by, 0), len(ladder) - 1)})
 
 
 def tool_radius_mm(position_counts: float, machine: MachineProfile, alignment: Alignment) -> float:
@@ -137,8 +123,7 @@ def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignmen
     """
     if alignment.clamping is None or not snapshot.homed:
         return None
-    tool = aligned_machine(machine, alignment).tool
-    radius_mm = tool.home_radius_mm - snapshot.tool.position / tool.counts_per_mm
+    radius_mm = tool_radius_mm(snapshot.tool.position, machine, alignment)
     return radius_mm - 0.5 * alignment.clamping.diameter_mm
 
 

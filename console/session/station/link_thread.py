@@ -10,34 +10,22 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
+from console.session.errors import fault_problem
 from console.session.signals import LEAVE_WITHIN_S
 from console.session.station.alarms import Priority, raised
 from console.session.station.state import IDLE, Activity, StationState
-from drivers.lathe.stop import StopPath
-from profiles.problem import Problem, ProblemError
+from profiles.problem import ProblemError
 
 if TYPE_CHECKING:
     from console.session.station.commands import Command
-    from console.session.station.station import Station
+    from console.session.station.station import Opened
 
-LOOK_PERIOD_S = 0.1
-"""Poll period of an idle machine."""
-
-LEAVE_S = 3.0
-"""Timeout for a screen that cannot write to its terminal to leave, once the machine is at rest."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Opened:
-    """An opened machine: its station, its stop, and a function that closes the link and what belongs to it."""
-
-    station: Station
-    stop: StopPath
-    close: Callable[[], None]
+LOOK_PERIOD_S = 0.1  # poll period of an idle machine
+LEAVE_S = 3.0  # timeout for a screen that cannot write to its terminal to leave, once the machine is at rest
 
 
 class LinkThread:
@@ -73,8 +61,7 @@ class LinkThread:
     @property
     def state(self) -> StationState:
         """The newest state."""
-        opened = self._opened
-        return self._unopened if opened is None else opened.station.state
+        return self._unopened if (opened := self._opened) is None else opened.station.state
 
     @property
     def rested(self) -> bool:
@@ -127,14 +114,13 @@ class LinkThread:
         """Leave the machine at rest and end. With `must_leave` the process ends even if the screen cannot."""
         self._ending = self._ending or reason
         self._must_leave = self._must_leave or must_leave
-        # A signal may come between a command and its beginning, where nothing is known of it yet.
-        state = self.state
-        concerned = state.controls and (must_leave or state.may_move or state.activity not in IDLE)
-        if self._opened is not None and must_leave:
-            stop = self._opened.stop
-            stop.leave_by_s = min(stop.leave_by_s, self.now_s() + LEAVE_WITHIN_S)
-        if self._opened is not None and concerned:
-            self._opened.stop.stop(reason)
+        if self._opened is not None:
+            stop, state = self._opened.stop, self.state
+            if must_leave:
+                stop.leave_by_s = min(stop.leave_by_s, self.now_s() + LEAVE_WITHIN_S)
+            # A signal may come between a command and its beginning, where nothing is known of it yet.
+            if state.controls and (must_leave or state.may_move or state.activity not in IDLE):
+                stop.stop(reason)
         self._wake.put(None)
 
     def join(self, timeout_s: float) -> bool:
@@ -147,7 +133,11 @@ class LinkThread:
             if self._ending is None:
                 self._work(self._open())
         except Exception as error:
-            self._unopened, self._opened = _failed(self.state, error), None
+            state, alarms = self.state, self.state.alarms
+            for problem in error.problems if isinstance(error, ProblemError) else (fault_problem(error),):
+                alarms = raised(alarms, problem, Priority.HIGH, time.monotonic())
+            self._unopened = replace(state, activity=Activity.LOST, alarms=alarms)
+            self._opened = None
             self._wait_until(lambda: self._ending is not None)
         self._finished.set()
         self._wait_until(lambda: self._must_leave)
@@ -178,7 +168,6 @@ class LinkThread:
             opened.close()
 
     def _wait(self, timeout_s: float | None) -> None:
-        """Wait for an event."""
         with suppress(Empty):
             self._wake.get(timeout=timeout_s)
             while True:
@@ -187,16 +176,3 @@ class LinkThread:
     def _wait_until(self, condition: Callable[[], bool]) -> None:
         while not condition():
             self._wait(None)
-
-
-def _failed(state: StationState, error: Exception) -> StationState:
-    problems: tuple[Problem, ...]
-    if isinstance(error, ProblemError):
-        problems = tuple(error.problems)
-    else:
-        what = " ".join(f"{type(error).__name__}: {error}".split())
-        problems = (Problem(code="session.fault", value=what),)
-    alarms = state.alarms
-    for problem in problems:
-        alarms = raised(alarms, problem, Priority.HIGH, time.monotonic())
-    return replace(state, activity=Activity.LOST, alarms=alarms)

@@ -16,13 +16,14 @@ import re
 import stat
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from console.session.errors import SessionError
 from drivers.errors import RefusedError
-from drivers.lathe.control_state import NOBODY
 from drivers.lathe.lathe import Lathe
+from drivers.lathe.ownership import NOBODY
 from profiles.files import make_private_file, make_private_folder
 from profiles.problem import Problem
 
@@ -32,10 +33,7 @@ LOG_NAME = "ownership.log"
 
 
 class Owning:
-    """Control of the machine at one address, from one console.
-
-    `lock` is None for a machine that nobody else can reach, or while another console here holds it.
-    """
+    """Control of the machine at one address, from one console."""
 
     def __init__(
         self, lathe: Lathe, address: str, data: Path, lock: Callable[[], ConsoleLock | None] | None = None
@@ -59,7 +57,8 @@ class Owning:
             self._lathe.claim()
         except RefusedError:
             last = NOBODY if self._lock is None else self._lock.last_number
-            if last == NOBODY or last != self._holder:
+            holder = NOBODY if self._lathe.ownership is None else self._lathe.ownership.holder
+            if last == NOBODY or last != holder:
                 self._let_go()
                 raise
             self._log("in the place of a console that died", self._lathe.take_control())
@@ -88,37 +87,35 @@ class Owning:
             self._lock.close()
             self._lock = None
 
-    @property
-    def _holder(self) -> int:
-        return NOBODY if self._lathe.ownership is None else self._lathe.ownership.holder
-
     def _lock_here(self) -> None:
         if self._lock is None and self._take_lock is not None:
             self._lock = self._take_lock()
 
+    @property
+    def _number(self) -> int:
+        return NOBODY if self._lathe.ownership is None else self._lathe.ownership.number
+
     def _keep(self) -> None:
         if self._lock is not None and self._lathe.ownership is not None:
-            self._lock.keep(self._lathe.ownership.number)
+            self._lock.keep(self._number)
 
     def _log(self, what: str, before: int) -> None:
         """Add a line to the log; a write failure has no effect on the machine."""
-        number = NOBODY if self._lathe.ownership is None else self._lathe.ownership.number
-        at = datetime.now(UTC).isoformat(timespec="seconds")
+        path, at = self._data / LOG_NAME, datetime.now(UTC).isoformat(timespec="seconds")
         with suppress(OSError):
             make_private_folder(self._data)
-            make_private_file(self._data / LOG_NAME)
-            descriptor = os.open(self._data / LOG_NAME, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC)
+            make_private_file(path)
+            descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC)
             with open(descriptor, "a", encoding="utf-8") as log:
-                log.write(f"{at} {self._address} {what}: console {before} -> console {number}\n")
+                log.write(f"{at} {self._address} {what}: console {before} -> console {self._number}\n")
 
 
+@dataclass(frozen=True, slots=True)
 class ConsoleLock:
     """A lock that was taken. `last_number` is that of the console that had it before, 0 for none."""
 
-    def __init__(self, descriptor: int, last_number: int) -> None:
-        """Use `take_lock`."""
-        self.last_number = last_number
-        self._descriptor = descriptor
+    _descriptor: int
+    last_number: int
 
     def keep(self, number: int) -> None:
         """Write the number of this console for the next one, if there is disk space."""
@@ -141,27 +138,23 @@ def take_lock(data: Path, address: str) -> ConsoleLock | None:
     """
     place = address.rpartition("?")[0] or address
     path = data / "locks" / f"{re.sub(r'[^A-Za-z0-9.-]+', '_', place)}.lock"
+    descriptor: int | None = None
     try:
         descriptor = _opened(path)
-    except OSError as error:
-        raise _unwritable(path, error) from error
-    try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        return None
     except OSError as error:
-        os.close(descriptor)
-        raise _unwritable(path, error) from error
-    return ConsoleLock(descriptor, _number(os.pread(descriptor, 32, 0)))
+        if descriptor is not None:
+            os.close(descriptor)
+        if isinstance(error, BlockingIOError):
+            return None
+        value = error.strerror or str(error)
+        raise SessionError(Problem(code="lock.unwritable", where=str(path), value=value)) from error
+    left = os.pread(descriptor, 32, 0).strip()  # any other content than a number counts as none
+    return ConsoleLock(descriptor, int(left) if left.isdigit() else 0)
 
 
 def _opened(path: Path) -> int:
-    """Open the lock file, creating it where it is missing; its content stays.
-
-    Raises:
-        OSError: it cannot be opened, or is not a plain file made by this user alone.
-    """
+    """Open the lock file, creating it where it is missing; OSError unless a plain file of this user alone."""
     make_private_folder(path.parent)
     if path.parent.is_symlink() or path.is_symlink():
         raise OSError(errno.ELOOP, FOREIGN)
@@ -173,13 +166,3 @@ def _opened(path: Path) -> int:
         os.close(descriptor)
         raise OSError(errno.EPERM, FOREIGN)
     return descriptor
-
-
-def _unwritable(path: Path, error: OSError) -> SessionError:
-    return SessionError(Problem(code="lock.unwritable", where=str(path), value=error.strerror or str(error)))
-
-
-def _number(left: bytes) -> int:
-    """Return the number left in the file; any other content counts as none."""
-    word = left.strip()
-    return int(word) if word.isdigit() else 0

@@ -3,35 +3,27 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
+from statistics import linear_regression
 
 import numpy as np
 from numpy.typing import NDArray
 
+from console.session.cut import telemetry
 from console.session.cut.interlocks import SPEED_BAND
-from console.session.cut.phase import Phase, is_in_phase, phase_limit_deg, phase_of
-from console.session.cut.telemetry import CutFigures, is_leaving
-from console.session.station.ripple import SpindleRipple, spindle_ripple
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
-LOOKED_S = 1.0
-"""Averaging time of the speed: the time of a single poll is known to some ms only."""
-
-KEPT_POLLS = 240
-"""Polls that are shown and judged: some eight seconds."""
-
+AVERAGED_S = 1.0  # averaging time of the speed: the time of a single poll is known to some ms only
+KEPT_POLLS = 240  # polls that are shown and judged: some eight seconds
 PHASE_POLLS = 60
 
-BEGUN_UM = 20.0
-"""A tool this far from its position at program start was moved by the program."""
-
-STANDS_SHARE = 0.05
-"""Below this fraction of the job's speed a spindle counts as stopped."""
+BEGUN_UM = 20.0  # a tool this far from its position at program start was moved by the program
+STANDS_FRACTION = 0.05  # below this fraction of the job's speed a spindle counts as stopped
 
 
 class CutStage(StrEnum):
@@ -74,28 +66,27 @@ class CutProgress:
     speed_rpm: float | None
     tool_radius_mm: float
     infeed_um: float
-    target_um: float
     tool_error_um: float
     tool_error_peak_um: float
     following_error_um: float
-    phase: Phase | None
+    phase: telemetry.Phase | None
     angles_deg: NDArray[np.float64]
     errors_um: NDArray[np.float64]
     phase_limit_deg: float | None
-    figures: CutFigures | None = None
+    figures: telemetry.CutFigures | None = None
     judged: bool = True
     synchronisation: Synchronisation | None = None
-    ripple: SpindleRipple | None = None
+    ripple: telemetry.SpindleRipple | None = None
     in_air: bool = False
 
     @property
     def in_phase(self) -> bool | None:
         """Whether the phase error is within its limit, as far as it is known; None while it is not."""
-        return is_in_phase(self.phase, self.phase_limit_deg)
+        return telemetry.is_in_phase(self.phase, self.phase_limit_deg)
 
     @property
     def phase_error_deg(self) -> float | None:
-        """Phase lag of the tool behind the target path, spindle degrees, None while it is not known."""
+        """telemetry.Phase lag of the tool behind the target path, spindle degrees, None while it is not known."""
         return None if self.phase is None else self.phase.error_deg
 
     @property
@@ -104,18 +95,9 @@ class CutProgress:
         return self.synchronisation is Synchronisation.LOST
 
     @property
-    def ripple_percent(self) -> float | None:
-        """Peak to peak of the spindle's speed within a turn over its mean, None where it cannot be determined."""
-        return None if self.ripple is None else self.ripple.percent
-
-    @property
     def fraction(self) -> float:
         """Fraction of the cut length that is done, 0 to 1."""
         return min(max(self.z_mm / self.length_mm, 0.0), 1.0)
-
-    def with_figures(self, figures: CutFigures) -> CutProgress:
-        """Return the moment with the figures of the whole cut."""
-        return replace(self, figures=figures)
 
 
 class Synchronisation(StrEnum):
@@ -137,7 +119,7 @@ class SpindleWatch:
 
     def __init__(self, counts_per_rev: float) -> None:
         self._counts_per_rev = counts_per_rev
-        self._poller: list[tuple[float, float]] = []
+        self._polls: list[tuple[float, float]] = []  # times in s, turns
         self._homed = False
 
     def see(self, snapshot: Snapshot) -> float | None:
@@ -146,52 +128,50 @@ class SpindleWatch:
         if homed != self._homed:
             self._homed = homed
             self.forget()  # the zero of the counts has moved, not the spindle
-        self._poller = [look for look in self._poller if snapshot.at_s - LOOKED_S <= look[0] < snapshot.at_s]
-        self._poller.append((snapshot.at_s, snapshot.spindle.position / self._counts_per_rev))
-        return 60.0 * _slope(self._poller) if len(self._poller) > 1 else None
+        self._polls = [poll for poll in self._polls if snapshot.at_s - AVERAGED_S <= poll[0] < snapshot.at_s]
+        self._polls.append((snapshot.at_s, snapshot.spindle.position / self._counts_per_rev))
+        return 60.0 * linear_regression(*zip(*self._polls, strict=True)).slope if len(self._polls) > 1 else None
 
     def forget(self) -> None:
         """Discard earlier polls: they belong to another motion."""
-        self._poller = []
+        self._polls = []
 
 
 class CutWatch:
     """Follow one cut. `see` is called with every status poll; it belongs to the link thread."""
 
     def __init__(self, plan: CutPlan, job: Job, machine: MachineProfile, *, in_air: bool = False) -> None:
-        self._plan, self._job, self._machine = plan, job, machine
-        self._in_air = in_air
-        end = plan.carriage_start + plan.setup.carriage_counts
-        self._face = end - job.cut_length_mm * machine.carriage.counts_per_mm
-        self._end = end
-        self._poller: deque[tuple[float, float]] = deque(maxlen=KEPT_POLLS)
+        self._plan, self._job, self._machine, self._in_air = plan, job, machine, in_air
+        self._end = plan.carriage_start + plan.setup.carriage_counts
+        self._face = self._end - job.cut_length_mm * machine.carriage.counts_per_mm
+        self._errors: deque[tuple[float, float]] = deque(maxlen=KEPT_POLLS)
         self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_POLLS)
         self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_POLLS)
         self._peak_um = self._reached_mm = 0.0
         self._held = self._over = False
         self._judged = plan.strategy.traits.follows_lobe
-        self._phase_limit_deg = phase_limit_deg(plan.target, job.roundness_tolerance_um)
+        self._phase_limit_deg = telemetry.phase_limit_deg(plan.target, job.roundness_tolerance_um)
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
         """Take a poll and return the progress at that moment, including the spindle speed."""
-        angle_deg = self._angle_deg(snapshot)
+        angle_deg = 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
         infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
         target_um = float(self._plan.target.at_um(angle_deg))
         error_um = infeed_um - target_um
         # A hold retracts the tool while the carriage is still over the part: what it leaves is not judged.
-        self._held = self._held or (holding and is_leaving(error_um, self._peak_um))
+        self._held = self._held or (holding and telemetry.is_leaving(error_um, self._peak_um))
         cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
-        self._over = self._over or (bool(self._poller) and infeed_um < 0.0)
+        self._over = self._over or (bool(self._errors) and infeed_um < 0.0)
         cutting = cutting and not self._held and not self._over
         if cutting and snapshot.program_running:
             stage = CutStage.CUT
             self._reached_mm = max(self._reached_mm, self._past_face_mm(snapshot))
-            self._poller.append((angle_deg % 360.0, error_um))
+            self._errors.append((angle_deg % 360.0, error_um))
             self._infeeds.append((angle_deg, infeed_um))
             if AxisName.SPINDLE in snapshot.driven:
                 self._turning.append((snapshot.spindle.position, snapshot.spindle.following_error))
             self._peak_um = max(self._peak_um, abs(error_um))
-        elif stage is CutStage.RUN_UP and self._poller:
+        elif stage is CutStage.RUN_UP and self._errors:
             # A program stopped by somebody else leaves the tool where it is.
             stage = CutStage.CUT if cutting else CutStage.RETRACT
         return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, target_um)
@@ -206,29 +186,28 @@ class CutWatch:
         target_um: float,
     ) -> CutProgress:
         machine, job = self._machine, self._job
-        z_mm = self._done_mm(snapshot, stage)
+        z_mm = min(max(self._done_mm(snapshot, stage), 0.0), job.cut_length_mm)
         per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
-        angles, errors = np.array(self._poller, dtype=np.float64).reshape(-1, 2).T
-        phase = self._phase()
+        angles, errors = _samples(self._errors).T
+        phase = telemetry.phase_of(_samples(self._infeeds), self._plan.target) if self._judged else None
         return CutProgress(
             stage=stage,
             holding=holding,
-            turn=min(max(z_mm, 0.0), job.cut_length_mm) / job.feed_mm_per_rev,
+            turn=z_mm / job.feed_mm_per_rev,
             turns=job.cut_length_mm / job.feed_mm_per_rev,
-            z_mm=min(max(z_mm, 0.0), job.cut_length_mm),
+            z_mm=z_mm,
             length_mm=job.cut_length_mm,
-            left_s=max(job.cut_length_mm - max(z_mm, 0.0), 0.0) / per_s if per_s else 0.0,
+            left_s=(job.cut_length_mm - z_mm) / per_s if per_s else 0.0,
             speed_rpm=speed_rpm,
             tool_radius_mm=machine.tool.home_radius_mm - snapshot.tool.position / machine.tool.counts_per_mm,
             infeed_um=infeed_um,
-            target_um=target_um,
             tool_error_um=infeed_um - target_um,
             tool_error_peak_um=self._peak_um,
             following_error_um=snapshot.tool.following_error * machine.tool.count_um,
             phase=phase,
             judged=self._judged,
             synchronisation=self._synchronisation(snapshot, stage, speed_rpm, phase),
-            ripple=self._ripple(),
+            ripple=telemetry.spindle_ripple(_samples(self._turning), machine.spindle.counts_per_rev),
             in_air=self._in_air,
             angles_deg=angles,
             errors_um=errors,
@@ -251,36 +230,21 @@ class CutWatch:
         return (snapshot.carriage.position - self._face) / self._machine.carriage.counts_per_mm
 
     def _synchronisation(
-        self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: Phase | None
+        self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: telemetry.Phase | None
     ) -> Synchronisation | None:
-        plan, in_phase = self._plan, is_in_phase(phase, self._phase_limit_deg)
-        target_rpm = plan.spindle_speed_rpm
+        strategy, target_rpm = self._plan.strategy, self._plan.spindle_speed_rpm
         if stage is CutStage.CUT:
-            return in_part(plan.strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, in_phase=in_phase)
+            in_phase = telemetry.is_in_phase(phase, self._phase_limit_deg)
+            return in_part(strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, in_phase=in_phase)
         if stage is not CutStage.RUN_UP or not snapshot.program_running:
             return None
-        way_um = (snapshot.tool.position - plan.tool_start) * self._machine.tool.count_um
-        return before_part(
-            plan.strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, begun=abs(way_um) > BEGUN_UM
-        )
-
-    def _ripple(self) -> SpindleRipple | None:
-        looks = np.array(self._turning, dtype=np.float64).reshape(-1, 2)
-        return spindle_ripple(looks, self._machine.spindle.counts_per_rev)
-
-    def _phase(self) -> Phase | None:
-        return phase_of(np.array(self._infeeds).reshape(-1, 2), self._plan.target) if self._judged else None
-
-    def _angle_deg(self, snapshot: Snapshot) -> float:
-        return 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
+        begun = abs(snapshot.tool.position - self._plan.tool_start) * self._machine.tool.count_um > BEGUN_UM
+        return before_part(strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, begun=begun)
 
 
-def _slope(points: list[tuple[float, float]]) -> float:
-    """Return the slope of the least-squares line."""
-    mean_x = sum(x for x, _ in points) / len(points)
-    mean_y = sum(y for _, y in points) / len(points)
-    across = sum((x - mean_x) * (y - mean_y) for x, y in points)
-    return across / sum((x - mean_x) * (x - mean_x) for x, _ in points)
+def _samples(pairs: deque[tuple[float, float]]) -> NDArray[np.float64]:
+    """Return pairs as rows, shape (M, 2), M may be 0."""
+    return np.array(pairs, dtype=np.float64).reshape(-1, 2)
 
 
 def before_part(
@@ -307,7 +271,7 @@ def in_part(
     """
     if not strategy.traits.follows_lobe:
         return None
-    if spindle_rpm is not None and abs(spindle_rpm) < STANDS_SHARE * target_rpm:
+    if spindle_rpm is not None and abs(spindle_rpm) < STANDS_FRACTION * target_rpm:
         return Synchronisation.LOST
     if in_phase is None:
         return None

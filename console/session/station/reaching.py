@@ -1,33 +1,70 @@
-"""Connection to a machine: the link to its controller, or to a simulated one, and the lathe on it."""
+"""Connection to a machine: the link to its controller, or to a simulated one, the lathe on it, and its checks."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
 
-from console.session.cut.context import CutContext
-from console.session.cut.interlocks import Interlock, refuse_unless
+from console.session.cut.engine import CutContext
+from console.session.data.stop_records import stop_record_problems
+from console.session.errors import refuse
 from console.session.signals import Interruption
-from console.session.station.commissioned import Commissioned
 from console.session.station.owning import Owning, take_lock
 from drivers.clock import Clock, RealClock
-from drivers.lathe.control_state import Standing
+from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
-from drivers.lathe.ownership import Ownership
+from drivers.lathe.ownership import Ownership, Standing
+from drivers.lathe.safety import safety_problems
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.address import LinkAddress, SimulatedAddress
-from drivers.link.base import Link
 from drivers.link.opening import open_link
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
 from profiles.machine import MachineProfile
-from profiles.problem import ProblemError
+from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
+
+
+class Commissioned:
+    """Commissioning checks of one machine before each arm: who writes to it, its stops, how people are guarded."""
+
+    def __init__(
+        self, client: PmacClient, heartbeat: Heartbeat, machine: MachineProfile, data: Path, *, simulated: bool
+    ) -> None:
+        self._client, self._heartbeat, self._machine = client, heartbeat, machine
+        self._data, self._simulated = data, simulated
+        self._fingerprint: Fingerprint | None = None
+
+    def take_fingerprint(self) -> None:
+        """Read the controller's settings once; changes by somebody else from then on are reported before each arm.
+
+        A change is accepted by connecting again, not by reading it again.
+        """
+        if self._fingerprint is None:
+            self._fingerprint = read_fingerprint(self._client, self._machine, self._client.dialect)
+
+    def problems(self, snapshot: Snapshot) -> tuple[Problem, ...]:
+        """Return every reason why this machine may not be armed; `snapshot` is of now."""
+        client, machine, dialect = self._client, self._machine, self._client.dialect
+        return (
+            *safety_problems(machine, snapshot.inputs),
+            *self._heartbeat.problems(),
+            *self._changed(),
+            *stop_record_problems(client, machine, dialect, self._data, self._simulated, date.today()),
+        )
+
+    def _changed(self) -> tuple[Problem, ...]:
+        before, dialect = self._fingerprint, self._client.dialect
+        if before is None:
+            return (Problem(code="alignment.not_verified"),)
+        now = read_fingerprint(self._client, self._machine, dialect, before)
+        return fingerprint_problems(before, now, ours(self._machine, dialect))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,61 +100,41 @@ def reach(
         LinkError: a code for each kind of failure; `simulator.not_started`.
         DriverError: `safety.bad_input`.
     """
-    if not isinstance(address, SimulatedAddress):
-        return _on(open_link(address), loaded.machine, data, tracing, seen, None)
-    process = SimulatorProcess.start(
-        loaded.path, seed=address.seed, plant=address.plant, clamping_sd_percent=address.clamping_sd_percent
-    )
-    try:
-        return _on(open_link(process.address), loaded.machine, data, tracing, seen, process)
-    except BaseException:
-        process.close()
-        raise
-
-
-def _on(
-    link: Link,
-    machine: MachineProfile,
-    data: Path,
-    tracing: Tracing,
-    seen: Callable[[Snapshot], None] | None,
-    process: SimulatorProcess | None,
-) -> Reached:
-    clock = RealClock()
-
-    def close() -> None:
-        link.close()
-        if process is not None:
-            process.close()
-
-    traced = tracing.of(link, clock.now_s)
-    stop, client = StopPath(traced), PmacClient(traced, clock)
-    ownership = Ownership(client)
-    heartbeat = Heartbeat(client, clock, machine, owner_seen=ownership.see)
-    try:
-        lathe = Lathe(client, machine, clock, stop, seen, heartbeat, ownership)
-    except BaseException:
-        link.close()
-        raise
-    lock = None if process is not None else (lambda: take_lock(data, link.address))
-    return Reached(
-        client=client,
-        lathe=lathe,
-        heartbeat=heartbeat,
-        stop=stop,
-        owning=Owning(lathe, link.address, data, lock),
-        clock=clock,
-        address=link.address,
-        shop=process,
-        close=close,
-    )
+    with ExitStack() as opened:
+        process: SimulatorProcess | None = None
+        if isinstance(address, SimulatedAddress):
+            process = SimulatorProcess.start(
+                loaded.path,
+                seed=address.seed,
+                plant=address.plant,
+                clamping_sd_percent=address.clamping_sd_percent,
+            )
+            opened.callback(process.close)
+            address = process.address
+        link = open_link(address)
+        opened.callback(link.close)
+        clock = RealClock()
+        traced = tracing.of(link, clock.now_s)
+        stop, client = StopPath(traced), PmacClient(traced, clock)
+        ownership = Ownership(client)
+        heartbeat = Heartbeat(client, clock, loaded.machine, owner_seen=ownership.see)
+        lathe = Lathe(client, loaded.machine, clock, stop, seen, heartbeat, ownership)
+        lock = None if process is not None else (lambda: take_lock(data, link.address))
+        return Reached(
+            client=client,
+            lathe=lathe,
+            heartbeat=heartbeat,
+            stop=stop,
+            owning=Owning(lathe, link.address, data, lock),
+            clock=clock,
+            address=link.address,
+            shop=process,
+            close=opened.pop_all().close,
+        )
 
 
 def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) -> None:
-    """Stop this machine when the command is to end, from the claim on; send nothing while it is another's.
-
-    `now_s` is the time of the machine.
-    """
+    """Stop this machine when the command is to end, from the claim on; send nothing while it is another's."""
     ownership = lathe.ownership
     interruption.guard(
         lathe.stop,
@@ -134,9 +151,9 @@ def machine_context(reached: Reached, commissioned: Commissioned) -> CutContext:
     def admit() -> None:
         """Take control, and check the commissioning, before anything is written."""
         reached.owning.claim()
-        refuse_unless(Interlock(name="controller_verified", problems=lathe.verify()))
+        refuse(lathe.verify())
         commissioned.take_fingerprint()
-        refuse_unless(Interlock(name="commissioned", problems=commissioned.problems(lathe.snapshot())))
+        refuse(commissioned.problems(lathe.snapshot()))
 
     return CutContext(
         lathe=lathe,
@@ -167,10 +184,8 @@ def _switched_off(lathe: Lathe) -> bool:
             lathe.switch_off()
             return True
     lathe.stop.kill("end")
-    if lathe.stop.given_up:  # the wait for rest has already timed out, and would do so again
-        return False
-    try:
-        lathe.wait_for_rest()
-    except ProblemError:
-        return False
-    return True
+    if not lathe.stop.given_up:  # else the wait for rest has already timed out, and would do so again
+        with suppress(ProblemError):
+            lathe.wait_for_rest()
+            return True
+    return False

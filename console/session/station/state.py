@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
-from drivers.lathe.control_state import NOBODY, Standing
+from drivers.lathe.ownership import NOBODY, Standing
 from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from console.session.data.made_parts import MadeWith
-    from console.session.learning.part_learning import PartLearning
+    from console.session.learning.learning_steps import PartLearning
     from console.session.station.progress import CutProgress
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
@@ -65,19 +65,17 @@ MOVING = frozenset(
 IDLE = frozenset({Activity.READY, Activity.STOPPED, Activity.LOST})
 """Activities in which the link thread accepts a command."""
 
-STALE_S = 1.0
-"""A state older than this is no longer current."""
+STALE_S = 1.0  # a state older than this is no longer current
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopState:
     """A stop that was sent: why, when (machine time), as which character, and when rest was proven.
 
-    `taken_s` is when a poll first showed that the controller obeys it.
-
-    `delivered` is False when the link did not take it. `tool_in_part` is None while it is not known;
-    `can_retract` is whether every loop is closed. `of_cut` is whether it ended a cut, `mark_mm` where the tool
-    then came to rest in the part, mm behind its face; None where it did not.
+    `taken_s` is when a poll first showed that the controller obeys it. `delivered` is False when the link did not
+    take it. `tool_in_part` is None while it is not known; `can_retract` is whether every loop is closed. `of_cut`
+    is whether it ended a cut, `mark_mm` where the tool then came to rest in the part, mm behind its face; None
+    where it did not.
     """
 
     reason: str
@@ -113,7 +111,7 @@ class Armed:
 class MeasuredPart:
     """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and the result.
 
-    `marks_mm` is where a stop left the tool in it, mm behind its face. `lesson` is its learning step.
+    `marks_mm` is where a stop left the tool in it, mm behind its face. `learning` is its learning step.
     """
 
     job: Job
@@ -122,12 +120,12 @@ class MeasuredPart:
     result: RoundnessResult
     jaw_1_deg: float
     marks_mm: tuple[float, ...] = ()
-    lesson: PartLearning | None = None
+    learning: PartLearning | None = None
 
     @property
     def is_half(self) -> bool:
         """Whether it was cut with half of its compensation: it was not meant to be round."""
-        return self.lesson is not None and self.lesson.made.stage == "partial"
+        return self.learning is not None and self.learning.made.stage == "partial"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

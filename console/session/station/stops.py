@@ -6,14 +6,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
-from console.session.station.alarms import Priority
 from console.session.station.context import StationContext
 from console.session.station.jogging import behind_face_mm, tool_in_part
 from console.session.station.progress import RUNNING, CutStage
 from console.session.station.state import Activity, StopState
 from console.session.station.watches import watch_axes
 from drivers.errors import DriverError
-from drivers.lathe.control_state import Standing
+from drivers.lathe.ownership import Standing
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.base import GONE
 from profiles.problem import ProblemError
@@ -22,128 +21,120 @@ from profiles.problem import ProblemError
 class Stops:
     """Stops of one machine. `gone` is whether the connection is lost for good."""
 
-    def __init__(self, place: StationContext, forget_speed: Callable[[], None]) -> None:
+    def __init__(self, context: StationContext, forget_speed: Callable[[], None]) -> None:
         """Take `forget_speed`: the polls of a spindle coming to rest give no valid speed."""
-        self._place, self._forget_speed = place, forget_speed
+        self._context, self._forget_speed = context, forget_speed
         self.gone = False
         self._noted: tuple[bool, bool] | None = None  # of the last stop in the record: rest proven, drives off
 
     def settle(self, *, lost: bool = False) -> None:
         """Wait after a stop until the controller proves rest, and report how the machine was left."""
-        place, stop = self._place, self._place.lathe.stop
-        before = place.state.stop
+        context, stop = self._context, self._context.lathe.stop
+        before = context.state.stop
         if before is not None and before.rest_s is not None and stop.proven:
-            self._guarded_look()
+            self._poll_stopped()
             return
         under_way = before is not None and before.rest_s is None
-        told = replace(
+        current = replace(
             before or self._begun_stop(),
             reason=stop.reason or "",
             killed=stop.killed,
-            sent_s=before.sent_s if before is not None and under_way else place.clock.now_s(),
+            sent_s=before.sent_s if before is not None and under_way else context.clock.now_s(),
             delivered=stop.delivered,
             taken_s=before.taken_s if before is not None and under_way else None,
             rest_s=None,
             tool_in_part=None,
             can_retract=False,
         )
-        place.tell(stop=told, armed=None, activity=Activity.LOST if lost else Activity.STOPPING)
+        context.tell(stop=current, armed=None, activity=Activity.LOST if lost else Activity.STOPPING)
         try:
-            snapshot = place.lathe.wait_for_rest()
+            snapshot = context.lathe.wait_for_rest()
         except ProblemError as unproven:
-            self._not_rested(told, unproven)
+            # A lost link stays lost; a silent one is asked again.
+            self.gone = any(problem.code in GONE for problem in unproven.problems)
+            known = {alarm.problem.code for alarm in context.state.alarms}
+            for problem in unproven.problems:
+                if problem.code not in known:
+                    context.alarm(problem)
+            self._keep(current, proven=False)
+            current = replace(current, killed=stop.killed, delivered=stop.delivered)
+            context.tell(stop=current, activity=Activity.LOST)
         else:
-            self._rested(told, snapshot)
+            self._rested(current, snapshot)
 
     def _begun_stop(self) -> StopState:
         """Return the state of a stop that has just come; what it ended stays with it until F2.
 
         A tool that comes to rest in a turning part cuts a groove there, deeper than its path in places.
         """
-        place, state = self._place, self._place.state
+        context, state = self._context, self._context.state
         if state.standing is Standing.OBSERVER:
             with suppress(ProblemError):  # the owner of the machine then knows who ended its cut
-                place.lathe.say_stopped()
+                context.lathe.say_stopped()
         cut = state.cut if state.activity is Activity.CUTTING else None
         in_part = cut is not None and cut.stage is CutStage.CUT and not cut.in_air
         mark_mm = self._behind_face_mm() if in_part else None
-        marks_mm = state.marks_mm if mark_mm is None else (*state.marks_mm, mark_mm)
         self._noted = None
-        place.tell(stops=state.stops + 1, marks_mm=marks_mm)
+        context.tell(stops=state.stops + 1, marks_mm=(*state.marks_mm, *(() if mark_mm is None else (mark_mm,))))
         of_cut = cut is not None and cut.stage in RUNNING
         return StopState(reason="", killed=False, sent_s=0.0, of_cut=of_cut, mark_mm=mark_mm)
 
     def _behind_face_mm(self) -> float | None:
         """Return where the tool is in the clamped part, by the last poll; None where that is not known."""
-        place, clamping = self._place, self._place.state.alignment.clamping
-        if place.state.snapshot is None or clamping is None:
+        context, clamping = self._context, self._context.state.alignment.clamping
+        if context.state.snapshot is None or clamping is None:
             return None
-        return behind_face_mm(place.state.snapshot, place.loaded_machine.machine, clamping.overhang_mm)
+        return behind_face_mm(context.state.snapshot, context.loaded_machine.machine, clamping.overhang_mm)
 
-    def _not_rested(self, told: StopState, unproven: ProblemError) -> None:
-        """Report that rest is unproven. A lost link stays lost; a silent one is asked again."""
-        place = self._place
-        self.gone = any(problem.code in GONE for problem in unproven.problems)
-        known = {alarm.problem.code for alarm in place.state.alarms}
-        for problem in unproven.problems:
-            if problem.code not in known:
-                place.alarm(problem)
-        self._keep(told, proven=False)
-        told = replace(told, killed=place.lathe.stop.killed, delivered=place.lathe.stop.delivered)
-        place.tell(stop=told, activity=Activity.LOST)
-
-    def _rested(self, told: StopState, snapshot: Snapshot) -> None:
-        place = self._place
-        mark_mm = None if told.mark_mm is None else self._behind_face_mm()
+    def _rested(self, current: StopState, snapshot: Snapshot) -> None:
+        context = self._context
+        mark_mm = None if current.mark_mm is None else self._behind_face_mm()
         if mark_mm is not None:
-            place.tell(marks_mm=(*place.state.marks_mm[:-1], mark_mm))
+            context.tell(marks_mm=(*context.state.marks_mm[:-1], mark_mm))
         self._forget_speed()
         rest = replace(
-            place.state.stop or told,
+            context.state.stop or current,
             mark_mm=mark_mm,
-            killed=place.lathe.stop.killed,
+            killed=context.lathe.stop.killed,
             delivered=True,
-            rest_s=place.clock.now_s(),
-            tool_in_part=tool_in_part(snapshot, place.loaded_machine.machine, place.state.alignment),
+            rest_s=context.clock.now_s(),
+            tool_in_part=tool_in_part(snapshot, context.loaded_machine.machine, context.state.alignment),
             can_retract=snapshot.loops_closed,
         )
-        taken = None if rest.taken_s is None else rest.taken_s - rest.sent_s
-        self._keep(told, proven=True, taken_after_s=taken)
-        watch_axes(place, snapshot)
-        place.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
+        taken_after_s = None if rest.taken_s is None else rest.taken_s - rest.sent_s
+        self._keep(current, proven=True, taken_after_s=taken_after_s)
+        watch_axes(context, snapshot)
+        context.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
 
-    def _guarded_look(self) -> None:
-        """Poll a stopped machine; it stays stopped."""
-        place = self._place
+    def _poll_stopped(self) -> None:
+        context = self._context
         try:
-            snapshot = place.lathe.snapshot()
+            snapshot = context.lathe.snapshot()
         except DriverError as error:
             for problem in error.problems:
-                place.alarm(problem, Priority.HIGH)
-            place.tell(activity=Activity.LOST)
+                context.alarm(problem)
+            context.tell(activity=Activity.LOST)
         else:
-            watch_axes(place, snapshot)
-            place.tell(activity=Activity.STOPPED)
+            watch_axes(context, snapshot)
+            context.tell(activity=Activity.STOPPED)
 
-    def _keep(self, told: StopState, *, proven: bool, taken_after_s: float | None = None) -> None:
+    def _keep(self, stop: StopState, *, proven: bool, taken_after_s: float | None = None) -> None:
         """Record a stop once, and later its outcome: rest proven, drives off."""
-        before, killed = self._noted, self._place.lathe.stop.killed
+        context, before, killed = self._context, self._noted, self._context.lathe.stop.killed
         self._noted = (proven, killed)
         if before is None:
-            self._place.note_anyway(
-                "stopped", reason=told.reason, proven=proven, killed=killed, taken_after_s=taken_after_s
+            context.note_anyway(
+                "stopped", reason=stop.reason, proven=proven, killed=killed, taken_after_s=taken_after_s
             )
-            return
-        was_proven, was_killed = before
-        if killed and not was_killed:
-            self._place.note_anyway("killed", proven=proven)
-        elif proven and not was_proven:
-            self._place.note_anyway("at_rest")
+        elif killed and not before[1]:
+            context.note_anyway("killed", proven=proven)
+        elif proven and not before[0]:
+            context.note_anyway("at_rest")
 
     def watch(self, snapshot: Snapshot) -> None:
         """Note when the controller first obeys a stop, by a poll that was requested after it."""
-        stop = self._place.state.stop
+        stop = self._context.state.stop
         if stop is None or stop.taken_s is not None or snapshot.asked_s < stop.sent_s:
             return
-        if snapshot.obeys_stop(killed=self._place.lathe.stop.killed):
-            self._place.tell(stop=replace(stop, taken_s=snapshot.at_s))
+        if snapshot.obeys_stop(killed=self._context.lathe.stop.killed):
+            self._context.tell(stop=replace(stop, taken_s=snapshot.at_s))

@@ -2,76 +2,176 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 from console.session.cut.alignment import handed_over
-from console.session.station.alarms import HOME_LOST, Priority, with_faults
+from console.session.station.alarms import COLLISION_CODES, HOME_LOST, Priority, collision_problems, with_faults
 from console.session.station.context import StationContext
 from console.session.station.progress import CutStage
-from console.session.station.state import MOVING
-from drivers.lathe.control_state import Standing
+from console.session.station.state import MOVING, Activity, StationState
+from drivers.errors import LinkError
+from drivers.lathe.guards import reset_problem
+from drivers.lathe.ownership import Standing
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.stop import way_problems
 from drivers.pmac.heartbeat.arming import lost_problem
 from profiles.problem import Problem
 
-
-def watch_axes(place: StationContext, snapshot: Snapshot) -> None:
-    """Report who controls the machine, and axis faults not reported elsewhere."""
-    _watch_owner(place, snapshot)
-    if snapshot.homed:
-        place.end_alarms(*HOME_LOST)
-    now_s = place.clock.now_s()
-    place.change_alarms(lambda alarms: with_faults(alarms, snapshot.axis_faults, now_s))
+KEPT_S = 5.0  # window over which the longest response time is reported
+SIGHT_PERIOD_S = 0.15  # sampling period of the chuck view
+SIGHT_PERIOD_IN_MOTION_S = 1.0
+"""The same in motion, when polls and the watchdog come first; collisions must still be reported."""
 
 
-def watch_devices(place: StationContext, before: Snapshot | None, snapshot: Snapshot) -> None:
+def watch_poll(context: StationContext, before: StationState, snapshot: Snapshot) -> None:
+    """Check what every poll may show, in motion and at rest; `before` is the state of the poll before."""
+    _watch_home(context, before, snapshot)
+    _watch_devices(context, before.snapshot, snapshot)
+    if context.lathe.unguarded is not None:  # something moves, and the controller's watchdog no longer guards it
+        context.alarm_once(context.lathe.unguarded)
+    _watch_stop_way(context)
+
+
+def _watch_home(context: StationContext, before: StationState, snapshot: Snapshot) -> None:
+    """Raise one alarm where an axis has lost its home since the last poll: a reset, or another host's home search.
+
+    In motion, the wait for the motion stops the machine and raises the alarm; an axis that comes to rest after a
+    stop is checked only here.
+    """
+    if before.snapshot is None or not before.controls:
+        return
+    homed = before.snapshot.homed_axes
+    stopping = before.activity is Activity.STOPPING
+    # A stopped home search has lost the home of its own axis, and of no other.
+    searched = stopping and len(homed - snapshot.homed_axes) == 1
+    if before.activity in MOVING and (not stopping or searched):
+        return
+    problem = reset_problem(homed, snapshot)
+    if problem is not None:
+        context.tell(armed=None)
+        context.alarm(problem)
+
+
+def _watch_devices(context: StationContext, before: Snapshot | None, snapshot: Snapshot) -> None:
     """Report the safety device that drops while drives are on: automatic motion ends, and no command is sent.
 
     In motion, the wait for it stops the machine, and reports it.
     """
     problems = device_problems(snapshot.inputs)
     if snapshot.inputs and not problems:
-        place.end_alarms("safety.not_good")
+        context.end_alarms("safety.not_good")
     on = not snapshot.loops_open or (before is not None and not before.loops_open)
-    if not problems or not on or not place.state.controls or place.state.activity in MOVING:
+    if problems and on and context.state.controls and context.state.activity not in MOVING:
+        context.tell(armed=None)
+        context.alarm_new(problems)
+
+
+def _watch_stop_way(context: StationContext) -> None:
+    """Report once that the stop connection is lost: every stop still works, but no new cut is begun."""
+    problems = way_problems(context.lathe.stop.way)
+    if not problems:
+        context.end_alarms("stops.connection_lost")
         return
-    place.tell(armed=None)
-    for problem in problems:
-        if not any(alarm.active and alarm.problem == problem for alarm in place.state.alarms):
-            place.alarm(problem)
+    context.tell(armed=None)
+    context.alarm_new(problems)
 
 
-def watch_guard(place: StationContext) -> None:
-    """Report once, while something moves, that the controller's watchdog no longer guards it."""
-    unguarded = place.lathe.unguarded
-    if unguarded is not None and not place.alarmed(unguarded.code):
-        place.alarm(unguarded)
+def watch_axes(context: StationContext, snapshot: Snapshot) -> None:
+    """Report who controls the machine, and axis faults not reported elsewhere."""
+    if context.state.standing is Standing.OUSTED:  # the alignment made here is no longer known
+        context.tell(alignment=handed_over(context.state.alignment, context.local_time()))
+        if not context.alarmed("owner.ousted"):
+            context.tell(armed=None)
+            context.alarm(Problem(code="owner.ousted", value=str(snapshot.owner)))
+    if snapshot.homed:
+        context.end_alarms(*HOME_LOST)
+    now_s = context.clock.now_s()
+    context.change_alarms(lambda alarms: with_faults(alarms, snapshot.axis_faults, now_s))
 
 
-def watch_loss(place: StationContext, snapshot: Snapshot) -> None:
+def watch_loss(context: StationContext, snapshot: Snapshot) -> None:
     """Report once what the controller has ended after losing its host; after a stop, settling the stop does."""
     if not snapshot.lost:
-        place.end_alarms("heartbeat.lost")
-    elif not place.alarmed("heartbeat.lost"):
-        place.alarm(lost_problem(snapshot.lost))
+        context.end_alarms("heartbeat.lost")
+    elif not context.alarmed("heartbeat.lost"):
+        context.alarm(lost_problem(snapshot.lost))
 
 
-def watch_phase(place: StationContext) -> None:
+def watch_phase(context: StationContext) -> None:
     """Report once per cut that tool and lobe are out of phase, or that the spindle has stopped."""
-    cut = place.state.cut
+    cut = context.state.cut
     if cut is None or cut.stage is not CutStage.CUT:
         return
-    if cut.in_phase is False and not place.alarmed("cut.out_of_phase"):
-        problem = Problem(code="cut.out_of_phase", limit=f"± {cut.phase_limit_deg:.2g} deg")
-        place.alarm(problem, Priority.MEDIUM)
-    elif cut.is_lost and cut.in_phase is not False and not place.alarmed("cut.spindle_stands"):
-        place.alarm(Problem(code="cut.spindle_stands"))
+    if cut.in_phase is False:
+        limit = f"± {cut.phase_limit_deg:.2g} deg"
+        context.alarm_once(Problem(code="cut.out_of_phase", limit=limit), Priority.MEDIUM)
+    elif cut.is_lost:
+        context.alarm_once(Problem(code="cut.spindle_stands"))
 
 
-def _watch_owner(place: StationContext, snapshot: Snapshot) -> None:
-    """Report once that another console has taken control; the alignment made here is no longer known."""
-    if place.state.standing is not Standing.OUSTED:
-        return
-    place.tell(alignment=handed_over(place.state.alignment, place.local_time()))
-    if not place.alarmed("owner.ousted"):
-        place.tell(armed=None)
-        place.alarm(Problem(code="owner.ousted", value=str(snapshot.owner)))
+class LinkTime:
+    """Longest of the recent response times, rounded up so that the figure stays constant in normal operation."""
+
+    def __init__(self) -> None:
+        self._answers: deque[tuple[float, float]] = deque()
+
+    def see(self, at_s: float, answer_s: float) -> float:
+        """Take the time of a response, s; return the figure to report, ms."""
+        answers = self._answers
+        while answers and answers[0][0] < at_s - KEPT_S:
+            answers.popleft()
+        while answers and answers[-1][1] <= answer_s:  # can no longer be the longest
+            answers.pop()
+        answers.append((at_s, answer_s))
+        return rounded_up_ms(1000.0 * answers[0][1])
+
+
+def rounded_up_ms(answer_ms: float) -> float:
+    """Return the next of 1, 2, 5, 10, 20 ... that is not less."""
+    decade = 1.0
+    while answer_ms > 10.0 * decade:
+        decade *= 10.0
+    return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if answer_ms <= step * decade)
+
+
+class ChuckSight:
+    """Periodic samples of the chuck view of a simulated workshop, with an alarm for each collision."""
+
+    def __init__(self, context: StationContext) -> None:
+        self._context, self._seen_s = context, float("-inf")
+        self._collisions: tuple[str, ...] = ()
+
+    def sample_now(self) -> None:
+        """Sample at once: what is seen belongs to the end of a command, not to a moment before."""
+        self._seen_s = float("-inf")
+        self.sample()
+
+    def sample(self) -> None:
+        """Sample, unless that was done a moment ago."""
+        context = self._context
+        now_s = context.clock.now_s()
+        period_s = SIGHT_PERIOD_IN_MOTION_S if context.state.activity in MOVING else SIGHT_PERIOD_S
+        if context.shop is None or now_s - self._seen_s < period_s:
+            return
+        self._seen_s = now_s
+        try:
+            view = context.shop.look()
+        except LinkError as error:
+            # The chuck view is no part of the machine: a failure is reported, and nothing else depends on it.
+            context.tell(seen=None)
+            context.alarm_once(error.problems[0], Priority.MEDIUM)
+        else:
+            context.tell(seen=view)
+            context.end_alarms("simulator.gone", "simulator.refused")
+            self._report(view.collisions)
+
+    def _report(self, collisions: tuple[str, ...]) -> None:
+        """Raise an alarm once for each collision; a new blank starts without any."""
+        known, self._collisions = self._collisions, collisions
+        if known and not collisions:
+            self._context.end_alarms(*COLLISION_CODES)
+        fresh = [kind for kind in collisions if kind not in known]
+        for kind, problem in zip(fresh, collision_problems(fresh), strict=True):
+            self._context.alarm(problem)
+            self._context.note_anyway("collision", met=kind)

@@ -8,7 +8,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 
-def address_of(machine: MachineProfile, told: str | None, *, simulated: bool) -> LinkAddress:
+def address_of(machine: MachineProfile, given: str | None, *, simulated: bool) -> LinkAddress:
     """Return the machine's address: the simulated one, that of the argument, or that of the profile.
 
     Raises:
@@ -17,7 +17,7 @@ def address_of(machine: MachineProfile, told: str | None, *, simulated: bool) ->
     """
     if simulated:
         return SimulatedAddress()
-    address = told or machine.link
+    address = given or machine.link
     if not address:
         raise SessionError(Problem(code="session.no_machine", where=machine.name, key="link"))
     return parse_address(address)

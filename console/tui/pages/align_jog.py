@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -9,14 +10,10 @@ from console.session.cut.alignment import AlignStep
 from console.session.station.commands import Jog
 from console.session.station.jogging import JogEnable, Steps, is_too_long, longest_toward_mm
 from console.session.station.state import Activity, StationState
-from console.tui.keymap import ACTIONS
 from console.tui.pages.align_lines import step_now
 from console.tui.pages.jog_lines import JogView
-from console.tui.pages.jog_presses import SURE_S, JogPresses
-from console.tui.ui_context import UiContext
-from console.tui.waiting import refusal
+from console.tui.ui_context import KEYS, UiContext
 from drivers.lathe.snapshot import AxisName
-from profiles.job import Job
 from profiles.problem import Problem
 
 JOGS = {
@@ -29,19 +26,79 @@ JOGS = {
 }
 """Axis and direction of each jog key: toward the work, toward the chuck, with the cut are positive."""
 
-_KEYS = {action.id: action.shown for action in ACTIONS}
+REPEAT_S = 0.12  # presses of one key closer together are a terminal's repeats of a held key
+FIRST_REPEAT_S = 0.7  # longest delay before a terminal repeats a held key, in most settings
+SURE_S = 0.06  # decision time for a press that may be such a repeat: the next one follows some 30 ms after it
+SERIES_S = 2.0  # presses further apart are counted anew
 
 Later = Callable[[float, Callable[[], None]], None]
 """Call a function after this many seconds, while the page exists."""
 
 
+class JogPresses:
+    """Presses of one jog key. `taken` are steps that were commanded, `missed` came during motion.
+
+    `held`: the key repeats. Times are of any monotonic clock. No press is decided later than `SURE_S`
+    after it: nothing waits for the end of a motion.
+    """
+
+    def __init__(self) -> None:
+        self.taken = self.missed = 0
+        self.held = False
+        self._key: str | None = None
+        self._pressed_s = -math.inf
+        self._sure_at_s: float | None = None
+
+    def forget(self) -> None:
+        """Reset after another key or a stop: nothing waits, and the count begins anew."""
+        self.taken = self.missed = 0
+        self.held = False
+        self._key, self._sure_at_s = None, None
+
+    def press(self, key: str, now_s: float, *, at_rest: bool) -> bool:
+        """Note a press; return whether it is a step now. For one that `waits`, `due` decides."""
+        gap_s = now_s - self._pressed_s if key == self._key else math.inf
+        if gap_s > SERIES_S:
+            self.forget()
+        self._key, self._pressed_s, self._sure_at_s = key, now_s, None
+        self.held = gap_s < REPEAT_S
+        if self.held:
+            return False
+        if gap_s < FIRST_REPEAT_S:
+            self._sure_at_s = now_s + SURE_S
+            return False
+        return self._decided(at_rest=at_rest)
+
+    @property
+    def waits(self) -> bool:
+        """Whether a press waits until it is known to be no repeat."""
+        return self._sure_at_s is not None
+
+    def due(self, now_s: float, *, at_rest: bool) -> str | None:
+        """Return the key of a press that was no repeat, once, where it is a step."""
+        if self._sure_at_s is None or now_s < self._sure_at_s:
+            return None
+        self._sure_at_s = None
+        return self._key if self._decided(at_rest=at_rest) else None
+
+    def _decided(self, *, at_rest: bool) -> bool:
+        self.taken += at_rest
+        self.missed += not at_rest
+        return at_rest
+
+    def refused(self) -> None:
+        """Withdraw the last step: the machine was still busy."""
+        self.taken -= 1
+        self.missed += 1
+
+
 class JogKeys:
     """Jog keys of one page: whether enabled, the selected steps, and the accepted presses."""
 
-    def __init__(self, desk: UiContext, later: Later) -> None:
-        self.desk = desk
+    def __init__(self, ui: UiContext, later: Later) -> None:
+        self.ui = ui
         self._later = later
-        self._step_lengths = Steps()
+        self._steps = Steps()
         self._jogged: tuple[AlignStep | None, AxisName] | None = None
         self._jog: JogEnable | None = None
         self._presses = JogPresses()
@@ -62,49 +119,47 @@ class JogKeys:
 
     def enable(self, key: str) -> None:
         """Enable the jog keys for a while."""
-        state = self.desk.control.state
-        if not self.refuses(state, key):
-            self._jog = JogEnable(used_s=self.desk.control.now_s(), stops=state.stops)
+        if not self.ui.refuses(key):
+            self._jog = JogEnable(used_s=self.ui.control.now_s(), stops=self.ui.control.state.stops)
 
     def change_rung(self, key: str) -> None:
         """Select the next longer or shorter step of the axis."""
-        state = self.desk.control.state
+        state = self.ui.control.state
         if state.activity is Activity.JOGGING and self.stops_what_moves(state, key):
             return
-        step = 1 if key == "align.larger" else -1
-        self._step_lengths = self._step_lengths.changed(self._axis(state), step)
-        self.renew(self.desk.control.now_s())
+        self._steps = self._steps.changed(self._axis(state), 1 if key == "align.larger" else -1)
+        self.renew(self.ui.control.now_s())
 
     def press(self, key: str) -> None:
         """Handle a jog key: one step per press at rest; other presses are counted and reported."""
-        state, now_s = self.desk.control.state, self.desk.control.now_s()
-        goes_on = state.activity is Activity.JOGGING and key == self.desk.jog
-        if not goes_on and (self.stops_what_moves(state, key) or self.refuses(state, key)):
+        state, now_s = self.ui.control.state, self.ui.control.now_s()
+        continues = state.activity is Activity.JOGGING and key == self.ui.jog
+        if not continues and (self.stops_what_moves(state, key) or self.ui.refuses(key)):
             self._presses.forget()
             return
         self.let_go(state, now_s)
         if self._jog is None:
-            self._say("screen.jog_not_enabled")
+            self.ui.say("screen.jog_not_enabled")
             return
         if self._presses.press(key, now_s, at_rest=not state.moving):
             self._jog_by(key, state)
         elif self._presses.waits:
             self._later(1.1 * SURE_S, self.press_due)
-        self._tell_presses(key)
+        self._report_presses(key)
 
     def press_due(self) -> None:
         """Handle a press that might have been the first repeat of a held key, and was not."""
-        state, now_s = self.desk.control.state, self.desk.control.now_s()
+        state, now_s = self.ui.control.state, self.ui.control.now_s()
         self.let_go(state, now_s)
         if self._jog is None:
             self._presses.forget()
             return
         decides = self._presses.waits
         key = self._presses.due(now_s, at_rest=not state.moving)
-        if key is not None and not self.refuses(state, key):
+        if key is not None and not self.ui.refuses(key):
             self._jog_by(key, state)
-        if decides and not self._presses.waits and self.desk.jog is not None:
-            self._tell_presses(self.desk.jog)
+        if decides and not self._presses.waits and self.ui.jog is not None:
+            self._report_presses(self.ui.jog)
 
     def let_go(self, state: StationState, now_s: float) -> None:
         """Disable the jog after its timeout or a stop."""
@@ -119,68 +174,49 @@ class JogKeys:
 
     def view(self, state: StationState, now_s: float) -> JogView:
         """Return what the panel of the jog shows."""
-        machine = self.desk.machine.machine
         return JogView(
-            machine=machine,
-            steps=self._step_lengths,
+            machine=self.ui.machine.machine,
+            state=state,
+            steps=self._steps,
             axis=self._axis(state),
             made=self._presses.taken,
             left_s=None if self._jog is None else self._jog.left_s(now_s),
-            moving=state.moving,
-            longest_mm=longest_toward_mm(state.snapshot, machine, state.alignment),
-            simulated=state.simulated,
-            seen=None if state.activity is Activity.LOST else state.seen,
         )
-
-    def refuses(self, state: StationState, key: str) -> bool:
-        """Show why the station cannot take a command now, if it cannot."""
-        problem = refusal(state, _KEYS[key])
-        if problem is not None:
-            self.desk.said = (problem,)
-        return problem is not None
 
     def stops_what_moves(self, state: StationState, key: str) -> bool:
         """Stop first: another axis, direction or step during motion is a change of mind."""
         if not state.moving:
             return False
-        self.desk.say_until_key(Problem(code="screen.key_in_motion", key=_KEYS[key]))
-        self.desk.control.stop(f"change {_KEYS[key]}")
+        self.ui.say_until_key(Problem(code="screen.key_in_motion", key=KEYS[key]))
+        self.ui.control.stop(f"change {KEYS[key]}")
         return True
 
     def _axis(self, state: StationState) -> AxisName:
         """Return the axis whose step + and - change: the last one jogged in this step, else that of the step."""
-        step = step_now(state.alignment, self._job)
+        step = step_now(state.alignment, self.ui.job)
         if self._jogged is not None and self._jogged[0] is step:
             return self._jogged[1]
         return AxisName.SPINDLE if step is AlignStep.JAW else AxisName.TOOL
 
     def _jog_by(self, key: str, state: StationState) -> None:
         axis, sign = JOGS[key]
-        step = self._step_lengths.of(axis)
-        longest = longest_toward_mm(state.snapshot, self.desk.machine.machine, state.alignment)
+        step = self._steps.of(axis)
+        longest = longest_toward_mm(state.snapshot, self.ui.machine.machine, state.alignment)
         if key == "align.in" and is_too_long(step, longest):
             self._presses.forget()
-            self._say("screen.step_too_long", value=f"{step:.3f} mm", limit=f"<= {longest:.3f} mm")
+            self.ui.say("screen.step_too_long", value=f"{step:.3f} mm", limit=f"<= {longest:.3f} mm")
             return
-        self._jogged, self.desk.jog = (step_now(state.alignment, self._job), axis), key
-        self.renew(self.desk.control.now_s())
-        if not self.desk.control.post(Jog(axis=axis, distance=sign * step)):
+        self._jogged, self.ui.jog = (step_now(state.alignment, self.ui.job), axis), key
+        self.renew(self.ui.control.now_s())
+        if not self.ui.control.post(Jog(axis=axis, distance=sign * step)):
             self._presses.refused()
 
-    def _tell_presses(self, key: str) -> None:
+    def _report_presses(self, key: str) -> None:
         """Report which presses made no step; the text stays, because the machine comes to rest soon after."""
         presses = self._presses
         if presses.held:
-            self.desk.say_until_key(Problem(code="screen.jog_key_held", key=_KEYS[key]))
+            self.ui.say_until_key(Problem(code="screen.jog_key_held", key=KEYS[key]))
         elif presses.missed:
-            pressed = str(presses.missed + presses.taken)
-            self.desk.say_until_key(
-                Problem(code="screen.presses_missed", key=_KEYS[key], value=str(presses.missed), limit=pressed)
-            )
-
-    @property
-    def _job(self) -> Job | None:
-        return None if self.desk.work is None else self.desk.work.job
-
-    def _say(self, code: str, *, value: str = "", limit: str = "") -> None:
-        self.desk.said = (Problem(code=code, value=value, limit=limit),)
+            missed, pressed = str(presses.missed), str(presses.missed + presses.taken)
+            code = "screen.presses_missed"
+            self.ui.say_until_key(Problem(code=code, key=KEYS[key], value=missed, limit=pressed))

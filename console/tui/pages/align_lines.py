@@ -25,6 +25,7 @@ from console.tui.lines import (
     clipped,
     dim,
     fact,
+    first_fitting,
     fitted,
     hanging,
     line,
@@ -34,19 +35,15 @@ from console.tui.lines import (
 )
 from console.tui.pages.fields import named
 from console.tui.theme import Token
-from console.tui.waiting import waiting
+from console.tui.ui_context import waiting
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
-WIDEST_STAMP = 44
-"""Columns in which a label and its value are still read together."""
-
+WIDEST_STAMP = 44  # columns in which a label and its value are still read together
 STAMP_LABEL_WIDTH = 10
-
-NEAR_MARK_DEG = 1.0
-"""Distance from the mark beyond which jaw 1 was not turned to it."""
-
+NEAR_MARK_DEG = 1.0  # distance from the mark beyond which jaw 1 was not turned to it
+_NO_ADVICE = ("lost", "stopping", "connecting", "observing")  # no advice for manual work while something may move
 _DONE, _CURRENT, _OPEN, _UNKNOWN = "✓", "●", "○", "?"
 _LABEL_WIDTH, _POSITION_WIDTH, _ERROR_WIDTH, _HOMED_WIDTH = 9, 12, 10, 6
 
@@ -63,12 +60,9 @@ def axes_lines(
         " ",
         text("align_page.drive"),
     )
-    stale = state.is_stale(now_s)
-    rows = [_axis_line(text, axis, state, machine, stale) for axis in _SHOWN_AXES]
+    stale, axes = state.is_stale(now_s), (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE)
+    rows = [_axis_line(text, axis, state, machine, stale) for axis in axes]
     return [(dim("".join(heads)),), *rows, _drives_line(text, state, now_s, width)]
-
-
-_SHOWN_AXES = (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE)
 
 
 def _axis_line(text: Catalogue, axis: AxisName, state: StationState, machine: MachineProfile, stale: bool) -> Line:
@@ -81,13 +75,9 @@ def _axis_line(text: Catalogue, axis: AxisName, state: StationState, machine: Ma
     homed = "home_complete" in seen.flags
     if not homed:
         position = NOTHING  # counts from the axis position at power-on of the controller
-    pieces = (
-        label,
-        (" " * (_POSITION_WIDTH - cell_len(position)), Token.TEXT),
-        (position, Token.STALE if stale else Token.TEXT),
-        (" " * (_ERROR_WIDTH - cell_len(error)), Token.TEXT),
-        (error, Token.STALE if stale else Token.DIM),
-    )
+    gaps = [" " * (_POSITION_WIDTH - cell_len(position)), " " * (_ERROR_WIDTH - cell_len(error))]
+    live, lesser = (Token.STALE, Token.STALE) if stale else (Token.TEXT, Token.DIM)
+    pieces = line(label, gaps[0], (position, live), gaps[1], (error, lesser))
     if stale:
         return (*pieces, dim(to_the_right(_UNKNOWN, _HOMED_WIDTH)), dim(f" {_UNKNOWN}"))
     return (
@@ -100,7 +90,6 @@ def _axis_line(text: Catalogue, axis: AxisName, state: StationState, machine: Ma
 def _position(
     axis: AxisName, snapshot: Snapshot, machine: MachineProfile, alignment: Alignment
 ) -> tuple[str, str]:
-    """Return an axis position and its following error, both with their units."""
     seen, per_unit = snapshot.axis(axis), counts_per_unit(machine, axis)
     error = seen.following_error / per_unit
     match axis:
@@ -129,12 +118,9 @@ def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int)
         return (dim(fitted(text("align_page.nothing_known"), width)),)
     if state.is_stale(now_s):
         return ((fitted("! " + text("align_page.stale", age=f"{age_s:.0f} s"), width), Token.WARNING),)
-    if state.snapshot.loops_closed:
-        drives = dim(text("align_page.drives_on"))
-    elif state.snapshot.loops_open:
-        drives = dim(text("align_page.drives_off"))
-    else:
-        drives = ("! " + text("align_page.drives_partly"), Token.WARNING)
+    drives = ("! " + text("align_page.drives_partly"), Token.WARNING)
+    if state.snapshot.loops_closed or state.snapshot.loops_open:
+        drives = dim(text("align_page.drives_on" if state.snapshot.loops_closed else "align_page.drives_off"))
     moving = (text("align_page.moving"), Token.STRONG) if state.seen_moving else dim(text("align_page.at_rest"))
     return ranged((drives,), (moving,), width)
 
@@ -143,14 +129,8 @@ def step_now(alignment: Alignment, job: Job | None) -> AlignStep | None:
     """Return the present step; without a job only one that needs none."""
     if job is not None:
         return current_step(alignment, job)
-    return next(
-        (
-            step
-            for step in (AlignStep.VERIFY, AlignStep.DRIVES, AlignStep.HOME)
-            if not _done(alignment, step, None)
-        ),
-        None,
-    )
+    steps = (AlignStep.VERIFY, AlignStep.DRIVES, AlignStep.HOME)
+    return next((step for step in steps if not _done(alignment, step, None)), None)
 
 
 def _done(alignment: Alignment, step: AlignStep, job: Job | None) -> bool:
@@ -176,10 +156,8 @@ def step_lines(text: Catalogue, state: StationState, job: Job | None) -> list[Li
             rows.append(line((_UNKNOWN + words, Token.WARNING)))
         elif _done(alignment, step, job):
             rows.append(line((_DONE, Token.OK), dim(words)))
-        elif step is now:
-            rows.append(line((_CURRENT + words, Token.ACTION)))
         else:
-            rows.append(line(_OPEN + words))
+            rows.append(line((_CURRENT + words, Token.ACTION) if step is now else _OPEN + words))
     return rows
 
 
@@ -189,22 +167,12 @@ def is_valid(alignment: Alignment, job: Job | None) -> bool:
 
 
 def why_lines(
-    text: Catalogue,
-    state: StationState,
-    job: Job | None,
-    machine: MachineProfile,
-    width: int,
-    height: int | None = None,
+    text: Catalogue, state: StationState, job: Job | None, machine: MachineProfile, width: int, height: int | None
 ) -> list[Line]:
     """Return what to do now and why the alignment is not valid, or what it rests on when it is."""
     if is_valid(state.alignment, job) and waiting(state) not in _NO_ADVICE:
         return _stamps(text, state, machine, width, height)
-    lines = _missing(text, state, job, machine, width)
-    return lines if height is None else clipped(lines, height, text("panel.more"))
-
-
-_NO_ADVICE = ("lost", "stopping", "connecting", "observing")
-"""No advice for manual work while something moves, or may."""
+    return clipped(_missing(text, state, job, machine, width), height, text("panel.more"))
 
 
 def _missing(
@@ -217,10 +185,9 @@ def _missing(
     if job is None:
         return wrapped(text("align_page.no_job"), width)
     advice = text("align_page.next.stopped") if word == "stopped" else hint(text, state, job, machine)
-    shown = wrapped(advice, width, Token.STRONG)
-    for problem in problems(state.alignment, job):
-        shown += hanging(dim("· "), text.problem(named(problem, text)), width)
-    return shown
+    missing = [text.problem(named(problem, text)) for problem in problems(state.alignment, job)]
+    rows = [row for each in missing for row in hanging(dim("· "), each, width)]
+    return [*wrapped(advice, width, Token.STRONG), *rows]
 
 
 def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile) -> str:
@@ -244,10 +211,7 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
 
 
 def touch_word(state: StationState, machine: MachineProfile) -> str:
-    """Return where the tool is before the touch-off: "" beside the part, "_over" over it, "_touching".
-
-    Contact is visible on a simulated lathe alone.
-    """
+    """Return where the tool is: "" beside the part, "_over" over it; "_touching", seen in the simulator alone."""
     if not is_over_part(state, machine):
         return ""
     seen = state.seen
@@ -257,10 +221,8 @@ def touch_word(state: StationState, machine: MachineProfile) -> str:
 
 def is_over_part(state: StationState, machine: MachineProfile) -> bool:
     """Whether the clamped part is in front of the tool, by the rule with which the station refuses."""
-    clamping = state.alignment.clamping
-    if clamping is None or state.snapshot is None:
-        return False
-    return over_part(state.snapshot, machine, clamping.overhang_mm)
+    clamping, snapshot = state.alignment.clamping, state.snapshot
+    return clamping is not None and snapshot is not None and over_part(snapshot, machine, clamping.overhang_mm)
 
 
 def is_in_part(state: StationState, machine: MachineProfile) -> bool:
@@ -274,10 +236,7 @@ def in_part_word(state: StationState) -> str:
 
 
 def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:
-    """Return how far from the mark jaw 1 was taken, as the simulated lathe sees it; degrees, 0 or more.
-
-    None where that is not visible: on a real machine, before jaw 1, while the spindle turns.
-    """
+    """Return how far (deg, 0 or more) from the mark jaw 1 was taken; None where the simulator does not show it."""
     jaw, seen, snapshot = state.alignment.jaw, state.seen, state.snapshot
     if jaw is None or seen is None or snapshot is None or state.activity is Activity.LOST:
         return None
@@ -299,13 +258,8 @@ def _stamps(
     head = _all_taken(text, state, machine, width)
     facts = _facts(text, state.alignment, min(width, WIDEST_STAMP))
     back = wrapped(text("align_page.back"), width)
-    roomy = [*head, BLANK, *facts, BLANK, *back]
-    if height is None or len(roomy) <= height:
-        return roomy
-    close = [*head, *facts, *back]
-    if len(close) <= height:
-        return close
-    return clipped([*head, *facts], height, text("panel.more"))
+    roomy, close = [*head, BLANK, *facts, BLANK, *back], [*head, *facts, *back]
+    return first_fitting(height, text("panel.more"), roomy, close, [*head, *facts])
 
 
 def _all_taken(text: Catalogue, state: StationState, machine: MachineProfile, width: int) -> list[Line]:
@@ -322,29 +276,24 @@ def _all_taken(text: Catalogue, state: StationState, machine: MachineProfile, wi
 
 def _facts(text: Catalogue, alignment: Alignment, width: int) -> list[Line]:
     """Return what was taken, when, and on what basis: after the value where there is room, else below it."""
-    rows: list[Line] = []
+    pairs: list[tuple[str, str]] = []
     for label, value, on, at in _taken(text, alignment):
         whole = ", ".join(filter(None, (value, on)))
         if not on or cell_len(whole) + cell_len(at) + 2 <= width - STAMP_LABEL_WIDTH:
-            rows.append(fact(label, f"{whole}  {at}", width, label_width=STAMP_LABEL_WIDTH))
+            pairs.append((label, f"{whole}  {at}"))
         else:
-            rows.append(fact(label, f"{value}  {at}", width, label_width=STAMP_LABEL_WIDTH))
-            rows.append(fact("", on, width, label_width=STAMP_LABEL_WIDTH))
-    return rows
+            pairs += [(label, f"{value}  {at}"), ("", on)]
+    return [fact(label, value, width, label_width=STAMP_LABEL_WIDTH) for label, value in pairs]
 
 
 def _taken(text: Catalogue, alignment: Alignment) -> Iterator[tuple[str, str, str, str]]:
-    """Yield label, value, basis and time of each stamp."""
     clamping, jaw, touched = alignment.clamping, alignment.jaw, alignment.touch_off
     if clamping is not None:
         yield text("align_page.stamp.force"), f"{clamping.force_n:.0f} N", "", clamping.at
     if jaw is not None:
-        jaws = text("align_page.stamp.jaws", jaws=jaw.jaws)
-        yield text("align_page.stamp.jaw"), f"{jaw.angle_deg:.2f} °", _named(jaws, jaw.on.chuck), jaw.at
+        on = ", ".join(filter(None, (text("align_page.stamp.jaws", jaws=jaw.jaws), jaw.on.chuck)))
+        yield text("align_page.stamp.jaw"), f"{jaw.angle_deg:.2f} °", on, jaw.at
     if touched is not None:
-        zero, diameter = f"R {touched.zero_radius_mm:.3f} mm", f"D {touched.diameter_mm:g}"
-        yield text("align_page.stamp.touch"), zero, _named(diameter, touched.on.tool), touched.at
-
-
-def _named(what: str, name: str) -> str:
-    return f"{what}, {name}" if name else what
+        zero, on = f"R {touched.zero_radius_mm:.3f} mm", f"D {touched.diameter_mm:g}"
+        on = ", ".join(filter(None, (on, touched.on.tool)))
+        yield text("align_page.stamp.touch"), zero, on, touched.at

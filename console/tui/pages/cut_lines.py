@@ -7,45 +7,32 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from console.session.cut.telemetry import SpindleRipple
 from console.session.station.progress import CutProgress, CutStage
-from console.session.station.ripple import SpindleRipple
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, line, ranged, to_the_right, width_of, wrapped
-from console.tui.plot.scale import nice_limits
+from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Series
 from console.tui.theme import Token
 from profiles.job import Job
 
 LABEL_WIDTH = 14
-
-BEFORE_CUT = frozenset({CutStage.POSITION, CutStage.RUN_UP})
-"""Stages before the cut of the part."""
-
-BIN_DEG = 10.0
-"""Bin width for averages in the polar plot: single samples are too few in a turn."""
-
-LEAST_LIMIT_UM = 2.0
-"""Minimum scale of the error axis, so that it does not change in normal operation."""
-
+BEFORE_CUT = frozenset({CutStage.POSITION, CutStage.RUN_UP})  # stages before the cut of the part
+BIN_DEG = 10.0  # bin width for averages in the polar plot: single samples are too few in a turn
+LEAST_LIMIT_UM = 2.0  # minimum scale of the error axis, so that it does not change in normal operation
 Floats = NDArray[np.float64]
 
 
 def progress_line(text: Catalogue, cut: CutProgress, width: int) -> Line:
     """Return turn, Z, time left, and a bar with the finished fraction; before the cut its stage."""
+    turns, length = f"{cut.turns:.0f}", f"{cut.length_mm:.1f}"
     if cut.stage in BEFORE_CUT:
         stage = text(f"run_page.stage.{cut.stage}")
-        turns, length = f"{cut.turns:.0f}", f"{cut.length_mm:.1f}"
         coming = text("run_page.progress_before", stage=stage, turns=turns, length=length)
         return ranged(line((coming, Token.STRONG)), BLANK, width)
     percent = f" {100.0 * cut.fraction:3.0f} %"
-    head = text(
-        "run_page.progress",
-        turn=f"{cut.turn:.0f}",
-        turns=f"{cut.turns:.0f}",
-        z=f"{cut.z_mm:.1f}",
-        length=f"{cut.length_mm:.1f}",
-        left=f"{cut.left_s:.0f}",
-    )
+    turn, z, left = f"{cut.turn:.0f}", f"{cut.z_mm:.1f}", f"{cut.left_s:.0f}"
+    head = text("run_page.progress", turn=turn, turns=turns, z=z, length=length, left=left)
     words = line((head, Token.STRONG))
     room = width - width_of(words) - len(percent) - 2
     return ranged(words, line(bar(cut.fraction, min(max(room, 0), 40)), percent), width)
@@ -75,10 +62,10 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
     def row(key: str, value: str) -> Line:
         return fact(text(f"run_page.live.{key}"), value, width, label_width=LABEL_WIDTH)
 
-    stage = text(f"run_page.stage.{cut.stage}")
-    shown = text("run_page.holding") if cut.holding else stage
+    stage = text("run_page.holding") if cut.holding else text(f"run_page.stage.{cut.stage}")
+    not_judged = wrapped(text("run_page.not_judged"), width, Token.DIM)
     return [
-        fact(text("run_page.live.stage"), shown, width, label_width=LABEL_WIDTH, token=Token.STRONG),
+        fact(text("run_page.live.stage"), stage, width, label_width=LABEL_WIDTH, token=Token.STRONG),
         row("speed", NOTHING if speed_rpm is None else f"{speed_rpm:z.0f} rpm"),
         row("ripple", _ripple(cut.ripple)),
         row("lobe", lobe_hz),
@@ -87,7 +74,7 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
         row("error", f"{cut.tool_error_um:+z.2f} um" if in_part else NOTHING),
         row("peak", f"{cut.tool_error_peak_um:.2f} um" if has_peak else NOTHING),
         row("following", f"{cut.following_error_um:+z.2f} um"),
-        *(_together_lines(text, cut, width) if cut.judged else [BLANK, *_not_judged(text, width)]),
+        *(_together_lines(text, cut, width) if cut.judged else [BLANK, *not_judged]),
     ]
 
 
@@ -101,35 +88,29 @@ def _ripple(ripple: SpindleRipple | None) -> str:
 
 
 def _together_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
-    """Return the synchronisation of tool and spindle, and the deviation."""
-    label = text("run_page.live.sync")
     shown = NOTHING if cut.synchronisation is None else text(f"frame.sync.{cut.synchronisation}")
-    token = Token.WARNING if cut.is_lost else Token.STRONG
-    value = f"! {shown}" if cut.is_lost else shown
-    together = fact(label, value, width, label_width=LABEL_WIDTH, token=token)
+    value, token = (f"! {shown}", Token.WARNING) if cut.is_lost else (shown, Token.STRONG)
+    together = fact(text("run_page.live.sync"), value, width, label_width=LABEL_WIDTH, token=token)
     return [together, *phase_lines(text, cut, width)]
 
 
 def phase_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     """Return the phase error of the spindle with its limit, and a scale of both."""
-    label, phase_deg, limit_deg = text("run_page.live.phase"), cut.phase_error_deg, cut.phase_limit_deg
-    limit = _phase_limit(text, cut)
-    below = (dim(to_the_right(limit, width)),)
-    if phase_deg is None or limit_deg is None:
-        known = text("run_page.no_phase") if phase_deg is None else f"{phase_deg:+z.2f} °"
-        value = fact(label, known, width, label_width=LABEL_WIDTH, token=Token.DIM)
-        return [value, (dim(to_the_right(gauge(None, width - 2), width)),), below]
-    out = cut.in_phase is False
-    shown = f"{phase_deg:+z.2f} °"
-    token = Token.WARNING if out else Token.TEXT
-    if out:
-        shown = f"! {text('run_page.out_of_phase')} {shown}"
-    scale = (to_the_right(gauge(phase_deg / limit_deg, width - 2), width), token)
-    return [fact(label, shown, width, label_width=LABEL_WIDTH, token=token), (scale,), below]
+    phase_deg, limit_deg = cut.phase_error_deg, cut.phase_limit_deg
+    shown = text("run_page.no_phase") if phase_deg is None else f"{phase_deg:+z.2f} °"
+    fraction, token = None, Token.DIM
+    if phase_deg is not None and limit_deg is not None:
+        fraction, token = phase_deg / limit_deg, Token.TEXT
+        if cut.in_phase is False:
+            shown, token = f"! {text('run_page.out_of_phase')} {shown}", Token.WARNING
+    return [
+        fact(text("run_page.live.phase"), shown, width, label_width=LABEL_WIDTH, token=token),
+        line((to_the_right(gauge(fraction, width - 2), width), token)),
+        line(dim(to_the_right(_phase_limit(text, cut), width))),
+    ]
 
 
 def _phase_limit(text: Catalogue, cut: CutProgress) -> str:
-    """Return the limit of the phase, and its uncertainty."""
     if cut.phase_limit_deg is None:
         return text("run_page.no_limit")
     limit = f"{cut.phase_limit_deg:.2f}°"
@@ -138,33 +119,24 @@ def _phase_limit(text: Catalogue, cut: CutProgress) -> str:
     return text("run_page.limit_known", limit=limit, within=f"{cut.phase.within_deg:.2f}°")
 
 
-def _not_judged(text: Catalogue, width: int) -> list[Line]:
-    return wrapped(text("run_page.not_judged"), width, Token.DIM)
-
-
-def gauge(share: float | None, cells: int) -> str:
-    """Return a scale from -limit to +limit with a mark at `share` of the limit; beyond it an arrow."""
+def gauge(fraction: float | None, cells: int) -> str:
+    """Return a scale from -limit to +limit with a mark at this fraction of the limit; beyond it an arrow."""
     half = max((cells - 3) // 2, 1)
     scale = list("├" + "─" * half + "┼" + "─" * half + "┤")
-    if share is None:
-        return "".join(scale)
-    if abs(share) > 1.0:
-        scale[0 if share < 0 else -1] = "◀" if share < 0 else "▶"
-    else:
-        scale[half + 1 + round(share * half)] = "●"
+    if fraction is not None and abs(fraction) > 1.0:
+        scale[0 if fraction < 0 else -1] = "◀" if fraction < 0 else "▶"
+    elif fraction is not None:
+        scale[half + 1 + round(fraction * half)] = "●"
     return "".join(scale)
 
 
 def error_series(cut: CutProgress) -> tuple[tuple[Series, ...], tuple[float, float]]:
-    """Return the last samples as dots over the spindle angle, and limits in um that hold them all.
-
-    Without compensation there is nothing to judge: no series.
-    """
+    """Return the last samples over the spindle angle, and limits in um; no series without compensation."""
     if not cut.judged:
         return (), (-LEAST_LIMIT_UM, LEAST_LIMIT_UM)
     most = float(np.max(np.abs(cut.errors_um), initial=LEAST_LIMIT_UM))
-    looks = Series(x=cut.angles_deg, y=cut.errors_um, token=Token.AFTER, dots=True)
-    return (looks,), nice_limits(-most, most)
+    samples = Series(x=cut.angles_deg, y=cut.errors_um, token=Token.AFTER, dots=True)
+    return (samples,), nice_limits(-most, most)
 
 
 def mean_error_um(cut: CutProgress) -> tuple[Floats, Floats]:

@@ -13,10 +13,7 @@ from profiles.problem import Problem, ProfileError
 
 FILE_NAME_CAP_CHARACTERS = 60
 _FILE_NAME_CAP_BYTES = 200
-
-NEXT_TO_NOTHING = 0.001
-"""Fraction of the maximum below which a minimum is not worth its cells."""
-
+NEXT_TO_NOTHING = 0.001  # fraction of the maximum below which a minimum is not worth its cells
 _LIMITS = {field.key: field for field in JOB_FIELDS}
 
 
@@ -75,10 +72,7 @@ def with_unit(field: FormField, job: Job) -> str:
 
 
 def bounds(field: FormField) -> str:
-    """Return the limits in few cells, without the unit: ">0 ≤500".
-
-    A minimum that is negligible against the maximum is ">0" here; the line under the form and a refusal state it.
-    """
+    """Return the limits in few cells, ">0 ≤500"; a negligible minimum is ">0", and stated under the form."""
     rule = field.rule
     if not field.numeric:
         return ""
@@ -119,21 +113,11 @@ def provenance(job: Job, text: Catalogue) -> str:
 
 def name_problem(name: str, taken: frozenset[str]) -> Problem | None:
     """Return why a job cannot be saved under this name; for a taken one the limit is a free name."""
-    limit = f"<= {FILE_NAME_CAP_CHARACTERS}"
-    bad = (
-        not name.isprintable()
-        or "/" in name
-        or "\\" in name
-        or name.startswith((".", "-", "~"))
-        or name.lower().endswith(".toml")
-    )
-    if bad:
+    beyond = not name.isprintable() or "/" in name or "\\" in name
+    if beyond or name.startswith((".", "-", "~")) or name.lower().endswith(".toml"):
         return Problem(code="screen.name_unfit", value=name)
-    try:
-        too_long = len(name) > FILE_NAME_CAP_CHARACTERS or len(name.encode()) > _FILE_NAME_CAP_BYTES
-    except UnicodeEncodeError:
-        return Problem(code="screen.name_unfit", value=name)
-    if too_long:
+    if len(name) > FILE_NAME_CAP_CHARACTERS or len(name.encode()) > _FILE_NAME_CAP_BYTES:
+        limit = f"<= {FILE_NAME_CAP_CHARACTERS}"
         return Problem(code="screen.name_long", value=str(len(name)), limit=limit)
     if name in taken:
         return Problem(code="screen.name_taken", value=name, limit=free_name(name, taken))

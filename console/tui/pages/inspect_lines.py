@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,29 +12,21 @@ from console.session.station.state import MeasuredPart, StationState
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
+from console.tui.pages.stop_lines import mark_lines
 from console.tui.theme import Token
 from profiles.compensations.path import free_state_lobe
-from profiles.job import Job
 from profiles.roundness import RoundnessResult, centred_profile
 
 FloatArray = NDArray[np.float64]
-
-FRONT_MULTIPLES = 3
-"""Multiples of the number of jaws that are listed before the other harmonics."""
-
-LEAST_PHASED_UM_PP = 0.1
-"""Amplitude below which the phase of a lobe is not shown."""
-
+FRONT_MULTIPLES = 3  # multiples of the number of jaws that are listed before the other harmonics
+LEAST_PHASED_UM_PP = 0.1  # amplitude below which the phase of a lobe is not shown
 _COLUMN = 9
 _TURN_DEG = np.arange(360.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Side:
-    """One of the two compared parts: its profile, um from its circle, at angles with jaw 1 of the page.
-
-    `result` is None for the lobe that the job states, which was not measured.
-    """
+    """One of the two parts, at angles with jaw 1 of the page, um; the lobe that the job states has no `result`."""
 
     angle_deg: FloatArray
     profile_um: FloatArray
@@ -52,18 +43,6 @@ class Comparison:
     before: Side
     after: Side | None
 
-    @property
-    def improvement_percent(self) -> float | None:
-        """Reduction of the roundness error, percent, None without two parts."""
-        if self.after is None or self.before.ront_um == 0.0:
-            return None
-        return 100.0 * (self.before.ront_um - self.after.ront_um) / self.before.ront_um
-
-    @property
-    def passes(self) -> bool:
-        """Whether the last part is within its job's roundness tolerance."""
-        return self.part.result.ront_um <= self.part.job.roundness_tolerance_um
-
 
 def compared(state: StationState) -> Comparison | None:
     """Return the comparison of the last measured part, None when nothing is measured."""
@@ -72,8 +51,10 @@ def compared(state: StationState) -> Comparison | None:
         return None
     if not part.strategy.traits.follows_lobe:
         return Comparison(part=part, before=_measured(part, part.jaw_1_deg), after=None)
-    known = plain is not None and _same_part(plain.job, part.job)
-    before = _measured(plain, part.jaw_1_deg) if plain is not None and known else _stated(part)
+    before = _stated(part)
+    # The same job, apart from the angle of jaw 1.
+    if plain is not None and replace(plain.job, lobe_phase_deg=0.0) == replace(part.job, lobe_phase_deg=0.0):
+        before = _measured(plain, part.jaw_1_deg)
     return Comparison(part=part, before=before, after=_measured(part, part.jaw_1_deg))
 
 
@@ -100,20 +81,17 @@ def caption_lines(seen: Comparison, um_per_division: float, text: Catalogue, wid
 
 def wrong_lines(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
     """Return the defects of a measured part: marks of stops, warnings of its evaluation."""
-    lines = mark_lines(part.marks_mm, text, width)
+    lines = mark_lines(text, part.marks_mm, width, "inspect_page")
     for problem in part.result.warnings:
         lines += hanging(("! ", Token.WARNING), text.problem(problem), width, Token.WARNING)
     return lines
 
 
 def result_lines(seen: Comparison, simulated: bool, text: Catalogue, width: int, height: int) -> list[Line]:
-    """Return the table of both parts, the improvement, and the verdict on the last one.
-
-    In little room a defective part loses its lesser figures, not its defects.
-    """
+    """Return the table of both parts and the verdict; in little room lesser figures go, not the defects."""
     before, after = seen.before, seen.after.result if seen.after else None
-    head = [_heading(text, width)]
-    head.append(_columns("RONt", f"{before.ront_um:.2f}", _figure(after, "ront_um"), width, Token.STRONG))
+    ront = _columns("RONt", f"{before.ront_um:.2f}", _figure(after, "ront_um"), width, Token.STRONG)
+    head = [_heading(text, width), ront]
     lesser = [
         _columns(name, _figure(before.result, key), _figure(after, key), width, Token.TEXT)
         for name, key in (("RONp", "ronp_um"), ("RONv", "ronv_um"), ("RONq", "ronq_um"))
@@ -138,12 +116,9 @@ def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -
     front = [jaws * multiple for multiple in range(1, FRONT_MULTIPLES + 1) if jaws * multiple in known]
     # In the least room the heading is that of the table above.
     lines = [_heading(text, width)] if height > len(front) + 1 else []
-    for n in front:
-        lines.append(_harmonic(seen, n, text, width, Token.STRONG))
+    lines += [_harmonic(seen, n, text, width, Token.STRONG) for n in front]
     lines.append(_phases(seen, jaws, text, width))
-    for n in known:
-        if n not in front:
-            lines.append(_harmonic(seen, n, text, width, Token.DIM))
+    lines += [_harmonic(seen, n, text, width, Token.DIM) for n in known if n not in front]
     return lines[: max(height, 0)]
 
 
@@ -155,14 +130,6 @@ def phase_from_jaw_deg(side: Side, n: int) -> float | None:
     if found is None or 2.0 * found.amplitude_um < LEAST_PHASED_UM_PP:
         return None
     return math.remainder(found.phase_deg - side.jaw_1_deg, 360.0 / n)
-
-
-def mark_lines(marks_mm: Sequence[float], text: Catalogue, width: int) -> list[Line]:
-    """Return where stops left the tool in the turning part, mm behind its face; nothing without any."""
-    if not marks_mm:
-        return []
-    places = ", ".join(f"{mark_mm:.1f}" for mark_mm in marks_mm)
-    return wrapped("! " + text("inspect_page.marked", z=places), width, Token.WARNING)
 
 
 def _measured(part: MeasuredPart, jaw_1_deg: float) -> Side:
@@ -189,11 +156,6 @@ def _stated(part: MeasuredPart) -> Side:
     )
 
 
-def _same_part(one: Job, other: Job) -> bool:
-    """Whether two cuts are of the same job, apart from the angle of jaw 1."""
-    return replace(one, lobe_phase_deg=0.0) == replace(other, lobe_phase_deg=0.0)
-
-
 def _trace_words(key: Piece, what: str, ront_um: float, width: int) -> Line:
     return ranged(line(key, " ", what), line((f" {ront_um:.2f} um", key[1])), width)
 
@@ -213,9 +175,9 @@ def _columns(name: str, before: str, after: str, width: int, token: Token) -> Li
 
 
 def _gained(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
-    percent = seen.improvement_percent
-    if percent is None:
+    if seen.after is None or seen.before.ront_um == 0.0:
         return []
+    percent = 100.0 * (seen.before.ront_um - seen.after.ront_um) / seen.before.ront_um
     label = text("inspect_page.improvement") if seen.before.result else text("inspect_page.improvement_stated")
     return [ranged(line(dim(label)), line(f" {percent:.1f} %"), width)]
 
@@ -223,9 +185,11 @@ def _gained(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
 def _verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
     if seen.part.is_half:
         return [line(dim(fitted(f"· {text('inspect_page.half')}", width)))]
-    facts = {"value": f"{seen.part.result.ront_um:.2f}", "limit": f"{seen.part.job.roundness_tolerance_um:.2f}"}
-    words = text("inspect_page.pass", **facts) if seen.passes else text("inspect_page.fail", **facts)
-    mark, token = ("✓ ", Token.STRONG) if seen.passes else ("✗ ", Token.WARNING)
+    ront_um, limit_um = seen.part.result.ront_um, seen.part.job.roundness_tolerance_um
+    facts = {"value": f"{ront_um:.2f}", "limit": f"{limit_um:.2f}"}
+    passes = ront_um <= limit_um
+    words = text("inspect_page.pass", **facts) if passes else text("inspect_page.fail", **facts)
+    mark, token = ("✓ ", Token.STRONG) if passes else ("✗ ", Token.WARNING)
     return [line((mark + fitted(words, max(width - 2, 0)), token))]
 
 

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from textual.app import ComposeResult
-from textual.content import Content
-
 from console.session.data.history import LastResults, last_results
 from console.session.data.kept_files import jobs_folder
-from console.session.station.state import Activity, StationState
-from console.session.work import Work, opened
+from console.session.station.state import StationState
+from console.session.work import opened
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, clipped, line, name_in
 from console.tui.page import Page
 from console.tui.pages.jobs_lines import JobList, Loaded, hidden_words, summary_lines, table_lines
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View
+from console.tui.ui_context import UiContext, View, locked
 from profiles.files import printable
 from profiles.job import Job
-from profiles.problem import Problem, ProfileError
+from profiles.problem import ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
+
+_LOCKED = "screen.open_moving", "screen.open_armed"
 
 
 class JobsPage(Page):
@@ -38,10 +37,11 @@ class JobsPage(Page):
     }
     """
 
-    def __init__(self, desk: UiContext) -> None:
-        super().__init__(desk)
-        self._table = Sheet(desk.palette, classes="table")
-        self._summary = Sheet(desk.palette, classes="summary")
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        self._table = Sheet(ui.palette, classes="table")
+        self._summary = Sheet(ui.palette, classes="summary")
+        self.panels = (self._table, self._summary)
         self._entries: tuple[LibraryEntry, ...] = ()
         self._fresh = False
         self._selected = 0
@@ -50,11 +50,6 @@ class JobsPage(Page):
         self._simulated = True
         self._warned: tuple[Path, Job] | None = None
         self._shown: object = None
-
-    def compose(self) -> ComposeResult:
-        """Return the table on the left and the summary on the right."""
-        yield self._table
-        yield self._summary
 
     def show(self, view: View) -> None:
         """Show the list; it is read when the page is shown after another one."""
@@ -86,19 +81,19 @@ class JobsPage(Page):
         entry = self._jobs.entry
         if entry is None or isinstance(self._load(entry), LoadedJob):
             return []
-        return summary_lines(self._jobs, self.desk.text, width, edited=False)
+        return summary_lines(self._jobs, self.ui.text, width, edited=False)
 
     def _read(self) -> None:
         """List the files again; the selection stays on its job, at first the open one."""
         before = self._jobs.entry
-        target = before.path if before else self.desk.work.loaded.path if self.desk.work else None
-        self._entries = list_jobs(jobs_folder(self.desk.data))
+        target = before.path if before else self.ui.work.loaded.path if self.ui.work else None
+        self._entries = list_jobs(jobs_folder(self.ui.data))
         paths = [entry.path for entry in self._entries]
         place = paths.index(target) if target in paths else self._selected
         self._selected = max(min(place, len(paths) - 1), 0)
         self._fresh = True
         self._loaded.clear()
-        self._results = last_results(self.desk.data, simulated=self._simulated)
+        self._results = last_results(self.ui.data, simulated=self._simulated)
         self._shown = None
 
     def _load(self, entry: LibraryEntry) -> Loaded:
@@ -111,38 +106,29 @@ class JobsPage(Page):
         return self._loaded[entry.name]
 
     def _open(self) -> None:
-        refused, entry = lock(self.desk.control.state), self._jobs.entry
+        refused, entry = locked(self.ui.control.state, *_LOCKED), self._jobs.entry
         if refused is not None:
-            self.desk.said = (refused,)
+            self.ui.said = (refused,)
         elif entry is not None:
-            try:
+            with self.ui.answering():
                 self._take(load_job(str(entry.path)))
-            except ProfileError as error:
-                self.desk.said = tuple(error.problems)
 
     def _take(self, loaded: LoadedJob) -> None:
         """Open a job. The open one keeps its edits; another's are discarded after a second Enter."""
-        work = self.desk.work
+        work = self.ui.work
         kept = work is not None and work.loaded.path == loaded.path
-        if work is not None and work.edited and not kept and not self._was_warned(loaded, work):
+        if work is not None and work.edited and not kept and self._warned != (loaded.path, work.job):
             self._warned = (loaded.path, work.job)
-            self.desk.said = (Problem(code="screen.edits_unsaved", value=printable(work.job.name)),)
+            self.ui.say("screen.edits_unsaved", value=printable(work.job.name))
             return
         if work is None or not kept or (not work.edited and work.loaded.sha256 != loaded.sha256):
-            self.desk.work = self._opened(loaded)
-            self.desk.said = self.desk.work.set_aside
-        self.desk.go(PageName.SETUP)
+            # Loads numerics, which the first page does without.
+            from console.session.cut.compensated import with_accepted
 
-    def _opened(self, loaded: LoadedJob) -> Work:
-        """Return the work on a job, with its newest accepted version, from any session."""
-        # Loads numerics, which the first page does without.
-        from console.session.cut.compensated import with_accepted
-
-        fresh = opened(loaded, self.desk.machine)
-        return with_accepted(fresh, self.desk.data, simulated=self.desk.control.state.simulated)
-
-    def _was_warned(self, loaded: LoadedJob, work: Work) -> bool:
-        return self._warned == (loaded.path, work.job)
+            work, simulated = opened(loaded, self.ui.machine), self.ui.control.state.simulated
+            self.ui.work = with_accepted(work, self.ui.data, simulated=simulated)
+            self.ui.said = self.ui.work.set_aside
+        self.ui.go(PageName.SETUP)
 
     @property
     def _jobs(self) -> JobList:
@@ -155,32 +141,24 @@ class JobsPage(Page):
         )
 
     def _paint(self) -> None:
-        work = self.desk.work
-        shown = (
-            self._entries,
-            self._selected,
-            work is not None and work.edited,
-            self._table.size,
-            self._summary.size,
-        )
+        work = self.ui.work
+        sizes = self._table.size, self._summary.size
+        shown = (self._entries, self._selected, work is not None and work.edited, sizes)
         if shown == self._shown:
             return
         self._shown = shown
-        jobs, text = self._jobs, self.desk.text
-        entry = jobs.entry
+        jobs, entry, text = self._jobs, self._jobs.entry, self.ui.text
         edited = work is not None and entry is not None and work.edited and work.loaded.path == entry.path
-        self._table.show(table_lines(jobs, text, *self._table.size))
-        size = self._summary.size
+        size, hidden = self._summary.size, hidden_words(jobs, text, self._table.size.height)
+        rows = table_lines(jobs, text, *self._table.size)
+        self._table.show(rows, text("jobs_page.title", count=len(jobs.entries)), hidden)
         rows = summary_lines(jobs, text, size.width, edited=edited)
-        unusable = entry is not None and not isinstance(self._load(entry), LoadedJob)
-        self._summary.show(clipped(rows, size.height, text("panel.more")) if unusable else rows)
-        self._table.border_title = text("jobs_page.title", count=len(jobs.entries))
-        self._table.border_subtitle = hidden_words(jobs, text, self._table.size.height)
-        # Names of jobs may contain brackets, which are no markup.
-        self._summary.border_title = Content(name_in(printable(entry.name), size.width - 4) if entry else "")
+        if entry is not None and not isinstance(self._load(entry), LoadedJob):  # it cannot be used
+            rows = clipped(rows, size.height, text("panel.more"))
+        self._summary.show(rows, name_in(printable(entry.name), size.width - 4) if entry else "")
 
     def _next_words(self, state: StationState) -> str:
-        text, entry, refused = self.desk.text, self._jobs.entry, lock(state)
+        text, entry, refused = self.ui.text, self._jobs.entry, locked(state, *_LOCKED)
         if refused is not None:
             return text("jobs_page.next.moving") if state.moving else text("jobs_page.next.armed")
         if entry is None:
@@ -188,12 +166,3 @@ class JobsPage(Page):
         if not isinstance(self._load(entry), LoadedJob):
             return text("jobs_page.next.unreadable")
         return text("jobs_page.next.open", name=printable(entry.name))
-
-
-def lock(state: StationState) -> Problem | None:
-    """Return why no job can be opened now, None when one can."""
-    if state.moving:
-        return Problem(code="screen.open_moving")
-    if state.armed is not None or state.activity is Activity.ARMING:
-        return Problem(code="screen.open_armed")
-    return None

@@ -19,9 +19,7 @@ from profiles.lobe.lobe_conditions import lobe_source
 from profiles.problem import Problem
 from profiles.store import LibraryEntry, LoadedJob
 
-Loaded = LoadedJob | tuple[Problem, ...]
-"""A job, or why its file cannot be read."""
-
+Loaded = LoadedJob | tuple[Problem, ...]  # a job, or why its file cannot be read
 _NAME_LEAST = 16
 _LABEL = 16
 _SUMMARY_WIDTH = 60
@@ -50,9 +48,8 @@ def table_lines(jobs: JobList, text: Catalogue, width: int, height: int) -> list
     columns = _columns(width, text)
     name_width = max(width - 2 - sum(cells for _, cells in columns), 1)
     header = fitted("  " + text("jobs_page.name"), name_width + 2) + "".join(_right(*column) for column in columns)
-    rows = [
-        _row(jobs, place, [cells for _, cells in columns], name_width, text) for place in visible(jobs, height)
-    ]
+    widths = [cells for _, cells in columns]
+    rows = [_row(jobs, place, widths, name_width, text) for place in visible(jobs, height)]
     return [(dim(header),), *rows][: max(height, 0)]
 
 
@@ -67,12 +64,9 @@ def hidden_words(jobs: JobList, text: Catalogue, height: int) -> str:
     """Return how many jobs are above and below the visible ones, "" for none."""
     seen = visible(jobs, height)
     below = len(jobs.entries) - seen.stop
-    words = []
-    if seen.start:
-        words.append("↑ " + text("jobs_page.above", count=seen.start))
-    if below > 0:
-        words.append("↓ " + text("jobs_page.below", count=below))
-    return "  ".join(words)
+    above_words = "↑ " + text("jobs_page.above", count=seen.start) if seen.start else ""
+    below_words = "↓ " + text("jobs_page.below", count=below) if below > 0 else ""
+    return "  ".join(filter(None, (above_words, below_words)))
 
 
 def summary_lines(jobs: JobList, text: Catalogue, width: int, *, edited: bool) -> list[Line]:
@@ -116,14 +110,12 @@ def _row(jobs: JobList, place: int, cells: Sequence[int], name_width: int, text:
     values = [job.material, f"{job.diameter_mm:.1f}", f"{last.ront_um:.1f}" if last else "–"]
     if len(cells) > len(values):
         values[2:2] = [f"{job.spindle_speed_rpm:.0f}", f"{job.lobe_error_um_pp:.1f}"]
-    shown = (
-        name + "".join(_right(*pair) for pair in zip(values[-len(cells) :], cells, strict=True)) if cells else name
-    )
-    return ((shown, Token.SELECTED if chosen else Token.TEXT),)
+    fitting = values[len(values) - len(cells) :]
+    name += "".join(_right(*pair) for pair in zip(fitting, cells, strict=True))
+    return ((name, Token.SELECTED if chosen else Token.TEXT),)
 
 
 def _reasons(entry: LibraryEntry, problems: Sequence[Problem], text: Catalogue, width: int) -> list[Line]:
-    """Return the reasons, each with its fix; the file is named once."""
     lines = [line(("✗ " + text("jobs_page.unreadable"), Token.WARNING))]
     lines += wrapped(printable(str(entry.path)), width, Token.DIM)
     for problem in problems:
@@ -155,11 +147,9 @@ def _last_lines(last: LastResult | None, simulated: bool, text: Catalogue, width
     if last is None:
         return [_fact(text("jobs_page.last_part"), text("jobs_page.never"), width)]
     date = last.measured_at.astimezone().date().isoformat()
-    notes = [text("jobs_page.circle")]
-    if simulated:
-        notes.append(text("jobs_page.simulated"))
-    if last.strategy == UNCOMPENSATED:
-        notes.append(text("jobs_page.without"))
+    simulation = text("jobs_page.simulated") if simulated else ""
+    uncompensated = text("jobs_page.without") if last.strategy == UNCOMPENSATED else ""
+    notes = filter(None, (text("jobs_page.circle"), simulation, uncompensated))
     return [
         _fact(text("jobs_page.last_part"), f"{last.ront_um:.2f} um", width),
         *((dim(_right(note, width)),) for note in notes),
@@ -177,6 +167,5 @@ def _fact(label: str, value: str, width: int) -> Line:
 
 
 def _right(text: str, cells: int) -> str:
-    """Right-align a text in a column, with a blank before it."""
     kept = text if cell_len(text) < cells else fitted(text, cells - 1)
     return " " * max(cells - cell_len(kept), 0) + kept

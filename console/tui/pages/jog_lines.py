@@ -1,74 +1,78 @@
-"""Text of the jog panel of the page Align: step ladder, directions, stopping distance, visible state."""
+"""Jog panel of the page Align: step ladder, directions, stopping distance, visible state; picture of the chuck."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import groupby
+from operator import itemgetter
 
+import numpy as np
 from rich.cells import cell_len
 
-from console.session.station.jogging import STEPS_DEG, STEPS_MM, Steps, stopping_distance
+from console.session.station.jogging import STEPS_DEG, STEPS_MM, Steps, longest_toward_mm, stopping_distance
+from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, Piece, clipped, dim, line, ranged, to_the_right, wrapped
+from console.tui.lines import BLANK, Line, Piece, dim, first_fitting, line, ranged, to_the_right, wrapped
+from console.tui.plot.canvas import BrailleCanvas
+from console.tui.plot.cell_view import Cells
 from console.tui.theme import Token
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.machine import MachineProfile
 
 _RUNG_WIDTH = 7
+_SEEN_TO_DEG = 0.01  # rounding of the visible angle of jaw 1
+LEAST_ROWS, LEAST_COLUMNS = 4, 9
 
-_SEEN_TO_DEG = 0.01
-"""Rounding of the visible angle of jaw 1."""
+_RIM, _JAW, _JAW_1 = 0, 1, 2
+_JAW_SHARE = 0.5  # fraction of the radius to which a jaw reaches from the rim
+_BESIDE = 3  # columns to the right of the rim, for the mark
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JogView:
-    """Input of the panel. `left_s` is None while jogging is not enabled.
-
-    + and - change the step of `axis`. `made` is how many steps the last presses have made.
-    """
+    """Input of the panel. `left_s` is None while disabled; `axis` has the step of + and -; `made` counts steps."""
 
     machine: MachineProfile
+    state: StationState
     steps: Steps
     axis: AxisName
     made: int
     left_s: float | None
-    moving: bool
-    longest_mm: float
-    simulated: bool
-    seen: WorkshopView | None
 
 
 def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Line]:
     """Return the jog panel; in little room the picture goes first, then the stopping distance."""
-    must = [_enable_line(text, jog, width), *_ladder(text, jog)]
-    seen = seen_lines(text, jog, width)
-    picture, stopping_distance = _directions(text, jog), [_overrun_line(text, jog)]
-    if len(must) + len(seen) + len(picture) + len(stopping_distance) <= height:
-        spare = height - len(must) - len(seen) - len(picture) - len(stopping_distance)
-        gaps = [[BLANK] if spare > n else [] for n in range(2)]
-        return [*must, *gaps[0], *picture, *gaps[1], *stopping_distance, *seen]
-    if len(must) + len(seen) + len(stopping_distance) <= height:
-        return [*must, *stopping_distance, *seen]
-    return clipped([*must, *seen], height, text("panel.more"))
+    head = [_enable_line(text, jog, width), *_ladder(text, jog)]
+    picture, distance, seen = _directions(text, jog), _stopping_line(text, jog), seen_lines(text, jog, width)
+    return first_fitting(
+        height,
+        text("panel.more"),
+        [*head, BLANK, *picture, BLANK, distance, *seen],
+        [*head, BLANK, *picture, distance, *seen],
+        [*head, *picture, distance, *seen],
+        [*head, distance, *seen],
+        [*head, *seen],
+    )
 
 
 def _enable_line(text: Catalogue, jog: JogView, width: int) -> Line:
-    moving = line(" ", (text("align_page.moving"), Token.STRONG)) if jog.moving else _made(text, jog.made)
-    if jog.left_s is None:
-        return ranged((dim("○ " + text("align_page.jog_off")),), moving, width)
-    left = text("align_page.jog_on", left=f"{math.ceil(jog.left_s)} s")
-    return ranged((("● " + left, Token.STRONG),), moving, width)
-
-
-def _made(text: Catalogue, made: int) -> Line:
-    return line(" ", ("✓ ", Token.OK), text("align_page.made", count=made)) if made else BLANK
+    right = BLANK
+    if jog.state.moving:
+        right = line(" ", (text("align_page.moving"), Token.STRONG))
+    elif jog.made:
+        right = line(" ", ("✓ ", Token.OK), text("align_page.made", count=jog.made))
+    left = dim("○ " + text("align_page.jog_off"))
+    if jog.left_s is not None:
+        left = "● " + text("align_page.jog_on", left=f"{math.ceil(jog.left_s)} s"), Token.STRONG
+    return ranged((left,), right, width)
 
 
 def _ladder(text: Catalogue, jog: JogView) -> list[Line]:
-    linear = [f"{step:.3f}" for step in STEPS_MM]
-    turning = [f"{step:.2f}" for step in STEPS_DEG]
+    linear, turning = [f"{step:.3f}" for step in STEPS_MM], [f"{step:.2f}" for step in STEPS_DEG]
     turns = jog.axis is AxisName.SPINDLE
     return [
         _rungs(linear, jog.steps.mm, " mm", changes=not turns),
@@ -91,24 +95,17 @@ def _rungs(steps: Sequence[str], chosen: int, unit: str, *, changes: bool) -> Li
 def _directions(text: Catalogue, jog: JogView) -> list[Line]:
     chuck = text("align_page.chuck")
     lead = " " * (cell_len(chuck) + 4)
-    longest = text("align_page.at_most", step=f"{jog.longest_mm:.3f} mm")
+    longest_mm = longest_toward_mm(jog.state.snapshot, jog.machine, jog.state.alignment)
+    longest = text("align_page.at_most", step=f"{longest_mm:.3f} mm")
+    carriage = line(f"{chuck} ", ("←", Token.KEY), dim(" ─┼─ "), ("→ ", Token.KEY), text("align_page.tailstock"))
     return [
         line(lead, ("↑ ", Token.KEY), text("align_page.away")),
-        line(
-            (f"{chuck} ", Token.TEXT),
-            ("←", Token.KEY),
-            dim(" ─┼─ "),
-            ("→ ", Token.KEY),
-            text("align_page.tailstock"),
-            "   ",
-            ("PgUp ", Token.KEY),
-            text("align_page.forward"),
-        ),
+        line(*carriage, "   ", ("PgUp ", Token.KEY), text("align_page.forward")),
         line(lead, ("↓ ", Token.KEY), text("align_page.toward"), dim(" " + longest)),
     ]
 
 
-def _overrun_line(text: Catalogue, jog: JogView) -> Line:
+def _stopping_line(text: Catalogue, jog: JogView) -> Line:
     tool, carriage, spindle = (
         _rounded_up(stopping_distance(jog.machine, axis, jog.steps.of(axis)), decimals)
         for axis, decimals in ((AxisName.TOOL, 3), (AxisName.CARRIAGE, 3), (AxisName.SPINDLE, 2))
@@ -117,7 +114,6 @@ def _overrun_line(text: Catalogue, jog: JogView) -> Line:
 
 
 def _rounded_up(value: float, decimals: int) -> str:
-    """Format an upper bound, rounded up."""
     if not math.isfinite(value):
         return "∞"
     return f"{math.ceil(value * 10**decimals - 1e-6) / 10**decimals:.{decimals}f}"
@@ -125,9 +121,9 @@ def _rounded_up(value: float, decimals: int) -> str:
 
 def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:
     """Return what is visible on the simulated lathe; on a real one, how to find it out."""
-    if not jog.simulated:
+    if not jog.state.simulated:
         return wrapped(text("align_page.real"), width)
-    seen = jog.seen
+    seen = None if jog.state.activity is Activity.LOST else jog.state.seen
     mark: Piece = ("SIM", Token.SIM)
     if seen is None:
         return [line(mark, dim(" " + text("align_page.not_seen"))), BLANK]
@@ -152,3 +148,35 @@ def gap_words(text: Catalogue, seen: WorkshopView) -> str:
     if gap > 0:
         return text("align_page.gap", gap=f"{gap:.3f} mm")
     return text("align_page.touches", depth=f"{abs(gap):.3f} mm")
+
+
+@lru_cache(maxsize=4)
+def chuck_lines(columns: int, rows: int, jaws: int, jaw_1_past_mark_deg: float) -> tuple[Line, ...]:
+    """Return the picture, none in too few cells; the mark is at 3 o'clock, angles count counter-clockwise."""
+    if columns < LEAST_COLUMNS or rows < LEAST_ROWS:
+        return ()
+    canvas = BrailleCanvas(columns, rows)
+    centre_x, centre_y = columns - 1.0, 2.0 * rows - 0.5
+    radius = min(centre_y, centre_x - 2.0 * _BESIDE)
+    turn = np.radians(np.arange(0.0, 361.0, 3.0))
+    canvas.polyline(centre_x + radius * np.cos(turn), centre_y - radius * np.sin(turn), _RIM)
+    for jaw in reversed(range(jaws)):
+        angle = math.radians(jaw_1_past_mark_deg + 360.0 * jaw / jaws)
+        reach = np.array([_JAW_SHARE * radius, radius - 1.0])
+        layer = _JAW_1 if jaw == 0 else _JAW
+        for shift in (-1.0, 0.0, 1.0):
+            x = centre_x + reach * math.cos(angle) - shift * math.sin(angle)
+            y = centre_y - reach * math.sin(angle) - shift * math.cos(angle)
+            canvas.polyline(x, y, layer)
+    angle, inner = math.radians(jaw_1_past_mark_deg), 0.3 * radius
+    row, column = (centre_y - inner * math.sin(angle)) // 4, (centre_x + inner * math.cos(angle)) // 2
+    cells = Cells.blank(columns, rows)
+    cells.lay(canvas, 0, 0, (Token.RING, Token.AXIS, Token.MARK))
+    cells.write(int(row), int(column), "1", Token.MARK)
+    cells.write(int(centre_y // 4), int((centre_x + radius) // 2) + 1, "◂", Token.MARK)
+    return tuple(map(_line, cells.text_rows(), cells.tokens.tolist()))
+
+
+def _line(characters: str, tokens: list[int]) -> Line:
+    runs = groupby(zip(characters, tokens, strict=True), key=itemgetter(1))
+    return tuple(("".join(character for character, _ in run), Token(token)) for token, run in runs)

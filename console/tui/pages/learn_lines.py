@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from console.session.learning.learning_steps import LeftWave, Taught
-from console.session.learning.part_learning import PartLearning
+from console.session.learning.learning_steps import PartLearning, Taught
 from console.session.stages import Stage
-from console.session.station.state import Armed
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, hanging, wrapped
@@ -17,28 +15,25 @@ from profiles.compensations.path import expected
 _MARK = ("! ", Token.WARNING)
 
 
-def learn_title(lesson: PartLearning, text: Catalogue) -> str:
+def learn_title(learning: PartLearning, text: Catalogue) -> str:
     """Return the title: how the part was cut."""
-    made = lesson.made
+    made = learning.made
     return text("inspect_page.learn", made=f"{made.strategy}, {made_words(text, made.version, made.stage)}")
 
 
 def learn_lines(
-    lesson: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool = False
+    learning: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool = False
 ) -> list[Line]:
-    """Return the learning step, or why there is none: each harmonic, gain, convergence, the next cut's choice.
-
-    The note on clamping scatter depends on what comes next: a part that has `failed` cannot stay as it is.
-    """
-    lines = reason_lines(lesson, text, width)
-    taught = lesson.taught
+    """Return the learning step or why none; a part that has `failed` cannot stay, even within clamping scatter."""
+    lines = reason_lines(learning, text, width)
+    taught = learning.taught
     if taught is not None:
         if taught.stage is Stage.PARTIAL:
             lines += wrapped(_half_words(taught, text), width, Token.STRONG)
-        lines += wrapped(_wave_words(taught, text), width, Token.STRONG)
+        lines += wrapped(_harmonics_words(taught, text), width, Token.STRONG)
         lines += wrapped(" · ".join(_facts(taught, work, text)), width)
-        if in_scatter(taught) and not lesson.reasons and not is_kept(lesson, work):
-            scatter = f"{taught.lesson.expected_half_width_um_pp:.2f}"
+        if in_scatter(taught) and not learning.reasons and not is_kept(learning, work):
+            scatter = f"{taught.step.expected_half_width_um_pp:.2f}"
             words = text("inspect_page.may_scatter" if failed else "inspect_page.in_scatter", scatter=scatter)
             lines += hanging(_MARK, words, width, Token.WARNING)
         for problem in taught.warnings:
@@ -46,26 +41,25 @@ def learn_lines(
     return lines
 
 
-def reason_lines(lesson: PartLearning, text: Catalogue, width: int) -> list[Line]:
+def reason_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Line]:
     """Return why nothing is learned from the part, and what helps."""
-    return [
-        row for problem in lesson.reasons for row in hanging(_MARK, text.problem(problem), width, Token.WARNING)
-    ]
+    reasons = [text.problem(problem) for problem in learning.reasons]
+    return [row for reason in reasons for row in hanging(_MARK, reason, width, Token.WARNING)]
 
 
-def is_kept(lesson: PartLearning | None, work: Work | None) -> bool:
+def is_kept(learning: PartLearning | None, work: Work | None) -> bool:
     """Whether the next cut uses this part's learning step."""
     used = None if work is None else work.compensation
-    if lesson is None or lesson.taught is None or used is None:
+    if learning is None or learning.taught is None or used is None:
         return False
-    return used == replace(lesson.taught.lesson.next, version=used.version)
+    return used == replace(learning.taught.step.next, version=used.version)
 
 
 def in_scatter(taught: Taught) -> bool:
     """Whether the remaining lobe is within the scatter of clamping and gauge."""
-    lobe = taught.lesson.next.path.target.lobes
-    wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.waves if each.waves == lobe]
-    return max(wrong, default=0.0) < taught.lesson.expected_half_width_um_pp
+    lobe = taught.step.next.path.target.lobes
+    wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.harmonics if each.order == lobe]
+    return max(wrong, default=0.0) < taught.step.expected_half_width_um_pp
 
 
 def made_words(text: Catalogue, compensation: str | None, stage: str) -> str:
@@ -83,38 +77,31 @@ def chosen_words(text: Catalogue, work: Work) -> str:
     return made_words(text, f"{learned.version} (= {older})", work.stage)
 
 
-def armed_words(text: Catalogue, armed: Armed) -> str:
-    """Return what was armed."""
-    return made_words(text, armed.made.version, armed.made.stage)
-
-
 def _half_words(taught: Taught, text: Catalogue) -> str:
-    part = taught.lesson.next.part
+    part = taught.step.next.part
     whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.share
     left = expected(whole_um_pp, taught.stage.share)
     return text("inspect_page.half_left", right=f"{left.right_um_pp:.1f}", wrong=f"{left.wrong_um_pp:.1f}")
 
 
-def _wave_words(taught: Taught, text: Catalogue) -> str:
-    if taught.lesson.reasons:  # no promise for a next part that will not be cut with it
-        left = " · ".join(f"{each.waves}/rev {each.left_um_pp:.2f}" for each in taught.waves)
-        return text("inspect_page.left", waves=left)
-    lobe = taught.lesson.next.path.target.lobes
-    scatter = f" ± {taught.lesson.expected_half_width_um_pp:.2f}"
-    words = [_wave(each, scatter if each.waves == lobe else "", text) for each in taught.waves]
-    return text("inspect_page.left", waves=" · ".join(words))
-
-
-def _wave(wave: LeftWave, scatter: str, text: Catalogue) -> str:
-    next_one = f"→ {wave.expected_um_pp:.2f}{scatter}" if wave.learned else text("inspect_page.noise")
-    return f"{wave.waves}/rev {wave.left_um_pp:.2f} {next_one}"
+def _harmonics_words(taught: Taught, text: Catalogue) -> str:
+    if taught.step.reasons:  # no promise for a next part that will not be cut with it
+        left = " · ".join(f"{each.order}/rev {each.left_um_pp:.2f}" for each in taught.harmonics)
+        return text("inspect_page.left", harmonics=left)
+    lobe = taught.step.next.path.target.lobes
+    scatter, noise = f" ± {taught.step.expected_half_width_um_pp:.2f}", text("inspect_page.noise")
+    words = []
+    for each in taught.harmonics:
+        expected_um = f"→ {each.expected_um_pp:.2f}{scatter if each.order == lobe else ''}"
+        words.append(f"{each.order}/rev {each.left_um_pp:.2f} {expected_um if each.learned else noise}")
+    return text("inspect_page.left", harmonics=" · ".join(words))
 
 
 def _facts(taught: Taught, work: Work | None, text: Catalogue) -> list[str]:
-    lesson = taught.lesson
-    facts = [] if lesson.reasons else [f"{text('learned.gain')} {lesson.next.gain:g}"]
-    if lesson.contraction is not None:
-        found = lesson.contraction
+    step = taught.step
+    facts = [] if step.reasons else [f"{text('learned.gain')} {step.next.gain:g}"]
+    if step.contraction is not None:
+        found = step.contraction
         factor = f"{found.value:.2f} ± {found.half_width:.2f}"
         facts.append(text(f"inspect_page.verdict.{found.verdict}", factor=factor))
     if work is not None:

@@ -1,7 +1,4 @@
-"""Actions of the learning keys: keep a part's step or revert, and choose the compensation of the next cut.
-
-They only write files; nothing moves.
-"""
+"""Actions of the learning keys: keep a part's step, revert, choose the next compensation. Nothing moves."""
 
 from __future__ import annotations
 
@@ -10,14 +7,13 @@ from dataclasses import replace
 from console.session.cut.compensated import chosen_problems, using, without_learned
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
-from console.session.learning.part_learning import PartLearning, accept, revert
+from console.session.learning.learning_steps import accept, revert
 from console.session.work import STAGES, Work
 from console.tui.ui_context import UiContext
-from profiles.compensations.learned import HoldsFor
 from profiles.problem import Problem
 
 
-def accept_lesson(desk: UiContext) -> None:
+def accept_lesson(ui: UiContext) -> None:
     """Keep the learning step of the measured part; the next cut of its job uses it.
 
     Raises:
@@ -25,38 +21,32 @@ def accept_lesson(desk: UiContext) -> None:
             `learned.edited_now`; those of `accept`.
         ProfileError: as `accept`. Nothing was changed.
     """
-    part = desk.control.state.measured
-    lesson: PartLearning | None = None if part is None else part.lesson
-    if part is None or lesson is None:
+    part = ui.control.state.measured
+    learning = None if part is None else part.learning
+    if part is None or learning is None:
         raise SessionError(Problem(code="learned.no_part"))
-    if lesson.taught is None:
-        raise SessionError(*lesson.problems)
-    work = _work_on(desk, part.job.name, lesson.taught.lesson.next.holds_for)
-    desk.work = using(work, accept(lesson, desk.data))
+    if learning.taught is None:
+        raise SessionError(*learning.problems)
+    work, holds_for = ui.work, learning.taught.step.next.holds_for
+    if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
+        raise SessionError(Problem(code="learned.other_job", key=part.job.name))
+    _refuse_edited(work)
+    ui.work = using(work, accept(learning, ui.data))
 
 
-def revert_version(desk: UiContext) -> None:
+def revert_version(ui: UiContext) -> None:
     """Keep the version before the one in use again, and use it.
 
     Raises:
         SessionError: `learned.edited_now`; `screen.nothing_to_cut`, no job is open; those of `revert`.
         ProfileError: as `revert`. Nothing was changed.
     """
-    work, simulated = desk.work, desk.control.state.simulated
+    work, simulated = ui.work, ui.control.state.simulated
     if work is None:
         raise SessionError(Problem(code="screen.nothing_to_cut"))
     _refuse_edited(work)
-    older = revert(work.compensation, work.loaded, work.machine, desk.data, simulated=simulated)
-    desk.work = using(work, older)
-
-
-def _work_on(desk: UiContext, job: str, holds_for: HoldsFor) -> Work:
-    """Return the current work, if it is that of the part, as it is filed."""
-    work = desk.work
-    if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
-        raise SessionError(Problem(code="learned.other_job", key=job))
-    _refuse_edited(work)
-    return work
+    older = revert(work.compensation, work.loaded, work.machine, ui.data, simulated=simulated)
+    ui.work = using(work, older)
 
 
 def _refuse_edited(work: Work) -> None:
@@ -64,42 +54,41 @@ def _refuse_edited(work: Work) -> None:
         raise SessionError(Problem(code="learned.edited_now", key=work.loaded.job.name))
 
 
-def step_compensation(desk: UiContext) -> None:
+def step_compensation(ui: UiContext) -> None:
     """Toggle the open job between the newest version and the model; report anything unusual.
 
     Raises:
         SessionError: `learned.edited_now`, no version is for an edited job; `learned.none_yet`; those of `chosen`.
         ProfileError: versions that cannot be read. The choice stays.
     """
-    work = desk.work
+    work = ui.work
     if work is None:
         return
     if work.compensation is not None and not work.set_aside:
-        desk.work = without_learned(work)
+        ui.work = without_learned(work)
         return
-    if work.edited:
-        raise SessionError(Problem(code="learned.edited_now", key=work.loaded.job.name))
-    simulated = desk.control.state.simulated
+    _refuse_edited(work)
+    simulated = ui.control.state.simulated
     asked = asked_for(work.loaded, work.machine, work.strategy, simulated=simulated)
-    known = versions(desk.data, asked)
+    known = versions(ui.data, asked)
     if not known:
         raise SessionError(Problem(code="learned.none_yet", key=work.loaded.job.name))
     newest = chosen(NEWEST, known, asked)
     assert newest is not None
-    desk.work = using(work, newest)
-    desk.said = date_problems(newest)
+    ui.work = using(work, newest)
+    ui.said = date_problems(newest)
 
 
-def step_stage(desk: UiContext) -> None:
+def step_stage(ui: UiContext) -> None:
     """Select the next stage: whole, air, half; report a conflict with the other choices."""
-    work = desk.work
+    work = ui.work
     if work is None:
         return
-    desk.work = replace(work, stage=STAGES[(STAGES.index(work.stage) + 1) % len(STAGES)])
-    say_what_does_not_hold(desk)
+    ui.work = replace(work, stage=STAGES[(STAGES.index(work.stage) + 1) % len(STAGES)])
+    say_what_does_not_hold(ui)
 
 
-def say_what_does_not_hold(desk: UiContext) -> None:
+def say_what_does_not_hold(ui: UiContext) -> None:
     """Report why the open job may not be cut with the present choices, if so."""
-    if desk.work is not None:
-        desk.said = chosen_problems(desk.work, simulated=desk.control.state.simulated)
+    if ui.work is not None:
+        ui.said = chosen_problems(ui.work, simulated=ui.control.state.simulated)

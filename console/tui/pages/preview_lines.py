@@ -1,4 +1,4 @@
-"""Text of the page Preview beside its plots: captions, margins, strategies, findings."""
+"""Text of the page Preview: captions, margins, strategies, findings; the program to be sent."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.band import Band
 from drivers.preview.closed_form import ClosedForm, closed_form
-from drivers.preview.preview import Prediction, Response, Underway
+from drivers.preview.preview import Prediction, Underway
 from profiles.compensations.learned import ExpectedPart
 from profiles.findings import Finding, Severity
 from profiles.job import Job
@@ -25,12 +25,8 @@ MARKS = {
     Severity.WARNING: ("!", Token.WARNING),
     Severity.OK: ("✓", Token.OK),
 }
-BEFORE_KEY, AFTER_KEY = "- -", "──"
-"""Legend symbols of a broken and a solid trace."""
-
-UNKNOWN = "…"
-"""Placeholder of a figure until its program exists."""
-
+BEFORE_KEY, AFTER_KEY = "- -", "──"  # legend symbols of a broken and a solid trace
+UNKNOWN = "…"  # placeholder of a figure until its program exists
 _LONGEST_BAR = 40
 _LEAST_BAR = 4
 _MARGIN_LABEL = 12
@@ -50,17 +46,17 @@ class Margin:
     @property
     def value(self) -> str:
         """Both values with their unit."""
-        return f"{self._said(self.need)} / {self._said(self.limit)} {self.unit}"
+        # An unknown value takes the room of a small one.
+        unknown = f"{UNKNOWN:>{len(f'{0.0:.{self.decimals}f}')}}"
+        need, limit = (
+            unknown if value is None else f"{value:.{self.decimals}f}" for value in (self.need, self.limit)
+        )
+        return f"{need} / {limit} {self.unit}"
 
     @property
     def percent(self) -> float | None:
         """The need as a percentage of the limit."""
         return None if self.need is None or self.limit is None else 100.0 * self.need / self.limit
-
-    def _said(self, value: float | None) -> str:
-        """Format a value; an unknown one takes the room of a small one."""
-        room = len(f"{0.0:.{self.decimals}f}")
-        return f"{UNKNOWN:>{room}}" if value is None else f"{value:.{self.decimals}f}"
 
 
 def foreseen(seen: Underway, strategy: Strategy) -> Prediction | ClosedForm | None:
@@ -77,22 +73,21 @@ def by_part(seen: Underway, strategy: Strategy) -> ExpectedPart | None:
 
 def left_words(seen: Underway, strategy: Strategy) -> str:
     """Return the expected roundness, um: by the part that the path was learned from, else by the model."""
-    told, made = by_part(seen, strategy), seen.predictions.get(strategy)
-    if told is not None:
-        return NOTHING if told.ront_um is None else f"{told.ront_um:.1f}"
+    expected, made = by_part(seen, strategy), seen.predictions.get(strategy)
+    if expected is not None:
+        return NOTHING if expected.ront_um is None else f"{expected.ront_um:.1f}"
     return UNKNOWN if made is None else f"{made.ront_um:.1f}"
 
 
 def findings_of(seen: Underway, strategy: Strategy) -> tuple[Finding, ...]:
     """Return the rules that are not met, refusals first: of the job, and of this strategy's program."""
-    plan = seen.strategies.get(strategy)
-    of_plan: tuple[Finding, ...] = ()
+    plan, of_plan = seen.strategies.get(strategy), list[Finding]()
     if isinstance(plan, ProblemError):
-        of_plan = tuple(Finding(severity=Severity.REFUSAL, problem=problem) for problem in plan.problems)
+        of_plan = [Finding(severity=Severity.REFUSAL, problem=problem) for problem in plan.problems]
     elif plan is not None:
-        of_plan = plan.findings
-    told = [finding for finding in (*seen.findings, *of_plan) if finding.severity is not Severity.OK]
-    return tuple(sorted(told, key=lambda finding: finding.severity is not Severity.REFUSAL))
+        of_plan = list(plan.findings)
+    unmet = [finding for finding in (*seen.findings, *of_plan) if finding.severity is not Severity.OK]
+    return tuple(sorted(unmet, key=lambda finding: finding.severity is not Severity.REFUSAL))
 
 
 def refused(seen: Underway, strategy: Strategy) -> bool:
@@ -116,11 +111,10 @@ def problem_lines(problems: Sequence[Problem], text: Catalogue, width: int) -> l
 
 def jaw_words(job: Job, alignment: Alignment, text: Catalogue) -> str:
     """Return where jaw 1 is, and whether that was found or is assumed in the job's file."""
-    at = text("preview_page.jaw", angle=f"{job.jaw_1_deg:.1f}")
-    jaw = alignment.jaw
-    if jaw is None or jaw.angle_deg != job.jaw_1_deg:
-        return f"{at} {text('preview_page.jaw_assumed')}"
-    return f"{at} {text('preview_page.jaw_found', at=jaw.at)}"
+    jaw, at = alignment.jaw, text("preview_page.jaw", angle=f"{job.jaw_1_deg:.1f}")
+    found = jaw is not None and jaw.angle_deg == job.jaw_1_deg
+    how = text("preview_page.jaw_found", at=jaw.at) if jaw and found else text("preview_page.jaw_assumed")
+    return f"{at} {how}"
 
 
 def roundness_caption(
@@ -130,7 +124,7 @@ def roundness_caption(
     um_per_division: float,
     text: Catalogue,
     width: int,
-    band: Band | None = None,
+    band: Band | None,
 ) -> list[Line]:
     """Return the legend of the roundness traces, with the `band` of the strategy, and their scale."""
     without, with_ = seen.predictions.get(UNCOMPENSATED), seen.predictions.get(strategy)
@@ -147,12 +141,11 @@ def roundness_caption(
 
 def strategy_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return each strategy's remaining error, the findings against the chosen one, and its effect on the servo."""
-    lines = [_left_on_part(seen, each, strategy, text, width) for each in Strategy]
     findings = findings_of(seen, strategy)
+    lines = [_left_on_part(seen, each, strategy, text, width) for each in Strategy]
     lines.append(_found(seen.strategies.get(strategy), findings, text, width))
     lines += _servo_lines(seen, strategy, text, width)
-    room = height - len(lines)
-    words = finding_lines(findings, text, width)
+    room, words = height - len(lines), finding_lines(findings, text, width)
     if words and room > _SPACED_ROWS:
         lines += [BLANK, *clipped(words, room - 1, text("panel.more"))]
     return lines[: max(height, 0)]
@@ -161,24 +154,24 @@ def strategy_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: i
 def margins(seen: Underway, strategy: Strategy) -> tuple[Margin, ...]:
     """Return what the chosen strategy needs of the drive, against the machine's limits."""
     tool, needs = seen.machine.tool, _needs(seen, strategy)
-    bandwidth_hz = None if seen.eq9_loop is None else seen.eq9_loop.bandwidth_hz
-
-    def share(name: str, key: str, decimals: int, unit: str) -> Margin:
-        return Margin(name=name, need=needs.get(key), limit=seen.shares[key].limit, decimals=decimals, unit=unit)
-
-    travel_mm = tool.travel_max_mm - tool.travel_min_mm
-    return (
-        Margin(name="stroke", need=needs.get("stroke_mm"), limit=travel_mm, decimals=3, unit="mm"),
-        share("velocity", "velocity_mm_per_s", 1, "mm/s"),
-        share("acceleration", "acceleration_m_per_s2", 1, "m/s2"),
-        share("thrust", "force_rms_n", 1, "N"),
-        share("current", "current_a", 2, "A"),
-        Margin(name="loop", need=needs.get("lobe_hz"), limit=bandwidth_hz, decimals=1, unit="Hz"),
+    limits: dict[str, float | None] = {key: drive.limit for key, drive in seen.shares.items()}
+    limits["stroke_mm"] = tool.travel_max_mm - tool.travel_min_mm
+    limits["lobe_hz"] = None if seen.eq9_loop is None else seen.eq9_loop.bandwidth_hz
+    rows = (
+        ("stroke", "stroke_mm", 3, "mm"),
+        ("velocity", "velocity_mm_per_s", 1, "mm/s"),
+        ("acceleration", "acceleration_m_per_s2", 1, "m/s2"),
+        ("thrust", "force_rms_n", 1, "N"),
+        ("current", "current_a", 2, "A"),
+        ("loop", "lobe_hz", 1, "Hz"),
+    )
+    return tuple(
+        Margin(name=name, need=needs.get(key), limit=limits[key], decimals=decimals, unit=unit)
+        for name, key, decimals, unit in rows
     )
 
 
 def _needs(seen: Underway, strategy: Strategy) -> dict[str, float]:
-    """Return the needs by name: of the program if it exists, else of the closed form; else none."""
     made = foreseen(seen, strategy)
     if made is not None:
         stroke_um, lobe_hz, shares = made.stroke_um, made.lobe_frequency_hz, made.shares
@@ -186,20 +179,14 @@ def _needs(seen: Underway, strategy: Strategy) -> dict[str, float]:
         stroke_um, lobe_hz, shares = 2.0 * seen.command.amplitude_um, seen.job.lobe_frequency_hz, seen.shares
     else:
         return {}
-    return {
-        "stroke_mm": stroke_um / 1000.0,
-        "lobe_hz": lobe_hz,
-        **{name: share.need for name, share in shares.items()},
-    }
+    of_drive = {name: drive.need for name, drive in shares.items()}
+    return {"stroke_mm": stroke_um / 1000.0, "lobe_hz": lobe_hz, **of_drive}
 
 
 def margin_lines(
     needs: Sequence[Margin], text: Catalogue, width: int, height: int, window: str = ""
 ) -> list[Line]:
-    """Return the margins with bars, spaced where there is room; a narrow panel omits the bars.
-
-    After them comes the `window` of the chucking force, where it is given.
-    """
+    """Return the margins, with bars and spaces where there is room, then the `window` of the chucking force."""
     values = max(len(need.value) for need in needs)
     bar = min(width - _MARGIN_LABEL - values - 8, _LONGEST_BAR)
     lines: list[Line] = []
@@ -219,8 +206,8 @@ def _margin(need: Margin, text: Catalogue, width: int, values: int, bar: int) ->
     most = bar if percent >= 100.0 else bar - 1  # a small remainder must stay visible
     filled = min(round(bar * percent / 100.0), most)
     drawn: Line = (("■" * filled, token), dim("□" * (bar - filled)), dim(" ")) if bar else ()
-    share = f"{UNKNOWN:>3}" if need.percent is None else f"{percent:3.0f}"
-    right = line((f"{need.value:>{values}}", token), (f" {share} %", token), "!" if over else " ")
+    shown = f"{UNKNOWN:>3}" if need.percent is None else f"{percent:3.0f}"
+    right = line((f"{need.value:>{values}}", token), (f" {shown} %", token), "!" if over else " ")
     return ranged(line(dim(text(f"preview_page.{need.name}"))), (*drawn, *right), width)
 
 
@@ -240,21 +227,14 @@ def _trace_words(
 
 
 def _left_on_part(seen: Underway, strategy: Strategy, chosen: Strategy, text: Catalogue, width: int) -> Line:
-    """Return one strategy with its remaining error."""
-    mine = strategy is chosen
-    left = line(
-        ("▸ " if mine else "  ", Token.ACTION),
-        (f"{strategy.value:<9}", Token.STRONG if mine else Token.TEXT),
-        dim(text(f"strategy.{strategy}.how")),
-    )
-    token = Token.STRONG if mine else Token.TEXT
+    mark, token = ("▸ ", Token.STRONG) if strategy is chosen else ("  ", Token.TEXT)
+    left = line((mark, Token.ACTION), (f"{strategy.value:<9}", token), dim(text(f"strategy.{strategy}.how")))
     if refused(seen, strategy):
         return ranged(left, line(("✗ " + text("preview_page.refused"), Token.ALARM)), width)
     return ranged(left, line((f" {left_words(seen, strategy)} um", token)), width)
 
 
 def _found(plan: CutPlan | ProblemError | None, findings: Sequence[Finding], text: Catalogue, width: int) -> Line:
-    """Return how many findings there are, and how long the program runs."""
     if plan is None:
         return ranged(line(dim(f"{UNKNOWN} "), text("preview_page.checking")), line(f" {UNKNOWN} s"), width)
     mark = MARKS[findings[0].severity if findings else Severity.OK]
@@ -264,7 +244,6 @@ def _found(plan: CutPlan | ProblemError | None, findings: Sequence[Finding], tex
 
 
 def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
-    """Return the servo at the lobe frequency, its inverse, and the program's extra motion, if there is one."""
     plan, prediction = seen.strategies.get(strategy), seen.predictions.get(strategy)
     if isinstance(plan, ProblemError):
         return []
@@ -272,7 +251,9 @@ def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int
     depth = UNKNOWN if prediction is None else f"{prediction.mean_um:.1f}"
     speed = UNKNOWN if plan is None else f"{plan.spindle_speed_rpm:.0f}"
     frequency = UNKNOWN if made is None else f"{made.lobe_frequency_hz:.1f}"
-    servo = UNKNOWN if made is None else _gain_and_phase(made.response)
+    servo = UNKNOWN
+    if made is not None:
+        servo = f"x{made.response.gain:.3f}  {math.degrees(made.response.phase_rad):+z.1f}°"
     rows = (
         (text("preview_page.servo", frequency=frequency), servo),
         (text("preview_page.inverse"), _inverse(seen, strategy, text)),
@@ -280,10 +261,6 @@ def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int
         (text("preview_page.speed"), f"{speed} rpm"),
     )
     return [ranged(line(dim(label)), line(" " + value), width) for label, value in rows]
-
-
-def _gain_and_phase(response: Response) -> str:
-    return f"x{response.gain:.3f}  {math.degrees(response.phase_rad):+z.1f}°"
 
 
 def _inverse(seen: Underway, strategy: Strategy, text: Catalogue) -> str:
@@ -294,3 +271,29 @@ def _inverse(seen: Underway, strategy: Strategy, text: Catalogue) -> str:
     factor = seen.command.amplitude_um / seen.target.amplitude_um
     lead_deg = seen.target.crest_deg - seen.command.crest_deg
     return text("preview_page.inverted", factor=f"{factor:.3f}", lead=f"{lead_deg:.1f}")
+
+
+def program_lines(text: str, width: int) -> list[Line]:
+    """Return a program with numbered lines, nothing left out; a comment is dim, because it is not sent."""
+    rows = text.rstrip("\n").split("\n")
+    number_width = len(str(len(rows)))
+    room = max(width - number_width - 1, 1)
+    lines: list[Line] = []
+    for number, row in enumerate(rows, start=1):
+        code, mark, comment = row.partition(";")
+        for start in range(0, max(len(row), 1), room):
+            head = f"{number:>{number_width}} " if start == 0 else " " * (number_width + 1)
+            end = start + room
+            sent, remark = code[start:end], (mark + comment)[max(start - len(code), 0) : max(end - len(code), 0)]
+            lines.append(line(dim(head), (sent, Token.TEXT), dim(remark)))
+    return lines
+
+
+def program_rows(seen: Underway, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
+    """Return the findings in words, then the program, if there is one."""
+    found = finding_lines(findings_of(seen, strategy), text, width)
+    plan = seen.strategies.get(strategy)
+    if plan is None:
+        return [*found, line(dim(f"{UNKNOWN} "), text("preview_page.checking"))]
+    head = found or [line(("✓ ", Token.OK), text("preview_page.no_findings"))]
+    return [*head, BLANK, *program_lines(plan.text, width)] if isinstance(plan, CutPlan) else head

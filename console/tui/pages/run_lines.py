@@ -1,7 +1,4 @@
-"""Text of the page Run before, after and instead of a cut; `cut_lines` is for the cut.
-
-The safety devices that the controller sees are only shown.
-"""
+"""Text of the page Run before, after and instead of a cut; safety devices are only shown."""
 
 from __future__ import annotations
 
@@ -26,9 +23,21 @@ from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fact, hanging, line, name_in, wrapped
+from console.tui.lines import (
+    BLANK,
+    NOTHING,
+    Line,
+    Piece,
+    dim,
+    fact,
+    first_fitting,
+    hanging,
+    line,
+    name_in,
+    wrapped,
+)
 from console.tui.pages.fields import named
-from console.tui.pages.learn_lines import armed_words, chosen_words
+from console.tui.pages.learn_lines import chosen_words, made_words
 from console.tui.pages.stop_lines import cut_words, mark_lines
 from console.tui.theme import Token
 from drivers.cutting.strategy import Strategy
@@ -80,7 +89,6 @@ def _blank_check(state: StationState) -> Interlock:
 
 
 def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Interlock]:
-    """Return the conditions of the job: of the armed one, else of the open one."""
     chosen: tuple[Problem, ...] | None = None
     if state.armed is not None:
         job, strategy = state.armed.job, state.armed.strategy
@@ -108,10 +116,7 @@ def failing(found: tuple[Interlock, ...]) -> tuple[Problem, ...]:
 def check_lines(
     text: Catalogue, found: tuple[Interlock, ...], width: int, height: int | None = None
 ) -> list[Line]:
-    """Return one row for each condition, with the first reason below it where it is not met.
-
-    In little room unmet conditions come first. Without a height all reasons are included.
-    """
+    """Return a row for each condition, with its first reason (without a height all) where it is not met."""
     rows: list[Line] = []
     wrong: list[Line] = []
     for check in found:
@@ -121,18 +126,17 @@ def check_lines(
         elif not check.problems and not check.warnings:
             rows.append(line(("✓ ", Token.OK), dim(name)))
         else:
-            told = check.problems if height is None else check.problems[:1]
-            hidden = len(check.problems) - len(told)
+            shown = check.problems if height is None else check.problems[:1]
+            hidden = len(check.problems) - len(shown)
             more = f" (+{hidden} {text('frame.all')})" if hidden else ""
             mark = "✗ " if check.problems else "! "
             reasons = [line((mark + name + more, Token.WARNING))]
-            for problem in (*told, *check.warnings):
+            for problem in (*shown, *check.warnings):
                 reasons += hanging(dim("  "), text.problem(named(problem, text)), width)
             rows += reasons
             wrong += reasons
-    if height is None or len(rows) <= height:
-        return rows
-    return clipped([*wrong, *(row for row in rows if row not in wrong)], height, text("panel.more"))
+    wrong_first = [*wrong, *(row for row in rows if row not in wrong)]
+    return first_fitting(height, text("panel.more"), rows, wrong_first)
 
 
 def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float, width: int) -> list[Line]:
@@ -141,23 +145,31 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
     job = work.job if armed is None else armed.job
     strategy = Strategy(work.strategy) if armed is None else armed.strategy
     stamps = state.alignment if armed is None else armed.alignment
+    clamping, jaw, tip = stamps.clamping, stamps.jaw, stamps.touch_off
+    clamped = "" if clamping is None else clamping.at
+    found = "" if jaw is None else f"{jaw.angle_deg:.2f} °  {jaw.at}"
+    touched = "" if tip is None else f"R {tip.zero_radius_mm:.3f} mm  {tip.at}"
+    made = chosen_words(text, work) if armed is None else made_words(text, armed.made.version, armed.made.stage)
     pairs = [
         ("job", name_in(printable(job.name), max(width - LABEL_WIDTH, 0))),
         ("revision", _revision(text, work, armed)),
         ("force", f"{job.chucking_force_n:.0f} N"),
         ("window", window_words(job, work.machine.machine)),
-        ("confirmed", _clamped(text, stamps, job)),
+        ("confirmed", _stamp(text, stamps, AlignStep.CLAMP, job, clamped)),
         *([] if state.touched is None else [("touched", cut_words(text, state.touched))]),
         ("depth", f"{job.depth_of_cut_mm:.3f} mm"),
         ("feed", f"{job.feed_mm_per_rev:.3f} mm/rev"),
         ("speed", f"{job.spindle_speed_rpm if armed is None else armed.plan.spindle_speed_rpm:.0f} rpm"),
         ("strategy", text(f"strategy.{strategy}.named")),
-        ("made", chosen_words(text, work) if armed is None else armed_words(text, armed)),
-        ("jaw", _jaw_found(text, stamps, job)),
-        ("touch_off", _touched(text, stamps, job)),
+        ("made", made),
+        ("jaw", _stamp(text, stamps, AlignStep.JAW, job, found)),
+        ("touch_off", _stamp(text, stamps, AlignStep.TOUCH_OFF, job, touched)),
     ]
     facts = [fact(text(f"run_page.sum.{key}"), value, width, label_width=LABEL_WIDTH) for key, value in pairs]
-    return facts if armed is None else [*_armed_head(text, armed, now_s, width), *facts]
+    if armed is None:
+        return facts
+    left_s = max(math.ceil(armed.until_s - now_s), 0)
+    return [*wrapped(text("run_page.armed", left=left_s), width, Token.ACTION), *facts]
 
 
 def window_words(job: Job, machine: MachineProfile) -> str:
@@ -174,36 +186,11 @@ def _revision(text: Catalogue, work: Work, armed: Armed | None) -> str:
     return f"{work.loaded.sha256[:6]}{text('run_page.edited') if work.edited else ''}"
 
 
-def _clamped(text: Catalogue, stamps: Alignment, job: Job) -> str:
-    if stamps.clamping is None:
+def _stamp(text: Catalogue, stamps: Alignment, step: AlignStep, job: Job, value: str) -> str:
+    """Return what was taken in a step, "" for nothing yet, if it applies to this job."""
+    if not value:
         return text("run_page.not_yet")
-    return stamps.clamping.at if _holds(stamps, AlignStep.CLAMP, job) else text("run_page.not_of_job")
-
-
-def _jaw_found(text: Catalogue, stamps: Alignment, job: Job) -> str:
-    jaw = stamps.jaw
-    if jaw is None:
-        return text("run_page.not_yet")
-    return (
-        f"{jaw.angle_deg:.2f} °  {jaw.at}" if _holds(stamps, AlignStep.JAW, job) else text("run_page.not_of_job")
-    )
-
-
-def _touched(text: Catalogue, stamps: Alignment, job: Job) -> str:
-    touched = stamps.touch_off
-    if touched is None:
-        return text("run_page.not_yet")
-    holds = _holds(stamps, AlignStep.TOUCH_OFF, job)
-    return f"R {touched.zero_radius_mm:.3f} mm  {touched.at}" if holds else text("run_page.not_of_job")
-
-
-def _holds(stamps: Alignment, step: AlignStep, job: Job) -> bool:
-    return not step_problems(stamps, step, job)
-
-
-def _armed_head(text: Catalogue, armed: Armed, now_s: float, width: int) -> list[Line]:
-    left_s = max(math.ceil(armed.until_s - now_s), 0)
-    return wrapped(text("run_page.armed", left=left_s), width, Token.ACTION)
+    return text("run_page.not_of_job") if step_problems(stamps, step, job) else value
 
 
 def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: int) -> list[Line]:
@@ -222,42 +209,36 @@ def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: i
 def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     """Return the figures of a finished cut: they are the controller's, nothing was measured on the part."""
     word = "held" if cut.stage is CutStage.HELD else "done_in_air" if cut.in_air else "done"
-    how = text(f"run_page.{word}")
-    rows = [*wrapped(how, width, Token.STRONG), BLANK]
-    rows.append(_fact(text, "turns", f"{cut.turn:.0f} / {cut.turns:.0f}", width))
-    rows.append(_fact(text, "length", f"{cut.z_mm:.2f} / {cut.length_mm:.2f} mm", width))
-    figures = cut.figures
-    if figures is None:
-        return [*rows, BLANK, *wrapped(text("run_page.no_figures"), width, Token.DIM)]
-    return [
-        *rows,
-        _fact(text, "speed", f"{figures.spindle_speed_rpm:.1f} rpm", width),
-        _fact(text, "error_peak", f"{figures.tool_error_um:.2f} um" if cut.judged else NOTHING, width),
-        _fact(text, "error_rms", f"{figures.tool_error_rms_um:.2f} um" if cut.judged else NOTHING, width),
-        _fact(text, "following_peak", f"{figures.following_error_um:.2f} um", width),
-        _fact(text, "following_rms", f"{figures.following_error_rms_um:.2f} um", width),
-        _fact(text, "samples", f"{figures.samples}", width),
-        BLANK,
-        *([] if cut.judged else wrapped(text("run_page.not_judged"), width, Token.DIM)),
-        *wrapped(text("run_page.by_controller"), width, Token.DIM),
+    pairs = [
+        ("turns", f"{cut.turn:.0f} / {cut.turns:.0f}"),
+        ("length", f"{cut.z_mm:.2f} / {cut.length_mm:.2f} mm"),
     ]
+    figures, notes = cut.figures, ["no_figures"]
+    if figures is not None:
+        pairs += [
+            ("speed", f"{figures.spindle_speed_rpm:.1f} rpm"),
+            ("error_peak", f"{figures.tool_error_um:.2f} um" if cut.judged else NOTHING),
+            ("error_rms", f"{figures.tool_error_rms_um:.2f} um" if cut.judged else NOTHING),
+            ("following_peak", f"{figures.following_error_um:.2f} um"),
+            ("following_rms", f"{figures.following_error_rms_um:.2f} um"),
+            ("samples", f"{figures.samples}"),
+        ]
+        notes = ["by_controller"] if cut.judged else ["not_judged", "by_controller"]
+    label = LABEL_WIDTH + 6
+    rows = [fact(text(f"run_page.figure.{key}"), value, width, label_width=label) for key, value in pairs]
+    words = [row for note in notes for row in wrapped(text(f"run_page.{note}"), width, Token.DIM)]
+    return [*wrapped(text(f"run_page.{word}"), width, Token.STRONG), BLANK, *rows, BLANK, *words]
 
 
 def after_lines(
     text: Catalogue, state: StationState, work: Work | None, machine: MachineProfile, width: int
 ) -> list[Line]:
-    """Return what comes next after a finished cut, where stops have marked the part, and what is missing.
-
-    What is missing applies to another cut of the same blank; one that is cut to its end has none.
-    """
-    marks = mark_lines(text, state.marks_mm, width) if state.marks_mm else []
+    """Return what comes next after a cut, the marks of stops, and what another cut of the same blank lacks."""
+    marks = mark_lines(text, state.marks_mm, width)
     missing = [] if is_over(state) else [check for check in checks(state, work, machine) if check.problems]
     rows = check_lines(text, tuple(missing), width)
-    return [
-        *_next_lines(text, state, width),
-        *([BLANK, *marks] if marks else []),
-        *([BLANK, *rows] if rows else []),
-    ]
+    following = wrapped(text(f"run_page.{_after_word(state)}"), width)
+    return [*following, *([BLANK, *marks] if marks else []), *([BLANK, *rows] if rows else [])]
 
 
 def is_over(state: StationState) -> bool:
@@ -266,25 +247,18 @@ def is_over(state: StationState) -> bool:
     return state.cut_done or (cut is not None and cut.stage is CutStage.DONE and not cut.in_air)
 
 
-def _next_lines(text: Catalogue, state: StationState, width: int) -> list[Line]:
+def _after_word(state: StationState) -> str:
     if state.cut is not None and state.cut.stage is CutStage.HELD:
-        return wrapped(text("run_page.after_hold"), width)
+        return "after_hold"
     if state.cut is not None and state.cut.in_air:
-        return wrapped(text("run_page.after_air"), width)
+        return "after_air"
     if state.cut_done:
-        return wrapped(text("run_page.after_cut") if state.simulated else text("run_page.after_real_cut"), width)
-    return wrapped(text("run_page.after_measured"), width)
-
-
-def _fact(text: Catalogue, key: str, value: str, width: int) -> Line:
-    return fact(text(f"run_page.figure.{key}"), value, width, label_width=LABEL_WIDTH + 6)
+        return "after_cut" if state.simulated else "after_real_cut"
+    return "after_measured"
 
 
 def input_lines(text: Catalogue, snapshot: Snapshot | None, width: int, height: int | None = None) -> list[Line]:
-    """Return the devices, those in the wrong state first; nothing where there are none.
-
-    Where not all have room, those in the right state are left out first, and then the last.
-    """
+    """Return the devices, those in the wrong state first; where not all have room, those are shown alone."""
     seen = {} if snapshot is None else snapshot.inputs
     bad = [(f"✗ {text(f'run_page.input.{name}')}", Token.WARNING) for name, good in seen.items() if not good]
     well = [(f"✓ {text(f'run_page.input.{name}')}", Token.DIM) for name, good in seen.items() if good]

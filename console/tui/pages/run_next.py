@@ -55,8 +55,10 @@ def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
     if state.activity is not Activity.READY:
         return "wait", Token.DIM
     if phase is Phase.ENDED and is_over(state):
-        return _over_word(state), Token.ACTION
-    if _left(state) and (inside := in_part(state, machine)) is not False:
+        word = "measured" if not state.cut_done else "measure" if state.simulated else "take_out"
+        return word, Token.ACTION
+    left = state.cut is not None and state.cut.stage in LEFT_STAGES and state.alignment.clamping is not None
+    if left and (inside := in_part(state, machine)) is not False:
         closed = state.snapshot is not None and state.snapshot.loops_closed
         held = "retract" if inside else "retract_unknown"
         return (held if closed else "switch_on"), Token.ACTION
@@ -73,30 +75,14 @@ def in_part(state: StationState, machine: MachineProfile) -> bool | None:
 def _missing_word(view: View, machine: MachineProfile) -> str:
     if view.work is None:
         return "no_job"
-    found = checks(view.state, view.work, machine)
-    failed = [check.name for check in found if check.problems]
+    failed = [check.name for check in checks(view.state, view.work, machine) if check.problems]
     if not failed:
+        cut = view.state.cut
         if view.state.touched is not None:
             return "arm_again"
-        return "arm_air" if _done_in_air(view.state) and view.work.stage == Stage.AIR else "arm"
+        done_in_air = cut is not None and cut.in_air and cut.stage is CutStage.DONE
+        return "arm_air" if done_in_air and view.work.stage == Stage.AIR else "arm"
     return {"job": "set_up", "learned": "choose"}.get(failed[0], "align")
-
-
-def _left(state: StationState) -> bool:
-    """Whether a cut was interrupted with the tool in the clamped part, or retracting."""
-    return state.cut is not None and state.cut.stage in LEFT_STAGES and state.alignment.clamping is not None
-
-
-def _done_in_air(state: StationState) -> bool:
-    """Whether the air cut has been done, after which the blank is still uncut."""
-    return state.cut is not None and state.cut.in_air and state.cut.stage is CutStage.DONE
-
-
-def _over_word(state: StationState) -> str:
-    """Return the word for what comes after a completed cut."""
-    if not state.cut_done:
-        return "measured"
-    return "measure" if state.simulated else "take_out"
 
 
 def _stage_word(cut: CutProgress) -> str:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import Enum, auto
 
-from textual.app import ComposeResult
 from textual.containers import Vertical
-from textual.content import Content
 from textual.widgets import Input
 
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.kept_files import jobs_folder
-from console.session.station.state import Activity, StationState
 from console.session.work import Work, saved_as, undone
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
@@ -20,16 +18,17 @@ from console.tui.page import Page
 from console.tui.pages.fields import FORM, FormField, free_name, judge, name_problem, named, with_unit, written
 from console.tui.pages.setup_lines import FormState, draft, finding_lines, form, speed_lines
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View
+from console.tui.ui_context import UiContext, View, locked
 from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.files import printable
 from profiles.findings import Severity, refusals
-from profiles.problem import Problem, ProblemError
+from profiles.problem import Problem
 from profiles.rules import check
 from profiles.store import list_jobs
 
 _NUMBER_CAP_CHARACTERS = 24
 _TIGHT_BELOW_ROWS = 16
+_LOCKED = "screen.locked_moving", "screen.locked_armed"
 
 
 class Entering(Enum):
@@ -67,13 +66,14 @@ class SetupPage(Page):
     .-wide SetupPage .form { width: 72; }
     """
 
-    def __init__(self, desk: UiContext) -> None:
-        super().__init__(desk)
-        self._form = Sheet(desk.palette, classes="form")
-        self._speed = Sheet(desk.palette, classes="speed")
-        self._findings = Sheet(desk.palette, classes="findings")
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        self._form = Sheet(ui.palette, classes="form")
+        self._speed = Sheet(ui.palette, classes="speed")
+        self._findings = Sheet(ui.palette, classes="findings")
         self._entry = Input(classes="entry", compact=True, select_on_focus=False)
         self._entry.cursor_blink = False
+        self.panels = (self._form, Vertical(self._speed, self._findings, classes="side"), self._entry)
         self._entering = Entering.NOTHING
         self._selected = 0
         self._taken: frozenset[str] = frozenset()
@@ -81,17 +81,8 @@ class SetupPage(Page):
         self._placed: tuple[int, int, int] | None = None
         self._shown: object = None
         self._shown_work: Work | None = None
-        self._titles: dict[Sheet, tuple[str, str]] = {}
-        self._machine = desk.machine.machine
-        self._told = warnings_of(desk.machine)
-
-    def compose(self) -> ComposeResult:
-        """Return the form on the left and its consequences on the right."""
-        yield self._form
-        with Vertical(classes="side"):
-            yield self._speed
-            yield self._findings
-        yield self._entry
+        self._machine = ui.machine.machine
+        self._warnings = warnings_of(ui.machine)
 
     def fit(self) -> None:
         """Keep room for the findings on a low terminal."""
@@ -106,7 +97,7 @@ class SetupPage(Page):
 
     def show(self, view: View) -> None:
         """Show the job, with the open entry."""
-        self._locked = lock(view.state)
+        self._locked = locked(view.state, *_LOCKED)
         if self._locked is not None and self._entering is not Entering.NOTHING:
             self._drop()
         if self._entering is not Entering.NOTHING and self.screen.focused is not self._entry:
@@ -115,11 +106,7 @@ class SetupPage(Page):
         self._paint()
 
     def act(self, action: str) -> None:
-        """Select, change, undo or save.
-
-        During an entry the action waits for the characters that came before it: the entry must have all of them
-        when it ends.
-        """
+        """Select, change, undo or save; an open entry first gets the characters that came before."""
         if self._entering is Entering.NOTHING:
             self._do(action)
         else:
@@ -131,15 +118,15 @@ class SetupPage(Page):
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return why the values are locked or the entry is refused, then every finding."""
-        work, text = self.desk.work, self.desk.text
+        work, text = self.ui.work, self.ui.text
         if work is None:
             return []
         state = self._state(work)
         refused = () if state.judged is None else state.judged.problems
         rows: list[Line] = []
-        for problem in (*refused, *(() if self._locked is None else (self._locked,))):
+        for problem in filter(None, (*refused, self._locked)):
             rows += hanging(("! ", Token.WARNING), text.problem(named(problem, text)), width)
-        return [*rows, *finding_lines(check(draft(state), self._machine), text, width, told=self._told)]
+        return [*rows, *finding_lines(check(draft(state), self._machine), text, width, told=self._warnings)]
 
     def leave(self) -> None:
         """End an open entry: accept a good value, drop another one and report it."""
@@ -154,18 +141,22 @@ class SetupPage(Page):
     # What the keys do ------------------------------------------------------------------------------------------
 
     def _do(self, action: str) -> None:
-        if self.desk.work is None:
-            self.desk.said = (Problem(code="screen.no_job"),)
-        elif action == "setup.next":
-            self._step(1)
-        elif action == "setup.previous":
-            self._step(-1)
+        if self.ui.work is None:
+            self.ui.say("screen.no_job")
+        elif action in ("setup.next", "setup.previous"):
+            self._step(1 if action == "setup.next" else -1)
         elif action == "setup.edit":
-            self._enter()
+            match self._entering:
+                case Entering.NOTHING:
+                    self._begin()
+                case Entering.VALUE:
+                    self._take()
+                case Entering.NAME:
+                    self._save()
         elif action == "setup.undo":
-            self._undo(self.desk.work)
+            self._undo(self.ui.work)
         elif action == "setup.save_as" and self._take():
-            self._ask_name(self.desk.work)
+            self._ask_name(self.ui.work)
         self._paint()
 
     def _step(self, by: int) -> None:
@@ -177,49 +168,40 @@ class SetupPage(Page):
         if typing and self._selected != before:
             self._begin()
 
-    def _enter(self) -> None:
-        if self._entering is Entering.NOTHING:
-            self._begin()
-        elif self._entering is Entering.VALUE:
-            self._take()
-        else:
-            self._save()
-
     def _begin(self) -> None:
         """Open an entry in the selected field, with its value marked so that typing replaces it."""
-        if self._work is None or self._refused_by_lock():
+        if self.ui.work is None or self._refused_by_lock():
             return
         field = self._field
         self._entry.max_length = _NUMBER_CAP_CHARACTERS if field.numeric else TEXT_CAP_CHARACTERS
-        self._open(Entering.VALUE, written(field, self._work.job))
+        self._open(Entering.VALUE, written(field, self.ui.work.job))
 
     def _take(self) -> bool:
         """End an open entry with its value; False, with the reason shown, if it does not parse."""
-        if self._entering is not Entering.VALUE or self._work is None:
+        if self._entering is not Entering.VALUE or self.ui.work is None:
             return True
         if self._refused_by_lock():
             return False
-        judged = judge(self._work, self._field, self._entry.value)
+        judged = judge(self.ui.work, self._field, self._entry.value)
         if judged.problems:
-            self.desk.said = tuple(named(problem, self.desk.text) for problem in judged.problems)
+            self.ui.said = tuple(named(problem, self.ui.text) for problem in judged.problems)
             return False
-        self.desk.work = judged.work
+        self.ui.work = judged.work
         self._close()
         return True
 
     def _undo(self, work: Work) -> None:
-        """Undo the last edit, or the open entry."""
         if self._entering is not Entering.NOTHING:
             self._close()
         elif not work.undo:
-            self.desk.said = (Problem(code="screen.nothing_to_undo"),)
+            self.ui.say("screen.nothing_to_undo")
         elif not self._refused_by_lock():
-            self.desk.work = undone(work)
+            self.ui.work = undone(work)
 
     def _ask_name(self, work: Work) -> None:
         if self._entering is Entering.NAME or self._refused_by_lock():
             return
-        self._taken = frozenset(entry.name for entry in list_jobs(jobs_folder(self.desk.data)))
+        self._taken = frozenset(entry.name for entry in list_jobs(jobs_folder(self.ui.data)))
         self._entry.max_length = TEXT_CAP_CHARACTERS
         self._open(Entering.NAME, free_name(work.loaded.path.stem, self._taken))
 
@@ -227,32 +209,28 @@ class SetupPage(Page):
         name = self._entry.value.strip()
         problem = name_problem(name, self._taken) if name else None
         if problem is not None:
-            self.desk.said = (problem,)
-        elif not name or self._work is None:
+            self.ui.said = (problem,)
+        elif not name or self.ui.work is None:
             self._close()
         else:
-            try:
-                self.desk.work = saved_as(self._work, name, jobs_folder(self.desk.data))
+            with self.ui.answering():
+                self.ui.work = saved_as(self.ui.work, name, jobs_folder(self.ui.data))
                 self._close()
-            except ProblemError as error:
-                self.desk.said = tuple(error.problems)
 
     def _drop(self) -> None:
-        """Drop the open entry, and report it."""
         if self._entering is Entering.NAME:
-            self.desk.said = (Problem(code="screen.not_saved"),)
-        elif self._work is not None:
+            self.ui.say("screen.not_saved")
+        elif self.ui.work is not None:
             field = self._field
-            value, kept = printable(self._entry.value), with_unit(field, self._work.job)
+            value, kept = printable(self._entry.value), with_unit(field, self.ui.work.job)
             dropped = Problem(code="screen.entry_dropped", key=field.key, value=value, limit=kept)
-            self.desk.said = (named(dropped, self.desk.text),)
+            self.ui.said = (named(dropped, self.ui.text),)
         self._close()
 
     def _refused_by_lock(self) -> bool:
-        locked = lock(self.desk.control.state)
-        if locked is not None:
-            self.desk.said = (locked,)
-        return locked is not None
+        if lock := locked(self.ui.control.state, *_LOCKED):
+            self.ui.said = (lock,)
+        return lock is not None
 
     def _open(self, entering: Entering, value: str) -> None:
         self._entering = entering
@@ -270,56 +248,43 @@ class SetupPage(Page):
     # What is shown ---------------------------------------------------------------------------------------------
 
     @property
-    def _work(self) -> Work | None:
-        return self.desk.work
-
-    @property
     def _field(self) -> FormField:
         return FORM[self._selected]
 
     def _state(self, work: Work) -> FormState:
-        typed = self._entry.value if self._entering is Entering.VALUE else None
-        naming = self._entry.value if self._entering is Entering.NAME else None
-        return FormState(
-            work=work,
-            selected=self._selected,
-            typed=typed,
-            judged=None if typed is None else judge(work, self._field, typed),
-            locked=self._locked,
-            naming=naming,
-            naming_problem=name_problem(naming.strip(), self._taken) if naming and naming.strip() else None,
-        )
+        state = FormState(work=work, selected=self._selected, locked=self._locked)
+        value = self._entry.value
+        if self._entering is Entering.VALUE:
+            return replace(state, typed=value, judged=judge(work, self._field, value))
+        if self._entering is Entering.NAME:
+            problem = name_problem(value.strip(), self._taken) if value.strip() else None
+            return replace(state, naming=value, naming_problem=problem)
+        return state
 
     def _paint(self) -> None:
-        work = self.desk.work
+        work = self.ui.work
         sizes = (self._form.size, self._speed.size, self._findings.size)
         shown = (self._entering, self._entry.value, self._selected, self._locked, sizes)
         if work is self._shown_work and shown == self._shown:
             return
         self._shown_work, self._shown = work, shown
+        text = self.ui.text
         if work is None:
-            self._paint_nothing()
+            how = [line(text("setup.no_job")), line(dim(text("setup.how_to_open")))]
+            self._form.show(how, text("setup.no_title"))
+            self._speed.show((), "")
+            self._findings.show((), "")
             return
-        text, state = self.desk.text, self._state(work)
+        state = self._state(work)
         layout = form(state, text, *self._form.size)
-        self._form.show(layout.lines)
+        title = text("setup.title", name=name_in(printable(work.job.name), self._form.size.width - 12))
+        self._form.show(layout.lines, title, text("setup.edited") if work.edited else "")
         self._place(layout.entry)
         job = draft(state)
-        self._speed.show(speed_lines(job, self._machine, text, *self._speed.size))
-        self._findings.show(finding_lines(check(job, self._machine), text, *self._findings.size, self._told))
-        title = text("setup.title", name=name_in(printable(work.job.name), self._form.size.width - 12))
-        self._entitle(self._form, title, text("setup.edited") if work.edited else "")
-        self._entitle(self._speed, text("setup.at_speed", speed=f"{job.spindle_speed_rpm:.1f}"))
-        draft_ = job is not work.job
-        self._entitle(self._findings, text("setup.findings_draft") if draft_ else text("setup.findings"))
-
-    def _paint_nothing(self) -> None:
-        text = self.desk.text
-        self._form.show([line(text("setup.no_job")), line(dim(text("setup.how_to_open")))])
-        for sheet in (self._speed, self._findings):
-            sheet.show(())
-            self._entitle(sheet, "")
-        self._entitle(self._form, text("setup.no_title"))
+        speed = speed_lines(job, self._machine, text, *self._speed.size)
+        self._speed.show(speed, text("setup.at_speed", speed=f"{job.spindle_speed_rpm:.1f}"))
+        findings = finding_lines(check(job, self._machine), text, *self._findings.size, self._warnings)
+        self._findings.show(findings, text("setup.findings" if job is work.job else "setup.findings_draft"))
 
     def _place(self, entry: tuple[int, int, int] | None) -> None:
         """Place the entry over the brackets that the form keeps for it; the frame takes a cell on each side."""
@@ -328,14 +293,8 @@ class SetupPage(Page):
             self._entry.styles.offset = (column + 1, row + 1)
             self._entry.styles.width = cells
 
-    def _entitle(self, sheet: Sheet, title: str, subtitle: str = "") -> None:
-        if self._titles.get(sheet) != (title, subtitle):
-            self._titles[sheet] = title, subtitle
-            # Names of jobs may contain brackets, which are no markup.
-            sheet.border_title, sheet.border_subtitle = Content(title), Content(subtitle)
-
     def _next_words(self) -> str:
-        text, work = self.desk.text, self.desk.work
+        text, work = self.ui.text, self.ui.work
         if work is None:
             return text("setup.next.no_job")
         if self._entering is Entering.NAME:
@@ -348,14 +307,5 @@ class SetupPage(Page):
         findings = check(work.job, self._machine)
         if refusing := refusals(findings):
             return text("setup.next.refused", count=len(refusing))
-        warned = self._told or any(finding.severity is Severity.WARNING for finding in findings)
+        warned = self._warnings or any(finding.severity is Severity.WARNING for finding in findings)
         return text("setup.next.warned") if warned else text("setup.next.ready")
-
-
-def lock(state: StationState) -> Problem | None:
-    """Return why the values cannot be changed now, None when they can."""
-    if state.moving:
-        return Problem(code="screen.locked_moving")
-    if state.armed is not None or state.activity is Activity.ARMING:
-        return Problem(code="screen.locked_armed")
-    return None

@@ -13,22 +13,17 @@ from console.tui.lines import BLANK, Line, clipped, dim, fact, fitted, hanging, 
 from console.tui.pages.fields import FORM, FormField, Judged, bounds, named, provenance, with_unit, written
 from console.tui.theme import Token
 from profiles.chucking.advice import ForceSpan, Stands, force_span
-from profiles.chucking.holding import holding_of
-from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, wrench_force_sd_n
-from profiles.chucking.wrench import torque_or_none_n_m
+from profiles.chucking.grip import centrifugal_loss_n, grip_margin_n, wrench_force_sd_n
+from profiles.chucking.holding import holding_of, torque_or_none_n_m
 from profiles.findings import Finding, Severity
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import changed_conditions, lobe_source
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-ENTRY_WIDTH = 10
-"""Cells of a number entry; a text takes all of its row."""
-
+ENTRY_WIDTH = 10  # cells of a number entry; a text takes all of its row
 FOOT_ROWS = 2
-LEAST_VALUES = 3
-"""Rows of values that stay however long the text below them is."""
-
+LEAST_VALUES = 3  # rows of values that stay however long the text below them is
 _MARK, _LABEL, _UNIT = 2, 15, 8
 _SPEED_LABEL, _SPEED_WIDTH = 19, 46
 _ROWS_WITH_BAR = 8
@@ -36,10 +31,7 @@ _ROWS_WITH_BAR = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FormState:
-    """State of the form. `typed` is the text of the open entry, None when none is open.
-
-    `naming` is the name typed to save under, `naming_problem` why it is refused.
-    """
+    """State of the form. `typed` is the open entry; `naming` the name to save under."""
 
     work: Work
     selected: int = 0
@@ -75,51 +67,41 @@ def form(state: FormState, text: Catalogue, width: int, height: int) -> Form:
     if len(lines) < room:
         lines.append(BLANK)
     foot_row = len(lines)
-    filled = [*lines, *foot, *_file_lines(state.work, text, width, height - foot_row - len(foot))][
-        : max(height, 0)
-    ]
+    lines += [*foot, *_file_lines(state.work, text, width, height - foot_row - len(foot))]
+    entry = None
     if state.naming is not None:
         column = width_of(_name_label(text))
-        return Form(lines=tuple(filled), entry=(column + 1, foot_row, max(width - column - 2, 1)))
-    if state.typed is None:
-        return Form(lines=tuple(filled), entry=None)
-    left = _MARK + _label_width(width) + 1
-    cells = ENTRY_WIDTH if state.field.numeric else max(width - left - 1, 1)
-    return Form(lines=tuple(filled), entry=(left, rows.index(state.field), cells))
+        entry = column + 1, foot_row, max(width - column - 2, 1)
+    elif state.typed is not None:
+        left = _MARK + _label_width(width) + 1
+        entry = left, rows.index(state.field), ENTRY_WIDTH if state.field.numeric else max(width - left - 1, 1)
+    return Form(lines=tuple(lines[: max(height, 0)]), entry=entry)
 
 
 def speed_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the effect of the job's force and speed on grip and lobe; the most important rows first."""
     margin_n, span = grip_margin_n(job, machine), force_span(job, machine)
+    (least_n, most_n), stands = span.whole_n, span.stands(job.chucking_force_n)
+    inside = Token.OK if stands is Stands.INSIDE else Token.WARNING
     width = min(width, _SPEED_WIDTH)
     source = text(f"source.{lobe_source(job, chuck=machine.chuck.name, tool=machine.tool.name)}")
-    head = [
+    return [
         _fact(text("setup.grip"), f"{margin_n:.1f} N", width, Token.TEXT if margin_n >= 0 else Token.WARNING),
-        _window_line(span, job, text, width),
+        # The label gives the position of the job's force between the allowed ones.
+        _fact(text(f"setup.window.{stands}"), f"{least_n} … {most_n} N", width, inside),
         *([_window_bar(span, job, machine, width)] if height >= _ROWS_WITH_BAR else []),
         *_wrench_lines(job, machine, text, width),
+        _fact(text("setup.loss"), f"{centrifugal_loss_n(job, machine):.1f} N", width),
+        _fact(text("setup.lobe"), f"{job.lobe_frequency_hz:.1f} Hz", width),
+        _fact(text("setup.error"), f"{job.lobe_error_um_pp:.1f} um", width),
+        _fact(text("setup.error_at", source=source), f"{job.error_force_n:.1f} N", width),
     ]
-    rows = (
-        (text("setup.loss"), f"{centrifugal_loss_n(job, machine):.1f} N", Token.TEXT),
-        (text("setup.lobe"), f"{job.lobe_frequency_hz:.1f} Hz", Token.TEXT),
-        (text("setup.error"), f"{job.lobe_error_um_pp:.1f} um", Token.TEXT),
-        (text("setup.error_at", source=source), f"{job.error_force_n:.1f} N", Token.TEXT),
-    )
-    return [*head, *(_fact(name, value, width, token) for name, value, token in rows)]
 
 
-def _fact(name: str, value: str, width: int, token: Token) -> Line:
+def _fact(name: str, value: str, width: int, token: Token = Token.TEXT) -> Line:
     """Return a label with its value; a longer value takes cells of its label."""
     label = min(_SPEED_LABEL, max(width - max(10, cell_len(value) + 1), 0))
     return fact(name, value, width, label_width=label, token=token)
-
-
-def _window_line(span: ForceSpan, job: Job, text: Catalogue, width: int) -> Line:
-    """Return the allowed forces; the label gives the position of the job's force."""
-    least_n, most_n = span.whole_n
-    stands = span.stands(job.chucking_force_n)
-    token = Token.OK if stands is Stands.INSIDE else Token.WARNING
-    return _fact(text(f"setup.window.{stands}"), f"{least_n} … {most_n} N", width, token)
 
 
 def _window_bar(span: ForceSpan, job: Job, machine: MachineProfile, width: int) -> Line:
@@ -142,10 +124,10 @@ def _wrench_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int
     if wrench is None:
         return []
     torque_n_m = torque_or_none_n_m(wrench, job.chucking_force_n)
-    if torque_n_m is None:
-        return [_fact(text("setup.wrench"), text("setup.no_torque"), width, Token.WARNING)]
-    words = f"{torque_n_m:.2f} N m ±{wrench_force_sd_n(job, machine):.0f} N"
-    return [_fact(text("setup.wrench"), words, width, Token.TEXT)]
+    words, token = text("setup.no_torque"), Token.WARNING
+    if torque_n_m is not None:
+        words, token = f"{torque_n_m:.2f} N m ±{wrench_force_sd_n(job, machine):.0f} N", Token.TEXT
+    return [_fact(text("setup.wrench"), words, width, token)]
 
 
 def finding_lines(
@@ -155,34 +137,24 @@ def finding_lines(
     height: int | None = None,
     told: Sequence[Problem] = (),
 ) -> list[Line]:
-    """Return unmet rules, then the warnings, then how many rules are met, and which if there is room.
-
-    `told` are the warnings of the machine's calibrations, which are no rules. Without a height
-    all of that is included.
-    """
-    refused = [finding.problem for finding in findings if finding.severity is Severity.REFUSAL]
-    warned = [finding.problem for finding in findings if finding.severity is Severity.WARNING]
+    """Return unmet rules, warnings (`told`: those of calibrations), and the rules met, as far as they fit."""
+    refused, warned, held = (
+        [finding.problem for finding in findings if finding.severity is severity]
+        for severity in (Severity.REFUSAL, Severity.WARNING, Severity.OK)
+    )
+    marked = [(problem, ("✗ ", Token.ALARM)) for problem in refused]
+    marked += [(problem, ("! ", Token.WARNING)) for problem in (*warned, *told)]
     lines: list[Line] = []
-    for problems, mark in ((refused, ("✗ ", Token.ALARM)), ((*warned, *told), ("! ", Token.WARNING))):
-        for problem in problems:
-            lines += hanging(mark, text.problem(named(problem, text)), width)
-    held = [finding for finding in findings if finding.severity is Severity.OK]
+    for problem, mark in marked:
+        lines += hanging(mark, text.problem(named(problem, text)), width)
     if height is not None and len(lines) >= height:
         return clipped(lines, height, text("panel.more"))
     lines.append(line(("✓ ", Token.OK), text("setup.hold", count=len(held), total=len(findings))))
-    names = [text(f"name.{finding.problem.code}") for finding in held]
-    fitting = names if height is None else _as_fit(names, height - len(lines), text)
-    return [*lines, *((dim(fitted("  " + name, width)),) for name in fitting)]
-
-
-def _as_fit(names: list[str], rows: int, text: Catalogue) -> list[str]:
-    """Return the names that fit; the last row gives the number left out."""
-    if len(names) <= rows:
-        return names
-    kept = names[: max(rows - 1, 0)]
-    if not kept:
-        return []
-    return [*kept, text("setup.more_hold", count=len(names) - len(kept))]
+    names = [text(f"name.{problem.code}") for problem in held]
+    if height is not None and len(names) > (room := height - len(lines)):
+        # The last row gives the number left out.
+        names = [*names[: room - 1], text("setup.more_hold", count=len(names) - room + 1)] if room > 1 else []
+    return [*lines, *((dim(fitted("  " + name, width)),) for name in names)]
 
 
 def draft(state: FormState) -> Job:
@@ -191,7 +163,6 @@ def draft(state: FormState) -> Job:
 
 
 def _rows(room: int, selected: int) -> list[FormField | str]:
-    """Return the rows that fit: fields with headings and blanks between, or fewer of these, or a part."""
     spaced: list[FormField | str] = []
     for field in FORM:
         if field.heading not in spaced:
@@ -210,11 +181,10 @@ def _row(row: FormField | str, state: FormState, text: Catalogue, width: int) ->
         return (dim(text(f"setup.{row}")),) if row else BLANK
     chosen = row is state.field and state.naming is None
     label = fitted(text(f"setup.{row.key}"), _label_width(width))
-    head: Line = (("▸ " if chosen else "  ", Token.ACTION), (label, Token.STRONG if chosen else Token.DIM))
+    head = line(("▸ " if chosen else "  ", Token.ACTION), (label, Token.STRONG if chosen else Token.DIM))
     if chosen and state.typed is not None:
         return (*head, *_open_row(row, state, text, width))
-    value = row.mark + written(row, state.work.job)
-    token = Token.STRONG if chosen else Token.TEXT
+    value, token = row.mark + written(row, state.work.job), Token.STRONG if chosen else Token.TEXT
     if not row.numeric and len(value) > ENTRY_WIDTH:
         return (*head, (" " + fitted(value, width - _MARK - len(label) - 2), token))
     shown = fitted(" " * (ENTRY_WIDTH + 1 - len(value)) + value, ENTRY_WIDTH + 1)
@@ -227,31 +197,28 @@ def _open_row(row: FormField, state: FormState, text: Catalogue, width: int) -> 
         cells = max(width - _MARK - _label_width(width) - 2, 0)
         return line("[" + " " * cells + "]")
     field: Line = line("[" + " " * ENTRY_WIDTH + "]", dim(" " + fitted(row.rule.unit, _UNIT - 1)))
-    judged = state.judged
-    if judged is None or not (state.typed or "").strip():
+    if state.judged is None or not (state.typed or "").strip():
         return field
-    if judged.problems:
+    if state.judged.problems:
         return (*field, ("✗ " + text("setup.refused"), Token.WARNING))
-    return (*field, (text("setup.understood", value=written(row, judged.work.job)), Token.OK))
+    return (*field, (text("setup.understood", value=written(row, state.judged.work.job)), Token.OK))
 
 
 def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Line:
     """Return the text after a value: its limits while it is selected, else a note on it."""
     room = width - _MARK - _label_width(width) - ENTRY_WIDTH - 2 - _UNIT
-    if room < ENTRY_WIDTH:
-        return BLANK
+    job, filed, words, token = state.work.job, state.work.loaded.job, "", Token.WARNING
     if row is state.field and bounds(row):
-        return (dim(fitted(bounds(row), room)),)
-    if row.key in changed_conditions(state.work.job):
-        was = text("setup.lobe_was", value=_of_lobe(row, state.work.job))
-        # A truncated number would be read as another one.
-        return ((fitted(was if cell_len(was) <= room else text("setup.not_lobes"), room), Token.WARNING),)
-    if getattr(state.work.job, row.key) != getattr(state.work.loaded.job, row.key):
-        was = text("setup.was", value=written(row, state.work.loaded.job))
-        return ((fitted(was, room), Token.WARNING),)
-    if row.key in state.work.job.assumed:
-        return (dim(fitted(text("setup.assumed"), room)),)
-    return BLANK
+        words, token = bounds(row), Token.DIM
+    elif row.key in changed_conditions(job):
+        words = text("setup.lobe_was", value=_of_lobe(row, job))
+        if cell_len(words) > room:  # a truncated number would be read as another one
+            words = text("setup.not_lobes")
+    elif getattr(job, row.key) != getattr(filed, row.key):
+        words = text("setup.was", value=written(row, filed))
+    elif row.key in job.assumed:
+        words, token = text("setup.assumed"), Token.DIM
+    return line((fitted(words, room), token)) if words and room >= ENTRY_WIDTH else BLANK
 
 
 def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
@@ -260,22 +227,20 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
         brackets = "[" + " " * max(width - width_of(_name_label(text)) - 2, 0) + "]"
         return [(*_name_label(text), (brackets, Token.TEXT)), *_naming_words(state, text, width)]
     if state.typed is not None and state.judged and state.judged.problems:
-        words = text.problem(named(state.judged.problems[0], text))
-        return wrapped(words, width, Token.WARNING)
+        return wrapped(text.problem(named(state.judged.problems[0], text)), width, Token.WARNING)
     if state.locked is not None:
         return wrapped("! " + text.problem(state.locked), width, Token.WARNING)
-    rule, field, work = state.field.rule, state.field, state.work
-    allowed = text("setup.allowed", limit=rule.limit) if field.numeric else text("setup.allowed_text")
-    notes = []
+    field, job, filed, note = state.field, state.work.job, state.work.loaded.job, ""
+    allowed = text("setup.allowed", limit=field.rule.limit) if field.numeric else text("setup.allowed_text")
     if field.key in changed_conditions(draft(state)):
-        notes.append(text("setup.lobe_was_long", value=_of_lobe(field, draft(state))))
+        note = text("setup.lobe_was_long", value=_of_lobe(field, draft(state)))
     elif state.typed is not None:
-        notes.append(text("setup.keeps", value=with_unit(field, work.job)))
-    elif getattr(work.job, field.key) != getattr(work.loaded.job, field.key):
-        notes.append(text("setup.was_long", value=with_unit(field, work.loaded.job)))
-    elif field.key in work.job.assumed:
-        notes.append(text("setup.assumed_long"))
-    return [(dim(fitted(words, width)),) for words in (allowed, *notes)]
+        note = text("setup.keeps", value=with_unit(field, job))
+    elif getattr(job, field.key) != getattr(filed, field.key):
+        note = text("setup.was_long", value=with_unit(field, filed))
+    elif field.key in job.assumed:
+        note = text("setup.assumed_long")
+    return [(dim(fitted(words, width)),) for words in (allowed, note) if words]
 
 
 def _of_lobe(field: FormField, job: Job) -> str:
@@ -284,7 +249,6 @@ def _of_lobe(field: FormField, job: Job) -> str:
 
 
 def _file_lines(work: Work, text: Catalogue, width: int, room: int) -> list[Line]:
-    """Return the source of the values, for a form that has room below."""
     job = work.loaded.job
     lines = [
         BLANK,
@@ -296,12 +260,11 @@ def _file_lines(work: Work, text: Catalogue, width: int, room: int) -> list[Line
 
 
 def _naming_words(state: FormState, text: Catalogue, width: int) -> list[Line]:
-    name = (state.naming or "").strip()
-    if not name:
-        return [(dim(text("setup.name_empty")),)]
     if state.naming_problem is not None:
         return hanging(("✗ ", Token.WARNING), text.problem(state.naming_problem), width, Token.WARNING)
-    return wrapped(text("setup.name_file", name=name), width, Token.DIM)
+    if name := (state.naming or "").strip():
+        return wrapped(text("setup.name_file", name=name), width, Token.DIM)
+    return [(dim(text("setup.name_empty")),)]
 
 
 def _name_label(text: Catalogue) -> Line:

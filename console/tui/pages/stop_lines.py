@@ -7,19 +7,15 @@ from collections.abc import Sequence
 from console.session.station.progress import CutProgress
 from console.session.station.state import StationState, StopState, TouchedBlank
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, clipped, fact, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, fact, first_fitting, wrapped
 from console.tui.theme import Token
 
 LABEL_WIDTH = 13
-TURNING_RPM = 1.0
-"""Speed above which the spindle counts as turning; a disabled drive may creep a count or two."""
+TURNING_RPM = 1.0  # speed above which the spindle counts as turning; a disabled drive may creep a count or two
 
 
 def stop_lines(text: Catalogue, state: StationState, width: int, height: int | None = None) -> list[Line]:
-    """Return how the present stop ended, how it left the part, and what to do, in order; nothing without one.
-
-    In little room what to do comes before how it ended.
-    """
+    """Return how the present stop ended, how it left the part, and what to do: this first in little room."""
     stop, speed_rpm = state.stop, state.spindle_rpm
     if stop is None:
         return []
@@ -41,12 +37,10 @@ def stop_lines(text: Catalogue, state: StationState, width: int, height: int | N
         rows.append(row("drives", drives, Token.TEXT if stop.can_retract else Token.WARNING))
         if state.touched is not None:
             rows.append(row("part", cut_words(text, state.touched), Token.TEXT))
-    mark = [] if not state.marks_mm or stop.rest_s is None else mark_lines(text, state.marks_mm, width)
+    mark = [] if stop.rest_s is None else mark_lines(text, state.marks_mm, width)
     remedy = wrapped(_remedy(text, stop), width, Token.STRONG)
-    lines = [*head, *rows, *mark, BLANK, *remedy]
-    if height is None or len(lines) <= height:
-        return lines
-    return clipped([*head, *remedy, BLANK, *mark, *rows], height, text("panel.more"))
+    whole, remedy_first = [*head, *rows, *mark, BLANK, *remedy], [*head, *remedy, BLANK, *mark, *rows]
+    return first_fitting(height, text("panel.more"), whole, remedy_first)
 
 
 def _times(text: Catalogue, stop: StopState, rest_s: float) -> str:
@@ -61,10 +55,12 @@ def cut_words(text: Catalogue, touched: TouchedBlank) -> str:
     return text("run_page.cut_to", z=f"{touched.to_mm:.1f}", length=f"{touched.of_mm:.1f}")
 
 
-def mark_lines(text: Catalogue, marks_mm: Sequence[float], width: int) -> list[Line]:
-    """Return where stops left the tool in the turning part, and what that means for it."""
+def mark_lines(text: Catalogue, marks_mm: Sequence[float], width: int, page: str = "run_page") -> list[Line]:
+    """Return where stops left the tool in the turning part, mm behind its face, and what that means for it."""
+    if not marks_mm:
+        return []
     places = ", ".join(f"{mark_mm:.1f}" for mark_mm in marks_mm)
-    return wrapped("! " + text("run_page.marked", z=places), width, Token.WARNING)
+    return wrapped("! " + text(f"{page}.marked", z=places), width, Token.WARNING)
 
 
 def cut_of_stop(state: StationState) -> CutProgress | None:
@@ -74,13 +70,12 @@ def cut_of_stop(state: StationState) -> CutProgress | None:
 
 def spindle_line(text: Catalogue, speed_rpm: float | None, width: int) -> Line:
     """Return whether the spindle turns, and how fast; a dash while that is not known."""
-    label = text("run_page.stop.spindle")
-    if speed_rpm is None:
-        return fact(label, NOTHING, width, label_width=LABEL_WIDTH)
-    if abs(speed_rpm) < TURNING_RPM:
-        return fact(label, text("run_page.still"), width, label_width=LABEL_WIDTH)
-    value = f"! {text('run_page.turns')} {speed_rpm:z.0f} rpm"
-    return fact(label, value, width, label_width=LABEL_WIDTH, token=Token.WARNING)
+    value, token = NOTHING, Token.TEXT
+    if speed_rpm is not None:
+        turns = abs(speed_rpm) >= TURNING_RPM
+        value = f"! {text('run_page.turns')} {speed_rpm:z.0f} rpm" if turns else text("run_page.still")
+        token = Token.WARNING if turns else Token.TEXT
+    return fact(text("run_page.stop.spindle"), value, width, label_width=LABEL_WIDTH, token=token)
 
 
 def lost_lines(
@@ -91,13 +86,10 @@ def lost_lines(
     age_s = state.age_s(now_s)
     if age_s is None:
         return [*rows, *wrapped(text("run_page.lost.never"), width, Token.WARNING)]
-    age = text("run_page.lost.age", age=f"{age_s:.0f}")
-    remedy = text("run_page.lost.remedy")
-    since, advice = wrapped(age, width, Token.WARNING), wrapped(remedy, width, Token.STRONG)
-    lines = [*rows, *since, BLANK, *advice]
-    if height is None or len(lines) <= height:
-        return lines
-    return clipped([*rows, *advice, *since], height, text("panel.more"))
+    since = wrapped(text("run_page.lost.age", age=f"{age_s:.0f}"), width, Token.WARNING)
+    advice = wrapped(text("run_page.lost.remedy"), width, Token.STRONG)
+    whole, advice_first = [*rows, *since, BLANK, *advice], [*rows, *advice, *since]
+    return first_fitting(height, text("panel.more"), whole, advice_first)
 
 
 def stale(lines: Sequence[Line]) -> list[Line]:
@@ -125,8 +117,5 @@ def _tool(text: Catalogue, stop: StopState) -> tuple[str, Token]:
 def _remedy(text: Catalogue, stop: StopState) -> str:
     if stop.rest_s is None:
         return text("run_page.remedy.wait")
-    if stop.tool_in_part is None:
-        return text("run_page.remedy.unknown" if stop.can_retract else "run_page.remedy.unknown_off")
-    if stop.tool_in_part is False:
-        return text("run_page.remedy.clear") if stop.can_retract else text("run_page.remedy.not_held")
-    return text("run_page.remedy.retract") if stop.can_retract else text("run_page.remedy.by_hand")
+    words = {None: ("unknown", "unknown_off"), False: ("clear", "not_held"), True: ("retract", "by_hand")}
+    return text(f"run_page.remedy.{words[stop.tool_in_part][not stop.can_retract]}")

@@ -6,14 +6,12 @@ highest layer with a dot in it. A dot has integer coordinates: x to the right fr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Glyphs = Literal["braille", "ascii"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -24,27 +22,8 @@ NO_LAYER = -1
 
 _BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
 """Bit of each dot of a cell in the order of the braille block."""
-_TOP, _BOTTOM = 0x1B, 0xE4
-_FAR_DOTS = 1.0e9
-"""Coordinates further out than this are clamped to it: the line leaves the canvas either way."""
-
-
-def _ascii_glyph(bits: int) -> str:
-    if bits.bit_count() > DOTS_DOWN:
-        return "#"
-    if bits & _TOP and bits & _BOTTOM:
-        return ":"
-    return "'" if bits & _TOP else "."
-
-
-def _table(glyphs: Sequence[str]) -> NDArray[np.uint32]:
-    return np.array([ord(" "), *(ord(glyph) for glyph in glyphs)], dtype=np.uint32)
-
-
-_GLYPHS = {
-    "braille": _table([chr(0x2800 + bits) for bits in range(1, 256)]),
-    "ascii": _table([_ascii_glyph(bits) for bits in range(1, 256)]),
-}
+_BRAILLE, _BLANK = np.uint32(0x2800), np.uint32(ord(" "))
+_FAR_DOTS = 1.0e9  # coordinates further out than this are clamped to it: the line leaves the canvas either way
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,27 +35,15 @@ class Dash:
 
 
 class BrailleCanvas:
-    """Dots on a rectangle of cells.
+    """Dots on a rectangle of at least one cell; width and height are in cells."""
 
-    Args:
-        columns: Width in cells, at least 1.
-        rows: Height in cells, at least 1.
-        glyphs: How a cell is written: "ascii" is for fonts without braille.
-    """
-
-    def __init__(self, columns: int, rows: int, glyphs: Glyphs = "braille") -> None:
+    def __init__(self, columns: int, rows: int) -> None:
         self.columns = max(columns, 1)
         self.rows = max(rows, 1)
         self.width_dots = self.columns * DOTS_ACROSS
         self.height_dots = self.rows * DOTS_DOWN
-        self._glyphs = _GLYPHS[glyphs]
         self._dots = np.zeros((self.height_dots, self.width_dots), dtype=np.uint8)
         self._layers = np.full((self.rows, self.columns), NO_LAYER, dtype=np.int16)
-
-    def clear(self) -> None:
-        """Clear all dots."""
-        self._dots[:] = 0
-        self._layers[:] = NO_LAYER
 
     def points(self, x: ArrayLike, y: ArrayLike, layer: int) -> None:
         """Set the dot nearest to each point; points outside, and those that are not numbers, are left out."""
@@ -85,11 +52,7 @@ class BrailleCanvas:
         self._set(_nearest(x_dots[known]), _nearest(y_dots[known]), layer)
 
     def polyline(self, x: ArrayLike, y: ArrayLike, layer: int, dash: Dash | None = None) -> None:
-        """Join the points by lines one dot wide without gaps; what lies outside is cut off.
-
-        A point that is not a number breaks the line. Both ends of every piece are set, unless the line is
-        dashed.
-        """
+        """Join points by lines one dot wide, with both ends unless dashed; what is no number breaks the line."""
         path = _Path.of(x, y)
         tread = path.tread(self.width_dots, self.height_dots)
         if dash is not None:
@@ -102,23 +65,12 @@ class BrailleCanvas:
     def cell_codes(self) -> NDArray[np.uint32]:
         """Return the character code of each cell (rows x columns); a cell without dots is a blank."""
         cells = self._dots.reshape(self.rows, DOTS_DOWN, self.columns, DOTS_ACROSS)
-        bits = np.zeros((self.rows, self.columns), dtype=np.uint8)
-        for down in range(DOTS_DOWN):
-            for across in range(DOTS_ACROSS):
-                bits |= cells[:, down, :, across] * _BITS[down, across]
-        return self._glyphs[bits]
+        bits = np.einsum("rdca,da->rc", cells, _BITS)
+        return np.where(bits > 0, _BRAILLE + bits, _BLANK)
 
     def cell_layers(self) -> NDArray[np.int16]:
         """Return the highest layer with a dot in each cell (rows x columns), `NO_LAYER` where there is none."""
         return self._layers.copy()
-
-    def text_rows(self) -> list[str]:
-        """Return the rows of text from the top."""
-        return [row.tobytes().decode("utf-32-le") for row in self.cell_codes().astype("<u4")]
-
-    def dots(self) -> Flags:
-        """Return which dots are set (height x width in dots)."""
-        return self._dots.astype(np.bool_)
 
     def _set(self, x: Ints, y: Ints, layer: int) -> None:
         inside = (x >= 0) & (x < self.width_dots) & (y >= 0) & (y < self.height_dots)
@@ -129,22 +81,38 @@ class BrailleCanvas:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Tread:
+    x: Ints
+    y: Ints
+    step: Ints  # the step of the path that each dot belongs to
+    done: Ints  # how many dots there are up to the end of each step
+
+    def gap_after(self, steps: Ints, piece: Ints) -> Flags:
+        """Return for each of these steps whether the dots before and after its end do not touch."""
+        if self.x.size == 0:
+            return np.ones(steps.size, dtype=np.bool_)
+        before = np.maximum(self.done[steps] - 1, 0)
+        after = np.minimum(self.done[steps], self.x.size - 1)
+        apart = np.maximum(np.abs(self.x[after] - self.x[before]), np.abs(self.y[after] - self.y[before]))
+        elsewhere = (piece[self.step[before]] != piece[steps]) | (piece[self.step[after]] != piece[steps])
+        at_the_rim = (self.done[steps] == 0) | (self.done[steps] == self.x.size)
+        gap: Flags = (apart > 1) | elsewhere | at_the_rim
+        return gap
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Path:
     """A polyline cut into straight steps, each with the axis along which it is the longer ("major")."""
 
     x: Floats
     y: Floats
-    joined: Flags
-    """Whether the step from this point to the next is drawn."""
-    steep: Flags
-    """Whether y is the major axis of the step."""
-    ahead: Floats
-    """How far the step goes along its major axis, with its sign, dots."""
-    aside: Floats
-    """How far it goes along the other axis."""
+    joined: Flags  # whether the step from this point to the next is drawn
+    steep: Flags  # whether y is the major axis of the step
+    ahead: Floats  # how far the step goes along its major axis, with its sign, dots
+    aside: Floats  # how far it goes along the other axis
 
     @classmethod
-    def of(cls, x: ArrayLike, y: ArrayLike) -> _Path:
+    def of(cls, x: ArrayLike, y: ArrayLike) -> Self:
         x_dots, y_dots = _tame(x), _tame(y)
         new = np.ones(x_dots.size, dtype=np.bool_)
         new[1:] = (x_dots[1:] != x_dots[:-1]) | (y_dots[1:] != y_dots[:-1])
@@ -161,10 +129,7 @@ class _Path:
         )
 
     def tread(self, width_dots: int, height_dots: int) -> _Tread:
-        """Return the dots, in order, where the path crosses the middle of a column (of a row, where it is steep).
-
-        These are the dots nearest to the path: they lie at most half a dot beside it.
-        """
+        """Return the dots, in order, that are nearest to the path in each column (each row, where it is steep)."""
         across, down = self.x[:-1], self.y[:-1]
         start = np.where(self.steep, down, across)
         size = np.where(self.steep, height_dots, width_dots)
@@ -184,11 +149,7 @@ class _Path:
         )
 
     def knots(self, tread: _Tread) -> tuple[Ints, Ints]:
-        """Return the dots of the ends, of the turning points and of the corners that close a gap.
-
-        Other corners are left out: the dot nearest to a corner may lie further from the line than its
-        neighbours do, and circles would have warts.
-        """
+        """Return the dots of ends, turning points and corners that close a gap; others are warts on circles."""
         before = np.zeros(self.x.size, dtype=np.bool_)
         after = before.copy()
         before[1:], after[:-1] = self.joined, self.joined
@@ -199,30 +160,6 @@ class _Path:
         chosen[1:-1] |= turned & self.joined[1:] & self.joined[:-1]
         chosen[corners[tread.gap_after(corners, np.cumsum(~self.joined))] + 1] = True
         return _nearest(self.x[chosen]), _nearest(self.y[chosen])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Tread:
-    """The dots that a path treads on, in order."""
-
-    x: Ints
-    y: Ints
-    step: Ints
-    """The step of the path that each dot belongs to."""
-    done: Ints
-    """How many dots there are up to the end of each step."""
-
-    def gap_after(self, steps: Ints, piece: Ints) -> Flags:
-        """Return for each of these steps whether the dots before and after its end do not touch."""
-        if self.x.size == 0:
-            return np.ones(steps.size, dtype=np.bool_)
-        before = np.maximum(self.done[steps] - 1, 0)
-        after = np.minimum(self.done[steps], self.x.size - 1)
-        apart = np.maximum(np.abs(self.x[after] - self.x[before]), np.abs(self.y[after] - self.y[before]))
-        elsewhere = (piece[self.step[before]] != piece[steps]) | (piece[self.step[after]] != piece[steps])
-        at_the_rim = (self.done[steps] == 0) | (self.done[steps] == self.x.size)
-        gap: Flags = (apart > 1) | elsewhere | at_the_rim
-        return gap
 
 
 def _tame(values: ArrayLike) -> Floats:

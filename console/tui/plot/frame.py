@@ -1,4 +1,4 @@
-"""Axes of a plot with their ticks, by plotext, and the area of the data inside them.
+"""Axes of a plot with their ticks on round numbers, by plotext, and the area of the data inside them.
 
 The only module that imports plotext. It draws the frame once for each size and limits; the data are drawn on a
 canvas (`BrailleCanvas`) over it, because plotext takes some ten milliseconds and leaves gaps where traces cross.
@@ -6,28 +6,79 @@ canvas (`BrailleCanvas`) over it, because plotext takes some ten milliseconds an
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from textual_plotext import Plot
 
 from console.tui.plot.canvas import DOTS_ACROSS, DOTS_DOWN, Floats
-from console.tui.plot.scale import label, proper_limits, ticks
 
 _FULL_TURN = (0.0, 360.0)
 _FULL_TURN_TICKS = (0.0, 120.0, 240.0, 360.0)
 _ROWS_PER_TICK = 3
 _COLUMNS_PER_TICK = 12
-_LEAST_COLUMNS = 4
-"""With fewer columns or rows of data than these, the axes are left out."""
+_LEAST_COLUMNS = 4  # with fewer columns or rows of data than these, the axes are left out
 _LEAST_ROWS = 2
 _CORNER = "└"
-FRAMES_KEPT = 16
-"""Enough for every plot of the screens at one size."""
-
+FRAMES_KEPT = 16  # enough for every plot of the screens at one size
+_ROUND = (1.0, 2.0, 5.0, 10.0)
+_SLACK = 1.0e-9  # tolerance for a step to count as reached: sums of decimal steps are not exact
 Limits = tuple[float, float]
+
+
+def step_125(at_least: float) -> float:
+    """Return the smallest step of 1, 2 or 5 times a power of ten that is not below a positive number."""
+    power = 10.0 ** math.floor(math.log10(at_least))
+    return next((power * step for step in _ROUND if power * step >= at_least * (1.0 - _SLACK)), 10.0 * power)
+
+
+def coarser(step: float) -> float:
+    """Return the next larger step of 1, 2, 5."""
+    return step_125(step * 1.01)
+
+
+def nice_limits(low: float, high: float) -> Limits:
+    """Return limits of an axis on round numbers that hold both values, steady while the data vary a little."""
+    low, high = proper_limits((low, high))
+    step = step_125((high - low) / 4.0)
+    bottom = math.floor(low / step + _SLACK) * step
+    top = math.ceil(high / step - _SLACK) * step
+    return bottom, top
+
+
+def proper_limits(limits: Limits) -> Limits:
+    """Return finite limits in rising order with room between them."""
+    low, high = (value if math.isfinite(value) else 0.0 for value in limits)
+    low, high = min(low, high), max(low, high)
+    # Two limits that a float can hardly distinguish leave no room for a scale.
+    room = 1.0e-9 * max(abs(low), abs(high), 1.0)
+    return (low, high) if high - low > room else (low - 0.5 * max(abs(low), 1.0), high + 0.5 * max(abs(high), 1.0))
+
+
+def ticks(limits: Limits, most: int) -> tuple[float, ...]:
+    """Return two or more, at most `most` (at least 2), round values within proper limits."""
+    low, high = limits
+    step = step_125((high - low) / (max(most, 2) + 1))
+    denser = found = _multiples(low, high, step)
+    while len(found) > max(most, 2):
+        step, denser = coarser(step), found
+        found = _multiples(low, high, step)
+    return found if len(found) > 1 else (denser[0], denser[-1])
+
+
+def _multiples(low: float, high: float, step: float) -> tuple[float, ...]:
+    first, last = math.ceil(low / step - _SLACK), math.floor(high / step + _SLACK)
+    return tuple(count * step for count in range(first, last + 1))
+
+
+def label(value: float) -> str:
+    """Return a tick's value in few characters."""
+    text = f"{value:.6g}"
+    return "0" if text == "-0" else text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,18 +93,15 @@ class PlotFrame:
     y_limits: Limits
 
     def to_dots(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
-        """Return where points lie on the canvas of the data, dots from its top left corner.
-
-        The limits lie in the middle of the outermost dots.
-        """
-        across = _share(x, self.x_limits) * (self.data_columns * DOTS_ACROSS - 1)
-        up = _share(y, self.y_limits) * (self.data_rows * DOTS_DOWN - 1)
+        """Return points as dots from the top left corner; the limits lie in the middle of the outermost dots."""
+        across = _fraction(x, self.x_limits) * (self.data_columns * DOTS_ACROSS - 1)
+        up = _fraction(y, self.y_limits) * (self.data_rows * DOTS_DOWN - 1)
         return across, (self.data_rows * DOTS_DOWN - 1) - up
 
 
-def _share(values: ArrayLike, limits: Limits) -> Floats:
-    share: Floats = (np.asarray(values, dtype=np.float64) - limits[0]) / (limits[1] - limits[0])
-    return share
+def _fraction(values: ArrayLike, limits: Limits) -> Floats:
+    fraction: Floats = (np.asarray(values, dtype=np.float64) - limits[0]) / (limits[1] - limits[0])
+    return fraction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,32 +111,25 @@ class _Axis:
     labels: tuple[str, ...]
 
     @classmethod
-    def along_x(cls, limits: Limits, columns: int, unit: str) -> _Axis:
+    def along_x(cls, limits: Limits, columns: int, unit: str) -> Self:
         places = _FULL_TURN_TICKS if limits == _FULL_TURN else ticks(limits, columns // _COLUMNS_PER_TICK + 1)
         labels = [label(place) for place in places]
         return cls(limits=limits, ticks=places, labels=(*labels[:-1], labels[-1] + unit))
 
     @classmethod
-    def along_y(cls, limits: Limits, rows: int, unit: str) -> _Axis:
+    def along_y(cls, limits: Limits, rows: int, unit: str) -> Self:
         places = ticks(limits, rows // _ROWS_PER_TICK + 1)
         return cls(limits=limits, ticks=places, labels=tuple(label(place).rjust(len(unit)) for place in places))
-
-    @property
-    def label_columns(self) -> int:
-        return max(len(text) for text in self.labels)
 
 
 @lru_cache(maxsize=FRAMES_KEPT)
 def plot_frame(
     columns: int, rows: int, x_limits: Limits, y_limits: Limits, y_unit: str = "", x_unit: str = ""
 ) -> PlotFrame:
-    """Return the axes for a size in cells; without room for them the data take all of it.
-
-    Units are of characters one cell wide. That of x follows the last tick; that of y is under the top one.
-    """
+    """Return the axes for a size in cells, with units of one-cell characters; without room the data take all."""
     columns, rows = max(columns, 1), max(rows, 1)
     y = _Axis.along_y(proper_limits(y_limits), rows, y_unit)
-    left, data_rows = y.label_columns + 1, rows - 2
+    left, data_rows = max(map(len, y.labels)) + 1, rows - 2
     x = _Axis.along_x(proper_limits(x_limits), columns - left, x_unit)
     if columns - left < _LEAST_COLUMNS or data_rows < _LEAST_ROWS:
         text, left, data_rows = [" " * columns] * rows, 0, rows

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import shutil
 from argparse import Namespace
-from itertools import count
 
 import numpy as np
 
 from console.cli.measured.comparison import reproduce, word
 from console.text.catalogue import Catalogue
-from console.tui.plot.scale import nice_limits
+from console.tui.plot.frame import Limits, nice_limits
 from console.tui.plot.trace_view import Series, TracePicture, trace_cells
 from console.tui.theme import Token
 from profiles.paper.record import Figure
 
 MOST_COLUMNS, ROWS = 90, 14
-_MARKS = ("──", "╌╌", "··")
-"""The first curve is a line, the second a broken one, the third dots."""
+_MARKS = ("──", "╌╌", "··")  # the first curve is a line, the second a broken one, the third dots
 
 
 def main(options: Namespace, text: Catalogue) -> int:
@@ -32,10 +30,10 @@ def figure_lines(figure: Figure, text: Catalogue, columns: int = MOST_COLUMNS, r
     up = np.concatenate([curve.y for curve in figure.curves])
     series = [
         Series(x=curve.x, y=curve.y, token=Token.TEXT, dashed=place == 1, dots=place > 1)
-        for place, curve in zip(count(), figure.curves, strict=False)
+        for place, curve in enumerate(figure.curves)
     ]
     picture = TracePicture(
-        series=tuple(series),
+        series=series,
         x_limits=_x_limits(float(across.min()), float(across.max())),
         y_limits=nice_limits(float(up.min()), float(up.max())),
         y_unit=figure.y_unit,
@@ -48,6 +46,6 @@ def figure_lines(figure: Figure, text: Catalogue, columns: int = MOST_COLUMNS, r
     return [*drawn, f"    {legend}"]
 
 
-def _x_limits(low: float, high: float) -> tuple[float, float]:
+def _x_limits(low: float, high: float) -> Limits:
     """Return a whole turn where the points are nearly one, else round numbers."""
     return (0.0, 360.0) if low == 0.0 and 359.0 <= high <= 360.0 else nice_limits(low, high)

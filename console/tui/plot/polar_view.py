@@ -11,21 +11,16 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from console.tui.plot.canvas import DOTS_ACROSS, DOTS_DOWN, BrailleCanvas, Dash, Floats, Glyphs
-from console.tui.plot.cell_view import CellView
-from console.tui.plot.frame import FRAMES_KEPT
-from console.tui.plot.scale import step_125
-from console.tui.plot.spans import Cells
+from console.tui.plot.canvas import DOTS_ACROSS, DOTS_DOWN, BrailleCanvas, Dash, Floats
+from console.tui.plot.cell_view import Cells, CellView
+from console.tui.plot.frame import FRAMES_KEPT, step_125
 from console.tui.theme import Token
 
-DIVISIONS = 2
-"""Divisions between the reference ring and the largest deviation shown, on either side."""
+DIVISIONS = 2  # divisions between the reference ring and the largest deviation shown, on either side
 _REFERENCE_SHARE = 0.6
 """Radius of the reference ring as a fraction of the largest radius: equal room within and without."""
-_LEAST_DOTS_PER_DIVISION = 4.0
-"""Distance below which rings blur."""
-_LEAST_UM_PER_DIVISION = 0.1
-"""Smallest division: a part is not shown rounder than it can be measured."""
+_LEAST_DOTS_PER_DIVISION = 4.0  # distance below which rings blur
+_LEAST_UM_PER_DIVISION = 0.1  # smallest division: a part is not shown rounder than it can be measured
 _TICK_DOTS = 3.0
 _BEFORE_DASH = Dash(on=2, off=3)
 OFF_THE_DOTS_DEG = 0.37
@@ -41,8 +36,7 @@ class PolarTrace:
     """A closed trace; angles counter-clockwise from 3 o'clock. What is not a number leaves a gap."""
 
     angle_deg: ArrayLike
-    deviation_um: ArrayLike
-    """Outwards positive, from the reference circle, on the radius."""
+    deviation_um: ArrayLike  # outwards positive, from the reference circle, on the radius
     token: Token
     dashed: bool = False
 
@@ -61,10 +55,8 @@ class Dial:
 
     x: float
     y: float
-    reference: float
-    """Radius of the reference ring."""
-    division: float
-    """Distance between rings."""
+    reference: float  # radius of the reference ring
+    division: float  # distance between rings
 
     def spot(self, angle_deg: ArrayLike, radius: ArrayLike) -> tuple[Floats, Floats]:
         """Return the coordinates of points on the canvas from their angles, deg, and radii, dots."""
@@ -100,16 +92,11 @@ def fitting_um_per_division(traces: Sequence[PolarTrace]) -> float:
 
 
 def polar_cells(
-    traces: Sequence[PolarTrace],
-    marks: Sequence[Mark],
-    um_per_division: float,
-    columns: int,
-    rows: int,
-    glyphs: Glyphs = "braille",
+    traces: Sequence[PolarTrace], marks: Sequence[Mark], um_per_division: float, columns: int, rows: int
 ) -> Cells:
     """Return rings, traces and marks for a size in cells; later traces lie over earlier ones."""
     cells = Cells.blank(columns, rows)
-    canvas = deepcopy(_rings(columns, rows, glyphs))
+    canvas = deepcopy(_rings(columns, rows))  # the part that does not change with the data
     place = dial(columns, rows)
     for mark in marks:
         tick = np.array([max(place.rim - _TICK_DOTS, 0.0), place.rim])
@@ -126,9 +113,8 @@ def polar_cells(
 
 
 @lru_cache(maxsize=FRAMES_KEPT)
-def _rings(columns: int, rows: int, glyphs: Glyphs) -> BrailleCanvas:
-    """Return the part that does not change with the data; not to be drawn on."""
-    canvas, place = BrailleCanvas(columns, rows, glyphs), dial(columns, rows)
+def _rings(columns: int, rows: int) -> BrailleCanvas:
+    canvas, place = BrailleCanvas(columns, rows), dial(columns, rows)
     circle_deg = np.arange(361.0) + OFF_THE_DOTS_DEG
     canvas.polyline(*place.spot(circle_deg, np.full(361, place.reference)), _RING_LAYER, _RING_DASH)
     if place.division >= _LEAST_DOTS_PER_DIVISION:
@@ -157,42 +143,16 @@ class PolarView(CellView):
 
     _traces: tuple[PolarTrace, ...] = ()
     _marks: tuple[Mark, ...] = ()
-    _um_per_division = 1.0
-
-    @property
-    def scale_um_per_division(self) -> float:
-        """The scale of what is shown, um per division, for the caption."""
-        return self._um_per_division
+    scale_um_per_division = 1.0
 
     def show(
-        self,
-        traces: Sequence[PolarTrace],
-        *,
-        um_per_division: float | None = None,
-        marks: Sequence[Mark] = (),
+        self, traces: Sequence[PolarTrace], *, um_per_division: float | None = None, marks: Sequence[Mark] = ()
     ) -> None:
-        """Draw these traces instead of the last ones.
-
-        Args:
-            traces: The one that matters most at the end: it lies on top.
-            um_per_division: The scale, more than 0; without it the smallest round one on which all fits.
-            marks: Places with a label at the rim.
-        """
-        self._traces = tuple(_kept(trace) for trace in traces)
-        self._marks = tuple(marks)
-        self._um_per_division = um_per_division or fitting_um_per_division(self._traces)
+        """Draw these traces, the last one on top; without a scale, on the smallest round one on which all fit."""
+        self._traces, self._marks = deepcopy(tuple(traces)), tuple(marks)  # the caller may reuse its arrays
+        self.scale_um_per_division = um_per_division or fitting_um_per_division(self._traces)
         self.redraw()
 
     def draw(self, columns: int, rows: int) -> Cells:
         """Return the picture of the last data for a size in cells."""
-        return polar_cells(self._traces, self._marks, self._um_per_division, columns, rows, self.glyphs)
-
-
-def _kept(trace: PolarTrace) -> PolarTrace:
-    """Return a copy, which stays unchanged when the caller reuses its arrays."""
-    return PolarTrace(
-        angle_deg=np.array(trace.angle_deg, dtype=np.float64),
-        deviation_um=np.array(trace.deviation_um, dtype=np.float64),
-        token=trace.token,
-        dashed=trace.dashed,
-    )
+        return polar_cells(self._traces, self._marks, self.scale_um_per_division, columns, rows)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from console.tui.plot.canvas import BrailleCanvas, Dash, Glyphs
-from console.tui.plot.cell_view import CellView
+from console.tui.plot.canvas import BrailleCanvas, Dash
+from console.tui.plot.cell_view import Cells, CellView
 from console.tui.plot.frame import FRAMES_KEPT, Limits, PlotFrame, plot_frame
-from console.tui.plot.spans import Cells
 from console.tui.theme import Token
 
 DASH = Dash(on=2, off=4)
@@ -26,30 +25,32 @@ class Series:
     x: ArrayLike
     y: ArrayLike
     token: Token
-    dots: bool = False
-    """Single dots instead of a line: for many turns over each other."""
-    dashed: bool = False
-    """A broken line, so that it differs from another without colour."""
+    dots: bool = False  # single dots instead of a line: for many turns over each other
+    dashed: bool = False  # a broken line, so that it differs from another without colour
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TracePicture:
-    """Input of a trace plot, apart from its size."""
+    """Input of a trace plot, apart from its size. A full turn (0 to 360) is divided by the jaws."""
 
     series: Sequence[Series] = ()
     x_limits: Limits = (0.0, 1.0)
-    y_limits: Limits = (0.0, 1.0)
+    y_limits: Limits = (0.0, 1.0)  # `nice_limits` has round ones that keep still
     y_unit: str = ""
     x_unit: str = ""
 
 
-def trace_cells(picture: TracePicture, columns: int, rows: int, glyphs: Glyphs = "braille") -> Cells:
+def trace_cells(picture: TracePicture, columns: int, rows: int) -> Cells:
     """Return the traces over their axes for a size in cells; later traces lie over earlier ones."""
     frame = plot_frame(columns, rows, picture.x_limits, picture.y_limits, picture.y_unit, picture.x_unit)
-    cells = _axes(frame).copy()
-    canvas = BrailleCanvas(frame.data_columns, frame.data_rows, glyphs)
+    cells = deepcopy(_axes(frame))
+    canvas = BrailleCanvas(frame.data_columns, frame.data_rows)
     for layer, series in enumerate(picture.series):
-        _trace(canvas, frame, series, layer)
+        x, y = frame.to_dots(series.x, series.y)
+        if series.dots:
+            canvas.points(x, y, layer)
+        else:
+            canvas.polyline(x, y, layer, DASH if series.dashed else None)
     cells.lay(canvas, 0, frame.left, tuple(series.token for series in picture.series))
     return cells
 
@@ -62,56 +63,16 @@ def _axes(frame: PlotFrame) -> Cells:
     return cells
 
 
-def _trace(canvas: BrailleCanvas, frame: PlotFrame, series: Series, layer: int) -> None:
-    x, y = frame.to_dots(series.x, series.y)
-    if series.dots:
-        canvas.points(x, y, layer)
-    else:
-        canvas.polyline(x, y, layer, DASH if series.dashed else None)
-
-
 class TraceView(CellView):
     """Traces over fixed axes; an update costs only what has changed."""
 
     _picture = TracePicture()
 
-    def show(
-        self,
-        series: Sequence[Series],
-        x_limits: Limits,
-        y_limits: Limits,
-        y_unit: str,
-        x_unit: str = "",
-    ) -> None:
-        """Draw these traces instead of the last ones.
-
-        Args:
-            series: The traces, the one that matters most at the end: it lies on top.
-            x_limits: What the axis spans; a full turn (0 to 360) is divided by the jaws, any other evenly.
-            y_limits: What the other axis spans; `scale.nice_limits` has round ones that keep still.
-            y_unit: Stands under the topmost tick.
-            x_unit: Follows the last tick.
-        """
-        self._picture = TracePicture(
-            series=tuple(_kept(each) for each in series),
-            x_limits=x_limits,
-            y_limits=y_limits,
-            y_unit=y_unit,
-            x_unit=x_unit,
-        )
+    def show(self, picture: TracePicture) -> None:
+        """Draw these traces instead of the last ones; the last trace lies on top."""
+        self._picture = deepcopy(picture)  # the caller may reuse its arrays
         self.redraw()
 
     def draw(self, columns: int, rows: int) -> Cells:
         """Return the picture of the last data for a size in cells."""
-        return trace_cells(self._picture, columns, rows, self.glyphs)
-
-
-def _kept(series: Series) -> Series:
-    """Return a copy, which stays unchanged when the caller reuses its arrays."""
-    return Series(
-        x=np.array(series.x, dtype=np.float64),
-        y=np.array(series.y, dtype=np.float64),
-        token=series.token,
-        dots=series.dots,
-        dashed=series.dashed,
-    )
+        return trace_cells(self._picture, columns, rows)

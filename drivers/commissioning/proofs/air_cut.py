@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from drivers.commissioning.judged import Judged
-from drivers.commissioning.rules_of_motors import LOBE_AMPLITUDE_UM, LOBE_FREQUENCY_HZ
+from drivers.commissioning.rules import LOBE_AMPLITUDE_UM, LOBE_FREQUENCY_HZ
 from drivers.pmac import reserved
 from drivers.pmac.axes import AxisDefinition, read_definitions
 from drivers.pmac.heartbeat.plc import Policy
@@ -19,25 +19,14 @@ from drivers.pmac.language.text import format_number
 from profiles.machine import MachineProfile
 
 PROGRAM = 999
-SPINDLE_START = "P22"
-"""P-variable of the console: the spindle position when the program begins, counts."""
-
-SEGMENT_MS = 4
-"""A whole number of ms, in every family; a lobe of 50 Hz has five of them."""
-
+SPINDLE_START = "P22"  # P-variable of the console: the spindle position when the program begins, counts
+SEGMENT_MS = 4  # a whole number of ms, in every family; a lobe of 50 Hz has five of them
 HALF_RUN_UP_MS = 500
 APPROACH_MS = 200
-GROWING = 50
-"""Segments over which the lobe grows."""
-
-DEPTH_MM = 1.0
-"""Distance of the tool's lobe from where the tool began."""
-
-FEED_MM = 0.1
-"""Carriage feed per turn."""
-
-LONGEST_MS = 3500.0
-"""A cut that is not ended from outside ends by itself after this time at full speed."""
+GROWING = 50  # segments over which the lobe grows
+DEPTH_MM = 1.0  # distance of the tool's lobe from where the tool began
+FEED_MM = 0.1  # carriage feed per turn
+LONGEST_MS = 3500.0  # a cut that is not ended from outside ends by itself after this time at full speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,13 +78,13 @@ def lobe_ends(machine: MachineProfile, tool: Begin) -> tuple[float, float]:
     return mean - amplitude, mean + amplitude
 
 
+def _mean(machine: MachineProfile, tool: Begin) -> float:
+    return tool.counts + tool.direction * DEPTH_MM * machine.tool.counts_per_mm
+
+
 def air_cut_lines(judged: Judged, policy: Policy, tool: Begin, carriage: Begin) -> tuple[str, ...]:
     """Return the program; it moves tool and carriage from their start in the direction of free travel."""
     return tuple(_Writer(judged, policy, tool, carriage).lines())
-
-
-def _mean(machine: MachineProfile, tool: Begin) -> float:
-    return tool.counts + tool.direction * DEPTH_MM * machine.tool.counts_per_mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,11 +113,10 @@ class _Writer:
         self._words = {
             each.motor: _Word(each, unit_ms) for each in read_definitions(machine.controller.axis_definitions)
         }
-        self._out = format_number(tool.counts)
-        self._mean = format_number(_mean(machine, tool))
-        self._begin = format_number(carriage.counts)
-        self._speed = carriage.direction * self._cut.carriage
-        self._lease = "" if policy is Policy.FINISH else f" AND {watchdog_condition(judged.dialect)}"
+        self._out, self._mean = format_number(tool.counts), format_number(_mean(machine, tool))
+        self._begin, self._speed = format_number(carriage.counts), carriage.direction * self._cut.carriage
+        self._fed = f"{self._begin}+{format_number(self._speed * SEGMENT_MS)}*P25"
+        self._alive = "" if policy is Policy.FINISH else f" AND {watchdog_condition(judged.dialect)}"
 
     def lines(self) -> Iterator[str]:
         flag = f"M{reserved.END_FLAG}"
@@ -139,7 +127,7 @@ class _Writer:
         yield f"PVT{APPROACH_MS} ; the tool goes to the mean depth of its lobe"
         yield self._point(self._mean, str(HALF_RUN_UP_MS + APPROACH_MS))
         yield from self._turns(flag)
-        end = f"{self._begin}+{self._feed}*P25"
+        end = self._fed
         yield f"PVT{APPROACH_MS} ; the tool goes out"
         yield self._point(self._out, self._since(APPROACH_MS), carriage=end)
         yield f"PVT{HALF_RUN_UP_MS} ; the spindle runs down"
@@ -154,7 +142,7 @@ class _Writer:
         angle = f"P25*{format_number(360.0 * self._machine.chuck.jaws / a_turn)}"
         most = math.ceil(LONGEST_MS / cut.turn_ms) * a_turn
         yield f"PVT{SEGMENT_MS} ; the lobe grows, and then goes on"
-        yield f"WHILE(P25<P28 OR {flag}=0{self._lease} AND P28<{most})"
+        yield f"WHILE(P25<P28 OR {flag}=0{self._alive} AND P28<{most})"
         yield f"IF(P25!<P28) P28=P28+{a_turn} ; the end of the next turn"
         yield "P25=P25+1"
         yield f"IF(P26<{GROWING}) P26=P26+1"
@@ -162,15 +150,8 @@ class _Writer:
         place = f"{self._mean}-{format_number(cut.amplitude)}*P27*COS({angle})"
         speed = f"{format_number(cut.tool)}*P27*SIN({angle})"
         feed = format_number(self._speed)
-        yield self._point(
-            place, self._since(0.0), tool_speed=speed, carriage=f"{self._begin}+{self._feed}*P25", feed=feed
-        )
+        yield self._point(place, self._since(0.0), tool_speed=speed, carriage=self._fed, feed=feed)
         yield "ENDWHILE"
-
-    @property
-    def _feed(self) -> str:
-        """Return the carriage feed in a segment, counts."""
-        return format_number(self._speed * SEGMENT_MS)
 
     def _since(self, more_ms: float) -> str:
         """Return the time of the spindle at full speed up to a segment, ms, plus an offset."""
@@ -180,7 +161,7 @@ class _Writer:
         self,
         tool: str,
         spindle_ms: str,
-        share: float = 1.0,
+        fraction: float = 1.0,
         *,
         tool_speed: str = "0",
         carriage: str = "",
@@ -191,6 +172,8 @@ class _Writer:
         words = [self._words[machine.tool.motor].at(tool, tool_speed)]
         if not machine.spindle.followed:
             turned = f"{SPINDLE_START}+{speed}*{spindle_ms}"
-            words.append(self._words[machine.spindle.motor].at(turned, format_number(self._cut.spindle * share)))
+            words.append(
+                self._words[machine.spindle.motor].at(turned, format_number(self._cut.spindle * fraction))
+            )
         words.append(self._words[machine.carriage.motor].at(carriage or self._begin, feed))
         return " ".join(words)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
 from drivers.clock import Clock
-from drivers.commissioning.check import Check, Group
+from drivers.commissioning.check import Check, Group, severity
 from drivers.commissioning.judged import Judged
 from drivers.commissioning.stop_record import Origin, Way, needed_stops
 from drivers.controller import Controller
@@ -17,20 +17,15 @@ from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.compensation.table_text import table_lines
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import ErrorCode
-from drivers.pmac.language.text import format_constant
 from drivers.pmac.reserved import OWNER
 from drivers.pmac.status import decode
 from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-REASON = "doctor"
-"""The reason recorded for a stop."""
-
-PARTS = 32
-"""Positions in registers are in 1/(Ix08 x 32) count."""
-
-RULES = (
+REASON = "doctor"  # the reason recorded for a stop
+PARTS = 32  # positions in registers are in 1/(Ix08 x 32) count
+RULES = (  # what can be tested on the controller alone
     "servo_rate",
     "compensation_edge",
     "table_zero",
@@ -40,24 +35,8 @@ RULES = (
     "pvt_rounding",
     "lease",
 )
-"""What can be tested on the controller alone."""
-
-SETTLE_S = 0.05
-"""Some background cycles, after which settings take effect."""
-
+SETTLE_S = 0.05  # some background cycles, after which settings take effect
 POLL_S = 0.01
-
-
-CHANNELS = 2
-"""Channels gathered simultaneously."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Before:
-    """What is used and restored: the definition of the spare M-variable, and the gather settings."""
-
-    pointer: str
-    settings: Mapping[int, float]
 
 
 @dataclass(kw_only=True)
@@ -66,7 +45,8 @@ class ProofRig:
 
     `owner` is the number of the testing console, None where nobody else can reach the controller. Once another
     one is read, `ousted` is set: what moves by command of the rig (`moving`) is stopped, and nothing else is
-    sent. `owner_seen` is called with the new owner.
+    sent. `owner_seen` is called with the new owner. What is sent "unless stopped" raises StoppedError, or
+    `owner.ousted`, before; every method raises DriverError when the link breaks or the controller refuses.
     """
 
     client: Controller
@@ -94,11 +74,7 @@ class ProofRig:
         return next(axis.motor for axis in self.judged.axes if axis.name == name)
 
     def see_owner(self, held: float) -> None:
-        """Process the owner that was read.
-
-        Raises:
-            DriverError: `owner.ousted`; what the rig moves was stopped before.
-        """
+        """Process the owner that was read; after a stop of what the rig moves, raises `owner.ousted`."""
         if self.owner is None or held == self.owner:
             return
         self.ousted = True
@@ -109,32 +85,18 @@ class ProofRig:
         raise DriverError(Problem(code="owner.ousted", where=where, value=value, limit=limit))
 
     def refuse_ousted(self) -> None:
-        """Query who owns the machine.
-
-        Raises:
-            DriverError: `owner.ousted`; the link broke.
-        """
+        """Query who owns the machine; raise `owner.ousted` if that is another console."""
         self.see_owner(self.client.numbers(f"P{OWNER}", again=True)[0])
 
     def tell(self, *lines: str) -> None:
-        """Send lines that answer nothing and move nothing, unless the machine was stopped or taken.
-
-        Raises:
-            StoppedError: nothing was sent.
-            DriverError: `owner.ousted`, nothing was sent; the controller refuses, or does not answer.
-        """
+        """Send lines that answer nothing and move nothing, unless stopped."""
         self.refuse_ousted()
         for line in lines:
             self.stop.check()
             self.client.request(line, lines=0)
 
     def move(self, line: str) -> None:
-        """Send a line that moves or energises. A stop that overtook it is sent again after it.
-
-        Raises:
-            StoppedError: before or after it.
-            DriverError: `owner.ousted`, nothing was sent; the controller refuses, or does not answer.
-        """
+        """Send a line that moves or energises, unless stopped. A stop that overtook it is sent again after it."""
         self.refuse_ousted()
         self.stop.check()
         self.moving = True
@@ -147,11 +109,7 @@ class ProofRig:
         self.stop.check()
 
     def give_back(self, *lines: str) -> None:
-        """Send lines that restore what was used; refused lines are skipped, another's machine is left alone.
-
-        Raises:
-            LinkError: the link broke.
-        """
+        """Send lines that restore what was used; refused lines are skipped, another's machine is left alone."""
         for line in () if self.ousted else lines:
             with suppress(ControllerError):
                 self.client.request(line, lines=0)
@@ -166,12 +124,7 @@ class ProofRig:
         return False
 
     def settle(self, seconds: float = SETTLE_S) -> None:
-        """Let time pass; a stop ends the wait, and so does a lost link or machine while something may move.
-
-        Raises:
-            StoppedError: somebody has stopped.
-            DriverError: `owner.ousted`; the link broke.
-        """
+        """Let time pass, unless stopped; a stop ends the wait, and so does a lost link or machine."""
         end = self.clock.now_s() + seconds
         while (left := end - self.clock.now_s()) > 0.0:
             self.stop.check()
@@ -191,7 +144,8 @@ class ProofRig:
     def correction(self, motor: int) -> float:
         """Return what compensation adds to a motor, counts."""
         self._point_at_correction(motor)
-        return self.client.numbers(f"M{self.spare}", again=True)[0] / self._parts(motor)
+        parts = PARTS * (self.judged.value(self.dialect.motor_index(motor, 8)) or 1.0)
+        return self.client.numbers(f"M{self.spare}", again=True)[0] / parts
 
     def clear_correction(self, motor: int) -> None:
         """Set the correction to 0 directly, which is permitted while I51 is 0."""
@@ -214,36 +168,27 @@ class ProofRig:
         for motor in sorted(motors):
             self.client.request(f"#{motor}DELETE COMP", lines=0)
 
-    def put_back(self, before: Before) -> None:
-        """Restore the controller as it was found, unless it is another console's; what it refuses is skipped."""
+    def put_back(self, restoring: Iterable[str]) -> None:
+        """Restore the controller, at last by lines, unless it is another console's; what it refuses is skipped."""
         if self.ousted:
             return
-        motors = [axis.motor for axis in self.judged.axes]
         self.give_back("I51=0", "ENDGATHER", "DELETE GATHER")
-        for motor in sorted(motors):
+        for motor in sorted(axis.motor for axis in self.judged.axes):
             with suppress(ControllerError):
                 self.clear_correction(motor)
                 self.client.request(f"#{motor}DELETE COMP", lines=0)
-        self.client.request(f"M{self.spare}->{before.pointer}", lines=0)
-        for index, value in before.settings.items():
-            self.client.request(f"I{index}={format_constant(value)}", lines=0)
+        for line in restoring:
+            self.client.request(line, lines=0)
 
     def _point_at_correction(self, motor: int) -> None:
         register = self.dialect.registers["compensation"]
         address = register.address + (motor - 1) * register.stride
         self.client.request(f"M{self.spare}->{register.space}:${address:X}", lines=0)
 
-    def _parts(self, motor: int) -> float:
-        index = self.dialect.motor_index(motor, 8)
-        return PARTS * (self.judged.value(index) or 1.0)
 
-
-def proof(name: str, *, holds: bool, found: str, wanted: str, subject: str = "") -> Check:
+def proof(name: str, *, holds: bool, found: str, wanted: str) -> Check:
     """Return the result of a test."""
-    severity = Severity.OK if holds else Severity.REFUSAL
-    return Check(
-        group=Group.PROOFS, code=f"proof_{name}", severity=severity, subject=subject, found=found, wanted=wanted
-    )
+    return Check(Group.PROOFS, f"proof_{name}", severity(holds), found=found, wanted=wanted)
 
 
 def stop_name(way: Way, origin: Origin) -> str:
@@ -259,4 +204,4 @@ def names_of(machine: MachineProfile) -> tuple[str, ...]:
 
 def unproven(names: Iterable[str]) -> list[Check]:
     """Return the tests still to be done."""
-    return [Check(group=Group.PROOFS, code=f"unproven_{name}", severity=Severity.NOTICE) for name in names]
+    return [Check(Group.PROOFS, f"unproven_{name}", Severity.NOTICE) for name in names]

@@ -16,15 +16,16 @@ from drivers.pmac.language.text import format_number
 from profiles.problem import Problem
 
 TIMEOUT_S = 60.0
-TRIES = 3
-"""A delayed host finds its motion ended by the controller, and begins it anew this often at most."""
-
+TRIES = 3  # a delayed host finds its motion ended by the controller, and begins it anew this often at most
 HOMING_ORDER = ("tool", "carriage", "spindle")
 
 
 @dataclass(kw_only=True)
 class Guarded:
-    """The driven axes of a controller whose heartbeat is in order. `starts` is where they were homed, counts."""
+    """The driven axes of a controller whose heartbeat is in order. `starts` is where they were homed, counts.
+
+    Every method that moves raises `DriverError`: `machine.timeout`, somebody has stopped, or the link broke.
+    """
 
     bench: ProofRig
     i10: float
@@ -57,33 +58,19 @@ class Guarded:
         return Begin(self.starts[name], self.inwards(axis))
 
     def close(self) -> None:
-        """Close every loop at its present position.
-
-        Raises:
-            DriverError: somebody has stopped, or the link broke.
-        """
+        """Close every loop at its present position."""
         for axis in self.axes:
             self.bench.move(f"#{axis.motor}J/")
         self.bench.settle()
         self.bench.moving = False
 
     def home(self) -> None:
-        """Home each axis, the tool first, so that it is retracted when another one moves.
-
-        Raises:
-            DriverError: `machine.timeout`, somebody has stopped, or the link broke.
-        """
-        for name in HOMING_ORDER:
-            for axis in self.axes:
-                if axis.name == name:
-                    self.starts[name] = self._homed(axis)
+        """Home each axis, the tool first, so that it is retracted when another one moves."""
+        for axis in sorted(self.axes, key=lambda axis: HOMING_ORDER.index(axis.name)):
+            self.starts[axis.name] = self._homed(axis)
 
     def back(self) -> None:
-        """Return tool and carriage to where they were homed, the tool first.
-
-        Raises:
-            DriverError: as for `home`.
-        """
+        """Return tool and carriage to where they were homed, the tool first."""
         for axis in self.axes:
             if axis.name != "spindle":
                 self._go(f"#{axis.motor}J={format_number(self.starts[axis.name])}", axis, lambda _: True)
@@ -106,19 +93,19 @@ class Guarded:
     def _once(self, line: str, axis: JudgedAxis, done: Callable[[Look], bool]) -> Look | None:
         """Move, and renew the watchdog until done; None when the controller has ended the motion."""
         bench, watch, keeper = self.bench, self.watch, self.keeper
-        looks: list[Look] = []
+        polls: list[Look] = []
         end_s = bench.clock.now_s() + TIMEOUT_S
         bench.move(f"{keeper.jog_line()} {line}")
-        while not (looks and (looks[-1].lost or (rests(looks) and done(looks[-1])))):
+        while not (polls and (polls[-1].lost or (rests(polls) and done(polls[-1])))):
             bench.clock.wait(PERIOD_MS / 1000.0)
             bench.stop.check()
             watch.renew(keeper)
-            looks.append(watch.look())
+            polls.append(watch.look())
             if bench.clock.now_s() > end_s:
                 raise self._timeout(axis)
         watch.client.request(f"{NOTHING_GUARDED} {LOSS_SEEN}")
-        bench.moving = looks[-1].lost  # ended by the controller, it may not rest yet
-        return None if looks[-1].lost else looks[-1]
+        bench.moving = polls[-1].lost  # ended by the controller, it may not rest yet
+        return None if polls[-1].lost else polls[-1]
 
     def _timeout(self, axis: JudgedAxis) -> DriverError:
         self.bench.stop.stop(REASON)

@@ -2,33 +2,42 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from drivers.commissioning.check import Check
 from drivers.commissioning.proofs.bench import POLL_S, SETTLE_S, ProofRig, proof, unproven
+from drivers.commissioning.proofs.tables import ENTRY, spindle_table
 from drivers.commissioning.reading import ask_or_none
 from drivers.pmac.axes import read_definitions
-from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
-from drivers.pmac.gathering.gather_client import DataGathering
-from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.compensation.table import CompensationTable
+from drivers.pmac.gathering.gather_client import DataGathering, GatheredData
 from drivers.pmac.language.text import format_constant
 from drivers.pmac.status import decode
 
 PROGRAM = 999
 COUNTER = "P1010"
-PVT_MS, PAIRS = 10.4, 200
-"""Segments with a time that is no whole number of ms, and how often there and back."""
-
+PVT_MS, PAIRS = 10.4, 200  # segments with a time that is no whole number of ms, and how often there and back
 STEP_COUNTS = 10.0
 JOG_S = 1.5
 RAMP_S = 0.6
 SAMPLES = 200
 LONGEST_DELAY = 3
 REST_TIMEOUT_S = 10.0
-CAM_COUNTS = 200
-"""Height of the cam over half a turn, on a killed motor."""
+CAM_COUNTS = 200  # height of the cam over half a turn, on a killed motor
 
-ENTRY = 16
+
+_OSCILLATION = """\
+OPEN PROG{program}
+CLEAR
+INC({letter})
+PVT{pvt}
+{counter}=0
+WHILE({counter}<{pairs})
+{letter}{step}:0
+{letter}-{step}:0
+{counter}={counter}+1
+ENDWHILE
+ABS({letter})
+CLOSE
+"""
 
 
 def source_delay(bench: ProofRig) -> Check:
@@ -38,10 +47,9 @@ def source_delay(bench: ProofRig) -> Check:
     """
     spindle = bench.motor("spindle")
     targets = {name: bench.motor(name) for name in ("tool", "carriage")}
-    wanted = {name: int(spindle > motor) for name, motor in targets.items()}
-    found = {name: _delay(bench, spindle, motor) for name, motor in targets.items()}
-    told, asked = (", ".join(f"{name} {delay}" for name, delay in each.items()) for each in (found, wanted))
-    return proof("source_delay", holds=found == wanted, found=told, wanted=asked)
+    wanted = ", ".join(f"{name} {int(spindle > motor)}" for name, motor in targets.items())
+    found = ", ".join(f"{name} {_delay(bench, spindle, motor)}" for name, motor in targets.items())
+    return proof("source_delay", holds=found == wanted, found=found, wanted=wanted)
 
 
 def pvt_rounding(bench: ProofRig) -> Check:
@@ -55,21 +63,24 @@ def pvt_rounding(bench: ProofRig) -> Check:
     finally:
         # After a stop the program may not have ended yet, and the controller refuses.
         bench.give_back(f"{COUNTER}={format_constant(value)}", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
-    wanted_ms, other_ms = _segment_ms(bench)
+    switch = bench.dialect.segment_time_switch
+    exact = switch is not None and not bench.judged.value(switch)
+    wanted_ms, other_ms = (PVT_MS, float(round(PVT_MS))) if exact else (float(round(PVT_MS)), PVT_MS)
     holds = abs(found_ms - wanted_ms) < abs(found_ms - other_ms)
     return proof("pvt_rounding", holds=holds, found=f"{found_ms:.2f} ms", wanted=f"{wanted_ms:g} ms")
 
 
 def _delay(bench: ProofRig, spindle: int, target: int) -> int | None:
     """Return the delay that fits the gathered data best, None where none does."""
-    table = _cam(bench, spindle, target)
+    table = spindle_table(bench, target, bench.judged.machine.spindle.counts_per_rev, (CAM_COUNTS * ENTRY, 0))
     bench.define(table)
     bench.tell("I51=1")
     gathering = DataGathering(client=bench.client, dialect=bench.dialect)
     channels = gathering.motor_channels(f"#{spindle} actual", f"#{target} compensation")
     plan = gathering.prepare(channels, SAMPLES)
     bench.move(f"#{spindle}J/")
-    bench.move(f"#{spindle}J^{_jog_counts(bench, spindle)}")
+    speed = abs(bench.judged.value(bench.dialect.motor_index(spindle, 22)) or 0.0)
+    bench.move(f"#{spindle}J^{format_constant(float(round(speed * JOG_S * 1000.0)))}")
     bench.settle(RAMP_S)
     gathering.start(plan)
     bench.settle(plan.duration_ms / 1000.0 + SETTLE_S)
@@ -96,45 +107,15 @@ def _best(data: GatheredData, table: CompensationTable, spindle: int, target: in
     return min(errors, key=errors.__getitem__)
 
 
-def _cam(bench: ProofRig, spindle: int, target: int) -> CompensationTable:
-    span = bench.judged.machine.spindle.counts_per_rev
-    definition = TableDefinition(motor=target, sources=(TableSource(spindle, span),), target=target, columns=2)
-    return definition.filled((CAM_COUNTS * ENTRY, 0))
-
-
-def _jog_counts(bench: ProofRig, motor: int) -> str:
-    speed = abs(bench.judged.value(bench.dialect.motor_index(motor, 22)) or 0.0)
-    return format_constant(float(round(speed * JOG_S * 1000.0)))
-
-
-@dataclass(frozen=True, slots=True)
-class _Axis:
-    letter: str
-    scale: float
-
-
 def _load(bench: ProofRig) -> None:
-    """Enter the oscillating program; the motors are closed already."""
     carriage = bench.motor("carriage")
     definitions = read_definitions(bench.judged.machine.controller.axis_definitions)
-    axis = next(_Axis(each.axis, each.scale) for each in definitions if each.motor == carriage)
+    axis = next(each for each in definitions if each.motor == carriage)
     step = format_constant(STEP_COUNTS / abs(axis.scale))
-    bench.client.download(
-        (
-            f"OPEN PROG{PROGRAM}",
-            "CLEAR",
-            f"INC({axis.letter})",
-            f"PVT{PVT_MS}",
-            f"{COUNTER}=0",
-            f"WHILE({COUNTER}<{PAIRS})",
-            f"{axis.letter}{step}:0",
-            f"{axis.letter}-{step}:0",
-            f"{COUNTER}={COUNTER}+1",
-            "ENDWHILE",
-            f"ABS({axis.letter})",
-            "CLOSE",
-        )
+    text = _OSCILLATION.format(
+        program=PROGRAM, letter=axis.axis, step=step, pvt=PVT_MS, counter=COUNTER, pairs=PAIRS
     )
+    bench.client.download(text.splitlines())
 
 
 def _run(bench: ProofRig) -> float:
@@ -154,16 +135,7 @@ def _arrived(bench: ProofRig) -> bool:
     return "running_program" not in flags and "move_timer_active" not in motor
 
 
-def _segment_ms(bench: ProofRig) -> tuple[float, float]:
-    """Return how long a segment should take, and how long by the other rule."""
-    switch = bench.dialect.segment_time_switch
-    exact = switch is not None and not bench.judged.value(switch)
-    whole = float(round(PVT_MS))
-    return (PVT_MS, whole) if exact else (whole, PVT_MS)
-
-
-def _rest(bench: ProofRig, motor: int) -> float:
-    """Wait until a motor is commanded to rest; return its position."""
+def _rest(bench: ProofRig, motor: int) -> None:
     end = bench.clock.now_s() + REST_TIMEOUT_S
     while bench.clock.now_s() < end:
         flags = bench.flags(motor)
@@ -172,4 +144,3 @@ def _rest(bench: ProofRig, motor: int) -> float:
             break
         bench.settle(POLL_S)
     bench.settle()
-    return bench.position(motor)

@@ -7,34 +7,32 @@ heartbeat stays, since no later motion is possible without it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 
 from drivers.clock import Clock
 from drivers.commissioning.amounts import digits
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.proofs.bench import CHANNELS, SETTLE_S, Before, ProofRig, names_of, proof, unproven
+from drivers.commissioning.proofs.bench import SETTLE_S, ProofRig, names_of, proof, unproven
 from drivers.commissioning.proofs.motion import pvt_rounding, source_delay
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.proofs.tables import compensation_edge, delete_order, fails, roll_over, table_zero
-from drivers.commissioning.reading import Extent, read_configuration, read_settings
+from drivers.commissioning.reading import Extent, read_configuration, read_gathering
 from drivers.commissioning.stop_record import StopEntry
 from drivers.commissioning.verification import Verification
 from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError
 from drivers.lathe.stop import StopPath
 from drivers.pmac.gathering.gather import GatherError
+from drivers.pmac.language.text import format_constant
 from drivers.pmac.reserved import OWNER
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.findings import Severity, worst
 
-BEGIN_CYCLES = 4_000_000
-"""Written into the timer: more cycles than the measurement takes."""
-
+BEGIN_CYCLES = 4_000_000  # written into the timer: more cycles than the measurement takes
 MEASURED_S = 1.0
-TOLERANCE = 0.02
-"""Relative tolerance of the rate: what two round trips may hide."""
+TOLERANCE = 0.02  # relative tolerance of the rate: what two round trips may hide
 
 
 def servo_rate(bench: ProofRig) -> Check:
@@ -68,14 +66,9 @@ def _timer(bench: ProofRig) -> str:
 
 Proof = Callable[[ProofRig], Check]
 
-KILLED: Mapping[str, Proof] = {
-    "servo_rate": servo_rate,
-    "compensation_edge": compensation_edge,
-    "table_zero": table_zero,
-    "delete_order": delete_order,
-}
-SPINDLE: Mapping[str, Proof] = {"source_delay": source_delay, "roll_over": roll_over}
-CLOSED: Mapping[str, Proof] = {"pvt_rounding": pvt_rounding}
+KILLED: tuple[Proof, ...] = (servo_rate, compensation_edge, table_zero, delete_order)
+SPINDLE: tuple[Proof, ...] = (source_delay, roll_over)
+CLOSED: tuple[Proof, ...] = (pvt_rounding,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,12 +102,12 @@ def prove(
     names = names_of(judged.machine)
     busy = verification.state.enabled or judged.configuration.tables or "gathering" in verification.state.card
     if busy or worst(verification.checks) is Severity.REFUSAL:
-        first = Check(group=Group.PROOFS, code="proofs_refused", severity=Severity.REFUSAL)
+        first = Check(Group.PROOFS, "proofs_refused", Severity.REFUSAL)
         return Proven(checks=(first, *unproven(names)))
     if owner is None:
         (owner,) = client.numbers(f"P{OWNER}", again=True)
     bench = ProofRig(client=client, stop=stop, clock=clock, judged=judged, owner=owner, owner_seen=owner_seen)
-    before = _before(bench)
+    restoring = _restoring_lines(bench)
     checks: list[Check] = []
     stops = MeasuredStops()
     try:
@@ -126,29 +119,27 @@ def prove(
             stops = prove_stops(bench)
             checks += stops.checks
     finally:
-        _leave(bench, before)
+        _leave(bench, restoring)
     done = {check.code.removeprefix("proof_").removeprefix("unproven_") for check in checks}
     missing = [name for name in names if name not in done]
     return Proven(checks=(*checks, *unproven(missing)), stops=stops.entries)
 
 
-def _stage(bench: ProofRig, proofs: Mapping[str, Proof]) -> list[Check]:
+def _stage(bench: ProofRig, proofs: Iterable[Proof]) -> list[Check]:
+    """Carry out tests; a function has the name of its test."""
     checks = []
-    for name, carry_out in proofs.items():
+    for carry_out in proofs:
         try:
             checks.append(carry_out(bench))
-        except ControllerError as error:
-            found = f"{error.problems[0].value}: ERR{error.error_number:03d}"
-        except GatherError as error:
+        except (ControllerError, GatherError) as error:
             found = str(error)
-        else:
-            continue
-        checks.append(Check(group=Group.PROOFS, code=f"proof_{name}", severity=Severity.REFUSAL, found=found))
+            if isinstance(error, ControllerError):
+                found = f"{error.problems[0].value}: ERR{error.error_number:03d}"
+            checks.append(Check(Group.PROOFS, f"proof_{carry_out.__name__}", Severity.REFUSAL, found=found))
     return checks
 
 
 def _closed(bench: ProofRig) -> list[Check]:
-    """Run what needs every loop closed, and open them again."""
     for axis in bench.judged.axes:
         bench.move(f"#{axis.motor}J/")
     bench.settle()
@@ -159,21 +150,20 @@ def _closed(bench: ProofRig) -> list[Check]:
     return checks
 
 
-def _leave(bench: ProofRig, before: Before) -> None:
+def _leave(bench: ProofRig, restoring: Iterable[str]) -> None:
     """Kill every drive and restore what can be restored; another console's machine is left as it is."""
     if bench.ousted:
         return
     with suppress(LinkError):
         bench.stop.switch_off()
     bench.clock.wait(SETTLE_S)
-    bench.put_back(before)
+    bench.put_back(restoring)
 
 
-def _before(bench: ProofRig) -> Before:
+def _restoring_lines(bench: ProofRig) -> tuple[str, ...]:
     """Read what the tests use of the controller: the spare M-variable, and the gather set-up."""
-    spare, gather = bench.spare, bench.dialect.gathering
+    client, dialect, spare = bench.client, bench.dialect, bench.spare
     extent = Extent(settings=(), pointers=(range(spare, spare + 1),), motors=(), programs=())
-    pointers = read_configuration(bench.client, bench.dialect, extent).pointers
-    sources = range(gather.first_source, gather.first_source + CHANNELS)
-    numbers = (gather.period, *gather.masks, *sources)
-    return Before(pointer=pointers.get(spare, "*"), settings=read_settings(bench.client, numbers))
+    pointer = read_configuration(client, dialect, extent).pointers.get(spare, "*")
+    settings = read_gathering(client, dialect).items()
+    return (f"M{spare}->{pointer}", *(f"I{index}={format_constant(value)}" for index, value in settings))

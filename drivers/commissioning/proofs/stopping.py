@@ -6,40 +6,165 @@ that is the purpose of such a connection, and each board must show that it works
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 
+from drivers.commissioning.amounts import digits, length
 from drivers.commissioning.check import Check, Group
+from drivers.commissioning.judged import Judged, JudgedAxis
 from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, air_cut, air_cut_lines, lobe_ends
-from drivers.commissioning.proofs.bench import REASON, ProofRig
+from drivers.commissioning.proofs.bench import REASON, ProofRig, proof, stop_name
 from drivers.commissioning.proofs.guarded import TRIES, Guarded
-from drivers.commissioning.proofs.stop_results import SeenStop, seen_speed, speed_of, stop_checks, stop_entries
 from drivers.commissioning.reading import ask_or_none
 from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
-from drivers.commissioning.stops import after_jog_stop, jog_settings_of
+from drivers.commissioning.stops import after_abort, after_jog_stop, jog_settings_of
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.motion import LINK_LATENCY_MS
 from drivers.link.base import StopWay
+from drivers.pmac.analysis.units import unit_of
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED
 from drivers.pmac.heartbeat.plc import Policy
-from drivers.pmac.heartbeat.proof import kept, withhold
-from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, rests
-from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD, SYSTEM
+from drivers.pmac.heartbeat.watch import (
+    LOOK_EVERY_S,
+    Look,
+    WatchdogProof,
+    kept,
+    proof_problems,
+    rest_s,
+    rests,
+    withhold,
+)
+from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD, SYSTEM, WATCHDOG_MS
 from drivers.pmac.language.text import format_number
 from profiles.findings import Severity
 from profiles.problem import Problem
 
-QUESTION = "P0..99"
-"""It changes nothing, and takes a controller longer to answer than a stop takes to arrive."""
+MOVED_COUNTS = 1.0  # an axis that moves less than this after a stop was not moving before
+QUESTION = "P0..99"  # it changes nothing, and takes a controller longer to answer than a stop takes to arrive
+
+AT_SPEED_S = 0.1  # how long a motion continues at full speed before it is stopped
+REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.WATCHDOG: 15.0}  # after a control-K the spindle coasts
+ORDER = (Way.WATCHDOG, Way.ABORT, Way.KILL)  # watchdog first: it ends what does not obey a control character
+OBEY_LIMIT_S = 0.6  # timeout for a motion to obey; by then its watchdog, which still guards it, has expired
+LEAST_SPEED = 0.75  # fraction of its speed at which a motion is at speed, from two polls over a slow line
+POLLS_FOR_SPEED = 5  # polls to reach speed: a delayed host or controller gets a little longer
+RUNNING_OUT_S, SELDOM_S = 1.0, 0.02  # what still moves after this time is polled less often
 
 
-def past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
-    """Press; return whether the board kept its two connections apart. With one connection no query is pending.
+@dataclass(frozen=True, slots=True)
+class SeenStop:
+    """The polls from just before a stop up to rest.
 
-    Raises:
-        LinkError: the query could not be sent; nothing was pressed.
+    `pressed_s` is when it, or the last watchdog renewal, was sent; `late_ms` is how old the first poll was
+    then. `as_meant` is whether all came to rest by the intended stop. `lobe` are the two ends of the tool's
+    lobe in a cut, counts: between two polls it oscillates, so its distance is counted from the further end.
     """
+
+    way: Way
+    pressed_s: float
+    late_ms: float
+    polls: tuple[Look, ...]
+    _: KW_ONLY
+    as_meant: bool
+    origin: Origin = Origin.JOG
+    lobe: tuple[float, float] | None = None
+    watchdog: WatchdogProof | None = None
+
+    def counts(self, axis: JudgedAxis) -> float:
+        """Return how far an axis travelled from its position before the stop."""
+        if axis.name == "tool" and self.lobe is not None:
+            rest = self.polls[-1].positions[axis.motor]
+            return max(abs(rest - end) for end in self.lobe)
+        begun = self.polls[0].positions[axis.motor]
+        return max(abs(look.positions[axis.motor] - begun) for look in self.polls)
+
+    def time_s(self, axis: JudgedAxis) -> float:
+        """Return the time to rest, infinite when it did not come to rest."""
+        found = rest_s(self.polls, axis.motor)
+        return math.inf if found is None else found - self.pressed_s
+
+
+def stop_entries(judged: Judged, seen: SeenStop) -> tuple[StopEntry, ...]:
+    """Return the record entries of a correct stop."""
+    return tuple(_entry(judged, axis, seen) for axis in judged.driven_axes)
+
+
+def stop_checks(judged: Judged, seen: SeenStop) -> Iterator[Check]:
+    """Check stopping distances against the computed ones; for the first watchdog timeout, also its delay."""
+    if seen.watchdog is not None and seen.origin is Origin.JOG:
+        ended = "-" if seen.watchdog.ended_s is None else f"{digits(seen.watchdog.ended_s)} s"
+        holds = not proof_problems(seen.watchdog)
+        yield proof("lease", holds=holds, found=ended, wanted=f"<= {WATCHDOG_MS / 1000.0:g} s")
+    machine, found, wanted, holds = judged.machine, [], [], seen.as_meant
+    for axis in judged.driven_axes:
+        counts = seen.counts(axis)
+        bound = _bound_counts(judged, axis, seen.way, seen.origin, seen.late_ms)
+        time = "∞" if math.isinf(seen.time_s(axis)) else digits(seen.time_s(axis))
+        found.append(f"{axis.name} {length(counts, axis.motor, machine)} {time} s")
+        if math.isfinite(bound):
+            wanted.append(f"{axis.name} <= {length(bound, axis.motor, machine)}")
+        holds = holds and MOVED_COUNTS < counts <= bound
+    name = stop_name(seen.way, seen.origin)
+    yield proof(name, holds=holds, found=", ".join(found), wanted=", ".join(wanted) or "-")
+
+
+def _bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, late_ms: float) -> float:
+    """Return the longest stopping distance, counts, infinite where settings do not determine it.
+
+    `late_ms` is the age of the poll from which the distance is counted, when the stop was sent. Coasting after
+    a control-K, and the end of a cut without a host, are only measured.
+    """
+    late_ms += judged.machine.controller.background_ms + LINK_LATENCY_MS
+    match way, origin:
+        case Way.ABORT, Origin.JOG:
+            return after_abort(jog_settings_of(judged, axis).speed, judged.of_motor(axis, 15), late_ms).counts
+        case Way.ABORT, Origin.CUT if axis.name == "tool":
+            # From one end of its lobe to the other, and the stop.
+            cut = air_cut(judged.machine)
+            return 2.0 * cut.amplitude + after_abort(cut.tool, judged.of_motor(axis, 15), 0.0).counts
+        case Way.ABORT, Origin.CUT:
+            return after_abort(speed_of(judged, axis, origin), judged.of_motor(axis, 15), late_ms).counts
+        case Way.WATCHDOG, Origin.JOG:
+            return after_jog_stop(jog_settings_of(judged, axis), WATCHDOG_MS + late_ms).counts
+        case _:
+            return math.inf
+
+
+def _entry(judged: Judged, axis: JudgedAxis, seen: SeenStop) -> StopEntry:
+    unit = unit_of(judged.machine, axis.motor)
+    assert unit is not None  # every axis of the machine has one
+    distance, speed = seen.counts(axis) * unit.per_count, speed_of(judged, axis, seen.origin) * unit.velocity
+    linear = unit.name == "mm"
+    return StopEntry(
+        way=seen.way,
+        origin=seen.origin,
+        axis=axis.name,
+        time_s=seen.time_s(axis),
+        distance_mm=distance if linear else None,
+        distance_deg=None if linear else distance,
+        speed_mm_per_s=speed if linear else None,
+        speed_rpm=None if linear else speed,
+    )
+
+
+def seen_speed(axis: JudgedAxis, earlier: Look, later: Look) -> float:
+    """Return the speed between two polls, counts/ms."""
+    passed_ms = (later.answered_s - earlier.answered_s) * 1000.0
+    return abs(later.positions[axis.motor] - earlier.positions[axis.motor]) / passed_ms
+
+
+def speed_of(judged: Judged, axis: JudgedAxis, origin: Origin) -> float:
+    """Return the speed before the stop, counts/ms; for the tool in a cut, the maximum of its lobe."""
+    if origin is Origin.CUT:
+        return air_cut(judged.machine).speeds[axis.name]
+    return jog_settings_of(judged, axis).speed
+
+
+def _past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
+    """Press; return whether the board kept its two connections apart. With one connection no query is pending."""
     if bench.stop.way is not StopWay.RESERVED:
         press(REASON)
         return bench.stop.way is StopWay.DIRECT
@@ -52,31 +177,9 @@ def past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
     return True
 
 
-AT_SPEED_S = 0.1
-"""How long a motion continues at full speed before it is stopped."""
-
-REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.WATCHDOG: 15.0}
-"""Timeout for rest; after a control-K the spindle coasts."""
-
-ORDER = (Way.WATCHDOG, Way.ABORT, Way.KILL)
-"""Watchdog first: it ends what does not obey a control character not yet tested on this controller."""
-
-OBEY_LIMIT_S = 0.6
-"""Timeout for a motion to obey; by then its watchdog, which still guards it, has expired."""
-
-LEAST_SPEED = 0.75
-"""Fraction of its speed at which a motion counts as being at speed, from two polls over a slow line."""
-
-LOOKS_FOR_SPEED = 5
-"""Polls to reach speed: a delayed host or controller gets a little longer."""
-
-RUNNING_OUT_S, SELDOM_S = 1.0, 0.02
-"""What still moves after this time is polled less often."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredStops:
-    """The measured stops: the entries of a record, and the checks."""
+    """The entries of a record, and the checks."""
 
     entries: tuple[StopEntry, ...] = ()
     checks: tuple[Check, ...] = ()
@@ -86,17 +189,14 @@ def prove_stops(bench: ProofRig) -> MeasuredStops:
     """Load the heartbeat, home, and stop the machine in every way it has, until one fails.
 
     The drives are killed at the beginning. At the end the loops may be closed; the heartbeat stays on the
-    controller.
-
-    Raises:
-        DriverError: somebody has stopped, an axis does not arrive, the link broke.
+    controller. Raises DriverError: somebody has stopped, an axis does not arrive, the link broke.
     """
     heartbeat = Heartbeat(bench.client, bench.clock, bench.judged.machine)
     try:
         heartbeat.prepare()
     except RefusedError as refused:
         found = "; ".join(problem.facts for problem in refused.problems)
-        failed = Check(group=Group.PROOFS, code="proof_lease", severity=Severity.REFUSAL, found=found, wanted="-")
+        failed = Check(Group.PROOFS, "proof_lease", Severity.REFUSAL, found=found, wanted="-")
         return MeasuredStops(checks=(failed,))
     (i10,) = bench.client.numbers(f"I{SERVO_PERIOD}", again=True)
     axes = Guarded(bench=bench, i10=i10)
@@ -107,7 +207,8 @@ def prove_stops(bench: ProofRig) -> MeasuredStops:
         return _all(bench, axes, (Origin.JOG, Origin.CUT) if loaded else (Origin.JOG,))
     finally:
         if loaded:
-            _unload(bench)
+            with suppress(DriverError):  # after a stop the program may not have ended yet
+                bench.give_back(f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
 
 
 def _all(bench: ProofRig, axes: Guarded, origins: tuple[Origin, ...]) -> MeasuredStops:
@@ -134,17 +235,8 @@ def _load(bench: ProofRig, axes: Guarded) -> bool:
     return True
 
 
-def _unload(bench: ProofRig) -> None:
-    with suppress(DriverError):  # after a stop the program may not have ended yet
-        bench.give_back(f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
-
-
 def _measured(bench: ProofRig, axes: Guarded, way: Way, origin: Origin) -> SeenStop:
-    """Move, stop and record; repeat when this host was delayed and the controller ended the motion before.
-
-    Raises:
-        DriverError: `heartbeat.lapsed`, this host is too slow; somebody has stopped; the link broke.
-    """
+    """Move, stop and record; repeat when this host was delayed and the controller ended the motion before."""
     for _ in range(TRIES):
         line, kept_s = _begin(bench, axes, origin)
         bench.move(line)
@@ -177,30 +269,24 @@ def _begin(bench: ProofRig, axes: Guarded, origin: Origin) -> tuple[str, float]:
 
 def _at_speed(bench: ProofRig, axes: Guarded, origin: Origin, kept_s: float) -> tuple[Look, bool]:
     """Keep a motion up until it is seen at speed; return the last poll, and whether it was."""
-    for _ in range(LOOKS_FOR_SPEED):
-        looks = kept(axes.watch, axes.keeper, kept_s, bench.stop.check)
+    for _ in range(POLLS_FOR_SPEED):
+        polls = kept(axes.watch, axes.keeper, kept_s, bench.stop.check)
         at_speed = all(
-            seen_speed(axis, *looks) >= LEAST_SPEED * speed_of(bench.judged, axis, origin)
+            seen_speed(axis, *polls) >= LEAST_SPEED * speed_of(bench.judged, axis, origin)
             for axis in axes.axes
             if origin is Origin.JOG or axis.name != "tool"  # in a cut it oscillates
         )
-        if at_speed or looks[-1].lost:
+        if at_speed or polls[-1].lost:
             break
         kept_s = AT_SPEED_S
-    return looks[-1], at_speed
+    return polls[-1], at_speed
 
 
 def _silence(bench: ProofRig, axes: Guarded, before: Look) -> SeenStop:
     found = withhold(axes.watch, before, bench.stop.stop, REST_LIMIT_S[Way.WATCHDOG])
-    bench.moving = found.at_rest_s is None
-    return SeenStop(
-        way=Way.WATCHDOG,
-        pressed_s=before.asked_s,
-        late_ms=0.0,
-        looks=found.looks,
-        as_meant=found.at_rest_s is not None,
-        watchdog=found,
-    )
+    rested = found.at_rest_s is not None
+    bench.moving = not rested
+    return SeenStop(Way.WATCHDOG, before.asked_s, 0.0, found.looks, as_meant=rested, watchdog=found)
 
 
 def _press(bench: ProofRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
@@ -213,46 +299,40 @@ def _press(bench: ProofRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
         "amplifier_enabled" in flags and "open_loop" not in flags for flags in before.flags.values()
     )
     pressed_s = bench.clock.now_s()
-    answered = past_a_question(bench, stop.stop if way is Way.ABORT else stop.kill)
-    looks, obeyed = _until_obeyed(axes, way, before)
+    answered = _past_a_question(bench, stop.stop if way is Way.ABORT else stop.kill)
+    polls, obeyed = _until_obeyed(axes, way, before)
     if obeyed:
         bench.client.request(NOTHING_GUARDED)  # not before: what does not obey is ended by its watchdog
-    looks = _until_rest(axes, looks, REST_LIMIT_S[way])
-    killed, rested = stop.killed, rests(looks)
+    polls = _until_rest(axes, polls, REST_LIMIT_S[way])
+    killed, rested = stop.killed, rests(polls)
     if rested and obeyed:
         stop.rest_proven(earlier + 1)
         with suppress(RefusedError):
             stop.release()
         stop.check()  # what was not released is somebody else's stop
-    return SeenStop(
-        way=way,
-        pressed_s=pressed_s,
-        late_ms=(pressed_s - before.asked_s) * 1000.0,
-        looks=looks,
-        as_meant=answered and obeyed and rested and killed == (way is Way.KILL),
-    )
+    as_meant = answered and obeyed and rested and killed == (way is Way.KILL)
+    return SeenStop(way, pressed_s, (pressed_s - before.asked_s) * 1000.0, polls, as_meant=as_meant)
 
 
 def _until_obeyed(axes: Guarded, way: Way, before: Look) -> tuple[tuple[Look, ...], bool]:
-    """Poll until every motor obeys the stop; return the polls, and whether all motors did."""
     wanted = {"open_loop"} if way is Way.KILL else {"abort_deceleration", "desired_velocity_zero"}
-    watch, looks = axes.watch, [before]
+    watch, polls = axes.watch, [before]
     end_s = watch.clock.now_s() + OBEY_LIMIT_S
     while watch.clock.now_s() < end_s:
-        looks.append(watch.look())
-        if looks[-1].lost:
+        polls.append(watch.look())
+        if polls[-1].lost:
             break
-        if all(wanted & flags for flags in looks[-1].flags.values()):
-            return tuple(looks), True
+        if all(wanted & flags for flags in polls[-1].flags.values()):
+            return tuple(polls), True
         watch.clock.wait(LOOK_EVERY_S)
-    return tuple(looks), False
+    return tuple(polls), False
 
 
 def _until_rest(axes: Guarded, before: tuple[Look, ...], limit_s: float) -> tuple[Look, ...]:
-    watch, looks = axes.watch, list(before)
+    watch, polls = axes.watch, list(before)
     began_s = watch.clock.now_s()
-    while not rests(looks) and (passed_s := watch.clock.now_s() - began_s) < limit_s:
+    while not rests(polls) and (passed_s := watch.clock.now_s() - began_s) < limit_s:
         watch.clock.wait(LOOK_EVERY_S if passed_s < RUNNING_OUT_S else SELDOM_S)
-        looks.append(watch.look())
-    axes.bench.moving = not rests(looks)
-    return tuple(looks)
+        polls.append(watch.look())
+    axes.bench.moving = not rests(polls)
+    return tuple(polls)

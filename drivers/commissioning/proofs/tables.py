@@ -10,20 +10,15 @@ from drivers.pmac.compensation.table_text import definition_text
 from profiles.findings import Severity
 
 FLAT_COUNTS = 10.0
-ENTRY = 16
-"""Entries are in sixteenths of a count."""
-
-SAME_COUNTS = 0.5
-"""A source that dithers by a count changes the correction by less than this."""
-
-LEAST_TURNED = 64.0
-"""Counts that a source must be away from its zero for the roll-over test."""
+ENTRY = 16  # entries are in sixteenths of a count
+SAME_COUNTS = 0.5  # a source that dithers by a count changes the correction by less than this
+LEAST_TURNED = 64.0  # counts that a source must be away from its zero for the roll-over test
 
 
 def compensation_edge(bench: ProofRig) -> Check:
     """Test that the last correction stays when I51 goes to 0, and can be cleared by hand then."""
     target = bench.motor("carriage")
-    bench.define(_table(bench, target, span=bench.judged.machine.spindle.counts_per_rev, entries=(160,) * 4))
+    bench.define(spindle_table(bench, target, bench.judged.machine.spindle.counts_per_rev, (160,) * 4))
     bench.tell("I51=1")
     bench.settle()
     on = bench.correction(target)
@@ -44,7 +39,7 @@ def table_zero(bench: ProofRig) -> Check:
     target, here = bench.motor("carriage"), bench.position(bench.motor("spindle"))
     # Long enough for the source to be within the first spacing, or within the last.
     span = 4 * int(abs(here)) + 4000
-    table = _table(bench, target, span=span, entries=(0, 100 * ENTRY))
+    table = spindle_table(bench, target, span, (0, 100 * ENTRY))
     found = _correction(bench, table)
     wanted = table.correction(here)
     return proof("table_zero", holds=_near(found, wanted), found=digits(found), wanted=digits(wanted))
@@ -56,7 +51,7 @@ def roll_over(bench: ProofRig) -> Check:
     if abs(here) < LEAST_TURNED:
         return unproven(["roll_over"])[0]
     span = max(16, int(abs(here) / 2.4))
-    table = _table(bench, target, span=span, entries=(10 * ENTRY, 30 * ENTRY, 20 * ENTRY, 0))
+    table = spindle_table(bench, target, span, (10 * ENTRY, 30 * ENTRY, 20 * ENTRY, 0))
     found, wanted = _correction(bench, table), table.correction(here)
     # A source that dithers by a count changes the correction by its slope.
     holds = abs(found - wanted) <= SAME_COUNTS + 80.0 / span
@@ -66,19 +61,17 @@ def roll_over(bench: ProofRig) -> Check:
 def delete_order(bench: ProofRig) -> Check:
     """Test the order of tables in memory: defined high to low, deleted low to high, before gathering."""
     low, high = sorted((bench.motor("tool"), bench.motor("carriage")))
-    tables = {
-        motor: _table(bench, motor, span=bench.judged.machine.spindle.counts_per_rev, entries=(0, 0))
-        for motor in (low, high)
-    }
-    bench.define(tables[high])
-    bench.define(tables[low])
+    span = bench.judged.machine.spindle.counts_per_rev
+    of_low, of_high = (spindle_table(bench, motor, span, (0, 0)) for motor in (low, high))
+    bench.define(of_high)
+    bench.define(of_low)
     kept = bench.refuses(f"#{high}DELETE COMP")
     bench.delete(low, high)
-    bench.define(tables[low])
-    upward = bench.refuses(f"#{high}DEFINE COMP {definition_text(tables[high].definition)}")
+    bench.define(of_low)
+    upward = bench.refuses(f"#{high}DEFINE COMP {definition_text(of_high.definition)}")
     bench.delete(low)
     bench.tell("DEFINE GATHER 10")
-    gathering = bench.refuses(f"#{low}DEFINE COMP {definition_text(tables[low].definition)}")
+    gathering = bench.refuses(f"#{low}DEFINE COMP {definition_text(of_low.definition)}")
     bench.tell("DELETE GATHER")
     refused = (kept, upward, gathering)
     found = ", ".join("ERR003" if each else "-" for each in refused)
@@ -86,7 +79,6 @@ def delete_order(bench: ProofRig) -> Check:
 
 
 def _correction(bench: ProofRig, table: CompensationTable) -> float:
-    """Return the correction of a table that is switched on only for this."""
     target = table.definition.target
     bench.define(table)
     bench.tell("I51=1")
@@ -96,14 +88,10 @@ def _correction(bench: ProofRig, table: CompensationTable) -> float:
     return found
 
 
-def _table(bench: ProofRig, target: int, span: int, entries: tuple[int, ...]) -> CompensationTable:
-    definition = TableDefinition(
-        motor=target,
-        sources=(TableSource(bench.motor("spindle"), span),),
-        target=target,
-        columns=len(entries),
-    )
-    return definition.filled(entries)
+def spindle_table(bench: ProofRig, target: int, span: int, entries: tuple[int, ...]) -> CompensationTable:
+    """Return a table by the spindle; `entries` are in sixteenths of a count."""
+    sources = (TableSource(bench.motor("spindle"), span),)
+    return TableDefinition(motor=target, sources=sources, target=target, columns=len(entries)).filled(entries)
 
 
 def _near(found: float, wanted: float) -> bool:

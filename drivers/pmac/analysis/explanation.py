@@ -7,23 +7,77 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from drivers.pmac.analysis.findings import Said, Sentence, Value
-from drivers.pmac.analysis.path import KEPT_ENOUGH
+from drivers.pmac.analysis.findings import Said, Sentence, Value, sentence
+from drivers.pmac.analysis.moves import MoveAnalysis
 from drivers.pmac.analysis.subject import Subject
+from drivers.pmac.analysis.timeline import SAME_COUNTS
 from drivers.pmac.analysis.timing import interrupt_ms
 from drivers.pmac.analysis.units import shown_length
-from drivers.pmac.analysis.zigzag import ZigZag
 from drivers.pmac.trajectory.linear import Limits, LinearMove, Timing, effective_timing
 from profiles.axis.servo import sampled_response
 
-WANTED_SHARE = 0.95
-"""The fraction of the stroke for which times are searched."""
+KEPT_ENOUGH = 0.98  # A stroke that keeps this fraction does not count as lost
+FEWEST_MOVES = 4  # Least number of moves to and fro that make a zig-zag
+WANTED_SHARE = 0.95  # The fraction of the stroke for which times are searched
 
 _WORTH_SAYING = 0.01
-
 _SAMPLES = 720
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZigZag:
+    """A steady zig-zag of the motor at place `index`; `move` is one of its moves, far from its start and end.
+
+    `begins_at` is the programmed point (counts) from which it starts.
+    """
+
+    index: int
+    moves: tuple[MoveAnalysis, ...]
+    move: MoveAnalysis
+    begins_at: float
+
+    @property
+    def stroke(self) -> float:
+        """The commanded stroke, counts."""
+        return abs(self.move.motors[self.index].commanded)
+
+    @property
+    def made(self) -> float:
+        """The actual stroke, counts."""
+        return abs(self.move.motors[self.index].made)
+
+    @property
+    def kept(self) -> float:
+        """The fraction of the stroke that is made."""
+        return self.made / self.stroke
+
+
+def find_zigzag(subject: Subject) -> ZigZag | None:
+    """Return the longest zig-zag of a program, that of the tool first."""
+    indices = [index for index in (subject.tool, *range(len(subject.walk.motors))) if index is not None]
+    for index in dict.fromkeys(indices):
+        longest = max(_runs(subject, index), key=len)
+        if len(longest) >= FEWEST_MOVES:
+            first, middle = longest[0].motors[index], longest[len(longest) // 2]
+            begins_at = first.target - first.commanded
+            return ZigZag(index=index, moves=tuple(longest), move=middle, begins_at=begins_at)
+    return None
+
+
+def _runs(subject: Subject, index: int) -> list[list[MoveAnalysis]]:
+    """Return the stretches of LINEAR moves in which each reverses the one before it."""
+    runs: list[list[MoveAnalysis]] = [[]]
+    for move in subject.moves:
+        run = runs[-1]
+        there, back = (each.motors[index].commanded for each in (run[-1] if run else move, move))
+        reverses = abs(there) > SAME_COUNTS and abs(there + back) <= 1e-6 * abs(there)
+        if run and not (run[-1].blended and reverses):
+            runs.append(run := [])
+        if move.mode == "LINEAR":
+            run.append(move)
+    return runs
 
 
 def explain(subject: Subject, zigzag: ZigZag | None) -> tuple[Sentence, ...]:
@@ -33,103 +87,91 @@ def explain(subject: Subject, zigzag: ZigZag | None) -> tuple[Sentence, ...]:
     stretched = zigzag.move.used.tm_ms > zigzag.move.asked.tm_ms * (1.0 + 1e-9)
     if zigzag.kept >= KEPT_ENOUGH and not stretched:
         return ()
-    sentences = [_told(subject, zigzag), *_times(subject, zigzag, stretched), _stroke(subject, zigzag)]
+    tm_ms = zigzag.move.asked.tm_ms
+    stroke, made = _length(subject, zigzag, zigzag.stroke), _length(subject, zigzag, zigzag.made)
+    if _believable(subject, zigzag):
+        sentences = [sentence(Said.TOLD, **stroke, tm_ms=tm_ms, hz=500.0 / tm_ms)]
+    else:
+        sentences = [sentence(Said.TOLD_WITHOUT_TIME, **stroke, tm_ms=tm_ms)]
+    sentences += _times(subject, zigzag, stretched)
+    made_lengths = {f"made_{key}": value for key, value in made.items()}
+    sentences.append(sentence(Said.STROKE_MADE, **stroke, **made_lengths, percent=100.0 * zigzag.kept))
     if zigzag.index == subject.tool:
         sentences += _left(subject, zigzag)
-    return tuple([*sentences, *_advice(subject, zigzag, stretched)])
-
-
-def _told(subject: Subject, zigzag: ZigZag) -> Sentence:
-    move = zigzag.move
-    values: dict[str, Value] = {**_length(subject, zigzag, zigzag.stroke), "tm_ms": move.asked.tm_ms}
-    if not _believable(subject, zigzag):
-        return Sentence(code=Said.TOLD_WITHOUT_TIME, values=values)
-    return Sentence(code=Said.TOLD, values={**values, "hz": 500.0 / move.asked.tm_ms})
+    return (*sentences, *_advice(subject, zigzag, stretched))
 
 
 def _times(subject: Subject, zigzag: ZigZag, stretched: bool) -> list[Sentence]:
     asked, used = zigzag.move.asked, zigzag.move.used
-    times: dict[str, Value] = {"ta_ms": asked.ta_ms, "ts_ms": asked.ts_ms, "used_ms": used.ta_ms}
-    sentences = [Sentence(code=Said.ACCELERATION_TIME, values=times)]
+    sentences = [sentence(Said.ACCELERATION_TIME, ta_ms=asked.ta_ms, ts_ms=asked.ts_ms, used_ms=used.ta_ms)]
     if not stretched:
         return sentences
-    moved: dict[str, Value] = {"asked_ms": asked.tm_ms, "used_ms": used.tm_ms, "hz": 500.0 / used.tm_ms}
-    sentences.append(Sentence(code=Said.MOVE_STRETCHED, values=moved))
+    hz = 500.0 / used.tm_ms
+    sentences.append(sentence(Said.MOVE_STRETCHED, asked_ms=asked.tm_ms, used_ms=used.tm_ms, hz=hz))
     spindle = subject.spindle
     way = zigzag.move.motors[spindle].commanded if spindle is not None and spindle != zigzag.index else 0.0
     if not way:
         return sentences
-    made: dict[str, Value] = {"hz": 500.0 / used.tm_ms, "rpm": subject.rpm(way / used.tm_ms)}
+    rpm = subject.rpm(way / used.tm_ms)
     if not _believable(subject, zigzag):
-        return [*sentences, Sentence(code=Said.SPEED_MADE, values=made)]
-    told: dict[str, Value] = {
-        "asked_hz": 500.0 / asked.tm_ms,
-        "asked_rpm": subject.rpm(way / asked.tm_ms),
-        "times": used.tm_ms / asked.tm_ms,
-    }
-    return [*sentences, Sentence(code=Said.SLOWED_DOWN, values={**made, **told})]
-
-
-def _stroke(subject: Subject, zigzag: ZigZag) -> Sentence:
-    values: dict[str, Value] = {
-        **_length(subject, zigzag, zigzag.stroke),
-        **{f"made_{key}": value for key, value in _length(subject, zigzag, zigzag.made).items()},
-        "percent": 100.0 * zigzag.kept,
-    }
-    return Sentence(code=Said.STROKE_MADE, values=values)
+        return [*sentences, sentence(Said.SPEED_MADE, hz=hz, rpm=rpm)]
+    slowed = sentence(
+        Said.SLOWED_DOWN,
+        hz=hz,
+        rpm=rpm,
+        asked_hz=500.0 / asked.tm_ms,
+        asked_rpm=subject.rpm(way / asked.tm_ms),
+        times=used.tm_ms / asked.tm_ms,
+    )
+    return [*sentences, slowed]
 
 
 def _left(subject: Subject, zigzag: ZigZag) -> list[Sentence]:
     """State the residual on a part whose lobe is the commanded stroke: by the path alone, then with the servo."""
-    stroke_um, frequency_hz = subject.um(zigzag.stroke), 500.0 / zigzag.move.used.tm_ms
+    stroke_um, hz = subject.um(zigzag.stroke), 500.0 / zigzag.move.used.tm_ms
     lost_um = stroke_um - subject.um(zigzag.made)
-    blended: dict[str, Value] = {
-        "left_um": lost_um,
-        "stroke_um": stroke_um,
-        "percent": 100.0 * lost_um / stroke_um,
-    }
-    response = complex(sampled_response(subject.machine, frequency_hz))
-    left = abs(1.0 - fundamental_share(subject, zigzag) * response)
-    servo: dict[str, Value] = {
-        "hz": frequency_hz,
-        "gain": abs(response),
-        "late_deg": -math.degrees(cmath.phase(response)),
-        "left_um": left * stroke_um,
-        "stroke_um": stroke_um,
-        "percent": 100.0 * left,
-    }
-    return [
-        Sentence(code=Said.LEFT_BY_BLENDING, values=blended),
-        Sentence(code=Said.LEFT_WITH_THE_SERVO, values=servo),
-    ]
+    percent = 100.0 * lost_um / stroke_um
+    response = complex(sampled_response(subject.machine, hz))
+    left = abs(1.0 - _fundamental(subject, zigzag) * response)
+    servo = sentence(
+        Said.LEFT_WITH_THE_SERVO,
+        hz=hz,
+        gain=abs(response),
+        late_deg=-math.degrees(cmath.phase(response)),
+        left_um=left * stroke_um,
+        stroke_um=stroke_um,
+        percent=100.0 * left,
+    )
+    return [sentence(Said.LEFT_BY_BLENDING, left_um=lost_um, stroke_um=stroke_um, percent=percent), servo]
 
 
-def fundamental_share(subject: Subject, zigzag: ZigZag) -> float:
+def _fundamental(subject: Subject, zigzag: ZigZag) -> float:
     """Return the fundamental of the actual path, as a fraction of a sine with the commanded stroke."""
     period_ms = 2.0 * zigzag.move.used.tm_ms
     total = 0j
     for sample in range(_SAMPLES):
-        share = sample / _SAMPLES
-        place = subject.timeline.position(zigzag.index, zigzag.move.begins_ms + share * period_ms)
-        total += place * cmath.exp(-2j * math.pi * share)
+        fraction = sample / _SAMPLES
+        place = subject.timeline.position(zigzag.index, zigzag.move.begins_ms + fraction * period_ms)
+        total += place * cmath.exp(-2j * math.pi * fraction)
     return 4.0 * abs(total) / _SAMPLES / zigzag.stroke
 
 
 def _advice(subject: Subject, zigzag: ZigZag, stretched: bool) -> list[Sentence]:
-    tm_ms = zigzag.move.asked.tm_ms if _believable(subject, zigzag) else zigzag.move.used.tm_ms
+    believable = _believable(subject, zigzag)
+    tm_ms = zigzag.move.asked.tm_ms if believable else zigzag.move.used.tm_ms
     sentences = []
-    if stretched and _believable(subject, zigzag):
-        values: dict[str, Value] = {"tm_ms": tm_ms, "ta_ms": math.floor(tm_ms), "ts_ms": math.floor(0.5 * tm_ms)}
-        sentences.append(Sentence(code=Said.TIMES_FOR_THE_SPEED, values=values))
+    if stretched and believable:
+        ta_ms, ts_ms = math.floor(tm_ms), math.floor(0.5 * tm_ms)
+        sentences.append(sentence(Said.TIMES_FOR_THE_SPEED, tm_ms=tm_ms, ta_ms=ta_ms, ts_ms=ts_ms))
     best = _best_times(subject, zigzag, tm_ms)
     if best is not None:
-        share = 1.0 - best.ta_ms / (2.0 * tm_ms)
-        times: dict[str, Value] = {"ta_ms": best.ta_ms, "ts_ms": 0.0, "tm_ms": tm_ms, "percent": 100.0 * share}
-        sentences.append(Sentence(code=Said.TIMES_FOR_THE_STROKE, values=times))
+        percent = 100.0 * (1.0 - best.ta_ms / (2.0 * tm_ms))
+        times = {"ta_ms": best.ta_ms, "ts_ms": 0.0, "tm_ms": tm_ms, "percent": percent}
+        sentences.append(sentence(Said.TIMES_FOR_THE_STROKE, **times))
     if zigzag.kept < KEPT_ENOUGH:
-        longer = zigzag.stroke / zigzag.kept
-        values = {**_length(subject, zigzag, zigzag.stroke), "counts": zigzag.stroke, "longer_counts": longer}
-        sentences.append(Sentence(code=Said.STROKE_THAT_MAKES_UP, values=values))
+        stroke, longer = zigzag.stroke, zigzag.stroke / zigzag.kept
+        values = _length(subject, zigzag, stroke)
+        sentences.append(sentence(Said.STROKE_THAT_MAKES_UP, **values, counts=stroke, longer_counts=longer))
     return sentences
 
 
@@ -137,10 +179,10 @@ def _best_times(subject: Subject, zigzag: ZigZag, tm_ms: float) -> Timing | None
     """Return the longest whole TA, without TS, that keeps the fraction, or the Ix17 limit; None: no better."""
     ta_ms = float(max(1, math.floor(2.0 * (1.0 - WANTED_SHARE) * tm_ms + 1e-9)))
     way = tuple(motor.commanded for motor in zigzag.move.motors)
-    limits = Limits(
-        velocity=tuple(subject.setting(motor, 16) for motor in subject.walk.motors),
-        acceleration=tuple(subject.setting(motor, 17) for motor in subject.walk.motors),
+    velocity, acceleration = (
+        tuple(subject.setting(motor, number) for motor in subject.walk.motors) for number in (16, 17)
     )
+    limits = Limits(velocity=velocity, acceleration=acceleration)
     # The previous move reversed what this one makes: the greatest change there is.
     before = tuple(
         (-distance if index == zigzag.index else distance) / tm_ms for index, distance in enumerate(way)

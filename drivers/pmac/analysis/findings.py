@@ -71,19 +71,52 @@ class Said(StrEnum):
     STROKE_THAT_MAKES_UP = auto()
 
 
+_REFUSALS = frozenset(
+    (
+        Code.LINE_REFUSED,
+        Code.TABLE_ORDER,
+        Code.RUN_TIME_ERROR,
+        Code.BEYOND_LIMIT,
+        Code.BEYOND_TRAVEL,
+        Code.TOO_FAST,
+        Code.PLUNGE,
+    )
+)
+_NOTICES = frozenset(
+    (
+        Code.ENDS_DEEPER,
+        Code.S_CURVE_RULES,
+        Code.RAMP_LENGTHENED,
+        Code.RAMP_SHORTENED,
+        Code.TIME_ROUNDED,
+        Code.ONE_SIDED,
+        Code.WAITS_FOR_FLAG,
+        Code.TOO_LONG,
+        Code.NO_MOTION,
+    )
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramFinding:
     """One finding in a program. Not a `Finding`: it has lines, and numbers without units for the JSON.
 
-    A refusal: the controller refuses or stops it, or the machine is moved beyond a limit. A warning: it runs, but
-    does something other than it says. A notice: worth knowing. `lines` are those of the file, from 1, none where
-    it is about the whole program.
+    `lines` are those of the file, from 1, none where it is about the whole program.
     """
 
     code: Code
-    severity: Severity
     lines: tuple[int, ...] = ()
     values: Mapping[str, Value] = field(default_factory=dict)
+
+    @property
+    def severity(self) -> Severity:
+        """A refusal: the controller refuses or stops it, or the machine is moved beyond a limit.
+
+        A warning: it runs, but does something other than it says. A notice: worth knowing.
+        """
+        if self.code in _REFUSALS:
+            return Severity.REFUSAL
+        return Severity.NOTICE if self.code in _NOTICES else Severity.WARNING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,3 +125,13 @@ class Sentence:
 
     code: Said
     values: Mapping[str, Value] = field(default_factory=dict)
+
+
+def finding(code: Code, lines: tuple[int, ...] = (), /, **values: Value) -> ProgramFinding:
+    """Return a finding with its numbers in the order in which the JSON lists them."""
+    return ProgramFinding(code=code, lines=lines, values=values)
+
+
+def sentence(code: Said, /, **values: Value) -> Sentence:
+    """Return a sentence with its numbers in the order in which the JSON lists them."""
+    return Sentence(code=code, values=values)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Value
-from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
+from drivers.pmac.analysis.findings import Code, ProgramFinding, finding
+from drivers.pmac.analysis.moves import MotorMove
 from drivers.pmac.analysis.subject import Subject
-from profiles.findings import Severity
 
 _ROUNDING = 1e-9
 
@@ -25,34 +24,27 @@ def limit_findings(subject: Subject) -> list[ProgramFinding]:
 def _position(subject: Subject, index: int, motor: int) -> list[ProgramFinding]:
     """Check Ix13 and Ix14, the software limits: the controller stops everything there."""
     lowest, highest = subject.timeline.extent(index, 0.0, subject.timeline.ends_ms)
-    high, low = subject.setting(motor, 13), subject.setting(motor, 14)
     findings = []
-    for number, limit, reached, beyond in ((13, high, highest, 1.0), (14, low, lowest, -1.0)):
+    for number, reached, beyond in ((13, highest, 1.0), (14, lowest, -1.0)):
+        limit = subject.setting(motor, number)
         if limit and beyond * (reached - limit) > _ROUNDING * abs(limit):
             first = [move for move in subject.moves if beyond * (move.motors[index].target - limit) > 0.0][:1]
-            values: dict[str, Value] = {
-                "motor": motor,
-                "variable": f"I{motor}{number}",
-                "counts": reached,
-                "limit": limit,
-            }
-            findings.append(_fault(subject, Code.BEYOND_LIMIT, first, values))
+            lines, name = subject.lines(first), f"I{motor}{number}"
+            found = finding(Code.BEYOND_LIMIT, lines, motor=motor, variable=name, counts=reached, limit=limit)
+            findings.append(found)
     return findings
 
 
 def _velocity(subject: Subject, index: int, motor: int) -> list[ProgramFinding]:
     """Check Ix16, which does not limit every mode."""
     limit = subject.setting(motor, 16)
-    fast = [move for move in subject.moves if move.mode != "RAPID" and _over(_peak(move, index), limit)]
+    speeds = [(move.motors[index].peaks.velocity, move) for move in subject.moves if move.mode != "RAPID"]
+    fast = [(speed, move) for speed, move in speeds if _over(speed, limit)]
     if not fast:
         return []
-    values: dict[str, Value] = {
-        "motor": motor,
-        "variable": f"I{motor}16",
-        "counts_per_ms": max(_peak(move, index) for move in fast),
-        "limit": limit,
-    }
-    return [_fault(subject, Code.TOO_FAST, fast, values)]
+    most, lines = max(speed for speed, _ in fast), subject.lines(move for _, move in fast)
+    variable = f"I{motor}16"
+    return [finding(Code.TOO_FAST, lines, motor=motor, variable=variable, counts_per_ms=most, limit=limit)]
 
 
 def _tool(subject: Subject) -> list[ProgramFinding]:
@@ -61,24 +53,17 @@ def _tool(subject: Subject) -> list[ProgramFinding]:
     tool, index = subject.machine.tool, subject.tool
     per_mm = tool.counts_per_mm
 
-    def speed_mm_per_s(motor: MotorMove) -> float:
-        return 1000.0 * motor.peaks.velocity / per_mm
-
     def acceleration_m_per_s2(motor: MotorMove) -> float:
         return 1000.0 * motor.peaks.acceleration / per_mm
 
     def force_n(motor: MotorMove) -> float:
-        damping_n = tool.damping_n_s_per_m * speed_mm_per_s(motor) / 1000.0
+        speed_mm_per_s = 1000.0 * motor.peaks.velocity / per_mm
+        damping_n = tool.damping_n_s_per_m * speed_mm_per_s / 1000.0
         return tool.moving_mass_kg * acceleration_m_per_s2(motor) + damping_n
 
+    fastest = tool.encoder_max_acceleration_m_per_s2
     return [
-        *_above(
-            subject,
-            index,
-            Code.ACCELERATION_OVER_ENCODER,
-            acceleration_m_per_s2,
-            tool.encoder_max_acceleration_m_per_s2,
-        ),
+        *_above(subject, index, Code.ACCELERATION_OVER_ENCODER, acceleration_m_per_s2, fastest),
         *_above(subject, index, Code.FORCE_OVER_DRIVE, force_n, tool.peak_force_n),
         *_travel(subject, index, per_mm, (tool.travel_min_mm, tool.travel_max_mm)),
     ]
@@ -88,13 +73,12 @@ def _spindle(subject: Subject) -> list[ProgramFinding]:
     if subject.spindle is None:
         return []
     spindle, index = subject.machine.spindle, subject.spindle
-    turn = spindle.counts_per_rev
 
     def speed_rpm(motor: MotorMove) -> float:
         return subject.rpm(motor.peaks.velocity)
 
     def torque_n_m(motor: MotorMove) -> float:
-        return spindle.inertia_kg_m2 * motor.peaks.acceleration / turn * 1e6 * math.tau
+        return spindle.inertia_kg_m2 * motor.peaks.acceleration / spindle.counts_per_rev * 1e6 * math.tau
 
     return [
         *_above(subject, index, Code.SPEED_OVER_SPINDLE, speed_rpm, spindle.max_speed_rpm),
@@ -115,20 +99,16 @@ def _jaws(subject: Subject) -> list[ProgramFinding]:
 def _travel(subject: Subject, index: int, per_mm: float, limits_mm: tuple[float, float]) -> list[ProgramFinding]:
     """Check the machine's mechanical ends, where the controller's limits do not come first."""
     findings = []
-    ends = subject.timeline.extent(index, 0.0, subject.timeline.ends_ms)
+    motor, ends = subject.walk.motors[index], subject.timeline.extent(index, 0.0, subject.timeline.ends_ms)
     for limit_mm, reached, beyond in zip(limits_mm, ends, (-1.0, 1.0), strict=True):
         reached_mm = reached / per_mm
-        guarded = subject.setting(subject.walk.motors[index], 13 if beyond > 0.0 else 14)
+        guarded = subject.setting(motor, 13 if beyond > 0.0 else 14)
         caught = guarded and beyond * (reached - guarded) > 0.0
         if beyond * (reached_mm - limit_mm) > _ROUNDING and not caught:
-            targets = [(beyond * (move.motors[index].target / per_mm - limit_mm), move) for move in subject.moves]
-            first = [move for over_mm, move in targets if over_mm > 0.0][:1]
-            values: dict[str, Value] = {
-                "motor": subject.walk.motors[index],
-                "mm": reached_mm,
-                "limit_mm": limit_mm,
-            }
-            findings.append(_fault(subject, Code.BEYOND_TRAVEL, first, values))
+            targets = ((move.motors[index].target / per_mm, move) for move in subject.moves)
+            first = [move for target_mm, move in targets if beyond * (target_mm - limit_mm) > 0.0][:1]
+            lines = subject.lines(first)
+            findings.append(finding(Code.BEYOND_TRAVEL, lines, motor=motor, mm=reached_mm, limit_mm=limit_mm))
     return findings
 
 
@@ -139,17 +119,8 @@ def _above(
     if not high:
         return []
     worst = max(quantity(move.motors[index]) for move in high)
-    values: dict[str, Value] = {"motor": subject.walk.motors[index], "value": worst, "limit": limit}
-    return [ProgramFinding(code=code, severity=Severity.WARNING, lines=subject.lines(high), values=values)]
-
-
-def _peak(move: MoveAnalysis, index: int) -> float:
-    return move.motors[index].peaks.velocity
+    return [finding(code, subject.lines(high), motor=subject.walk.motors[index], value=worst, limit=limit)]
 
 
 def _over(value: float, limit: float) -> bool:
     return 0.0 < limit < value * (1.0 - _ROUNDING)
-
-
-def _fault(subject: Subject, code: Code, found: list[MoveAnalysis], values: dict[str, Value]) -> ProgramFinding:
-    return ProgramFinding(code=code, severity=Severity.REFUSAL, lines=subject.lines(found), values=values)

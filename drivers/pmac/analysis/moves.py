@@ -7,15 +7,30 @@ point.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from drivers.pmac.analysis.step import SAME_COUNTS, Step
-from drivers.pmac.analysis.timeline import Peaks, Timeline
+from drivers.pmac.analysis.timeline import SAME_COUNTS, Peaks, Step, Timeline
 from drivers.pmac.analysis.walk import Walk
-from drivers.pmac.requests import CircleRequest, LinearRequest, RapidRequest, Request, SplineRequest
+from drivers.pmac.requests import CircleRequest, LinearRequest, PvtRequest, RapidRequest, Request, SplineRequest
 from drivers.pmac.trajectory.linear import Timing
-from drivers.pmac.trajectory.pieces import Vector
 from drivers.pmac.trajectory.planned import MoveRecord
+
+LONGEST_PATTERN = 48  # Length of the longest stretch that is searched for, in moves
+
+_SAME = 1e-6
+
+RAMPED = ("LINEAR", "CIRCLE")  # Modes whose moves are blended by ramps of TA and TS
+_TOUCHING_MS = 1e-6  # Two moves touch when one begins where the other nominally ends, within rounding
+
+_MODES: Mapping[type[Request], str] = {
+    LinearRequest: "LINEAR",
+    RapidRequest: "RAPID",
+    SplineRequest: "SPLINE",
+    CircleRequest: "CIRCLE",
+    PvtRequest: "PVT",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +86,7 @@ class _Nominal:
     place: int
     step: Step
     record: MoveRecord
+    mode: str
     used: Timing
     begins_ms: float
     ends_ms: float
@@ -80,10 +96,26 @@ class _Nominal:
     @property
     def starts_ms(self) -> float:
         """Start of its first motion."""
-        if mode_of(self.step.request) == "SPLINE" and not self.follows:
+        if self.mode == "SPLINE" and not self.follows:
             # The zero-distance segment before a spline moves, too.
             return self.begins_ms - self.used.tm_ms
         return self.begins_ms - 0.5 * self.ramp_ms
+
+    def analysis(self, number: int, blended: bool, motors: tuple[MotorMove, ...]) -> MoveAnalysis:
+        return MoveAnalysis(
+            number=number,
+            step=self.place,
+            program=self.step.program,
+            line=self.record.line,
+            mode=self.mode,
+            by_move_time=self.step.by_move_time,
+            asked=self.record.asked,
+            used=self.used,
+            begins_ms=self.begins_ms,
+            ends_ms=self.ends_ms,
+            blended=blended,
+            motors=motors,
+        )
 
 
 def analyse_moves(walk: Walk, timeline: Timeline) -> tuple[MoveAnalysis, ...]:
@@ -94,61 +126,30 @@ def analyse_moves(walk: Walk, timeline: Timeline) -> tuple[MoveAnalysis, ...]:
     before = came_from = walk.start
     for move, after in zip(nominal, followers, strict=True):
         if not move.follows:
-            before = came_from = _standing(walk, move, before)
-        blended = after is not None and after.follows
-        ends = _ends(timeline, move, after if blended else None)
+            # From rest: at the last target, or where an event put the motors.
+            rest = walk.steps[move.place - 1] if move.place else None
+            before = came_from = rest.at if rest is not None and rest.planned.record is None else before
+        following = after if after is not None and after.follows else None
+        ends = _ends(timeline, move, following)
         reached = tuple(place for place, _ in ends)
-        window = (
-            move.begins_ms if move.follows else move.starts_ms,
-            move.ends_ms if blended else (after.starts_ms if after else timeline.ends_ms),
-        )
+        begins_ms = move.begins_ms if move.follows else move.starts_ms
+        ends_ms = move.ends_ms if following else (after.starts_ms if after else timeline.ends_ms)
+        target = move.record.target
         motors = tuple(
             MotorMove(
                 motor=motor,
-                target=move.record.target[index],
-                commanded=move.record.target[index] - before[index],
+                target=target[index],
+                commanded=target[index] - before[index],
                 reached=reached[index],
                 made=reached[index] - came_from[index],
                 turns=ends[index][1],
-                peaks=timeline.peaks(index, *window),
+                peaks=timeline.peaks(index, begins_ms, ends_ms),
             )
             for index, motor in enumerate(walk.motors)
         )
-        moves.append(_analysis(len(moves), move, blended, motors))
-        before, came_from = move.record.target, reached
+        moves.append(move.analysis(len(moves), following is not None, motors))
+        before, came_from = target, reached
     return tuple(moves)
-
-
-def _analysis(number: int, move: _Nominal, blended: bool, motors: tuple[MotorMove, ...]) -> MoveAnalysis:
-    return MoveAnalysis(
-        number=number,
-        step=move.place,
-        program=move.step.program,
-        line=move.record.line,
-        mode=mode_of(move.step.request),
-        by_move_time=move.step.by_move_time,
-        asked=move.record.asked,
-        used=move.used,
-        begins_ms=move.begins_ms,
-        ends_ms=move.ends_ms,
-        blended=blended,
-        motors=motors,
-    )
-
-
-def mode_of(request: Request) -> str:
-    """Return the move mode of a request, by its name in the language."""
-    match request:
-        case LinearRequest():
-            return "LINEAR"
-        case RapidRequest():
-            return "RAPID"
-        case SplineRequest():
-            return "SPLINE"
-        case CircleRequest():
-            return "CIRCLE"
-        case _:
-            return "PVT"
 
 
 def _nominal(walk: Walk) -> list[_Nominal]:
@@ -162,10 +163,10 @@ def _nominal(walk: Walk) -> list[_Nominal]:
 
 def _lain(place: int, step: Step, record: MoveRecord, before: _Nominal | None) -> _Nominal:
     """Return the timing of a move; `before` is the previous move, when nothing separates them."""
-    mode, used = mode_of(step.request), record.timing or record.asked
-    ramp_ms = used.ta_ms if mode in _RAMPED else 0.0
-    if mode in _RAMPED:
-        begins_ms = _ramp_begins_ms(step) + 0.5 * ramp_ms
+    mode, used = _MODES[type(step.request)], record.timing or record.asked
+    ramp_ms = used.ta_ms if mode in RAMPED else 0.0
+    if mode in RAMPED:
+        begins_ms = step.ramp_begins_ms() + 0.5 * ramp_ms
     elif mode == "SPLINE":
         # A segment is planned when the next point is known: the motion of this step ends where its own begins.
         begins_ms = step.ends_ms
@@ -181,6 +182,7 @@ def _lain(place: int, step: Step, record: MoveRecord, before: _Nominal | None) -
         place=place,
         step=step,
         record=record,
+        mode=mode,
         used=used,
         begins_ms=begins_ms,
         ends_ms=begins_ms + used.tm_ms,
@@ -191,28 +193,10 @@ def _lain(place: int, step: Step, record: MoveRecord, before: _Nominal | None) -
 
 def _blends(before: _Nominal, mode: str, begins_ms: float) -> bool:
     """Return whether a move continues without a stop: of the same kind, and beginning where the other ends."""
-    kind = mode_of(before.step.request)
-    alike = kind == mode != "RAPID" or (kind in _RAMPED and mode in _RAMPED)
+    alike = before.mode == mode != "RAPID" or (before.mode in RAMPED and mode in RAMPED)
     # With Ix92 the previous move's step includes its stop, too.
-    stopped = kind in _RAMPED and before.step.ends_ms > before.ends_ms + _TOUCHING_MS
+    stopped = before.mode in RAMPED and before.step.ends_ms > before.ends_ms + _TOUCHING_MS
     return alike and not stopped and abs(begins_ms - before.ends_ms) < _TOUCHING_MS
-
-
-_TOUCHING_MS = 1e-6
-"""Two moves touch when one begins where the other nominally ends, within rounding."""
-
-_RAMPED = ("LINEAR", "CIRCLE")
-"""Modes whose moves are blended by ramps of TA and TS."""
-
-
-def _ramp_begins_ms(step: Step) -> float:
-    """Return when the ramp into the move of a step begins: the piece at which the next move is calculated."""
-    instant = step.begins_ms
-    for piece in step.planned.pieces:
-        if piece.calculates:
-            return instant
-        instant += piece.duration_ms
-    return step.begins_ms
 
 
 def _jog_begins_ms(step: Step) -> float:
@@ -223,12 +207,6 @@ def _jog_begins_ms(step: Step) -> float:
         if not any(cubic[1] for cubic in piece.cubics):
             return instant
     return step.begins_ms
-
-
-def _standing(walk: Walk, move: _Nominal, before: Vector) -> Vector:
-    """Return the motor positions before a move from rest: at the last target, or where an event put them."""
-    between = walk.steps[: move.place]
-    return between[-1].at if between and between[-1].planned.record is None else before
 
 
 def _ends(timeline: Timeline, move: _Nominal, after: _Nominal | None) -> list[tuple[float, bool]]:
@@ -246,3 +224,56 @@ def _ends(timeline: Timeline, move: _Nominal, after: _Nominal | None) -> list[tu
         reached = highest if arriving > 0.0 else lowest
         ends.append((reached if turns else timeline.position(index, move.ends_ms), turns))
     return ends
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fold:
+    """Moves repeated `times` times in a row; those given are the last repetition."""
+
+    moves: tuple[MoveAnalysis, ...]
+    times: int
+
+
+def fold(moves: Sequence[MoveAnalysis]) -> tuple[Fold, ...]:
+    """Fold the moves: at each place the pattern that covers the most moves, the shortest of these."""
+    folds: list[Fold] = []
+    place = 0
+    while place < len(moves):
+        length, times = _best(moves, place)
+        end = place + length * times
+        folds.append(Fold(moves=tuple(moves[end - length : end]), times=times))
+        place = end
+    return tuple(folds)
+
+
+def _best(moves: Sequence[MoveAnalysis], place: int) -> tuple[int, int]:
+    best = (1, 1)
+    for length in range(1, min(LONGEST_PATTERN, (len(moves) - place) // 2) + 1):
+        if not _alike(moves[place], moves[place + length]):
+            continue
+        end = place + length
+        while end < len(moves) and _alike(moves[end], moves[end - length]):
+            end += 1
+        times = (end - place) // length
+        if times > 1 and length * times > best[0] * best[1]:
+            best = (length, times)
+    return best
+
+
+def _alike(one: MoveAnalysis, other: MoveAnalysis) -> bool:
+    """Return whether two moves are the same except for their start."""
+    labels, numbers = _described(one)
+    other_labels, other_numbers = _described(other)
+    return labels == other_labels and all(
+        math.isclose(a, b, rel_tol=_SAME, abs_tol=_SAME) for a, b in zip(numbers, other_numbers, strict=True)
+    )
+
+
+def _described(move: MoveAnalysis) -> tuple[tuple[object, ...], list[float]]:
+    """Return what must be equal of two like moves, and what must be close."""
+    peaks = [motor.peaks for motor in move.motors]
+    numbers = [ms for timing in (move.asked, move.used) for ms in (timing.ta_ms, timing.ts_ms, timing.tm_ms)]
+    for motor, peak in zip(move.motors, peaks, strict=True):
+        numbers += (motor.commanded, motor.made, peak.velocity, peak.acceleration, peak.jerk or 0.0)
+    jumps = tuple(peak.jerk is None for peak in peaks)
+    return (move.program, move.line, move.mode, move.blended, jumps), numbers

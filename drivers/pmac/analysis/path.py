@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Value
+from drivers.pmac.analysis.explanation import KEPT_ENOUGH, ZigZag
+from drivers.pmac.analysis.findings import Code, ProgramFinding, finding
 from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
-from drivers.pmac.analysis.step import SAME_COUNTS, Step
 from drivers.pmac.analysis.subject import Subject, moves
+from drivers.pmac.analysis.timeline import SAME_COUNTS
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.analysis.walk import Ending
-from drivers.pmac.analysis.zigzag import ZigZag
 from drivers.pmac.dialect import Setting
 from drivers.pmac.requests import HomeRequest
-from profiles.findings import Severity
-
-KEPT_ENOUGH = 0.98
-"""A stroke that keeps this fraction does not count as lost."""
 
 
 def path_findings(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFinding]:
@@ -44,18 +40,16 @@ def _lost_strokes(subject: Subject) -> list[ProgramFinding]:
 
 def _lost(subject: Subject, index: int, stroke: float, made: float, found: list[MoveAnalysis]) -> ProgramFinding:
     motor = subject.walk.motors[index]
-    made_length = shown_length(subject.machine, motor, made)
-    values: dict[str, Value] = {
-        "motor": motor,
-        "stroke_counts": stroke,
-        "made_counts": made,
+    return finding(
+        Code.STROKE_LOST,
+        subject.lines(found),
+        motor=motor,
+        stroke_counts=stroke,
+        made_counts=made,
         **shown_length(subject.machine, motor, stroke),
-        "made_length": made_length["length"],
-        "kept_percent": 100.0 * made / stroke,
-        "moves": len(found),
-    }
-    return ProgramFinding(
-        code=Code.STROKE_LOST, severity=Severity.WARNING, lines=subject.lines(found), values=values
+        made_length=shown_length(subject.machine, motor, made)["length"],
+        kept_percent=100.0 * made / stroke,
+        moves=len(found),
     )
 
 
@@ -69,11 +63,7 @@ def _one_sided(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFinding]:
         "middle_counts": first.target - 0.5 * first.commanded,
         "deeper_um": subject.um(0.5 * first.commanded),
     }
-    return [
-        ProgramFinding(
-            code=Code.ONE_SIDED, severity=Severity.NOTICE, lines=subject.lines(zigzag.moves), values=values
-        )
-    ]
+    return [finding(Code.ONE_SIDED, subject.lines(zigzag.moves), **values)]
 
 
 def _straight_circles(subject: Subject) -> list[ProgramFinding]:
@@ -83,12 +73,7 @@ def _straight_circles(subject: Subject) -> list[ProgramFinding]:
     if not found:
         return []
     variable = f"I{subject.walk.variables.dialect.index(Setting.SEGMENT_MS)}"
-    values: dict[str, Value] = {"moves": len(found), "variable": variable}
-    return [
-        ProgramFinding(
-            code=Code.CIRCLE_STRAIGHT, severity=Severity.WARNING, lines=subject.lines(found), values=values
-        )
-    ]
+    return [finding(Code.CIRCLE_STRAIGHT, subject.lines(found), moves=len(found), variable=variable)]
 
 
 def _end(subject: Subject) -> list[ProgramFinding]:
@@ -100,23 +85,17 @@ def _end(subject: Subject) -> list[ProgramFinding]:
 
 
 def _plunge(subject: Subject, tool: int) -> list[ProgramFinding]:
-    told = [move for move in subject.moves if moves(move, tool)]
-    if not subject.cut or told[-1].number <= subject.cut[-1].number:
+    commanded = [move for move in subject.moves if moves(move, tool)]
+    if not subject.cut or commanded[-1].number <= subject.cut[-1].number:
         return []
-    last = told[-1]
+    last = commanded[-1]
     motor = last.motors[tool]
     deepest = max(move.motors[tool].target for move in subject.cut)
     if motor.commanded <= 0.0 or motor.target <= deepest:
         return []
     per_mm = subject.machine.tool.counts_per_mm
-    values = {
-        "counts": motor.commanded,
-        "mm": motor.commanded / per_mm,
-        "deeper_mm": (motor.target - deepest) / per_mm,
-    }
-    return [
-        ProgramFinding(code=Code.PLUNGE, severity=Severity.REFUSAL, lines=subject.lines([last]), values=values)
-    ]
+    mm, deeper_mm = motor.commanded / per_mm, (motor.target - deepest) / per_mm
+    return [finding(Code.PLUNGE, subject.lines([last]), counts=motor.commanded, mm=mm, deeper_mm=deeper_mm)]
 
 
 def _left_deeper(subject: Subject, tool: int) -> list[ProgramFinding]:
@@ -125,16 +104,15 @@ def _left_deeper(subject: Subject, tool: int) -> list[ProgramFinding]:
     deeper = walk.steps[-1].at[tool] - walk.start[tool]
     if deeper <= SAME_COUNTS:
         return []
-    told = [move.step for move in subject.moves if moves(move, tool)]
-    homed = [place for place, step in enumerate(walk.steps) if _homes(step, walk.motors[tool])]
-    last = walk.steps[max(told + homed)]
+    commanded = [move.step for move in subject.moves if moves(move, tool)]
+    homed = [
+        place
+        for place, step in enumerate(walk.steps)
+        if isinstance(step.request, HomeRequest) and walk.motors[tool] in step.request.motors
+    ]
+    last = walk.steps[max(commanded + homed)]
     lines = (subject.place_of(last.program, last.line),)
-    values = {"counts": deeper, "mm": deeper / subject.machine.tool.counts_per_mm}
-    return [ProgramFinding(code=Code.ENDS_DEEPER, severity=Severity.NOTICE, lines=lines, values=values)]
-
-
-def _homes(step: Step, motor: int) -> bool:
-    return isinstance(step.request, HomeRequest) and motor in step.request.motors
+    return [finding(Code.ENDS_DEEPER, lines, counts=deeper, mm=deeper / subject.machine.tool.counts_per_mm)]
 
 
 def _rounded(counts: float) -> float:

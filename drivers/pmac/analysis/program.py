@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
-from drivers.pmac.analysis.explanation import explain
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Value
+from drivers.pmac.analysis.explanation import explain, find_zigzag
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Value, finding
 from drivers.pmac.analysis.limits import limit_findings
 from drivers.pmac.analysis.moves import MoveAnalysis, analyse_moves
 from drivers.pmac.analysis.path import path_findings
@@ -21,9 +22,8 @@ from drivers.pmac.analysis.tables import table_findings
 from drivers.pmac.analysis.timeline import Timeline
 from drivers.pmac.analysis.timing import rounding_findings, timing_findings
 from drivers.pmac.analysis.walk import Ending, Left, walk
-from drivers.pmac.analysis.zigzag import find_zigzag
-from drivers.pmac.axes import AxisDefinition, read_definitions
-from drivers.pmac.compensation.buffers import TableOrderError
+from drivers.pmac.axes import read_definitions
+from drivers.pmac.compensation.table import TableOrderError
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
@@ -32,52 +32,42 @@ from profiles.findings import Severity, worst
 from profiles.machine import MachineProfile
 
 
-def flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[ProgramFinding]:
+def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[ProgramFinding]:
     """Return hidden behaviour of a program, and the lines that the controller refuses."""
     walk = subject.walk
     findings = [_refused(line) for line in refused]
     if walk.error is not None:
-        place = subject.place_of(walk.steps[-1].program, walk.steps[-1].line)
-        values: dict[str, Value] = {"error": str(walk.error), "number": int(walk.error.code)}
-        findings.append(
-            ProgramFinding(code=Code.RUN_TIME_ERROR, severity=Severity.REFUSAL, lines=(place,), values=values)
-        )
+        lines = (subject.place_of(walk.steps[-1].program, walk.steps[-1].line),)
+        error, number = str(walk.error), int(walk.error.code)
+        findings.append(finding(Code.RUN_TIME_ERROR, lines, error=error, number=number))
     findings += [_endless(subject, left) for left in walk.left]
     if walk.ending is Ending.TOO_LONG:
-        long: dict[str, Value] = {"steps": len(walk.steps)}
-        findings.append(ProgramFinding(code=Code.TOO_LONG, severity=Severity.NOTICE, values=long))
+        findings.append(finding(Code.TOO_LONG, steps=len(walk.steps)))
     if not subject.moves:
-        findings.append(ProgramFinding(code=Code.NO_MOTION, severity=Severity.NOTICE))
+        findings.append(finding(Code.NO_MOTION))
     return findings
 
 
 def _refused(line: RefusedLine) -> ProgramFinding:
     values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.text}
     if isinstance(line.error, TableOrderError):
-        values |= {"motor": line.error.motor, "lower": line.error.lower}
-        return ProgramFinding(code=Code.TABLE_ORDER, severity=Severity.REFUSAL, lines=(line.place,), values=values)
-    return ProgramFinding(code=Code.LINE_REFUSED, severity=Severity.REFUSAL, lines=(line.place,), values=values)
+        return finding(Code.TABLE_ORDER, (line.place,), **values, motor=line.error.motor, lower=line.error.lower)
+    return finding(Code.LINE_REFUSED, (line.place,), **values)
 
 
 def _endless(subject: Subject, left: Left) -> ProgramFinding:
     """Report a loop: one that moves is an endless cut; one that does not waits for an input."""
-    loop = left.circle.loop
+    loop, steps = left.circle.loop, subject.walk.steps
     first, last = (loop.first, loop.last) if loop is not None else (left.line, left.line)
-    here = (subject.place_of(subject.walk.number, first),)
-    values: dict[str, Value] = {"passes": _passes(subject, left), "repeats": left.circle.period is not None}
+    lines = (subject.place_of(subject.walk.number, first),)
+    # The pass in which the flag is set is also completed.
+    passes = sum(step.place == steps[left.step].place for step in steps[: left.step + 1])
+    values: dict[str, Value] = {"passes": passes, "repeats": left.circle.period is not None}
     if not left.flags:
-        return ProgramFinding(code=Code.ENDLESS_WITHOUT_FLAG, severity=Severity.WARNING, lines=here, values=values)
-    values |= {"flags": ", ".join(f"{kind}{index}={value:g}" for (kind, index), value in left.flags.items())}
-    moving = any(first <= subject.walk.steps[move.step].main_line <= last for move in subject.moves)
-    if moving:
-        return ProgramFinding(code=Code.ENDLESS_LOOP, severity=Severity.WARNING, lines=here, values=values)
-    return ProgramFinding(code=Code.WAITS_FOR_FLAG, severity=Severity.NOTICE, lines=here, values=values)
-
-
-def _passes(subject: Subject, left: Left) -> int:
-    """Return how often the program passed: the pass in which the flag is set is also completed."""
-    steps = subject.walk.steps[: left.step + 1]
-    return sum(step.place == steps[-1].place for step in steps)
+        return finding(Code.ENDLESS_WITHOUT_FLAG, lines, **values)
+    flags = ", ".join(f"{kind}{index}={value:g}" for (kind, index), value in left.flags.items())
+    moving = any(first <= steps[move.step].main_line <= last for move in subject.moves)
+    return finding(Code.ENDLESS_LOOP if moving else Code.WAITS_FOR_FLAG, lines, **values, flags=flags)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,48 +109,35 @@ def check_program(
     """
     refused: list[RefusedLine] = []
     dialect = DIALECTS[machine.controller.family]
-    read = with_times(read_program(text, refused, dialect.motor_count), ta_ms, ts_ms)
-    begins = start_of(text, _definitions(read, machine), start)
-    subject = _subject(read, machine, begins, _settings(machine, ta_ms, ts_ms))
+    read = _with_times(read_program(text, refused, dialect.motor_count), ta_ms, ts_ms)
+    # The axes of the machine, replaced by those of the text; each motor has one definition.
+    own = (*read_definitions(machine.controller.axis_definitions), *read.definitions)
+    definitions = {definition.motor: definition for definition in own}.values()
+    begins = start_of(text, definitions, start)
+    walked = walk(
+        read,
+        _settings(machine, ta_ms, ts_ms),
+        tuple(definitions),
+        start_counts(definitions, begins),
+        counts_per_turn={machine.spindle.motor: float(machine.spindle.counts_per_rev)},
+        dialect=dialect,
+    )
+    timeline, place_of = Timeline(walked.pieces), partial(_place, read)
+    moves = analyse_moves(walked, timeline)
+    subject = Subject(machine=machine, walk=walked, timeline=timeline, moves=moves, place_of=place_of)
     zigzag = find_zigzag(subject)
-    findings = [
-        *flow_findings(subject, refused),
-        *rounding_findings(subject, read),
-        *table_findings(subject, read),
-        *limit_findings(subject),
-        *timing_findings(subject),
-        *path_findings(subject, zigzag),
-        *synchronism_findings(subject),
-    ]
+    findings = _flow_findings(subject, refused) + rounding_findings(subject, read) + table_findings(subject, read)
+    findings += limit_findings(subject) + timing_findings(subject) + path_findings(subject, zigzag)
+    findings += synchronism_findings(subject)
     return ProgramCheck(
         number=read.number,
         start=begins,
-        motors=subject.walk.motors,
-        moves=subject.moves,
-        places=tuple(_place(read, move.program, move.line) for move in subject.moves),
-        duration_ms=subject.timeline.ends_ms,
+        motors=walked.motors,
+        moves=moves,
+        places=tuple(place_of(move.program, move.line) for move in moves),
+        duration_ms=timeline.ends_ms,
         findings=tuple(sorted(findings, key=lambda finding: finding.severity.rank, reverse=True)),
         explanation=explain(subject, zigzag),
-    )
-
-
-def _subject(text: ProgramText, machine: MachineProfile, start: Start, settings: Mapping[int, float]) -> Subject:
-    definitions = _definitions(text, machine)
-    walked = walk(
-        text,
-        settings,
-        definitions,
-        start_counts(definitions, start),
-        counts_per_turn={machine.spindle.motor: float(machine.spindle.counts_per_rev)},
-        dialect=DIALECTS[machine.controller.family],
-    )
-    timeline = Timeline(walked.pieces)
-    return Subject(
-        machine=machine,
-        walk=walked,
-        timeline=timeline,
-        moves=analyse_moves(walked, timeline),
-        place_of=lambda program, line: _place(text, program, line),
     )
 
 
@@ -174,32 +151,23 @@ def _settings(machine: MachineProfile, ta_ms: float | None, ts_ms: float | None)
     return settings
 
 
-def _definitions(text: ProgramText, machine: MachineProfile) -> tuple[AxisDefinition, ...]:
-    """Return the axes of the machine, replaced by those of the text; each motor has one definition."""
-    own = read_definitions(machine.controller.axis_definitions)
-    by_motor = {definition.motor: definition for definition in (*own, *text.definitions)}
-    return tuple(by_motor.values())
-
-
 def _place(text: ProgramText, program: int, line: int) -> int:
     """Return the line of the text, from 1, of a line of a program."""
     places = text.places.get(program, ())
     return places[line] if line < len(places) else 0
 
 
-def with_times(text: ProgramText, ta_ms: float | None, ts_ms: float | None) -> ProgramText:
+def _with_times(text: ProgramText, ta_ms: float | None, ts_ms: float | None) -> ProgramText:
     """Return the programs with other values in their TA and TS words; None leaves them as they are."""
     times = {word: Number(float(ms)) for word, ms in (("TA", ta_ms), ("TS", ts_ms)) if ms is not None}
-    if not times:
-        return text
-    subprograms = {number: _changed(program, times) for number, program in text.subprograms.items()}
-    return replace(text, program=_changed(text.program, times), subprograms=subprograms)
 
-
-def _changed(program: Program, times: dict[str, Number]) -> Program:
     def other(statement: Statement) -> Statement:
         if isinstance(statement, Set) and statement.word in times:
             return Set(statement.word, times[statement.word])
         return statement
 
-    return tuple(tuple(other(statement) for statement in line) for line in program)
+    def changed(program: Program) -> Program:
+        return tuple(tuple(other(statement) for statement in line) for line in program)
+
+    subprograms = {number: changed(program) for number, program in text.subprograms.items()}
+    return replace(text, program=changed(text.program), subprograms=subprograms)

@@ -20,7 +20,7 @@ from profiles.problem import Problem
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
 _WORD = rf"[{''.join(AXIS_LETTERS)}]{_NUMBER}"
 _COMMENT = re.compile(rf"\s*;\s*starts at((?:\s+{_WORD})+)\s*", re.IGNORECASE | re.ASCII)
-_TOLD = re.compile(rf"\s*([{''.join(AXIS_LETTERS)}])\s*=\s*({_NUMBER})\s*", re.IGNORECASE | re.ASCII)
+_GIVEN = re.compile(rf"\s*([{''.join(AXIS_LETTERS)}])\s*=\s*({_NUMBER})\s*", re.IGNORECASE | re.ASCII)
 
 
 class Source(StrEnum):
@@ -46,12 +46,11 @@ class Start:
 def read_start(text: str) -> dict[str, float]:
     """Parse the positions in a text such as `X=240000,Y=0`.
 
-    Raises:
-        ValueError: it is not such a text; its argument is the part that is wrong.
+    Raises ValueError: it is not such a text; its argument is the part that is wrong.
     """
     positions: dict[str, float] = {}
     for part in text.split(","):
-        found = _TOLD.fullmatch(part)
+        found = _GIVEN.fullmatch(part)
         if found is None or found[1].upper() in positions:
             raise ValueError(part)
         positions[found[1].upper()] = float(found[2])
@@ -64,18 +63,22 @@ def start_comment(definitions: Iterable[AxisDefinition], counts: Mapping[int, fl
     return f"; starts at {_words(axis_positions(by_motor, counts))}"
 
 
-def start_of(text: str, definitions: Iterable[AxisDefinition], told: Mapping[str, float] | None) -> Start:
-    """Return where a program starts: as `told`, else by the first such comment of its text, else at home.
+def start_of(text: str, definitions: Iterable[AxisDefinition], given: Mapping[str, float] | None) -> Start:
+    """Return where a program starts: as `given`, else by the first such comment of its text, else at home.
 
-    Raises:
-        DriverError: `program.start_axis`, no motor drives that axis; `program.start_too_far`.
+    Raises DriverError: `program.start_axis`, no motor drives that axis; `program.start_too_far`.
     """
     by_motor = {definition.motor: definition for definition in definitions}
     home = axis_positions(by_motor, dict.fromkeys(by_motor, 0.0))
-    if told is not None:
-        start = Start(positions=told, source=Source.OPERATOR)
+    if given is not None:
+        start = Start(positions=given, source=Source.OPERATOR)
     else:
-        start = _commented(text) or Start(positions={}, source=Source.HOME)
+        start = Start(positions={}, source=Source.HOME)
+        for line, row in enumerate(text.splitlines(), start=1):
+            if found := _COMMENT.fullmatch(row):
+                positions = {word[0].upper(): float(word[1:]) for word in found[1].split()}
+                start = Start(positions=positions, source=Source.COMMENT, line=line)
+                break
     for axis in start.positions:
         if axis not in home:
             limit = ", ".join(sorted(home)) or "-"
@@ -91,15 +94,6 @@ def start_of(text: str, definitions: Iterable[AxisDefinition], told: Mapping[str
 def start_counts(definitions: Iterable[AxisDefinition], start: Start) -> dict[int, float]:
     """Return the motor positions at the start, counts by motor."""
     return {definition.motor: definition.counts(start.positions) for definition in definitions}
-
-
-def _commented(text: str) -> Start | None:
-    for line, row in enumerate(text.splitlines(), start=1):
-        found = _COMMENT.fullmatch(row)
-        if found is not None:
-            positions = {word[0].upper(): float(word[1:]) for word in found[1].split()}
-            return Start(positions=positions, source=Source.COMMENT, line=line)
-    return None
 
 
 def _words(positions: Mapping[str, float]) -> str:

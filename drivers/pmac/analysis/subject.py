@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from drivers.pmac.analysis.moves import MoveAnalysis
-from drivers.pmac.analysis.step import SAME_COUNTS
-from drivers.pmac.analysis.timeline import Timeline
+from drivers.pmac.analysis.timeline import SAME_COUNTS, Timeline
 from drivers.pmac.analysis.walk import Walk
 from profiles.machine import MachineProfile
 
-FEWEST_TOOL_MOVES = 2
-"""Tool moves, with the spindle turning, that make a cut."""
+FEWEST_TOOL_MOVES = 2  # Tool moves, with the spindle turning, that make a cut
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +54,13 @@ class Subject:
                 stretches[-1].append(move)
             elif stretches[-1]:
                 stretches.append([])
-        return max((_trimmed(stretch, tool) for stretch in stretches), key=len)
+        cuts: list[list[MoveAnalysis]] = [[]]
+        for stretch in stretches:
+            places = [place for place, move in enumerate(stretch) if moves(move, tool)]
+            if len(places) >= FEWEST_TOOL_MOVES:
+                cuts.append(stretch[places[0] : places[-1] + 1])
+        longest = max(cuts, key=len)
+        return tuple(longest)
 
     def lines(self, moves: Iterable[MoveAnalysis]) -> tuple[int, ...]:
         """Return the lines of the file that some moves come from, in order, each once."""
@@ -81,8 +85,3 @@ class Subject:
 def moves(move: MoveAnalysis, index: int) -> bool:
     """Return whether a move commands a displacement of a motor."""
     return abs(move.motors[index].commanded) > SAME_COUNTS
-
-
-def _trimmed(stretch: list[MoveAnalysis], tool: int) -> tuple[MoveAnalysis, ...]:
-    places = [place for place, move in enumerate(stretch) if moves(move, tool)]
-    return tuple(stretch[places[0] : places[-1] + 1]) if len(places) >= FEWEST_TOOL_MOVES else ()

@@ -10,23 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Value
-from drivers.pmac.analysis.step import SAME_COUNTS, Step
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Value, finding
 from drivers.pmac.analysis.subject import Subject
+from drivers.pmac.analysis.timeline import SAME_COUNTS
 from drivers.pmac.analysis.units import shown_length, unit_of
 from drivers.pmac.analysis.walk import COMPENSATION
-from drivers.pmac.compensation.table import (
-    PARTS_PER_COUNT,
-    CompensationTable,
-    Whereabouts,
-    correction_range,
-)
+from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, Whereabouts, correction_range
 from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.syntax import Assign, VariableKind
-from drivers.pmac.program_tables import TextTable
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.requests import CircleRequest, HomeRequest, LinearRequest, PvtRequest, SplineRequest
-from profiles.findings import Severity
 
 MOST_SWITCHES = 200
 """Maximum number of I51 changes that are checked: each may cost a walk through the whole of every table."""
@@ -34,8 +27,7 @@ MOST_SWITCHES = 200
 _BLENDED = LinearRequest | CircleRequest | SplineRequest | PvtRequest
 """Requests during which the controller calculates ahead."""
 
-_Range = tuple[float, float]
-"""The least and the greatest possible correction, counts."""
+_Range = tuple[float, float]  # The least and the greatest possible correction, counts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,33 +44,29 @@ def table_findings(subject: Subject, text: ProgramText) -> list[ProgramFinding]:
     findings: list[ProgramFinding] = []
     complete: list[CompensationTable] = []
     for sent in text.tables:
-        table = sent.table
+        table, motor = sent.table, sent.definition.motor
         if table is None:
-            findings.append(_unfilled(sent))
+            entries, wanted = len(sent.entries), sent.definition.entry_count
+            findings.append(
+                finding(Code.TABLE_UNFILLED, (sent.place,), motor=motor, entries=entries, wanted=wanted)
+            )
             continue
         complete.append(table)
+        # The manuals require a correction of zero at the source's zero.
         if not table.definition.rows and table.entries[-1]:
-            findings.append(_last_entry(subject, sent))
+            target, entry = sent.definition.target, table.entries[-1]
+            values = _length(subject, target, entry / PARTS_PER_COUNT)
+            lines = (sent.last_place,)
+            findings.append(
+                finding(Code.TABLE_LAST_ENTRY, lines, motor=motor, target=target, entry=entry, **values)
+            )
     if complete:
         findings += _throws(subject, complete, _switchings(subject, text)[:MOST_SWITCHES])
     return findings
 
 
-def _unfilled(sent: TextTable) -> ProgramFinding:
-    wanted = sent.definition.entry_count
-    values: dict[str, Value] = {"motor": sent.definition.motor, "entries": len(sent.entries), "wanted": wanted}
-    return ProgramFinding(code=Code.TABLE_UNFILLED, severity=Severity.WARNING, lines=(sent.place,), values=values)
-
-
-def _last_entry(subject: Subject, sent: TextTable) -> ProgramFinding:
-    """Find a correction that is not zero at the source's zero, where the manuals require it."""
-    target = sent.definition.target
-    counts = sent.entries[-1] / PARTS_PER_COUNT
-    values: dict[str, Value] = {"motor": sent.definition.motor, "target": target, "entry": sent.entries[-1]}
-    values |= {"counts": counts, **shown_length(subject.machine, target, counts)}
-    return ProgramFinding(
-        code=Code.TABLE_LAST_ENTRY, severity=Severity.WARNING, lines=(sent.last_place,), values=values
-    )
+def _length(subject: Subject, motor: int, counts: float) -> dict[str, Value]:
+    return {"counts": counts, **shown_length(subject.machine, motor, counts)}
 
 
 def _switchings(subject: Subject, text: ProgramText) -> list[_Switching]:
@@ -130,18 +118,13 @@ def _throws(
             held_low, held_high = held.get(target, (0.0, 0.0))
             key = (target, switching.place)
             worst[key] = max(worst.get(key, 0.0), abs(high - held_low), abs(low - held_high))
-    return [
-        _throw(subject, target, place, counts)
-        for (target, place), counts in worst.items()
-        if counts * PARTS_PER_COUNT >= 1.0
-    ]
-
-
-def _throw(subject: Subject, target: int, place: int, counts: float) -> ProgramFinding:
-    known = unit_of(subject.machine, target) is not None
-    code = Code.TABLE_THROWS if known else Code.TABLE_THROWS_OTHER
-    values: dict[str, Value] = {"motor": target, "counts": counts, **shown_length(subject.machine, target, counts)}
-    return ProgramFinding(code=code, severity=Severity.WARNING, lines=(place,), values=values)
+    findings = []
+    for (target, place), counts in worst.items():
+        if counts * PARTS_PER_COUNT >= 1.0:
+            known = unit_of(subject.machine, target) is not None
+            code = Code.TABLE_THROWS if known else Code.TABLE_THROWS_OTHER
+            findings.append(finding(code, (place,), motor=target, **_length(subject, target, counts)))
+    return findings
 
 
 def _whereabouts(subject: Subject, motor: int, step: int, moved: frozenset[int]) -> Whereabouts:
@@ -153,26 +136,13 @@ def _whereabouts(subject: Subject, motor: int, step: int, moved: frozenset[int])
     before = walk.steps[:step]
     if not before:
         return walk.start[index]
-    if not _runs_on(before[-1]):
+    if not isinstance(before[-1].request, _BLENDED):
         return before[-1].at[index]
-    first = before[-2] if len(before) > 1 and _runs_on(before[-2]) else before[-1]
-    behind = walk.steps[step] if step < len(walk.steps) else before[-1]
-    low, high = subject.timeline.extent(index, _moves_from_ms(first), _moves_from_ms(behind))
+    first = before[-2] if len(before) > 1 and isinstance(before[-2].request, _BLENDED) else before[-1]
+    following = walk.steps[step] if step < len(walk.steps) else before[-1]
+    # The ramp into a move ends the one before it.
+    low, high = subject.timeline.extent(index, first.ramp_begins_ms(), following.ramp_begins_ms())
     return high if high - low <= SAME_COUNTS else (low, high)
-
-
-def _runs_on(step: Step) -> bool:
-    return isinstance(step.request, _BLENDED)
-
-
-def _moves_from_ms(step: Step) -> float:
-    """Return when the ramp into a move begins, which ends the previous move. Without a ramp, the end."""
-    instant_ms = step.begins_ms
-    for piece in step.planned.pieces:
-        if piece.calculates:
-            break
-        instant_ms += piece.duration_ms
-    return instant_ms
 
 
 def _moved(subject: Subject) -> frozenset[int]:

@@ -1,4 +1,4 @@
-"""A whole motion on one time axis: the position of a motor at an instant, and its extremes between two instants.
+"""A whole motion on one time axis: its steps, the position of a motor at an instant, its extremes between two.
 
 Everything is exact from the cubics; nothing is sampled. Positions are counts, times ms from the start.
 """
@@ -8,14 +8,17 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
+from typing import NamedTuple
 
-from drivers.pmac.trajectory.pieces import Cubic, Piece, position_at, velocity_at
+from drivers.pmac.requests import Request
+from drivers.pmac.trajectory.pieces import Cubic, Piece, Vector, position_at, velocity_at
+from drivers.pmac.trajectory.planned import Planned
 
-NOTHING = 1e-9
-"""Counts, and counts in ms to any power, below which a value is only arithmetic rounding."""
+SAME_COUNTS = 1e-6  # Motions that differ by less are the same within rounding
 
-_SAME = 1e-9
-"""Fraction of the greatest acceleration below which a jump of it is only arithmetic rounding."""
+NOTHING = 1e-9  # Counts, and counts in ms to any power, below which a value is only arithmetic rounding
+_SAME = 1e-9  # Fraction of the greatest acceleration below which a jump of it is only arithmetic rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,26 +38,23 @@ class Timeline:
 
     def __init__(self, pieces: Sequence[Piece]) -> None:
         self.pieces = tuple(pieces)
-        begins, instant = [], 0.0
-        for piece in self.pieces:
-            begins.append(instant)
-            instant += piece.duration_ms
-        self.begins_ms = tuple(begins)
-        self.ends_ms = instant
+        *self.begins_ms, self.ends_ms = accumulate((piece.duration_ms for piece in self.pieces), initial=0.0)
 
     def position(self, index: int, instant_ms: float) -> float:
         """Return the position of the motor at place `index`; before the start and after the end it is at rest."""
-        place = self._place(instant_ms)
-        piece = self.pieces[place]
-        inside_ms = min(max(instant_ms - self.begins_ms[place], 0.0), piece.duration_ms)
-        return position_at(piece.cubics[index], inside_ms)
+        cubic, inside_ms = self._at(index, instant_ms)
+        return position_at(cubic, inside_ms)
 
     def velocity(self, index: int, instant_ms: float) -> float:
         """Return the velocity of a motor, counts/ms."""
+        cubic, inside_ms = self._at(index, instant_ms)
+        return velocity_at(cubic, inside_ms)
+
+    def _at(self, index: int, instant_ms: float) -> tuple[Cubic, float]:
+        """Return the cubic of a motor at an instant, and the time inside it."""
         place = self._place(instant_ms)
         piece = self.pieces[place]
-        inside_ms = min(max(instant_ms - self.begins_ms[place], 0.0), piece.duration_ms)
-        return velocity_at(piece.cubics[index], inside_ms)
+        return piece.cubics[index], min(max(instant_ms - self.begins_ms[place], 0.0), piece.duration_ms)
 
     def extent(self, index: int, from_ms: float, to_ms: float) -> tuple[float, float]:
         """Return the lowest and the highest position of a motor between two instants."""
@@ -126,3 +126,54 @@ def _fastest(cubic: Cubic, begin_ms: float, end_ms: float) -> tuple[float, ...]:
     _, _, c2, c3 = cubic
     instant = -c2 / (3.0 * c3) if c3 else begin_ms
     return (begin_ms, end_ms, instant) if begin_ms < instant < end_ms else (begin_ms, end_ms)
+
+
+class Step(NamedTuple):
+    """One request of a program with its motion, from `begins_ms` to `ends_ms`; the motors are then `at` (counts).
+
+    `line` is that of `program`, `main_line` that of the program that was started, which may have called it.
+    `by_move_time`: TM, not F, was modal; `segment_ms` is I13 at that time. `place` is `ProgramRun.place` after the
+    request.
+    """
+
+    program: int
+    line: int
+    main_line: int
+    place: tuple[int, ...]
+    request: Request
+    by_move_time: bool
+    planned: Planned
+    segment_ms: float
+    begins_ms: float
+    ends_ms: float
+    at: Vector
+
+    def ramp_begins_ms(self) -> float:
+        """Return when the ramp into the move begins: the next move is calculated there. Without one, the end."""
+        instant_ms = self.begins_ms
+        for piece in self.planned.pieces:
+            if piece.calculates:
+                break
+            instant_ms += piece.duration_ms
+        return instant_ms
+
+
+def same_motion(one: Sequence[Step], other: Sequence[Step]) -> bool:
+    """Return whether two stretches come from the same lines and move alike, wherever they begin."""
+    if [(step.program, step.line) for step in one] != [(step.program, step.line) for step in other]:
+        return False
+    first, second = ([piece for step in steps for piece in step.planned.pieces] for steps in (one, other))
+    return len(first) == len(second) and all(map(_alike, first, second))
+
+
+def _alike(one: Piece, other: Piece) -> bool:
+    time_ms = one.duration_ms
+    if abs(time_ms - other.duration_ms) > SAME_COUNTS * time_ms:
+        return False
+    # Scale each coefficient to its effect over the time of the piece, in counts.
+    powers = (time_ms, time_ms**2, time_ms**3)
+    return all(
+        abs(a - b) * power <= SAME_COUNTS * max(1.0, abs(a) * power)
+        for first, second in zip(one.cubics, other.cubics, strict=True)
+        for a, b, power in zip(first[1:], second[1:], powers, strict=True)
+    )

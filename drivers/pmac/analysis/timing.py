@@ -5,43 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Value
-from drivers.pmac.analysis.moves import MoveAnalysis
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Value, finding
+from drivers.pmac.analysis.moves import RAMPED, MoveAnalysis
 from drivers.pmac.analysis.subject import Subject
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.syntax import Set
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.settings import servo_cycle_ms
-from drivers.pmac.variables import VariableStore
-from profiles.findings import Severity
-
-_RAMPED = ("LINEAR", "CIRCLE")
-
-_LEVELS = {
-    Code.STRETCHED: Severity.WARNING,
-    Code.STRETCHED_BY_VELOCITY: Severity.WARNING,
-    Code.STRETCHED_BY_ACCELERATION: Severity.WARNING,
-    Code.TIME_BELOW_INTERRUPT: Severity.WARNING,
-}
 
 
 def timing_findings(subject: Subject) -> list[ProgramFinding]:
     """Return the findings about times; alike ones of several lines are merged."""
     grouped: dict[str, tuple[Code, dict[str, Value], list[MoveAnalysis]]] = {}
     for move in subject.moves:
-        if move.mode in _RAMPED:
+        if move.mode in RAMPED:
             for code, values in _of_move(subject, move):
                 _, _, alike = grouped.setdefault(_key(code, values), (code, values, []))
                 alike.append(move)
     return [
-        ProgramFinding(
-            code=code,
-            severity=_LEVELS.get(code, Severity.NOTICE),
-            lines=subject.lines(moves),
-            values={**values, "moves": len(moves)},
-        )
-        for code, values, moves in grouped.values()
+        finding(code, subject.lines(moves), **values, moves=len(moves)) for code, values, moves in grouped.values()
     ]
 
 
@@ -54,8 +37,7 @@ def rounding_findings(subject: Subject, text: ProgramText) -> list[ProgramFindin
             for word in (statement for statement in statements if isinstance(statement, Set)):
                 values = _rounded(subject, word)
                 if values:
-                    place = subject.place_of(number, line)
-                    findings.append(_finding(place, values))
+                    findings.append(finding(Code.TIME_ROUNDED, (subject.place_of(number, line),), **values))
     return findings
 
 
@@ -102,16 +84,14 @@ def _longer(one_ms: float, other_ms: float) -> bool:
     return one_ms > other_ms * (1.0 + 1e-9)
 
 
-def _finding(place: int, values: dict[str, Value]) -> ProgramFinding:
-    return ProgramFinding(code=Code.TIME_ROUNDED, severity=Severity.NOTICE, lines=(place,), values=values)
-
-
 def _rounded(subject: Subject, word: Set) -> dict[str, Value]:
     """Return the commanded and the actual value, nothing where they are equal."""
     if word.word not in ("TA", "TS", "PVT"):
         return {}
-    variables = subject.walk.variables
-    step_ms = _segment_step_ms(variables) if word.word == "PVT" else 1.0
+    variables, dialect, step_ms = subject.walk.variables, subject.walk.variables.dialect, 1.0
+    switch = dialect.segment_time_switch
+    if word.word == "PVT" and switch is not None and variables.i(switch) == 0.0:
+        step_ms = dialect.segment_step_ms  # where a setting lets TM give it, finer than a whole ms
     try:
         asked_ms = evaluate(word.value, variables, variables.i(15) == 0.0)
     except PmacError:
@@ -120,10 +100,3 @@ def _rounded(subject: Subject, word: Set) -> dict[str, Value]:
     if abs(asked_ms - used_ms) <= 1e-9 * max(1.0, abs(asked_ms)):
         return {}
     return {"word": word.word, "asked_ms": asked_ms, "used_ms": used_ms}
-
-
-def _segment_step_ms(variables: VariableStore) -> float:
-    """Return the resolution of a PVT segment's time; finer where a setting lets TM give it."""
-    switch = variables.dialect.segment_time_switch
-    fine = switch is not None and variables.i(switch) == 0.0
-    return variables.dialect.segment_step_ms if fine else 1.0

@@ -8,7 +8,7 @@ from drivers.pmac.analysis.findings import Value
 from profiles.machine import MachineProfile
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Unit:
     """One count in a unit of length or angle, and the units of its derivatives.
 
@@ -27,12 +27,13 @@ class Unit:
 
 def unit_of(machine: MachineProfile, motor: int) -> Unit | None:
     """Return the unit of a motor, None for one that the machine profile does not know."""
-    if motor == machine.tool.motor:
-        return _millimetres(machine.tool.counts_per_mm)
-    if motor == machine.carriage.motor:
-        return _millimetres(machine.carriage.counts_per_mm)
     if motor == machine.spindle.motor:
-        return _degrees(machine.spindle.counts_per_rev)
+        turn = machine.spindle.counts_per_rev
+        return Unit("deg", 360.0 / turn, "rpm", 60_000.0 / turn, "deg/s2", 360e6 / turn, "deg/s3", 360e9 / turn)
+    for axis in (machine.tool, machine.carriage):
+        if motor == axis.motor:
+            mm = axis.counts_per_mm
+            return Unit("mm", 1.0 / mm, "mm/s", 1e3 / mm, "m/s2", 1e3 / mm, "m/s3", 1e6 / mm)
     return None
 
 
@@ -44,29 +45,3 @@ def shown_length(machine: MachineProfile, motor: int, counts: float) -> dict[str
     if motor == machine.tool.motor:
         return {"length": counts * machine.tool.count_um, "unit": "um"}
     return {"length": counts * unit.per_count, "unit": unit.name}
-
-
-def _millimetres(counts_per_mm: float) -> Unit:
-    return Unit(
-        name="mm",
-        per_count=1.0 / counts_per_mm,
-        velocity_unit="mm/s",
-        velocity=1e3 / counts_per_mm,
-        acceleration_unit="m/s2",
-        acceleration=1e3 / counts_per_mm,
-        jerk_unit="m/s3",
-        jerk=1e6 / counts_per_mm,
-    )
-
-
-def _degrees(counts_per_rev: float) -> Unit:
-    return Unit(
-        name="deg",
-        per_count=360.0 / counts_per_rev,
-        velocity_unit="rpm",
-        velocity=60_000.0 / counts_per_rev,
-        acceleration_unit="deg/s2",
-        acceleration=360e6 / counts_per_rev,
-        jerk_unit="deg/s3",
-        jerk=360e9 / counts_per_rev,
-    )

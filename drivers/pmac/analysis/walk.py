@@ -11,14 +11,14 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum, auto
+from functools import partial
 from typing import NamedTuple
 
-from drivers.pmac.analysis.endless import Circle, EndlessWatch, Turning
-from drivers.pmac.analysis.loops import Name, find_loops, way_out
-from drivers.pmac.analysis.step import Step
+from drivers.pmac.analysis.endless import Circle, EndlessWatch, Name, Turning, find_loops, way_out
+from drivers.pmac.analysis.timeline import Step
 from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins
 from drivers.pmac.dialect import PMAC, Dialect, Setting
-from drivers.pmac.execution.modes import Modes
+from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import evaluate
@@ -31,11 +31,8 @@ from drivers.pmac.trajectory.planned import Event, Planned
 from drivers.pmac.trajectory.planner import MotionPlanner
 from drivers.pmac.variables import MODAL_NUMBERS, VariableStore
 
-MOST_STEPS = 20_000
-"""Maximum number of program requests in a walk."""
-
-COMPENSATION = 51
-"""I51 switches the compensation tables."""
+MOST_STEPS = 20_000  # Maximum number of program requests in a walk
+COMPENSATION = 51  # I51 switches the compensation tables
 
 
 class Ending(StrEnum):
@@ -107,8 +104,7 @@ def walk(
 
     If not `watched`, an endless loop continues until the walk is too long: for programs that are known to end.
 
-    Raises:
-        PmacError: refusals before anything moves: a setting, the structure of the program.
+    Raises PmacError: refusals before anything moves: a setting, the structure of the program.
     """
     variables = WatchedVariables(i_variables, dialect) if watched else VariableStore(i_variables, dialect)
     walker = _Walker(text, variables, definitions, start)
@@ -118,8 +114,7 @@ def walk(
 def settle(text: ProgramText, variables: VariableStore) -> None:
     """Execute the settings before a program.
 
-    Raises:
-        PmacError: 005 for anything that is not a setting, 003 for a calculation without a result.
+    Raises PmacError: 005 for anything that is not a setting, 003 for a calculation without a result.
     """
     for line in text.settings:
         for statement in line:
@@ -152,7 +147,7 @@ class WatchedVariables(VariableStore):
 
 
 class _Taken(NamedTuple):
-    """A request, and the state of the program when it was calculated."""
+    """A request, and the state of the program when it was calculated: the first half of a `Step`."""
 
     program: int
     line: int
@@ -174,7 +169,9 @@ class _WatchedRun(ProgramRun):
         self._requests = 0
         self._own_modes = Modes()
         if isinstance(variables, WatchedVariables):
-            variables.on_compensation = self._switch
+            variables.on_compensation = lambda on: self.switches.append(
+                Switch(step=self._requests, on=on, program=self.program, line=self.line)
+            )
         super().__init__(
             link(text.program), variables, self._own_modes, positions, library=text.code, number=text.number
         )
@@ -186,19 +183,9 @@ class _WatchedRun(ProgramRun):
 
     def take(self, request: Request) -> None:
         """Keep a request."""
-        taken = _Taken(
-            program=self.program,
-            line=self.line,
-            main_line=self.first_line,
-            place=self.place() if self._watched else (),
-            request=request,
-            by_move_time=self._own_modes.by_move_time,
-        )
-        self.taken.append(taken)
+        place, by_move_time = self.place() if self._watched else (), self._own_modes.by_move_time
+        self.taken.append(_Taken(self.program, self.line, self.first_line, place, request, by_move_time))
         self._requests += 1
-
-    def _switch(self, on: bool) -> None:
-        self.switches.append(Switch(step=self._requests, on=on, program=self.program, line=self.line))
 
 
 class _Walker:
@@ -227,14 +214,13 @@ class _Walker:
 
     def walk(self, counts_per_turn: Mapping[int, float], most_steps: int) -> Walk:
         turning = None
-        for index, definition in enumerate(self._definitions):
-            if definition.motor in counts_per_turn:
-                turning = Turning(index=index, counts=counts_per_turn[definition.motor])
-        program, called = self._text.program, self._text.subprograms.values()
-        watch = EndlessWatch(find_loops(program, called), turning)
+        for index, motor in enumerate(d.motor for d in self._definitions):
+            if motor in counts_per_turn:
+                turning = Turning(index=index, counts=counts_per_turn[motor])
+        loops = find_loops(self._text.program, self._text.subprograms.values())
         error = None
         try:
-            ending = self._to_the_end(watch, most_steps)
+            ending = self._to_the_end(partial(EndlessWatch, loops, turning), most_steps)
         except PmacError as fault:
             ending, error = Ending.ERROR, fault
         if ending is not Ending.FINISHED:
@@ -252,7 +238,8 @@ class _Walker:
             switches=tuple(self._run.switches),
         )
 
-    def _to_the_end(self, watch: EndlessWatch, most_steps: int) -> Ending:
+    def _to_the_end(self, new_watch: Callable[[], EndlessWatch], most_steps: int) -> Ending:
+        watch = new_watch()
         while len(self._steps) < most_steps:
             planned = self._planner.plan()
             self._add(planned)
@@ -262,7 +249,7 @@ class _Walker:
             if circle is not None:
                 if not self._leave(circle):
                     return Ending.ENDLESS
-                watch.forget()
+                watch = new_watch()
         return Ending.TOO_LONG
 
     def _leave(self, circle: Circle) -> bool:
@@ -287,21 +274,8 @@ class _Walker:
             ends_ms += sum([piece.duration_ms for piece in planned.pieces])
         if planned.event is not None:
             at = self._carry_out(planned.event, at)
-        taken = self._run.taken.popleft()
-        step = Step(
-            program=taken.program,
-            line=taken.line,
-            main_line=taken.main_line,
-            place=taken.place,
-            request=taken.request,
-            planned=planned,
-            by_move_time=taken.by_move_time,
-            segment_ms=self._variables.i(self._segment_index),
-            begins_ms=begins_ms,
-            ends_ms=ends_ms,
-            at=at,
-        )
-        self._steps.append(step)
+        segment_ms = self._variables.i(self._segment_index)
+        self._steps.append(Step(*self._run.taken.popleft(), planned, segment_ms, begins_ms, ends_ms, at))
 
     def _carry_out(self, event: Event, at: Vector) -> Vector:
         """Do what the program waits for: homing succeeds at zero, a PSET is taken as is, a STOP is resumed."""

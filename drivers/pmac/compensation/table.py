@@ -10,18 +10,25 @@ has its first entry one spacing from zero; at zero the last entry applies, which
 A table with two sources is a grid. The manual's names are crosswise: the row motor moves along a row, so its span
 is divided by the columns, and the column motor selects the row. Entries come row by row; the one of the origin is
 not sent and is zero. The edges at zero have entries of their own, so the table need not be the same at both ends.
+
+The memory of tables is a stack: those of high motor numbers are defined first and deleted last. What lies after
+them has to be deleted first, usually the data gathering buffer (also DELETE LOOKAHEAD in the Software Reference).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
-PARTS_PER_COUNT = 16
-"""Entries are in sixteenths of a count of the target."""
+from drivers.pmac.language.errors import ErrorCode, PmacError
+
+PARTS_PER_COUNT = 16  # Entries are in sixteenths of a count of the target
+
+BEHIND_TABLES = ("TCOMP", "BLCOMP", "TBUF", "ROTARY", "LOOKAHEAD", "GATHER")
+"""The buffers that lie after the tables; LOOKAHEAD on Turbo only."""
 
 Whereabouts = float | tuple[float, float] | None
 """Position range of a source, counts: a single position, from one to a higher one, or unrestricted."""
@@ -102,14 +109,14 @@ class CompensationTable:
     def at(self, column: float, row: float = 0.0) -> float:
         """Return the correction at a place of the grid, in spacings; its ends belong to their last interval."""
         left = min(int(column), self.definition.columns - 1)
-        share = column - left
+        fraction = column - left
         above = min(int(row), max(0, self.definition.rows - 1))
         line = self.grid[above]
-        found = line[left] + (line[left + 1] - line[left]) * share
+        found = line[left] + (line[left + 1] - line[left]) * fraction
         if not self.definition.rows:
             return found
         line = self.grid[above + 1]
-        below = line[left] + (line[left + 1] - line[left]) * share
+        below = line[left] + (line[left + 1] - line[left]) * fraction
         return found + (below - found) * (row - above)
 
 
@@ -152,3 +159,50 @@ def _turning_places(where: Whereabouts, span: int, size: int) -> list[float]:
         # The upper end and zero are one position with two entries, and a source that crosses it sees both.
         places += [float(size), 0.0] if knot == size else [float(knot % size)]
     return places
+
+
+class TableOrderError(PmacError):
+    """Tables of lower motors, `lower`, lie after the one of `motor`."""
+
+    def __init__(self, motor: int, lower: str) -> None:
+        detail = f"table of motor {motor}: those of lower motors ({lower}) lie behind it; delete them first"
+        super().__init__(ErrorCode.DATA_ERROR, detail)
+        self.motor = motor
+        self.lower = lower
+
+
+def refuse_definition(
+    definition: TableDefinition, tables: Collection[int], buffers: Collection[str], room_entries: int
+) -> None:
+    """Refuse DEFINE COMP where the controller does.
+
+    `tables` are the motors that have a table, `buffers` the names of `BEHIND_TABLES` that exist.
+
+    Raises PmacError: 003, another buffer or table is in the way; 006, the remaining memory holds fewer entries.
+    """
+    _refuse_behind(definition.motor, tables, buffers)
+    if definition.motor in tables:
+        detail = f"motor {definition.motor} has a table already; DELETE COMP first"
+        raise PmacError(ErrorCode.DATA_ERROR, detail)
+    if definition.entry_count > room_entries:
+        raise PmacError(ErrorCode.NO_ROOM, f"{definition.entry_count} entries; room for {room_entries}")
+
+
+def refuse_deletion(motor: int, tables: Collection[int], buffers: Collection[str]) -> None:
+    """Refuse DELETE COMP of a motor where the controller does; without a table there is nothing to refuse.
+
+    Raises PmacError: 003, another buffer or table lies after this table.
+    """
+    if motor in tables:
+        _refuse_behind(motor, tables, buffers)
+
+
+def _refuse_behind(motor: int, tables: Collection[int], buffers: Collection[str]) -> None:
+    lower = sorted(other for other in tables if other < motor)
+    if lower:
+        numbers = ", ".join(map(str, lower))
+        raise TableOrderError(motor, numbers)
+    met = [name for name in BEHIND_TABLES if name in buffers]
+    if met:
+        detail = f"table of motor {motor}: {', '.join(met)} behind it; DELETE {met[0]} first"
+        raise PmacError(ErrorCode.DATA_ERROR, detail)

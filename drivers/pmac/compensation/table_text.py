@@ -1,4 +1,4 @@
-"""Compensation tables as text: the line DEFINE COMP and the entries that follow it.
+"""Compensation tables as text: the line DEFINE COMP, the entries that follow it, and all those in a program text.
 
 `DEFINE COMP 8,#1,#2,4000` has 8 entries over 4000 counts of motor 1, for motor 2.
 `DEFINE COMP 2.8,#1D,#3,#2,4000,900` has 2 rows and 8 columns: over 4000 counts of the desired position of motor 1,
@@ -8,31 +8,38 @@ the table belongs. Sources: PMAC and Turbo Software Reference, DEFINE COMP.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 
-from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
+from drivers.pmac.compensation.table import (
+    CompensationTable,
+    TableDefinition,
+    TableSource,
+    refuse_definition,
+    refuse_deletion,
+)
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.memory import WORD_BITS
 
-GREATEST_ENTRY = (1 << (WORD_BITS - 1)) - 1
-"""An entry is a signed memory word; sixteenths of a count."""
+GREATEST_ENTRY = (1 << (WORD_BITS - 1)) - 1  # An entry is a signed memory word; sixteenths of a count
+_GREATEST_SIZE = (1 << 47) - 1  # A position is a signed 48-bit number: no source can roll over a longer span
+ENTRIES_PER_LINE = 16  # Entries have at most nine characters: a line stays below the controller's limit of 255
+MOST_MOTORS = 32  # Of the largest family; the target controller is not known when the text is read
 
-_GREATEST_SIZE = (1 << 47) - 1
-"""A position is a signed 48-bit number: no source can roll over a longer span."""
+_DEFINE = ("DEFINECOMP", "DEFCOMP")
+_DELETE = ("DELETECOMP", "DELCOMP")
+_ENTRIES = re.compile(r"[+-]?[\d.]")
+_ADDRESS = re.compile(r"#\s*(\d+)(?!\d|\s*->)")
 
-ENTRIES_PER_LINE = 16
-"""Entries have at most nine characters: a line stays below the controller's limit of 255."""
-
-_Motor = tuple[int, bool]
-"""A motor number, and whether its desired position is the source."""
+_Motor = tuple[int, bool]  # A motor number, and whether its desired position is the source
 
 
 def scan_definition(scanner: Scanner, addressed: int, motor_count: int) -> TableDefinition:
     """Parse what follows DEFINE COMP.
 
-    Raises:
-        PmacError: 003, not a definition, a motor that does not exist, or a size or a span of 0.
+    Raises PmacError: 003, not a definition, a motor that does not exist, or a size or a span of 0.
     """
     first = _size(scanner)
     columns = _size(scanner) if scanner.accept(".") else None
@@ -54,8 +61,7 @@ def scan_definition(scanner: Scanner, addressed: int, motor_count: int) -> Table
 def scan_entries(scanner: Scanner) -> list[int]:
     """Parse a line of entries, sixteenths of a count.
 
-    Raises:
-        PmacError: 003, something that is not a signed 24-bit integer.
+    Raises PmacError: 003, something that is not a signed 24-bit integer.
     """
     entries = []
     while not scanner.at_end:
@@ -72,8 +78,7 @@ def scan_entries(scanner: Scanner) -> list[int]:
 def read_table(lines: Iterable[str], motor_count: int) -> CompensationTable:
     """Parse a table from the lines that send it, `#1 DEFINE COMP ...` first.
 
-    Raises:
-        PmacError: 003, not such lines, or more or fewer entries than the definition requires.
+    Raises PmacError: 003, not such lines, or more or fewer entries than the definition requires.
     """
     first, *rest = lines
     scanner = Scanner(first)
@@ -145,3 +150,119 @@ def _size(scanner: Scanner) -> int:
     if not size or size > _GREATEST_SIZE:
         raise scanner.refusal(f"a whole number, 1 to {_GREATEST_SIZE}")
     return size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TextTable:
+    """A table as a text sends it, from line `place` to line `last_place` (from 1); entries may be missing."""
+
+    definition: TableDefinition
+    entries: tuple[int, ...]
+    place: int
+    last_place: int
+
+    @property
+    def table(self) -> CompensationTable | None:
+        """The table, None when entries are missing: then it corrects nothing."""
+        full = len(self.entries) == self.definition.entry_count
+        return self.definition.filled(self.entries) if full else None
+
+
+@dataclass(slots=True)
+class _Waiting:
+    """A definition whose entries are being read; one that the controller has refused is skipped."""
+
+    definition: TableDefinition
+    place: int
+    last_place: int
+    refused: bool = True
+    entries: list[int] = field(default_factory=list)
+
+    @property
+    def missing(self) -> int:
+        return self.definition.entry_count - len(self.entries)
+
+    def kept(self) -> TextTable:
+        return TextTable(
+            definition=self.definition,
+            entries=tuple(self.entries),
+            place=self.place,
+            last_place=self.last_place,
+        )
+
+
+class TableReader:
+    """Extracts the table lines from a text, tracking the motor that was addressed last, initially #1."""
+
+    def __init__(self, motor_count: int = MOST_MOTORS) -> None:
+        self._motor_count = motor_count
+        self._motor = 1
+        self._tables: dict[int, TextTable] = {}
+        self._waiting: _Waiting | None = None
+
+    @property
+    def tables(self) -> tuple[TextTable, ...]:
+        """The tables that the controller holds after the text, in the order of their definition."""
+        waiting = self._waiting
+        return (*self._tables.values(), *([waiting.kept()] if waiting and not waiting.refused else []))
+
+    def take_entries(self, scanner: Scanner, place: int) -> bool:
+        """Consume a line of entries; False when no table expects one, or it is another line.
+
+        Raises PmacError: 003, not entries, or more than the table expects; then none of them counts.
+        """
+        waiting = self._waiting
+        if waiting is None or not waiting.missing or not _ENTRIES.match(scanner.rest):
+            return False
+        entries = scan_entries(scanner)
+        if len(entries) > waiting.missing:
+            raise PmacError(ErrorCode.DATA_ERROR, f"{len(entries)} entries; the table waits for {waiting.missing}")
+        waiting.entries += entries
+        waiting.last_place = place
+        return True
+
+    def take_word(self, scanner: Scanner, place: int) -> bool:
+        """Consume DEFINE COMP or DELETE COMP, with its address; False, with nothing consumed, without either.
+
+        Raises PmacError: 003, not a definition, or not in the order of memory allocation (`TableOrderError`).
+        """
+        mark = scanner.mark()
+        motor = self._motor
+        if scanner.accept("#"):
+            motor = scanner.take_integer() or 0
+        word = scanner.take_word((*_DEFINE, *_DELETE))
+        if word is None:
+            scanner.reset(mark)
+            return False
+        if not 1 <= motor <= self._motor_count:
+            raise PmacError(ErrorCode.DATA_ERROR, f"motor {motor}, 1 to {self._motor_count}")
+        self._motor = motor
+        if word in _DEFINE:
+            self._define(scan_definition(scanner, motor, self._motor_count), place)
+        else:
+            self._delete(motor)
+        return True
+
+    def address(self, text: str) -> None:
+        """Record the motor that other commands leave addressed."""
+        found = _ADDRESS.findall(text)
+        if found:
+            self._motor = int(found[-1])
+
+    def _define(self, definition: TableDefinition, place: int) -> None:
+        self._settle()
+        waiting = _Waiting(definition, place, place)
+        self._waiting = waiting
+        refuse_definition(definition, self._tables, (), definition.entry_count)
+        waiting.refused = False
+
+    def _delete(self, motor: int) -> None:
+        self._settle()
+        refuse_deletion(motor, self._tables, ())
+        self._tables.pop(motor, None)
+
+    def _settle(self) -> None:
+        """Finish the previous table: it gets no more entries."""
+        waiting, self._waiting = self._waiting, None
+        if waiting is not None and not waiting.refused:
+            self._tables[waiting.definition.motor] = waiting.kept()

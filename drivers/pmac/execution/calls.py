@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.flow_statements import CODES
-from drivers.pmac.language.gathering import gather_moves
-from drivers.pmac.language.reading import HIGHEST_PROGRAM
+from drivers.pmac.language.expressions import HIGHEST_PROGRAM
+from drivers.pmac.language.parser import CODES, gather_moves
 from drivers.pmac.language.syntax import Argument, CallProgram, Expression, Line, Move, Set, Statement
 
 FIRST_CODE_PROGRAM = 1000
@@ -23,8 +22,7 @@ _LABELS_PER_CODE = 1000
 def target_of(call: CallProgram, value: float) -> tuple[int, int]:
     """Return program and label: `CALL 35.1` is N10000 of program 35, `G1` N1000 of 1000, `M115` N15000 of 1011.
 
-    Raises:
-        PmacError: 003, no such code or program.
+    Raises PmacError: 003, no such code or program.
     """
     if call.code:
         if not 0 <= value < HIGHEST_CODE:
@@ -46,7 +44,10 @@ class CallingLine:
     @cached_property
     def words(self) -> Sequence[Statement]:
         """The arguments one by one: a move has as many as it has words."""
-        return [single for statement in self.statements for single in _singles(statement)]
+        words: list[Statement] = []
+        for statement in self.statements:
+            words += [Move((word,)) for word in statement.words] if isinstance(statement, Move) else [statement]
+        return words
 
     def rest(self, taken: int) -> Line:
         """Return what follows the first `taken` words, as a line of its own."""
@@ -70,10 +71,6 @@ class Arguments:
             return None
         self.taken += 1
         return word
-
-
-def _singles(statement: Statement) -> Sequence[Statement]:
-    return [Move((word,)) for word in statement.words] if isinstance(statement, Move) else (statement,)
 
 
 def _lettered(statement: Statement) -> tuple[str, Expression] | None:

@@ -7,12 +7,56 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-from drivers.pmac.execution.modes import Modes
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.syntax import VariableKind
+from drivers.pmac.language.syntax import VECTOR, Feedrate, Positioning, VariableKind
 from drivers.pmac.trajectory.linear import MOVE_TIME_MAX_MS
 from drivers.pmac.variables import VariableStore
+
+FEEDRATE_AXES = ("X", "Y", "Z")  # The axes whose distance a feedrate refers to, until a program sets others
+XY_PLANE = (0.0, 0.0, -1.0)  # NORMAL K-1: circles in the plane of X and Y, until a program sets another
+
+_RADIUS = "R"
+
+
+@dataclass(slots=True)
+class Modes:
+    """The modes as last set.
+
+    `incremental` holds axis letters; the vectors to the centres of circles have an incremental mode of their own.
+    `pvt_ms` is the time of PVT segments, 0 before any PVT. `normal` is a vector by I, J and K.
+    """
+
+    mode: str = "LINEAR"
+    incremental: set[str] = field(default_factory=set)
+    by_move_time: bool = False
+    pvt_ms: float = 0.0
+    feedrate_axes: tuple[str, ...] = FEEDRATE_AXES
+    normal: tuple[float, float, float] = XY_PLANE
+    radius_incremental: bool = True
+
+    def position(self, statement: Positioning, axes: set[str]) -> None:
+        """ABS or INC; without a list it applies to all `axes`, but not to the vectors."""
+        named = set(statement.axes)
+        if _RADIUS in named:
+            self.radius_incremental = statement.incremental
+            named.discard(_RADIUS)
+        elif not named:
+            named = axes
+        if statement.incremental:
+            self.incremental |= named
+        else:
+            self.incremental -= named
+
+    def feed(self, statement: Feedrate, axes: set[str]) -> None:
+        """FRAX or NOFRAX; without a list it applies to all `axes`."""
+        self.feedrate_axes = () if statement.none else tuple(sorted(statement.axes or axes))
+
+    def turn(self, normal: dict[str, float]) -> None:
+        """NORMAL: components that are not named are 0."""
+        i, j, k = (normal.get(letter, 0.0) for letter in VECTOR)
+        self.normal = (i, j, k)
 
 
 class MoveTimes:
@@ -39,11 +83,7 @@ class MoveTimes:
         return self._setting(90) or 1000.0
 
     def keep(self, word: str, value: float) -> None:
-        """Execute TA, TS, TM, F or PVT.
-
-        Raises:
-            PmacError: 003, a time that the controller cannot hold.
-        """
+        """Execute TA, TS, TM, F or PVT. Raises PmacError: 003, a time that the controller cannot hold."""
         if word in ("TA", "TS"):
             whole = float(_whole_ms(word, value))
             self._store(87 if word == "TA" else 88, whole)
@@ -70,19 +110,14 @@ class MoveTimes:
         return None, self._feedrate() / self.unit_ms
 
     def pvt_ms(self) -> float:
-        """Return the time of a PVT segment.
-
-        Raises:
-            PmacError: 003, none was set.
-        """
+        """Return the time of a PVT segment. Raises PmacError: 003, none was set."""
         _check_segment("PVT", self._modes.pvt_ms)
         return self._modes.pvt_ms
 
     def spline_ms(self) -> float:
         """Return the time of a spline segment.
 
-        Raises:
-            PmacError: 003, none was set, or more than the controller can hold.
+        Raises PmacError: 003, none was set, or more than the controller can hold.
         """
         if not self._by_move_time:
             duration_ms = self.ta_ms

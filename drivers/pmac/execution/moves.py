@@ -1,29 +1,36 @@
-"""From the motion words of a program to requests: the commanded axis positions, and the mode."""
+"""Statements that are executed in place: motion words become requests, each compiled once and run many times."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypedDict
 
-from drivers.pmac.execution.modes import Modes
-from drivers.pmac.execution.move_times import MoveTimes
-from drivers.pmac.language import arithmetic
+from drivers.pmac import requests
+from drivers.pmac.execution.move_times import Modes, MoveTimes
+from drivers.pmac.language import arithmetic, syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value
 from drivers.pmac.language.syntax import VECTOR, Feedrate, Positioning, SelectMode, VariableKind
-from drivers.pmac.requests import (
-    CircleRequest,
-    Deferred,
-    DwellRequest,
-    HomeRequest,
-    LinearRequest,
-    MoveRequest,
-    PresetRequest,
-    PvtRequest,
-    RapidRequest,
-    SplineRequest,
-)
+from drivers.pmac.requests import ProgramHost, Request
 from drivers.pmac.variables import SystemVariables
+
+Plain = (
+    syntax.Modal
+    | syntax.Assign
+    | syntax.Move
+    | syntax.Preset
+    | syntax.Home
+    | syntax.Wait
+    | syntax.Argument
+    | syntax.Message
+    | syntax.PlcSwitch
+)
+"""The statements that do not change the order of execution."""
+
+Step = Callable[[], Request | None]
+
+_SPINDLE_SPEED = 127  # S alone sets this Q-variable
 
 Word = tuple[str, Value, Value | None]
 """An axis word: its letter, the expression of position or distance, and the end velocity."""
@@ -31,11 +38,6 @@ Word = tuple[str, Value, Value | None]
 _RADIUS = "R"
 _CIRCLES = ("CIRCLE1", "CIRCLE2")
 _SPLINES = ("SPLINE1", "SPLINE2")
-_COMBINE: Mapping[str, Callable[[float, float], float]] = {
-    "&": arithmetic.bit_and,
-    "|": arithmetic.bit_or,
-    "^": arithmetic.bit_xor,
-}
 
 
 @dataclass(slots=True)
@@ -48,6 +50,15 @@ class _Aim:
     absolute: frozenset[str]
 
 
+class _Common(TypedDict):
+    """What every request for a move has."""
+
+    line: int
+    targets: Mapping[str, float]
+    absolute: frozenset[str]
+    deferred: tuple[requests.Deferred, ...]
+
+
 class Moves:
     """The axes of a coordinate system as its program sees them, in user units."""
 
@@ -57,7 +68,7 @@ class Moves:
         self._values = values
         self._modes = modes
         self._positions = dict(positions)
-        self._deferred: dict[tuple[VariableKind, int], Deferred] = {}
+        self._deferred: dict[tuple[VariableKind, int], requests.Deferred] = {}
 
     def relocate(self, positions: Mapping[str, float]) -> None:
         """Set axis positions that differ from the last move's target."""
@@ -74,11 +85,7 @@ class Moves:
                 self._modes.feed(statement, set(self._positions))
 
     def turn(self, words: Sequence[Word]) -> None:
-        """NORMAL.
-
-        Raises:
-            PmacError: 003, a vector of zero length has no direction.
-        """
+        """NORMAL. Raises PmacError: 003, a vector of zero length has no direction."""
         normal = {letter: value(self._values) for letter, value, _ in words}
         if not any(normal.values()):
             raise PmacError(ErrorCode.DATA_ERROR, "NORMAL 0 has no direction")
@@ -90,10 +97,10 @@ class Moves:
         if operator:
             waiting = self._deferred.pop(place, None)
             before = self._values.get(kind, index) if waiting is None else waiting.value
-            value = _COMBINE[operator](before, value)
-        self._deferred[place] = Deferred(kind=kind, index=index, value=value)
+            value = arithmetic.BITWISE[operator](before, value)
+        self._deferred[place] = requests.Deferred(kind=kind, index=index, value=value)
 
-    def move(self, line: int, words: Sequence[Word]) -> MoveRequest | None:
+    def move(self, line: int, words: Sequence[Word]) -> requests.MoveRequest | None:
         """Return the request for the move of a line; None when it names nothing that can move."""
         targets = dict(self._positions)
         values, incremental = self._values, self._modes.incremental
@@ -125,88 +132,57 @@ class Moves:
             return self._linear(aim, self.times.linear_ms(aim.start, targets))
         return self._request(mode, aim, words, vector)
 
-    def delay(self, line: int, duration_ms: float) -> LinearRequest:
+    def delay(self, line: int, duration_ms: float) -> requests.LinearRequest:
         """DELAY: a LINEAR move of zero distance."""
         here = self._positions
         return self._linear(_Aim(line, here, dict(here), frozenset()), max(0.0, duration_ms))
 
-    def dwell(self, duration_ms: float) -> DwellRequest:
+    def dwell(self, duration_ms: float) -> requests.DwellRequest:
         """DWELL."""
-        return DwellRequest(duration_ms=max(0.0, duration_ms), deferred=self._take_deferred())
+        return requests.DwellRequest(duration_ms=max(0.0, duration_ms), deferred=self._take_deferred())
 
-    def preset(self, line: int, words: Sequence[Word]) -> PresetRequest:
+    def preset(self, line: int, words: Sequence[Word]) -> requests.PresetRequest:
         """PSET; axes without a motor are left out."""
         positions = {letter: value(self._values) for letter, value, _ in words if letter in self._positions}
         self.relocate(positions)
-        return PresetRequest(line=line, positions=positions)
+        return requests.PresetRequest(line=line, positions=positions)
 
-    def home(self, line: int, motors: tuple[int, ...], zero: bool) -> HomeRequest:
-        """HOME or HOMEZ.
-
-        Raises:
-            PmacError: 003, the controller has no such motor.
-        """
+    def home(self, line: int, motors: tuple[int, ...], zero: bool) -> requests.HomeRequest:
+        """HOME or HOMEZ. Raises PmacError: 003, the controller has no such motor."""
         count = self._values.store.dialect.motor_count
         if max(motors) > count:
             raise PmacError(ErrorCode.DATA_ERROR, f"HOME{max(motors)}, motors 1 to {count}")
-        return HomeRequest(line=line, motors=motors, zero=zero)
+        return requests.HomeRequest(line=line, motors=motors, zero=zero)
 
     def _request(
         self, mode: str, aim: _Aim, words: Sequence[Word], vector: Mapping[str, float]
-    ) -> MoveRequest | None:
+    ) -> requests.MoveRequest | None:
         if mode in _CIRCLES:
             return self._circle(aim, vector)
         if mode in _SPLINES:
-            return SplineRequest(
-                line=aim.line,
-                targets=aim.targets,
-                duration_ms=self.times.spline_ms(),
-                uniform=mode == "SPLINE1",
-                absolute=aim.absolute,
-                deferred=self._take_deferred(),
-            )
+            duration_ms = self.times.spline_ms()
+            return requests.SplineRequest(duration_ms=duration_ms, uniform=mode == "SPLINE1", **self._common(aim))
         moving = frozenset(letter for letter, _, _ in words if letter in aim.targets)
-        if not moving:
-            return None
-        return RapidRequest(
-            line=aim.line,
-            targets=aim.targets,
-            moving=moving,
-            absolute=aim.absolute,
-            deferred=self._take_deferred(),
+        return requests.RapidRequest(moving=moving, **self._common(aim)) if moving else None
+
+    def _linear(self, aim: _Aim, tm_ms: float) -> requests.LinearRequest:
+        return requests.LinearRequest(
+            ta_ms=self.times.ta_ms, ts_ms=self.times.ts_ms, tm_ms=tm_ms, **self._common(aim)
         )
 
-    def _linear(self, aim: _Aim, tm_ms: float) -> LinearRequest:
-        return LinearRequest(
-            line=aim.line,
-            targets=aim.targets,
-            ta_ms=self.times.ta_ms,
-            ts_ms=self.times.ts_ms,
-            tm_ms=tm_ms,
-            absolute=aim.absolute,
-            deferred=self._take_deferred(),
-        )
-
-    def _pvt(self, aim: _Aim, velocities: Mapping[str, float]) -> PvtRequest:
+    def _pvt(self, aim: _Aim, velocities: Mapping[str, float]) -> requests.PvtRequest:
         unit_ms = self.times.unit_ms
-        return PvtRequest(
-            line=aim.line,
-            targets=aim.targets,
-            velocities={axis: velocity / unit_ms for axis, velocity in velocities.items()},
-            duration_ms=self.times.pvt_ms(),
-            absolute=aim.absolute,
-            deferred=self._take_deferred(),
-        )
+        per_ms = {axis: velocity / unit_ms for axis, velocity in velocities.items()}
+        duration_ms = self.times.pvt_ms()
+        return requests.PvtRequest(velocities=per_ms, duration_ms=duration_ms, **self._common(aim))
 
-    def _circle(self, aim: _Aim, vector: Mapping[str, float]) -> CircleRequest:
+    def _circle(self, aim: _Aim, vector: Mapping[str, float]) -> requests.CircleRequest:
         """A vector takes precedence over a radius on the same line."""
         tm_ms, speed_per_ms = self.times.arc()
         parts = {axis: vector[letter] for letter, axis in zip(VECTOR, "XYZ", strict=True) if letter in vector}
         if not self._modes.radius_incremental:
             parts = {axis: place - aim.start.get(axis, 0.0) for axis, place in parts.items()}
-        return CircleRequest(
-            line=aim.line,
-            targets=aim.targets,
+        return requests.CircleRequest(
             clockwise=self._modes.mode == "CIRCLE1",
             normal=self._modes.normal,
             center={axis: parts.get(axis, 0.0) for axis in "XYZ"} if parts else None,
@@ -215,13 +191,89 @@ class Moves:
             ts_ms=self.times.ts_ms,
             tm_ms=tm_ms,
             speed_per_ms=speed_per_ms,
-            absolute=aim.absolute,
-            deferred=self._take_deferred(),
+            **self._common(aim),
         )
 
-    def _take_deferred(self) -> tuple[Deferred, ...]:
-        if not self._deferred:
-            return ()
+    def _common(self, aim: _Aim) -> _Common:
+        return {
+            "line": aim.line,
+            "targets": aim.targets,
+            "absolute": aim.absolute,
+            "deferred": self._take_deferred(),
+        }
+
+    def _take_deferred(self) -> tuple[requests.Deferred, ...]:
         taken = tuple(self._deferred.values())
         self._deferred.clear()
         return taken
+
+
+@dataclass(frozen=True, slots=True)
+class StepMaker:
+    """Compiles the steps of one run."""
+
+    moves: Moves
+    values: SystemVariables
+    host: ProgramHost
+    compile_value: Callable[[syntax.Expression], Value]
+
+    def step(self, statement: Plain, line: int) -> Step:
+        """Return the function that executes a statement of a line."""
+        moves, values = self.moves, self.values
+        match statement:
+            case syntax.Assign():
+                return self._assign(statement)
+            case syntax.Move():
+                words = self._words(statement.words)
+                return lambda: moves.move(line, words)
+            case syntax.Set(word, expression):
+                value = self.compile_value(expression)
+                return lambda: moves.times.keep(word, value(values))
+            case syntax.Wait():
+                return self._wait(statement, line)
+            case syntax.SelectMode() | syntax.Positioning() | syntax.Feedrate():
+                return lambda: moves.select(statement)
+            case syntax.Normal():
+                words = self._words(statement.words)
+                return lambda: moves.turn(words)
+            case syntax.Preset():
+                words = self._words(statement.words)
+                return lambda: moves.preset(line, words)
+            case syntax.Home():
+                return lambda: moves.home(line, statement.motors, statement.zero)
+            case syntax.Argument(letter, expression):
+                value = self.compile_value(expression)
+                return lambda: values.set(VariableKind.Q, _SPINDLE_SPEED, value(values)) if letter == "S" else None
+            case syntax.Message():
+                return lambda: self._say(statement)
+            case syntax.PlcSwitch():
+                return lambda: self.host.switch_plc(statement.enable, statement.numbers)
+
+    def _assign(self, statement: syntax.Assign) -> Step:
+        value, values, target = self.compile_value(statement.value), self.values, statement.target
+        kind, index = target.kind, self.compile_value(target.index)
+        if statement.synchronous:
+            return lambda: self.moves.defer(kind, int(index(values)), value(values), statement.operator)
+        if isinstance(target.index, syntax.Number):
+            fixed = int(target.index.value)
+            return lambda: values.set(kind, fixed, value(values))
+        return lambda: values.set(kind, int(index(values)), value(values))
+
+    def _words(self, words: Sequence[syntax.AxisWord]) -> list[Word]:
+        value_of = self.compile_value
+        return [(w.axis, value_of(w.value), value_of(w.velocity) if w.velocity else None) for w in words]
+
+    def _wait(self, statement: syntax.Wait, line: int) -> Step:
+        duration, values = self.compile_value(statement.duration_ms), self.values
+        if statement.word == "DELAY":
+            return lambda: self.moves.delay(line, duration(values))
+        return lambda: self.moves.dwell(duration(values))
+
+    def _say(self, statement: syntax.Message) -> None:
+        match statement.word:
+            case "CMD":
+                self.host.command(statement.text, statement.port)
+            case "SEND":
+                self.host.send(statement.text, statement.port)
+            case _:
+                self.host.display(statement.text)

@@ -8,37 +8,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 
 from drivers.pmac.execution.calls import Arguments, CallingLine, target_of
-from drivers.pmac.execution.modes import Modes
-from drivers.pmac.execution.moves import Moves
-from drivers.pmac.execution.steps import Step, StepMaker
+from drivers.pmac.execution.move_times import Modes
+from drivers.pmac.execution.moves import Moves, Step, StepMaker
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value, compile_condition, compile_expression
-from drivers.pmac.language.gathering import may_be_argument
+from drivers.pmac.language.parser import may_be_argument
 from drivers.pmac.language.structure import NO_JUMP, Code
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.requests import BlendBreak, Finished, Halt, NoHost, ProgramHost, Request
 from drivers.pmac.variables import VariableStore
 
-JUMPS_THAT_BREAK_BLENDING = 2
-"""Backward jumps while searching for the next move after which the motion may stop."""
+JUMPS_THAT_BREAK_BLENDING = 2  # Backward jumps while searching for the next move after which the motion may stop
 
 STEPS_PER_LOOK = 10_000
 """Statements without a move after which the motion may stop, too: no program blocks the controller."""
 
-DEEPEST_CALL = 15
-"""Maximum nesting of GOSUB and CALL."""
+DEEPEST_CALL = 15  # Maximum nesting of GOSUB and CALL
 
 _READ_FLAGS = 100
 _FIRST_LETTER = "A"
 
 Library = Callable[[int], Code | None]
-
-
-def _no_library(_: int) -> Code | None:
-    return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +66,7 @@ class ProgramRun:
         system: int = 1,
         strict: bool = True,
         *,
-        library: Library = _no_library,
+        library: Library = lambda _: None,
         host: ProgramHost | None = None,
         label: int | None = None,
         number: int = 0,
@@ -82,8 +76,7 @@ class ProgramRun:
         `strict` makes illegal arithmetic an error, for the checker; the controller continues. `library` gives the
         programs that are called, `number` is the one of `code`, where it is known. Begins at `label`.
 
-        Raises:
-            PmacError: 015, there is no such label.
+        Raises PmacError: 015, there is no such label.
         """
         self.line = 0
         self.in_block = False
@@ -138,8 +131,7 @@ class ProgramRun:
     def advance(self) -> Request:
         """Calculate up to the next request for motion.
 
-        Raises:
-            PmacError: a run-time error of the program; the caller stops it.
+        Raises PmacError: a run-time error of the program; the caller stops it.
         """
         self._jumps_back = 0
         for _ in range(STEPS_PER_LOOK):
@@ -167,16 +159,14 @@ class ProgramRun:
         match statement:
             case syntax.While() | syntax.If():
                 return self._branch(statement.condition, code.jumps[index])
-            case syntax.EndWhile():
-                return lambda: self._jump_back(code.jumps[index])
-            case syntax.Else():
+            case syntax.EndWhile() | syntax.Else():
                 return lambda: self._jump(code.jumps[index])
             case syntax.EndIf() | syntax.Label():
-                return _nothing
+                return lambda: None
             case syntax.Goto():
-                return self._goto(statement)
+                return self._goto(statement.label)
             case syntax.Gosub():
-                return self._gosub(statement)
+                return self._gosub(statement.label)
             case syntax.CallProgram():
                 return self._call(statement, code, index)
             case syntax.Read():
@@ -206,35 +196,23 @@ class ProgramRun:
         return step
 
     def _jump(self, target: int) -> None:
+        """Continue at an instruction; a way back may break blending."""
+        if target < self._frame.counter:
+            self._jumps_back += 1
         self._frame.counter = target
-
-    def _jump_back(self, target: int) -> None:
-        self._frame.counter = target
-        self._jumps_back += 1
 
     def _block(self, begins: bool) -> Request | None:
         """End the step in single step mode: the end of a block is the end of the step."""
         self.in_block = begins
         return BlendBreak() if self.single_step and not begins else None
 
-    def _goto(self, statement: syntax.Goto) -> Step:
-        value = self._expression(statement.label)
+    def _goto(self, label: syntax.Expression) -> Step:
+        value = self._expression(label)
+        return lambda: self._jump(self._find(value(self._values)))
 
-        def step() -> None:
-            target = self._find(value(self._values))
-            if target < self._frame.counter:
-                self._jumps_back += 1
-            self._frame.counter = target
-
-        return step
-
-    def _gosub(self, statement: syntax.Gosub) -> Step:
-        value = self._expression(statement.label)
-
-        def step() -> None:
-            self._enter(_Frame(self._frame.unit, self._find(value(self._values)), called=True))
-
-        return step
+    def _gosub(self, label: syntax.Expression) -> Step:
+        value = self._expression(label)
+        return lambda: self._enter(_Frame(self._frame.unit, self._find(value(self._values)), called=True))
 
     def _find(self, value: float) -> int:
         """Return the instruction with a label in the running program."""
@@ -246,12 +224,12 @@ class ProgramRun:
 
     def _call(self, statement: syntax.CallProgram, code: Code, index: int) -> Step:
         value = self._expression(statement.target)
-        calling = CallingLine(code.line_of[index], _behind(code, index))
-        behind = index + 1 + len(calling.statements)
+        calling = CallingLine(code.line_of[index], _arguments(code, index))
+        after_line = index + 1 + len(calling.statements)
 
         def step() -> None:
             program, label = target_of(statement, value(self._values))
-            self._frame.counter = behind
+            self._frame.counter = after_line
             unit = self._unit(program)
             start = None if unit is None else unit.code.find(label)
             arguments = Arguments(calling)
@@ -318,17 +296,9 @@ class ProgramRun:
         self._values.set(VariableKind.Q, _READ_FLAGS, float(flags))
 
 
-def _behind(code: Code, index: int) -> tuple[syntax.Statement, ...]:
+def _arguments(code: Code, index: int) -> tuple[syntax.Statement, ...]:
     """Return the words after a call on its line that may be its arguments."""
-    end = index + 1
-    while (
-        end < len(code.instructions)
-        and code.line_of[end] == code.line_of[index]
-        and may_be_argument(code.instructions[end])
-    ):
-        end += 1
-    return code.instructions[index + 1 : end]
-
-
-def _nothing() -> None:
-    """Do nothing: the end of an IF, a label."""
+    line, statements = code.line_of[index], code.instructions
+    following = range(index + 1, len(statements))
+    places = takewhile(lambda k: code.line_of[k] == line and may_be_argument(statements[k]), following)
+    return tuple(statements[place] for place in places)

@@ -96,16 +96,12 @@ class Setting(StrEnum):
     Settings that are the same everywhere (I10, Ix16, Ix87 ...) are addressed by number.
     """
 
-    JOG_DELAY_MS = auto()
-    """Calculation delay before a jog, a home search or a RAPID move."""
-    SEGMENT_MS = auto()
-    """Segmentation time of LINEAR and CIRCLE moves; 0 is none."""
-    IN_POSITION_LOOKS = auto()
-    """Additional polls that in-position needs, beyond the first."""
+    JOG_DELAY_MS = auto()  # Calculation delay before a jog, a home search or a RAPID move
+    SEGMENT_MS = auto()  # Segmentation time of LINEAR and CIRCLE moves; 0 is none
+    IN_POSITION_LOOKS = auto()  # Additional polls that in-position needs, beyond the first
     RAPID_AT_PROGRAM_SPEED = auto()
     """Whether RAPID goes at Ix16 (not 0) or at the jog speed Ix22 (0)."""
-    LEAST_ARC = auto()
-    """Half turns below which the angle of a circle move is a full turn more; 0 is 2^-20."""
+    LEAST_ARC = auto()  # Half turns below which the angle of a circle move is a full turn more; 0 is 2^-20
     FLAG_MODE = auto()
     """Use of flags and what a fault disables: bit 17 no travel limits, bits 21 and 22 the neighbours."""
 
@@ -175,13 +171,8 @@ class Dialect:
 
     def numbers(self, scope: Scope) -> range:
         """Return the numbers of the motors, or of the coordinate systems; a single instance is number 1."""
-        match scope:
-            case Scope.GLOBAL:
-                return range(1, 2)
-            case Scope.MOTOR:
-                return range(1, self.motor_count + 1)
-            case Scope.SYSTEM:
-                return range(1, self.system_count + 1)
+        counts = {Scope.GLOBAL: 1, Scope.MOTOR: self.motor_count, Scope.SYSTEM: self.system_count}
+        return range(1, counts[scope] + 1)
 
     def motor_index(self, motor: int, number: int) -> int:
         """Return the index of Ix`number` of a motor."""
@@ -194,13 +185,10 @@ class Dialect:
     def index(self, setting: Setting, owner: int = 1) -> int:
         """Return the index of a setting; `owner` is the motor or the coordinate system, where it has one."""
         place = self.places[setting]
-        match place.scope:
-            case Scope.GLOBAL:
-                return place.number
-            case Scope.MOTOR:
-                return self.motor_index(owner, place.number)
-            case Scope.SYSTEM:
-                return self.system_index(owner, place.number)
+        if place.scope is Scope.GLOBAL:
+            return place.number
+        index_of = self.motor_index if place.scope is Scope.MOTOR else self.system_index
+        return index_of(owner, place.number)
 
     @cached_property
     def factory(self) -> Mapping[int, float]:

@@ -15,62 +15,43 @@ from drivers.pmac.families.family import (
     Setting,
     Watchdog,
 )
-from drivers.pmac.status import BitTable
+from drivers.pmac.status import BitTable, bit_table
 
-_MOTOR_BITS: BitTable = {
-    "activated": (1, 23),
-    "negative_limit": (1, 22),
-    "positive_limit": (1, 21),
-    "following_enabled": (1, 20),
-    "phased_motor": (1, 19),
-    "open_loop": (1, 18),
-    "move_timer_active": (1, 17),
-    "integration_mode": (1, 16),
-    "dwell": (1, 15),
-    "data_block_error": (1, 14),
-    "desired_velocity_zero": (1, 13),
-    "abort_deceleration": (1, 12),
-    "block_request": (1, 11),
-    "home_search": (1, 10),
-    "assigned": (2, 23),
-    "amplifier_enabled": (2, 14),
-    "stopped_on_limit": (2, 11),
-    "home_complete": (2, 10),
-    "phasing_error": (2, 8),
-    "trigger_move": (2, 7),
-    "integrated_fatal_error": (2, 6),
-    "i2t_fault": (2, 5),
-    "backlash_direction": (2, 4),
-    "amplifier_fault": (2, 3),
-    "fatal_following_error": (2, 2),
-    "warning_following_error": (2, 1),
-    "in_position": (2, 0),
-}
+_MOTOR_BITS = bit_table(
+    {
+        (1, 23): (
+            "activated negative_limit positive_limit following_enabled phased_motor open_loop move_timer_active "
+            "integration_mode dwell data_block_error desired_velocity_zero abort_deceleration block_request "
+            "home_search"
+        ),
+        (2, 23): "assigned",
+        (2, 14): "amplifier_enabled",
+        (2, 11): "stopped_on_limit home_complete",
+        (2, 8): (
+            "phasing_error trigger_move integrated_fatal_error i2t_fault backlash_direction amplifier_fault "
+            "fatal_following_error warning_following_error in_position"
+        ),
+    }
+)
 
 SYSTEM_BITS_SHARED: BitTable = {
     **{f"{axis}_feedrate": (1, 23 - 2 * place) for place, axis in enumerate("zyxwvucba")},
     **{f"{axis}_incremental": (1, 22 - 2 * place) for place, axis in enumerate("zyxwvucba")},
-    "radius_incremental": (1, 5),
-    "continuous_request": (1, 4),
-    "by_move_time": (1, 3),
-    "continuous_motion": (1, 2),
-    "single_step": (1, 1),
-    "running_program": (1, 0),
-    "runtime_error": (2, 22),
-    "amplifier_fault": (2, 20),
-    "fatal_following_error": (2, 19),
-    "warning_following_error": (2, 18),
-    "in_position": (2, 17),
-    "rotary_request": (2, 16),
-    "delayed_calculation": (2, 15),
-    "end_of_block_stop": (2, 14),
-    "synchronous_assignment": (2, 13),
-    "dwell_buffered": (2, 12),
-    "pre_jog": (2, 8),
-    "segmented_move": (2, 7),
-    "pvt_or_spline": (2, 4),
-    "rapid": (2, 1),
-    "circle_or_spline": (2, 0),
+    **bit_table(
+        {
+            (1, 5): (
+                "radius_incremental continuous_request by_move_time continuous_motion single_step running_program"
+            ),
+            (2, 22): "runtime_error",
+            (2, 20): (
+                "amplifier_fault fatal_following_error warning_following_error in_position rotary_request "
+                "delayed_calculation end_of_block_stop synchronous_assignment dwell_buffered"
+            ),
+            (2, 8): "pre_jog segmented_move",
+            (2, 4): "pvt_or_spline",
+            (2, 1): "rapid circle_or_spline",
+        }
+    ),
 }
 """Bits that both families report in the same place."""
 
@@ -101,76 +82,50 @@ PMAC = Dialect(
     global_defaults={3: 1, 5: 0, 6: 3, 8: 2, 9: 2, 10: 3_713_707, 12: 10},
     motor_defaults={
         5: 0x73F,
-        7: 96,
-        8: 96,
-        9: 96,
+        **dict.fromkeys((7, 8, 9), 96),
         11: 32_000,
         12: 16_000,
         15: 0.25,
-        16: 32,
-        17: 0.015625,
-        19: 0.015625,
+        **dict.fromkeys((16, 22, 23), 32),
+        **dict.fromkeys((17, 19), 0.015625),
         20: 0,
         21: 50,
-        22: 32,
-        23: 32,
         28: 160,
         30: 2000,
-        31: 1280,
-        32: 1280,
+        **dict.fromkeys((31, 32), 1280),
         34: 1,
         63: 4_194_304,
         69: 20_480,
     },
     system_defaults={87: 0, 88: 50, 89: 1000, 90: 1000, 94: 1644, 95: 1644},
     global_ranges={
-        1: (0, 4),
-        3: (0, 4),
-        4: (0, 4),
-        5: (0, 4),
-        6: (0, 4),
-        9: (0, 4),
-        10: (0, 2**23),
-        15: (0, 2),
-        19: (0, 2**23),
+        **dict.fromkeys((1, 3, 4, 5, 6, 9), (0, 4)),
+        **dict.fromkeys((10, 19), (0, 2**23)),
         **dict.fromkeys(range(20, 45), (0, 2**24)),
-        50: (0, 2),
-        51: (0, 2),
-        58: (0, 2),
-        62: (0, 2),
-        63: (0, 2),
-        64: (0, 2),
+        **dict.fromkeys((15, 50, 51, 58, 62, 63, 64), (0, 2)),
     },
     motor_ranges={
-        0: (0, 2),
+        **dict.fromkeys((0, 6, 34), (0, 2)),
         5: (0, 2**24),
-        6: (0, 2),
         7: (-(2**23), 2**24),
-        8: (0, 2**23),
-        9: (0, 2**23),
-        34: (0, 2),
+        **dict.fromkeys((8, 9), (0, 2**23)),
         80: (0, 4),
     },
     system_ranges={92: (0, 2), 93: (0, 2**24), 94: (0, 2**23), 95: (0, 2**23)},
     motor_bits=_MOTOR_BITS,
     system_bits={**SYSTEM_BITS_SHARED, "program_hold": (2, 23), "circle_radius_error": (2, 21)},
     system_words=2,
-    global_bits={
-        "interrupt_active": (1, 23),
-        "interrupt_overrun": (1, 22),
-        "servo_active": (1, 21),
-        "servo_error": (1, 20),
-        "gathering": (1, 19),
-        "gather_on_servo": (1, 18),
-        "gather_on_trigger": (1, 17),
-        "compensation_on": (1, 14),
-        "checksum_error": (1, 13),
-        "all_cards_addressed": (1, 1),
-        "this_card_addressed": (1, 0),
-        "motion_buffer_open": (2, 19),
-        "rotary_open": (2, 18),
-        "plc_buffer_open": (2, 17),
-    },
+    global_bits=bit_table(
+        {
+            (1, 23): (
+                "interrupt_active interrupt_overrun servo_active servo_error gathering gather_on_servo "
+                "gather_on_trigger"
+            ),
+            (1, 14): "compensation_on checksum_error",
+            (1, 1): "all_cards_addressed this_card_addressed",
+            (2, 19): "motion_buffer_open rotary_open plc_buffer_open",
+        }
+    ),
     axis_codes={},
     position_step=0.1,
     highest_address=0xFFFF,

@@ -16,49 +16,24 @@ from drivers.pmac.families.family import (
     Watchdog,
 )
 from drivers.pmac.families.pmac import PMAC, SYSTEM_BITS_SHARED
-from drivers.pmac.status import BitTable
+from drivers.pmac.status import bit_table
 
-_MOTOR_BITS: BitTable = {
-    "activated": (1, 23),
-    "negative_limit": (1, 22),
-    "positive_limit": (1, 21),
-    "extended_servo": (1, 20),
-    "amplifier_enabled": (1, 19),
-    "open_loop": (1, 18),
-    "move_timer_active": (1, 17),
-    "integration_mode": (1, 16),
-    "dwell": (1, 15),
-    "data_block_error": (1, 14),
-    "desired_velocity_zero": (1, 13),
-    "abort_deceleration": (1, 12),
-    "block_request": (1, 11),
-    "home_search": (1, 10),
-    "user_phase": (1, 9),
-    "user_servo": (1, 8),
-    "alternate_addressing": (1, 7),
-    "phased_motor": (1, 6),
-    "following_offset": (1, 5),
-    "following_enabled": (1, 4),
-    "error_trigger": (1, 3),
-    "software_capture": (1, 2),
-    "alternate_output": (1, 1),
-    "maximum_rapid_speed": (1, 0),
-    "assigned": (2, 15),
-    "foreground_in_position": (2, 13),
-    "stopped_on_desired_limit": (2, 12),
-    "stopped_on_limit": (2, 11),
-    "home_complete": (2, 10),
-    "phasing_active": (2, 9),
-    "phasing_error": (2, 8),
-    "trigger_move": (2, 7),
-    "integrated_fatal_error": (2, 6),
-    "i2t_fault": (2, 5),
-    "backlash_direction": (2, 4),
-    "amplifier_fault": (2, 3),
-    "fatal_following_error": (2, 2),
-    "warning_following_error": (2, 1),
-    "in_position": (2, 0),
-}
+_MOTOR_BITS = bit_table(
+    {
+        (1, 23): (
+            "activated negative_limit positive_limit extended_servo amplifier_enabled open_loop "
+            "move_timer_active integration_mode dwell data_block_error desired_velocity_zero abort_deceleration "
+            "block_request home_search user_phase user_servo alternate_addressing phased_motor following_offset "
+            "following_enabled error_trigger software_capture alternate_output maximum_rapid_speed"
+        ),
+        (2, 15): "assigned",
+        (2, 13): (
+            "foreground_in_position stopped_on_desired_limit stopped_on_limit home_complete phasing_active "
+            "phasing_error trigger_move integrated_fatal_error i2t_fault backlash_direction amplifier_fault "
+            "fatal_following_error warning_following_error in_position"
+        ),
+    }
+)
 
 _TIMERS = (11, 12)
 
@@ -123,12 +98,13 @@ TURBO = Dialect(
     motor_bits=_MOTOR_BITS,
     system_bits={
         **SYSTEM_BITS_SHARED,
-        "lookahead_active": (2, 23),
-        "move_in_stack": (2, 21),
-        "circle_radius_error": (3, 3),
-        "resume_error": (3, 2),
-        "stopped_on_desired_limit": (3, 1),
-        "position_matching": (3, 0),
+        **bit_table(
+            {
+                (2, 23): "lookahead_active",
+                (2, 21): "move_in_stack",
+                (3, 3): "circle_radius_error resume_error stopped_on_desired_limit position_matching",
+            }
+        ),
     },
     system_words=3,
     segment_time_switch=42,
@@ -138,27 +114,21 @@ TURBO = Dialect(
     watchdog=Watchdog(count=4095, number=40),
     system_activation=68,
     timer_numbers=_TIMERS,
-    global_bits={
-        "interrupt_overrun": (1, 22),
-        "servo_error": (1, 20),
-        "gathering": (1, 19),
-        "gather_on_trigger": (1, 17),
-        "watchdog": (1, 15),
-        "compensation_on": (1, 14),
-        "checksum_error": (1, 13),
-        "dpram_error": (1, 11),
-        "flash_error": (1, 10),
-        "interrupt_warning": (1, 9),
-        "configuration_error": (1, 7),
-        "phase_clock_missing": (1, 3),
-        "all_cards_addressed": (1, 1),
-        "this_card_addressed": (1, 0),
-        "motion_buffer_open": (2, 19),
-        "rotary_open": (2, 18),
-        "plc_buffer_open": (2, 17),
-        "fixed_buffer_full": (2, 11),
-        "abort_input": (2, 0),
-    },
+    global_bits=bit_table(
+        {
+            (1, 22): "interrupt_overrun",
+            (1, 20): "servo_error gathering",
+            (1, 17): "gather_on_trigger",
+            (1, 15): "watchdog compensation_on checksum_error",
+            (1, 11): "dpram_error flash_error interrupt_warning",
+            (1, 7): "configuration_error",
+            (1, 3): "phase_clock_missing",
+            (1, 1): "all_cards_addressed this_card_addressed",
+            (2, 19): "motion_buffer_open rotary_open plc_buffer_open",
+            (2, 11): "fixed_buffer_full",
+            (2, 0): "abort_input",
+        }
+    ),
     axis_codes={"A": 1, "B": 2, "C": 3, **dict.fromkeys("UVW", 4), **dict.fromkeys("XYZ", 7)},
     position_step=1 / 32,
     highest_address=0xFFFFFF,

@@ -10,16 +10,15 @@ DEFINE GATHER; existing clients, for the order inside a long word.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import accumulate
 
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.gathering import float48
 from drivers.pmac.memory import WORD_BITS, Pointer
 
-WORDS_PER_LINE = 16
-"""Long words in a line of LIST GATHER."""
+WORDS_PER_LINE = 16  # Long words in a line of LIST GATHER
 
 LONG_BITS = 2 * WORD_BITS
 PADDING = 0
@@ -29,8 +28,13 @@ _SPACES = ("Y", "X", "D", "L")
 _SPACE_SHIFT = 22
 _ADDRESS = (1 << 20) - 1
 _WORD = (1 << WORD_BITS) - 1
-_LONG = (1 << LONG_BITS) - 1
 _LONG_WORD = re.compile(r"[0-9A-Fa-f]{12}")
+
+_EXPONENT_BITS = 12
+_EXPONENT_OFFSET = 2047
+_FRACTION_BITS = 35
+_SIGN = 1 << _FRACTION_BITS
+_MANTISSA = 2 * _SIGN - 1
 
 
 class GatherError(ValueError):
@@ -47,8 +51,7 @@ def source_of(setting: int, dialect: Dialect) -> Pointer:
 def setting_of(source: Pointer, dialect: Dialect) -> int:
     """Return the source setting that names a register; only whole words can be gathered.
 
-    Raises:
-        GatherError: part of a word, or an address that the family does not have.
+    Raises GatherError: part of a word, or an address that the family does not have.
     """
     whole = source.space in _SPACES and source.width == WORD_BITS
     if not whole or source.address > _ADDRESS & dialect.highest_address:
@@ -69,8 +72,7 @@ def selected_sources(settings: Mapping[int, float], dialect: Dialect) -> tuple[P
 def gather_settings(sources: Sequence[Pointer], period_cycles: int, dialect: Dialect) -> dict[int, int]:
     """Return the I-variables, by index, that gather these registers every so many servo cycles.
 
-    Raises:
-        GatherError: more sources than the family has, or none, or one that cannot be gathered.
+    Raises GatherError: more sources than the family has, or none, or one that cannot be gathered.
     """
     places = dialect.gathering
     if not 1 <= len(sources) <= places.source_count or period_cycles < 0:
@@ -107,33 +109,19 @@ def padding_of(sources: Sequence[Pointer]) -> int:
     return PADDING << WORD_BITS * words if words % 2 else 0
 
 
-def pack(sources: Sequence[Pointer], values: Sequence[float]) -> list[int]:
-    """Return a sample as unsigned long words.
-
-    Raises:
-        GatherError: a value that its register cannot hold.
-    """
-    packed = padding_of(sources)
-    for source, value, shift in zip(sources, values, shifts_of(sources), strict=True):
-        packed |= _held(source, value) << shift
-    return [packed >> LONG_BITS * place & _LONG for place in range(long_words_of(sources))]
-
-
 def unpack(sources: Sequence[Pointer], long_words: Sequence[int]) -> list[float]:
     """Return the values of a sample: signed integers, except floating-point registers.
 
-    Raises:
-        GatherError: the wrong number of long words for a sample.
+    Raises GatherError: the wrong number of long words for a sample.
     """
     if len(long_words) != long_words_of(sources):
         raise GatherError(f"{len(long_words)} long words; a sample has {long_words_of(sources)}")
-    words = iter([half for word in long_words for half in (word & _WORD, word >> WORD_BITS)])
+    sample = sum(word << LONG_BITS * place for place, word in enumerate(long_words))
     values: list[float] = []
-    for source in sources:
-        held, bits = next(words), WORD_BITS
-        if _words_in(source) == 2:
-            held, bits = held | next(words) << WORD_BITS, LONG_BITS
-        values.append(float48.decode(held) if source.space == "L" else _signed(held, bits))
+    for source, shift in zip(sources, shifts_of(sources), strict=True):
+        bits = WORD_BITS * _words_in(source)
+        held = sample >> shift & ((1 << bits) - 1)
+        values.append(decode_float(held) if source.space == "L" else _signed(held, bits))
     return values
 
 
@@ -146,8 +134,7 @@ def listing(long_words: Sequence[int]) -> list[str]:
 def listed_words(lines: Iterable[str]) -> list[int]:
     """Return the long words of a listing.
 
-    Raises:
-        GatherError: something that is not a long word; a listing with a gap is useless.
+    Raises GatherError: something that is not a long word; a listing with a gap is useless.
     """
     found = [text for line in lines for text in line.split()]
     for place, text in enumerate(found):
@@ -160,16 +147,38 @@ def _words_in(source: Pointer) -> int:
     return 1 if source.space in "XY" else 2
 
 
-def _held(source: Pointer, value: float) -> int:
-    if source.space == "L":
-        return float48.encode(value)
-    bits = WORD_BITS * _words_in(source)
-    whole, limit = int(value), 1 << (bits - 1)
-    if whole != value or not -limit <= whole < limit:
-        raise GatherError(f"{source}: {value} is no whole number of {bits} bits with a sign")
-    return whole & ((1 << bits) - 1)
-
-
 def _signed(held: int, bits: int) -> int:
     sign = 1 << (bits - 1)
     return (held ^ sign) - sign
+
+
+def encode_float(value: float) -> int:
+    """Return the register value of a number, rounded to 36 bits of mantissa, half to even.
+
+    The signed mantissa is from 0.5 up to 1, or from -1 up to -0.5; it is in the X word and the upper half of the Y
+    word, the exponent plus 2047 in the lower half. Zero has no bit set. Sources: Turbo PMAC User Manual,
+    computational features; PMAC User Manual, writing a host communications program.
+
+    Raises ValueError: not a finite number.
+    """
+    if not math.isfinite(value):
+        raise ValueError(f"{value} is no number that a register holds")
+    fraction, exponent = math.frexp(value)
+    mantissa = round(math.ldexp(fraction, _FRACTION_BITS))
+    if mantissa == 0:
+        return 0
+    if mantissa == _SIGN:
+        mantissa, exponent = _SIGN // 2, exponent + 1
+    elif mantissa == -_SIGN // 2:  # -0.5 is written as -1 of the exponent below
+        mantissa, exponent = -_SIGN, exponent - 1
+    return (mantissa & _MANTISSA) << _EXPONENT_BITS | exponent + _EXPONENT_OFFSET
+
+
+def decode_float(register: int) -> float:
+    """Return the number in an unsigned 48-bit register value.
+
+    Raises OverflowError: beyond the range of a Python float.
+    """
+    exponent = register & ((1 << _EXPONENT_BITS) - 1)
+    mantissa = register >> _EXPONENT_BITS
+    return math.ldexp(_signed(mantissa, _FRACTION_BITS + 1), exponent - _EXPONENT_OFFSET - _FRACTION_BITS)

@@ -10,12 +10,16 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from drivers.controller import REPLY_TIMEOUT_S, Controller
 from drivers.errors import ControllerError
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.gathering.gather import GatherError, gather_settings, long_words_of
-from drivers.pmac.gathering.gathered_data import SCALE_NUMBERS, GatherChannel, GatheredData, motor_channel
+from drivers.pmac.gathering.gather import GatherError, gather_settings, listed_words, long_words_of, unpack
 from drivers.pmac.language.errors import ErrorCode
+from drivers.pmac.master.following import COUNT_PARTS
+from drivers.pmac.memory import Pointer
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.status import decode
 
@@ -24,8 +28,7 @@ SPARE_LONG_WORDS = 48
 
 LONGEST_PERIOD_CYCLES = 8_388_607
 
-LONG_WORDS_A_REQUEST = 256
-"""Long words listed at a time: a second of a serial line at 38 400 baud."""
+LONG_WORDS_A_REQUEST = 256  # Long words listed at a time: a second of a serial line at 38 400 baud
 
 LISTING_TIMEOUT_S = 10.0
 
@@ -34,6 +37,86 @@ _OPEN = ("motion_buffer_open", "plc_buffer_open", "rotary_open")
 _CHANNEL = re.compile(r"#?(\d+) +(\w+)")
 _SETTINGS_A_LINE = 12
 """Settings that fit into one line of the client, whatever their values."""
+
+SCALE_NUMBERS = (8, 9, 60)  # Ix08 and Ix09: register steps per 1/32 count; Ix60: a velocity spans one cycle more
+
+_POSITION_SCALE, _VELOCITY_SCALE, _CYCLE_EXTENSION = SCALE_NUMBERS
+
+_POSITIONS = ("commanded", "actual", "target", "bias", "master", "compensation", "following_error")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GatherChannel:
+    """One quantity: its register, and `scale` units per step of the register."""
+
+    name: str
+    unit: str
+    source: Pointer
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class GatheredData:
+    """Samples of some channels, by name, in their units; `times_ms` counts from the first sample."""
+
+    times_ms: NDArray[np.float64]
+    values: Mapping[str, NDArray[np.float64]]
+    units: Mapping[str, str]
+
+    @classmethod
+    def from_listing(
+        cls, lines: Iterable[str], channels: Sequence[GatherChannel], period_cycles: int, cycle_ms: float
+    ) -> GatheredData:
+        """Parse the lines of LIST GATHER; the channels are those that were gathered, in order.
+
+        Raises:
+            GatherError: not such a listing, one that ends inside a sample, or samples without a time between them.
+        """
+        names = [channel.name for channel in channels]
+        if not names or len(set(names)) != len(names):
+            raise GatherError(f"channels {', '.join(names)}; one at least, each with a name of its own")
+        words = listed_words(lines)
+        sources = [channel.source for channel in channels]
+        size = long_words_of(sources)
+        if len(words) % size:
+            cut = f"{len(words)} long words listed, {size} in a sample"
+            raise GatherError(f"{cut}: cut off, or not these sources; list once more")
+        samples = [unpack(sources, words[first : first + size]) for first in range(0, len(words), size)]
+        if len(samples) > 1 and period_cycles < 1:
+            raise GatherError(f"{len(samples)} samples at a period of {period_cycles}: nothing says when; from 1")
+        columns = np.array(samples, dtype=np.float64).reshape(-1, len(channels)).T
+        return cls(
+            times_ms=np.arange(len(samples), dtype=np.float64) * (period_cycles * cycle_ms),
+            values={each.name: column * each.scale for each, column in zip(channels, columns, strict=True)},
+            units={channel.name: channel.unit for channel in channels},
+        )
+
+
+def motor_channel(quantity: str, motor: int, settings: Mapping[int, float], dialect: Dialect) -> GatherChannel:
+    """Return the channel of a motor's register, `commanded`, `actual`, `velocity` ..., as its family names it.
+
+    `settings` are I-variables by index, read back from the controller: Ix08, Ix09 and Ix60 scale the registers.
+
+    Raises:
+        GatherError: a register that the family does not have, or one that is neither a position nor the velocity.
+    """
+    register = dialect.registers.get(quantity)
+    if register is None or quantity not in (*_POSITIONS, "velocity"):
+        known = ", ".join(name for name in (*_POSITIONS, "velocity") if name in dialect.registers)
+        raise GatherError(f"{quantity} of motor {motor} in a {dialect.name}; there are {known}")
+
+    def setting(number: int) -> float:
+        return settings.get(dialect.motor_index(motor, number), 0.0)
+
+    position = quantity in _POSITIONS
+    number = _POSITION_SCALE if position else _VELOCITY_SCALE
+    if setting(number) <= 0:
+        raise GatherError(f"I{dialect.motor_index(motor, number)} is {setting(number)}; above 0, read it first")
+    steps = setting(number) * COUNT_PARTS * (1 if position else setting(_CYCLE_EXTENSION) + 1)
+    address = register.address + (motor - 1) * register.stride
+    source = Pointer(space=register.space, address=address, signed=register.space in "XY")
+    unit = "counts" if position else "counts/cycle"
+    return GatherChannel(name=f"#{motor} {quantity}", unit=unit, source=source, scale=1.0 / steps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +141,11 @@ class GatherPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataGathering:
-    """The data gathering of the controller at the other end of a client; replies must come within `timeout_s`."""
+    """The data gathering of the controller at the other end of a client; replies must come within `timeout_s`.
+
+    Every method raises DriverError when the controller refuses or does not reply, and GatherError for a reply that
+    makes no sense.
+    """
 
     client: Controller
     dialect: Dialect
@@ -67,11 +154,14 @@ class DataGathering:
     def motor_channels(self, *names: str) -> tuple[GatherChannel, ...]:
         """Return channels by names such as `#1 actual`, scaled by the controller's settings.
 
-        Raises:
-            GatherError: no such motor or register, or a scale of 0.
-            DriverError: the controller does not reply, or not with numbers.
+        Raises GatherError: no such motor or register, or a scale of 0.
         """
-        target = [self._motor_and_quantity(name) for name in names]
+        target = []
+        for name in names:
+            found = _CHANNEL.fullmatch(name.strip())
+            if found is None or not 1 <= int(found[1]) <= self.dialect.motor_count:
+                raise GatherError(f"channel {name!r}; as in '#1 actual', motors 1 to {self.dialect.motor_count}")
+            target.append((int(found[1]), found[2]))
         index = self.dialect.motor_index
         motors = sorted({motor for motor, _ in target})
         settings = self._read(index(motor, number) for motor in motors for number in SCALE_NUMBERS)
@@ -80,64 +170,44 @@ class DataGathering:
     def prepare(self, channels: Sequence[GatherChannel], samples: int, period_cycles: int = 1) -> GatherPlan:
         """Set up gathering and reserve the buffer; its previous content is lost.
 
-        Raises:
-            GatherError: gathering is already active, or a program is being entered; an invalid plan, or no room
-            for it;
-                settings that the controller does not keep.
-            DriverError: the controller refuses, or does not reply.
+        Raises GatherError: gathering is already active, or a program is being entered; an invalid plan, or no room
+        for it; settings that the controller does not keep.
         """
         if samples < 1 or not 1 <= period_cycles <= LONGEST_PERIOD_CYCLES:
             met = f"{samples} samples every {period_cycles} servo cycles"
             raise GatherError(f"{met}; from 1 sample on, 1 to {LONGEST_PERIOD_CYCLES} cycles")
         settings = gather_settings([channel.source for channel in channels], period_cycles, self.dialect)
-        self._refuse_busy()
+        status = self._status()
+        if "gathering" in status:
+            raise GatherError(f"{self._where}: somebody gathers already; wait for the end, or stop() it first")
+        if not status.isdisjoint(_OPEN):  # settings would become lines of that program
+            raise GatherError(f"{self._where}: a program is being entered; CLOSE it first")
         texts = [f"I{index}={value}" for index, value in settings.items()]
         for first in range(0, len(texts), _SETTINGS_A_LINE):
             self.client.request(" ".join(texts[first : first + _SETTINGS_A_LINE]))
+        cycle_ms = servo_cycle_ms(self._read([_SERVO_TIME])[_SERVO_TIME])
         plan = GatherPlan(
-            channels=tuple(channels),
-            samples=samples,
-            period_cycles=period_cycles,
-            cycle_ms=servo_cycle_ms(self._read([_SERVO_TIME])[_SERVO_TIME]),
+            channels=tuple(channels), samples=samples, period_cycles=period_cycles, cycle_ms=cycle_ms
         )
         self._confirm(plan)
         self._reserve(plan)
         return plan
 
     def start(self, plan: GatherPlan) -> None:
-        """Start with the next servo cycle, in an empty buffer.
-
-        Raises:
-            GatherError: no room any more.
-            DriverError: the controller refuses, because gathering is active, or does not reply.
-        """
+        """Start with the next servo cycle, in an empty buffer. Raises GatherError: no room any more."""
         self._reserve(plan)  # nothing else resets a controller to the start of its buffer
         self.client.request("GATHER", self.timeout_s)
 
     def stop(self) -> None:
-        """Stop gathering; the data stay, to be fetched.
-
-        Raises:
-            DriverError: the controller does not reply.
-        """
+        """Stop gathering; the data stay, to be fetched."""
         self.client.request("ENDGATHER", self.timeout_s)
 
     def running(self) -> bool:
-        """Whether the controller is gathering.
-
-        Raises:
-            GatherError: its status is invalid.
-            DriverError: it does not reply.
-        """
+        """Whether the controller is gathering."""
         return "gathering" in self._status()
 
     def set_up_as(self, plan: GatherPlan) -> bool:
-        """Whether the controller is still set up to gather according to the plan, in one query.
-
-        Raises:
-            GatherError: a reply that is not a number.
-            DriverError: the controller does not reply.
-        """
+        """Whether the controller is still set up to gather according to the plan, in one query."""
         target = gather_settings([channel.source for channel in plan.channels], plan.period_cycles, self.dialect)
         texts = self.client.query(*(f"I{index}" for index in target), timeout_s=self.timeout_s)
         return all(self._number(index, text) == target[index] for index, text in zip(target, texts, strict=True))
@@ -145,9 +215,7 @@ class DataGathering:
     def fetch(self, plan: GatherPlan) -> GatheredData:
         """Return the gathered data, at most the samples of the plan; fewer if it was stopped before.
 
-        Raises:
-            GatherError: it is still active, another client has changed the set-up, or a damaged listing.
-            DriverError: the controller refuses, because there are no data, or does not reply.
+        Raises GatherError: it is still active, another client has changed the set-up, or a damaged listing.
         """
         if self.running():
             raise GatherError(f"{self._where}: not at its end yet; {plan.duration_ms:.0f} ms, or stop() it")
@@ -165,26 +233,12 @@ class DataGathering:
     def _where(self) -> str:
         return self.client.link.address
 
-    def _motor_and_quantity(self, name: str) -> tuple[int, str]:
-        found = _CHANNEL.fullmatch(name.strip())
-        if found is None or not 1 <= int(found[1]) <= self.dialect.motor_count:
-            raise GatherError(f"channel {name!r}; as in '#1 actual', motors 1 to {self.dialect.motor_count}")
-        return int(found[1]), found[2]
-
     def _status(self) -> frozenset[str]:
         (digits,) = self.client.query("???")
         try:
             return decode(digits, self.dialect.global_bits)
         except ValueError as error:
             raise GatherError(f"{self._where}: ???: {error}; is it a {self.dialect.name}?") from error
-
-    def _refuse_busy(self) -> None:
-        """Refuse while a program is being entered: settings would become lines of it."""
-        status = self._status()
-        if "gathering" in status:
-            raise GatherError(f"{self._where}: somebody gathers already; wait for the end, or stop() it first")
-        if not status.isdisjoint(_OPEN):
-            raise GatherError(f"{self._where}: a program is being entered; CLOSE it first")
 
     def _confirm(self, plan: GatherPlan) -> None:
         """Check that the controller is set up according to the plan."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.heartbeat import registers
+from drivers.pmac.heartbeat import watchdog
 from drivers.pmac.heartbeat.arming import silent
 from drivers.pmac.heartbeat.plc import GRACE_MS, RUN_DOWN_MS
 from drivers.pmac.heartbeat.watchdog import PERIOD_MS, WATCHDOG_MS, Activity, cycles_of, watchdog_line
@@ -16,14 +16,9 @@ from profiles.problem import Problem
 NOTHING_GUARDED = f"P{reserved.ACTIVITY}={Activity.NOTHING:d}"
 """Reports that the guarded motion has ended; the watchdog may run out then."""
 
-LOSS_SEEN = f"P{reserved.LOST}=0"
-"""Clears the loss flag, once an operator has seen it."""
-
-PERIOD_S = 0.1
-"""Time between two queries of the echo: they are sent with a renewal."""
-
-TIMEOUT_S = 0.3
-"""How long the PLC may stay at one number: three scans of a busy controller."""
+LOSS_SEEN = f"P{reserved.LOST}=0"  # Clears the loss flag, once an operator has seen it
+PERIOD_S = 0.1  # Time between two queries of the echo: they are sent with a renewal
+TIMEOUT_S = 0.3  # How long the PLC may stay at one number: three scans of a busy controller
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,21 +53,19 @@ class Keeper:
         """Return the commands that precede a jog or a home search, on its line."""
         return f"{self.line} P{reserved.ACTIVITY}={Activity.JOG:d}"
 
-    def cut_line(
-        self, retracted_counts: float, grace_ms: float = GRACE_MS, run_down_ms: float = RUN_DOWN_MS
-    ) -> str:
+    def cut_line(self, retracted_counts: float, grace_ms: float = GRACE_MS) -> str:
         """Return the commands that precede the start of a cut, on its line.
 
         `retracted_counts` is the tool position clear of the part. `grace_ms` is the time the program may need to
-        get it there, to the end of a turn and out; `run_down_ms` is the time it may need after that.
+        get it there, to the end of a turn and out; after that it has `RUN_DOWN_MS`.
         """
         values = {
-            f"P{reserved.RETRACTED}": format_number(retracted_counts),
-            f"P{registers.GRACE}": cycles_of(grace_ms, self.i10),
-            f"P{registers.RUN_DOWN}": cycles_of(run_down_ms, self.i10),
+            reserved.RETRACTED: format_number(retracted_counts),
+            watchdog.GRACE: cycles_of(grace_ms, self.i10),
+            watchdog.RUN_DOWN: cycles_of(RUN_DOWN_MS, self.i10),
         }
-        said = " ".join(f"{name}={value}" for name, value in values.items())
-        return f"{said} {self.line} P{reserved.ACTIVITY}={Activity.CUT:d}"
+        settings = " ".join(f"P{number}={value}" for number, value in values.items())
+        return f"{settings} {self.line} P{reserved.ACTIVITY}={Activity.CUT:d}"
 
 
 @dataclass(slots=True, kw_only=True)

@@ -15,32 +15,19 @@ from enum import StrEnum
 
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.heartbeat import registers as r
-from drivers.pmac.heartbeat.watchdog import (
-    MARGIN_MS,
-    SERVO_PERIOD,
-    SYSTEM,
-    Activity,
-    cycles_of,
-    wait_timer,
-    watchdog_timer,
-)
+from drivers.pmac.heartbeat import watchdog as r
 from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
 from drivers.pmac.language.text import format_plc_line
 from drivers.pmac.settings import settings_with
 from profiles.machine import MachineProfile
 
-GRACE_MS = 1100.0
-"""Time for a cut to retract its tool: a turn at 100 rpm, and a distance of 2 mm at 10 mm/s."""
+GRACE_MS = 1100.0  # Time for a cut to retract its tool: a turn at 100 rpm, and a distance of 2 mm at 10 mm/s
 
 RUN_DOWN_MS = 350.0
 """Additional time to come to its end: with both, whatever the cut does, it is at rest within 2 s."""
 
-REST_LIMIT_MS = 500.0
-"""How long to wait for an aborted tool before it is retracted, which stops it first."""
-
-SETTLE_MS = 20.0
-"""Delay after a command, or an end, until the status of a motor is reliable."""
+REST_LIMIT_MS = 500.0  # How long to wait for an aborted tool before it is retracted, which stops it first
+SETTLE_MS = 20.0  # Delay after a command, or an end, until the status of a motor is reliable
 
 OUT_LIMIT_MS = 2000.0
 OUT_BAND_MM = 0.1
@@ -50,14 +37,10 @@ OUT_BAND_MM = 0.1
 class Policy(StrEnum):
     """Fate of a cut without a host."""
 
-    RETRACT = "retract"
-    """It ends at the end of its turn, with its own retraction; one that does not is aborted."""
+    RETRACT = "retract"  # It ends at the end of its turn, with its own retraction; one that does not is aborted
 
-    FINISH = "finish"
-    """It continues to its end."""
-
-    STOP = "stop"
-    """It is aborted at once, and the tool is retracted."""
+    FINISH = "finish"  # It continues to its end
+    STOP = "stop"  # It is aborted at once, and the tool is retracted
 
 
 def plc_text(machine: MachineProfile, dialect: Dialect, policy: Policy) -> str:
@@ -83,7 +66,7 @@ def set_up_lines(machine: MachineProfile, dialect: Dialect, policy: Policy) -> t
         "CLOSE",
         f"DISABLE PLC{number}",
         *r.definition_lines(machine, dialect),
-        f"P{reserved.ACTIVITY}={Activity.NOTHING:d}",
+        f"P{reserved.ACTIVITY}={r.Activity.NOTHING:d}",
         f"OPEN PLC{number}",
         "CLEAR",
         *plc_lines(machine, dialect, policy),
@@ -99,23 +82,31 @@ class _Writer:
         self._machine = machine
         self._policy = policy
         self._motors = r.motors(machine)
-        self._lease, self._timer = watchdog_timer(dialect).name, wait_timer(dialect).name
-        self._i10 = settings_with(machine.controller.variables, dialect)[SERVO_PERIOD]
+        self._watchdog, self._timer = r.watchdog_timer(dialect).name, r.wait_timer(dialect).name
+        self._i10 = settings_with(machine.controller.variables, dialect)[r.SERVO_PERIOD]
+        self._echo = f"P{reserved.ECHO}=P{reserved.ECHO}+1"
+        # A program that has calculated its last move no longer runs, but is still being played.
+        self._busy = f"M{r.RUNNING}=1 OR M{r.TOOL_IN_MOVE}=1"
+        self._tool_counts = f"(M{r.TOOL_ACTUAL}+M{r.TOOL_BIAS})/(I{machine.tool.motor}08*32)"
+        band = round(OUT_BAND_MM * machine.tool.counts_per_mm)
+        self._nearly_out = f"P{reserved.RETRACTED}+{band}"
+        self._still_in = f"{self._tool_counts}>{self._nearly_out}"
+        self._all_closed = sum(self._motors)
 
     def lines(self) -> Iterator[str]:
-        watchdog, activity, lost = self._lease, f"P{reserved.ACTIVITY}", f"P{reserved.LOST}"
+        watchdog, activity, lost = self._watchdog, f"P{reserved.ACTIVITY}", f"P{reserved.LOST}"
         yield f"; policy {self._policy}: {watchdog} is the heartbeat timer; {activity}: 1 guards a jog, 2 a cut"
         yield f"{self._echo} ; the host sees that this runs"
         yield f"P{r.ENDING}=0 ; nothing is being ended"
         yield f"IF({watchdog}<0)"
         yield f"{watchdog}=0 ; else it would count further down and roll over"
         yield "ENDIF"
-        yield f"IF({activity}>0 AND {watchdog}<{self._cycles(MARGIN_MS) + 1}) ; the host is silent"
+        yield f"IF({activity}>0 AND {watchdog}<{self._cycles(r.MARGIN_MS) + 1}) ; the host is silent"
         yield f"{lost}={activity}"
         yield f"{activity}=0 ; so this comes once"
         yield f"P{r.ENDING}=1"
         yield from self._look_at_loops()
-        yield f"IF({lost}={Activity.JOG:d})"
+        yield f"IF({lost}={r.Activity.JOG:d})"
         yield from self._end_jog()
         if self._policy is not Policy.FINISH:
             yield "ELSE"
@@ -123,49 +114,25 @@ class _Writer:
         yield "ENDIF"
         yield "ENDIF"
 
-    @property
-    def _echo(self) -> str:
-        return f"P{reserved.ECHO}=P{reserved.ECHO}+1"
-
-    @property
-    def _busy(self) -> str:
-        """Wait for rest: a program that has calculated its last move no longer runs, but is still being played."""
-        return f"M{r.RUNNING}=1 OR M{r.TOOL_IN_MOVE}=1"
-
-    @property
-    def _tool_counts(self) -> str:
-        scale = f"(I{self._machine.tool.motor}08*32)"
-        return f"(M{r.TOOL_ACTUAL}+M{r.TOOL_BIAS})/{scale}"
-
-    @property
-    def _nearly_out(self) -> str:
-        return f"P{reserved.RETRACTED}+{round(OUT_BAND_MM * self._machine.tool.counts_per_mm)}"
-
-    @property
-    def _still_in(self) -> str:
-        return f"{self._tool_counts}>{self._nearly_out}"
-
     def _cycles(self, time_ms: float) -> int:
-        return cycles_of(time_ms, self._i10)
+        return r.cycles_of(time_ms, self._i10)
 
     def _look_at_loops(self) -> Iterator[str]:
-        shares = (
+        terms = (
             f"{'' if bit == 1 else f'{bit}*'}(1-M{r.OPEN_LOOP[bit]})*M{r.AMPLIFIER[bit]}" for bit in self._motors
         )
         names = {r.TOOL: "tool", r.SPINDLE: "spindle", r.CARRIAGE: "carriage"}
-        said = ", ".join(f"{bit} {names[bit]}" for bit in self._motors)
-        yield f"P{r.CLOSED}={'+'.join(shares)} ; closed loops: {said}"
+        listed = ", ".join(f"{bit} {names[bit]}" for bit in self._motors)
+        yield f"P{r.CLOSED}={'+'.join(terms)} ; closed loops: {listed}"
 
     def _end_jog(self) -> Iterator[str]:
         """Stop every closed motor with one command; which motors those are is one of a few cases."""
-        everything = sum(self._motors)
-        for closed in range(everything, 0, -1):
-            if closed & ~everything:
-                continue
-            stops = "".join(f"#{motor}J/" for bit, motor in self._motors.items() if bit & closed)
-            yield f"IF(P{r.CLOSED}={closed})"
-            yield f'CMD"{stops}"'
-            yield "ENDIF"
+        for closed in range(self._all_closed, 0, -1):
+            if not closed & ~self._all_closed:
+                stops = "".join(f"#{motor}J/" for bit, motor in self._motors.items() if bit & closed)
+                yield f"IF(P{r.CLOSED}={closed})"
+                yield f'CMD"{stops}"'
+                yield "ENDIF"
 
     def _end_cut(self) -> Iterator[str]:
         if self._policy is Policy.RETRACT:
@@ -178,23 +145,18 @@ class _Writer:
         yield f"IF({self._busy})"
         yield from self._abort()
         yield "ENDIF"
-        yield f"IF(P{r.CLOSED}!={self._needed}) ; a loop has tripped, or was opened: the program is over"
+        yield f"IF(P{r.CLOSED}!={self._all_closed}) ; a loop has tripped, or was opened: the program is over"
         yield f"P{r.TAKE_OUT}=1"
         yield "ENDIF"
         yield from self._take_out()
         yield from self._stop_spindle()
 
-    @property
-    def _needed(self) -> int:
-        """Record the loops that are closed while a program runs."""
-        return sum(self._motors)
-
     def _abort(self) -> Iterator[str]:
         yield f"P{r.TAKE_OUT}=1"
-        yield f"IF(P{r.CLOSED}={self._needed})"
-        yield f'CMD"&{SYSTEM}A"'
+        yield f"IF(P{r.CLOSED}={self._all_closed})"
+        yield f'CMD"&{r.SYSTEM}A"'
         yield "ELSE"
-        yield f'CMD"&{SYSTEM}Q" ; A would close what is open'
+        yield f'CMD"&{r.SYSTEM}Q" ; A would close what is open'
         yield "ENDIF"
         yield f"{self._timer}={self._cycles(REST_LIMIT_MS)} ; the tool comes to rest"
         seen = self._cycles(REST_LIMIT_MS) - self._cycles(SETTLE_MS)

@@ -1,4 +1,4 @@
-"""Poll motors that are coming to rest: positions, what the controller has ended, and who is in control."""
+"""Poll motors that are coming to rest, and test the watchdog: without renewals a motion must end in time."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from drivers.controller import Controller
 from drivers.errors import LinkError
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.heartbeat.keeper import Keeper
-from drivers.pmac.heartbeat.registers import ENDING
-from drivers.pmac.heartbeat.watchdog import SYSTEM
+from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
+from drivers.pmac.heartbeat.watchdog import ENDING, PERIOD_MS, SYSTEM, WATCHDOG_MS
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 
@@ -20,6 +19,9 @@ LOOK_EVERY_S = 0.01
 POLLS_AT_REST = 3
 REST_BAND_COUNTS = 2.0
 """Number of polls in a row that make rest, and the permitted movement between them: an encoder dithers by one."""
+
+GIVE_UP_S = 0.6  # What has not ended after twice the specified time is stopped in another way
+REST_LIMIT_S = 5.0  # How long to poll until rest
 
 Flags = frozenset[str]
 
@@ -63,19 +65,13 @@ class Watch:
     def renew(self, keeper: Keeper) -> None:
         """Renew the watchdog of what moves.
 
-        Raises:
-            DriverError: that of `owner_seen`; the link broke, or replies something that was not asked for.
+        Raises DriverError: that of `owner_seen`; the link broke, or replies something that was not asked for.
         """
         (owner,) = self.client.request(f"{keeper.line} P{reserved.OWNER}", lines=1)
         self._owner_seen(self.client.number(owner))
 
     def look(self) -> Look:
-        """Poll once.
-
-        Raises:
-            DriverError: that of `owner_seen`.
-            LinkError: the link broke, or replies something that was not asked for.
-        """
+        """Poll once; raises as `renew` does."""
         asked_s = self.clock.now_s()
         of_motors = [item for motor in self.motors for item in (f"#{motor}P", "?")]
         words = (f"P{reserved.OWNER}", f"P{reserved.LOST}", f"P{ENDING}")
@@ -95,10 +91,8 @@ class Watch:
                 },
             )
         except ValueError as error:
-            where = self.client.link.address
-            raise LinkError(
-                Problem(code="link.out_of_step", where=where, key="P ? ??", value=str(error))
-            ) from error
+            where, value = self.client.link.address, str(error)
+            raise LinkError(Problem(code="link.out_of_step", where=where, key="P ? ??", value=value)) from error
 
 
 def rests(looks: Sequence[Look]) -> bool:
@@ -122,3 +116,76 @@ def _rested(looks: Sequence[Look], motor: int) -> bool:
     places = [look.positions[motor] for look in looks]
     still = all(look.still(motor) and not look.running for look in looks)
     return still and max(places) - min(places) <= REST_BAND_COUNTS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchdogProof:
+    """The observations, in s after the last renewal; None: not observed.
+
+    The end came between `still_going_s`, the last poll without it, and `ended_s`, the first one with it. `looks`
+    are all polls; the first was made just after the last renewal.
+    """
+
+    still_going_s: float
+    ended_s: float | None
+    at_rest_s: float | None
+    looks: tuple[Look, ...] = ()
+
+
+def kept(watch: Watch, keeper: Keeper, kept_s: float, check: Callable[[], None]) -> tuple[Look, Look]:
+    """Renew the watchdog of a motion for a time; return one poll from before the last renewal, and one after it.
+
+    `check` ends it.
+
+    Raises DriverError: that of `check`; that of the watch; the link broke.
+    """
+    end_s = watch.clock.now_s() + kept_s
+    while watch.clock.now_s() < end_s:
+        watch.clock.wait(PERIOD_MS / 1000.0)
+        check()
+        watch.renew(keeper)
+    earlier = watch.look()
+    watch.clock.wait(PERIOD_MS / 1000.0)
+    check()
+    watch.renew(keeper)
+    return earlier, watch.look()
+
+
+def withhold(
+    watch: Watch, before: Look, stop: Callable[[str], None], rest_limit_s: float = REST_LIMIT_S
+) -> WatchdogProof:
+    """Poll without renewals until everything is at rest; `before` was made just after the last renewal.
+
+    Raises DriverError: that of the watch; the link broke.
+    """
+    last_s, looks = before.asked_s, [before]
+    while not (looks[-1].lost and not looks[-1].ending and rests(looks)):
+        limit_s = rest_limit_s if looks[-1].lost else GIVE_UP_S
+        if looks[-1].asked_s - last_s > limit_s:
+            stop("the lease did not end the motion")
+            break
+        watch.clock.wait(LOOK_EVERY_S)
+        looks.append(watch.look())
+    watch.client.request(f"{NOTHING_GUARDED} {LOSS_SEEN}")
+    going = [look for look in looks if not look.lost]
+    ended = next((look for look in looks if look.lost), None)
+    rested_s = rest_s(looks) if ended is not None else None
+    return WatchdogProof(
+        still_going_s=going[-1].asked_s - last_s if going else 0.0,
+        ended_s=None if ended is None else ended.answered_s - last_s,
+        at_rest_s=None if rested_s is None else rested_s - last_s,
+        looks=tuple(looks),
+    )
+
+
+def proof_problems(proof: WatchdogProof) -> tuple[Problem, ...]:
+    """Return what the test has not shown. Only what is certainly late counts as late."""
+    allowed_s = WATCHDOG_MS / 1000.0
+    limit = f"<= {allowed_s:g} s"
+    if proof.ended_s is None:
+        return (Problem(code="heartbeat.not_ended", value=f"{proof.still_going_s:.2f} s", limit=limit),)
+    if proof.still_going_s > allowed_s:
+        return (Problem(code="heartbeat.late", value=f"{proof.still_going_s:.2f} s", limit=limit),)
+    if proof.at_rest_s is None:
+        return (Problem(code="heartbeat.no_rest", value=f"{REST_LIMIT_S:g} s"),)
+    return ()

@@ -1,4 +1,4 @@
-"""The watchdog: a countdown timer of the controller that the host keeps from running out.
+"""The watchdog: a countdown timer of the controller that the host keeps from running out, and its registers.
 
 It is read by the heartbeat PLC, in the background, and by the loop of a cutting program.
 """
@@ -6,6 +6,7 @@ It is read by the heartbeat PLC, in the background, and by the loop of a cutting
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -13,21 +14,30 @@ from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.memory import WORD_BITS, Pointer
 from drivers.pmac.settings import servo_cycle_ms
+from profiles.machine import MachineProfile
 
-WATCHDOG_MS = 300.0
-"""Watchdog timeout after one renewal."""
+WATCHDOG_MS = 300.0  # Watchdog timeout after one renewal
+PERIOD_MS = 50.0  # Time between two renewals: five may be lost or late
+MARGIN_MS = 20.0  # Remaining time when the PLC acts: with background cycles up to this, 300 ms are kept
+SYSTEM = 1  # The coordinate system whose timers are used, where they belong to one; it is always activated
+SERVO_PERIOD = 10  # I10: the servo period in 1/8388608 ms
 
-PERIOD_MS = 50.0
-"""Time between two renewals: five may be lost or late."""
+ENDING = 1006  # P-variable: 1 while the PLC is about to end something
+GRACE = 1007  # P-variable: servo cycles that a cut has to retract its tool by itself, before it is aborted
+CLOSED = 1008  # P-variable: the loops that are closed, 1 tool, 2 spindle, 4 carriage
+TAKE_OUT = 1009  # P-variable: 1 when the tool must be retracted from the part
+RUN_DOWN = 1010  # P-variable: additional servo cycles, once the tool is out, for the cut to come to its end
 
-MARGIN_MS = 20.0
-"""Remaining time when the PLC acts: with background cycles up to this, 300 ms are kept."""
+TOOL, SPINDLE, CARRIAGE = 1, 2, 4  # The bits of `CLOSED`
 
-SYSTEM = 1
-"""The coordinate system whose timers are used, where they belong to one; it is always activated."""
-
-SERVO_PERIOD = 10
-"""I10: the servo period in 1/8388608 ms."""
+RUNNING = 1000
+OPEN_LOOP = {TOOL: 1001, SPINDLE: 1002, CARRIAGE: 1003}
+AMPLIFIER = {TOOL: 1004, SPINDLE: 1005, CARRIAGE: 1006}
+TOOL_STILL, TOOL_IN_MOVE = 1007, 1008
+TOOL_ACTUAL, TOOL_BIAS, TOOL_TARGET = 1009, 1010, 1011
+SPINDLE_STILL, SPINDLE_ABORTING = 1012, 1013
+TOOL_HOMED = 1014
+"""M-variables: status bits, and registers of the tool in 1/(Ix08 x 32) count, except its target in counts."""
 
 
 class Activity(IntEnum):
@@ -46,14 +56,18 @@ class Timer:
     pointer: Pointer | None = None
 
 
-def watchdog_timer(dialect: Dialect) -> Timer:
-    """Return the timer of the watchdog."""
-    return _timer(dialect, 0)
+def watchdog_timer(dialect: Dialect, place: int = 0) -> Timer:
+    """Return the timer of the watchdog: the first that the family has."""
+    if dialect.timer_numbers:
+        return Timer(f"I{dialect.system_index(SYSTEM, dialect.timer_numbers[place])}")
+    space, address = dialect.timer_words[place]
+    pointer = Pointer(space=space, address=address, width=WORD_BITS, signed=True)
+    return Timer(f"M{reserved.WATCHDOG_TIMER + place}", pointer)
 
 
 def wait_timer(dialect: Dialect) -> Timer:
-    """Return the timer that the PLC waits by."""
-    return _timer(dialect, 1)
+    """Return the timer that the PLC waits by: the second one."""
+    return watchdog_timer(dialect, 1)
 
 
 def cycles_of(time_ms: float, i10: float) -> int:
@@ -72,9 +86,53 @@ def watchdog_condition(dialect: Dialect) -> str:
     return f"{watchdog_timer(dialect).name}>0"
 
 
-def _timer(dialect: Dialect, place: int) -> Timer:
-    if dialect.timer_numbers:
-        return Timer(f"I{dialect.system_index(SYSTEM, dialect.timer_numbers[place])}")
-    space, address = dialect.timer_words[place]
-    pointer = Pointer(space=space, address=address, width=WORD_BITS, signed=True)
-    return Timer(f"M{reserved.WATCHDOG_TIMER + place}", pointer)
+def motors(machine: MachineProfile) -> dict[int, int]:
+    """Return the motors that the controller moves, by their bit: a spindle on an inverter is not one of them."""
+    axes = {TOOL: machine.tool.motor, SPINDLE: machine.spindle.motor, CARRIAGE: machine.carriage.motor}
+    if machine.spindle.drive != "servo":
+        del axes[SPINDLE]
+    return axes
+
+
+def definitions(machine: MachineProfile, dialect: Dialect) -> dict[int, Pointer | None]:
+    """Return the pointer of each M-variable of the heartbeat; None: it is a plain value."""
+    tool, spindle = machine.tool.motor, machine.spindle.motor
+    found: dict[int, Pointer | None] = {reserved.END_FLAG: None}
+    for timer in (watchdog_timer(dialect), wait_timer(dialect)):
+        if timer.pointer is not None:
+            found[int(timer.name[1:])] = timer.pointer
+
+    def motor_bit(motor: int, name: str) -> Pointer:
+        word, bit = dialect.motor_bits[name]
+        return _register(dialect, motor, f"motor_status_{word}", bit)
+
+    word, bit = dialect.system_bits["running_program"]
+    found[RUNNING] = _register(dialect, SYSTEM, f"system_status_{word}", bit)
+    for axis, motor in motors(machine).items():
+        found[OPEN_LOOP[axis]] = motor_bit(motor, "open_loop")
+        found[AMPLIFIER[axis]] = motor_bit(motor, "amplifier_enabled")
+    found[TOOL_STILL] = motor_bit(tool, "desired_velocity_zero")
+    found[TOOL_IN_MOVE] = motor_bit(tool, "move_timer_active")
+    found[TOOL_ACTUAL] = _register(dialect, tool, "actual")
+    found[TOOL_BIAS] = _register(dialect, tool, "bias")
+    found[TOOL_TARGET] = _register(dialect, tool, "variable_jog")
+    found[TOOL_HOMED] = motor_bit(tool, "home_complete")
+    if SPINDLE in motors(machine):
+        found[SPINDLE_STILL] = motor_bit(spindle, "desired_velocity_zero")
+        found[SPINDLE_ABORTING] = motor_bit(spindle, "abort_deceleration")
+    return dict(sorted(found.items()))
+
+
+def definition_lines(machine: MachineProfile, dialect: Dialect) -> Iterator[str]:
+    """Yield the lines that define them."""
+    for number, pointer in definitions(machine, dialect).items():
+        yield f"M{number}->{'*' if pointer is None else pointer}"
+
+
+def _register(dialect: Dialect, owner: int, name: str, bit: int | None = None) -> Pointer:
+    """Return a register of a motor or coordinate system, or one bit of it."""
+    register = dialect.registers[name]
+    address = register.address + (owner - 1) * register.stride
+    if bit is None:
+        return Pointer(space=register.space, address=address)
+    return Pointer(space=register.space, address=address, offset=bit, width=1)

@@ -7,10 +7,10 @@ substitute (PMAC Software Reference, Mathematical Features); `forgiving` supplie
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Mapping
 
-SATURATION = 2.0**47
-"""The magnitude of the controller's result of a division by zero."""
+SATURATION = 2.0**47  # The magnitude of the controller's result of a division by zero
 
 _FRACTION_BITS = 2.0**32
 
@@ -38,19 +38,17 @@ def modulo(left: float, right: float) -> float:
     return (left - right) % (-2.0 * right) + right
 
 
-def bit_and(left: float, right: float) -> float:
-    """Combine bit by bit, including the fractional bits (PMAC Software Reference, Mathematical Operators)."""
-    return (_bits(left) & _bits(right)) / _FRACTION_BITS
+def _bitwise(combine: Callable[[int, int], int]) -> BinaryFunction:
+    bits = _FRACTION_BITS
+    return lambda left, right: combine(int(left * bits), int(right * bits)) / bits
 
 
-def bit_or(left: float, right: float) -> float:
-    """Combine bit by bit, as `bit_and`."""
-    return (_bits(left) | _bits(right)) / _FRACTION_BITS
-
-
-def bit_xor(left: float, right: float) -> float:
-    """Combine bit by bit, as `bit_and`."""
-    return (_bits(left) ^ _bits(right)) / _FRACTION_BITS
+BITWISE: Mapping[str, BinaryFunction] = {
+    "&": _bitwise(operator.and_),
+    "|": _bitwise(operator.or_),
+    "^": _bitwise(operator.xor),
+}
+"""Combine bit by bit, including the fractional bits (PMAC Software Reference, Mathematical Operators)."""
 
 
 def unary_functions(degrees: bool) -> Mapping[str, UnaryFunction]:
@@ -98,7 +96,3 @@ def saturating_divide(left: float, right: float) -> float:
 def saturating_modulo(left: float, right: float) -> float:
     """Return the remainder; 0 for a divisor of 0."""
     return 0.0 if right == 0.0 else modulo(left, right)
-
-
-def _bits(value: float) -> int:
-    return int(value * _FRACTION_BITS)

@@ -30,10 +30,9 @@ class ErrorCode(IntEnum):
 
 
 class PmacError(Exception):
-    """A refusal by the controller's rules."""
+    """A refusal by the controller's rules: the number of ERRnnn, and the cause in readable form."""
 
     def __init__(self, code: int, detail: str = "") -> None:
-        """`code` is the number of ERRnnn; `detail` describes the cause in readable form."""
         super().__init__(code, detail)
         self.code = code
         self.detail = detail

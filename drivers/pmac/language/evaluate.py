@@ -8,50 +8,38 @@ from dataclasses import dataclass
 from operator import eq, ge, gt, le, lt, ne
 from typing import Protocol
 
-from drivers.pmac.language import arithmetic
+from drivers.pmac.language import arithmetic, syntax
 from drivers.pmac.language.errors import ErrorCode, EvaluationError
-from drivers.pmac.language.syntax import (
-    Binary,
-    Call,
-    Comparison,
-    Condition,
-    Expression,
-    Junction,
-    Negate,
-    Number,
-    Variable,
-    VariableKind,
-)
 
-NEAR = 1.0
-"""`~` holds when two values differ by less than this (PMAC User Manual, Comparators)."""
+NEAR = 1.0  # `~` holds when two values differ by less than this (PMAC User Manual, Comparators)
 
 
 class Variables(Protocol):
     """The source of variable values."""
 
-    def get(self, kind: VariableKind, index: int) -> float:
+    def get(self, kind: syntax.VariableKind, index: int) -> float:
         """Return a value."""
-        ...
 
 
 Value = Callable[[Variables], float]
 Truth = Callable[[Variables], bool]
 
 
-def evaluate(expression: Expression, variables: Variables, degrees: bool = True, *, strict: bool = True) -> float:
+def evaluate(
+    expression: syntax.Expression, variables: Variables, degrees: bool = True, *, strict: bool = True
+) -> float:
     """Return the value of an expression, see `compile_expression`."""
-    if isinstance(expression, Number):
+    if isinstance(expression, syntax.Number):
         return expression.value  # as in most lines of a host: nothing to compile
     return compile_expression(expression, degrees, strict=strict)(variables)
 
 
-def holds(condition: Condition, variables: Variables, degrees: bool = True, *, strict: bool = True) -> bool:
+def holds(condition: syntax.Condition, variables: Variables, degrees: bool = True, *, strict: bool = True) -> bool:
     """Return whether a condition is true, see `compile_condition`."""
     return compile_condition(condition, degrees, strict=strict)(variables)
 
 
-def compile_expression(expression: Expression, degrees: bool = True, *, strict: bool = True) -> Value:
+def compile_expression(expression: syntax.Expression, degrees: bool = True, *, strict: bool = True) -> Value:
     """Return a function that calculates the expression from the variables.
 
     Angles are in degrees (I15=0) or in radians. ATAN2 takes its argument as the sine and Q0 as the cosine. The
@@ -60,8 +48,9 @@ def compile_expression(expression: Expression, degrees: bool = True, *, strict: 
     domain; only an overflow still raises.
     """
     value_of = _Compiler(degrees, strict).expression(expression)
-    if isinstance(expression, Number | Variable) and _is_plain(expression):
-        return value_of  # nothing to calculate, and stored values are finite
+    match expression:
+        case syntax.Number() | syntax.Variable(_, syntax.Number()):
+            return value_of  # nothing to calculate, and stored values are finite
 
     def calculate(variables: Variables) -> float:
         try:
@@ -75,33 +64,25 @@ def compile_expression(expression: Expression, degrees: bool = True, *, strict: 
     return calculate
 
 
-def _is_plain(expression: Number | Variable) -> bool:
-    return isinstance(expression, Number) or isinstance(expression.index, Number)
-
-
-def compile_condition(condition: Condition, degrees: bool = True, *, strict: bool = True) -> Truth:
+def compile_condition(condition: syntax.Condition, degrees: bool = True, *, strict: bool = True) -> Truth:
     """Return a function that tests the condition, with short-circuit evaluation.
 
     Raises as `compile_expression` does.
     """
     match condition:
-        case Junction("AND", left, right):
+        case syntax.Junction(operator, left, right):
             first = compile_condition(left, degrees, strict=strict)
             second = compile_condition(right, degrees, strict=strict)
-            return lambda v: first(v) and second(v)
-        case Junction(_, left, right):
-            first = compile_condition(left, degrees, strict=strict)
-            second = compile_condition(right, degrees, strict=strict)
-            return lambda v: first(v) or second(v)
-        case Comparison(comparator, left_side, right_side):
+            return (lambda v: first(v) and second(v)) if operator == "AND" else (lambda v: first(v) or second(v))
+        case syntax.Comparison(comparator, left_side, right_side):
             left_value = compile_expression(left_side, degrees, strict=strict)
             right_value = compile_expression(right_side, degrees, strict=strict)
             return _comparison(comparator, left_value, right_side, right_value)
 
 
-def _comparison(comparator: str, left: Value, right_side: Expression, right: Value) -> Truth:
+def _comparison(comparator: str, left: Value, right_side: syntax.Expression, right: Value) -> Truth:
     compare = _COMPARATORS[comparator]
-    if isinstance(right_side, Number):
+    if isinstance(right_side, syntax.Number):
         # As almost all of those that a PLC tests in each of its scans.
         constant = right_side.value
         return lambda v: compare(left(v), constant)
@@ -127,26 +108,23 @@ class _Compiler:
     degrees: bool
     strict: bool
 
-    def expression(self, expression: Expression) -> Value:
+    def expression(self, expression: syntax.Expression) -> Value:
         match expression:
-            case Number(constant):
+            case syntax.Number(constant):
                 return lambda v: constant
-            case Variable(kind, index):
-                return self._variable(kind, index)
-            case Negate(operand):
+            case syntax.Variable(kind, syntax.Number(index)):
+                fixed = int(index)
+                return lambda v: v.get(kind, fixed)
+            case syntax.Variable(kind, computed):
+                number = self.expression(computed)
+                return lambda v: v.get(kind, int(number(v)))
+            case syntax.Negate(operand):
                 value = self.expression(operand)
                 return lambda v: -value(v)
-            case Call(name, argument):
+            case syntax.Call(name, argument):
                 return self._call(name, self.expression(argument))
-            case Binary(operator, left, right):
+            case syntax.Binary(operator, left, right):
                 return self._binary(operator, self.expression(left), self.expression(right))
-
-    def _variable(self, kind: VariableKind, index: Expression) -> Value:
-        if isinstance(index, Number):
-            fixed = int(index.value)
-            return lambda v: v.get(kind, fixed)
-        number = self.expression(index)
-        return lambda v: v.get(kind, int(number(v)))
 
     def _call(self, name: str, argument: Value) -> Value:
         function = self._function(name)
@@ -162,7 +140,7 @@ class _Compiler:
     def _function(self, name: str) -> Callable[[float, Variables], float]:
         if name == "ATAN2":
             scale = math.degrees(1.0) if self.degrees else 1.0
-            return lambda value, v: scale * math.atan2(value, v.get(VariableKind.Q, 0))
+            return lambda value, v: scale * math.atan2(value, v.get(syntax.VariableKind.Q, 0))
         function = arithmetic.unary_functions(self.degrees)[name]
         if not self.strict:
             function = arithmetic.forgiving(function)
@@ -183,8 +161,6 @@ class _Compiler:
 _STRICT: dict[str, arithmetic.BinaryFunction] = {
     "/": arithmetic.divide,
     "%": arithmetic.modulo,
-    "&": arithmetic.bit_and,
-    "|": arithmetic.bit_or,
-    "^": arithmetic.bit_xor,
+    **arithmetic.BITWISE,
 }
 _SATURATING = {**_STRICT, "/": arithmetic.saturating_divide, "%": arithmetic.saturating_modulo}

@@ -26,10 +26,7 @@ class Scanner:
     """A cursor over the text of one line; a comment (`;` to the end) may contain any character."""
 
     def __init__(self, text: str) -> None:
-        """Prepare a line.
-
-        Raises PmacError 004: a character above 127 outside a comment.
-        """
+        """Prepare a line. Raises PmacError 004: a character above 127 outside a comment."""
         self._cursor = 0
         self._text, self._columns, self._gaps = _condense(text)
 
@@ -68,10 +65,7 @@ class Scanner:
         return True
 
     def expect(self, word: str) -> None:
-        """Consume `word`.
-
-        Raises PmacError 003: something else is there.
-        """
+        """Consume `word`. Raises PmacError 003: something else is there."""
         if not self.accept(word):
             raise self.refusal(f"expected {word}")
 

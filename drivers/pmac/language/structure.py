@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.syntax import Else, EndIf, EndWhile, If, Label, Line, Program, Statement, While
 
 NO_JUMP = -1
+
+Instruction = TypeVar("Instruction")
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,33 +42,77 @@ def link(program: Program) -> Code:
     that is not blank (PMAC Software Reference, ELSE). Raises PmacError 009: an end or an ELSE without its
     beginning, or a block that opens inside a single-line statement; 016: a block without its end.
     """
-    linker = _Linker()
+    linker = _ProgramLinker()
     for number, line in enumerate(program):
         linker.add(number, line)
     return linker.finish()
 
 
 @dataclass(slots=True)
-class _Block:
-    """A loop or a branch that is still open."""
+class Block:
+    """A loop or a branch that is still open: its While or If, and the Else if it had one.
+
+    `line` is the one that it began in, or that of its ELSE.
+    """
 
     head: int
-    """The While or If."""
     line: int
-    """The line that it began in, or its ELSE."""
     loop: bool
-    inline: bool
+    inline: bool = False
     alternative: int | None = None
-    """The Else."""
 
 
 @dataclass(slots=True)
-class _Linker:
-    instructions: list[Statement] = field(default_factory=list)
+class Linker(Generic[Instruction]):
+    """The instructions so far with their jumps, and the blocks that are open; of a motion program or a PLC."""
+
+    instructions: list[Instruction] = field(default_factory=list)
     line_of: list[int] = field(default_factory=list)
     jumps: list[int] = field(default_factory=list)
+    blocks: list[Block] = field(default_factory=list)
+
+    def emit(self, number: int, statement: Instruction) -> None:
+        """Add an instruction of line `number`."""
+        self.instructions.append(statement)
+        self.line_of.append(number)
+        self.jumps.append(NO_JUMP)
+
+    def begin(self, number: int, statement: Instruction, *, loop: bool, inline: bool = False) -> None:
+        """Open a loop or a branch."""
+        self.blocks.append(Block(len(self.instructions), number, loop, inline))
+        self.emit(number, statement)
+
+    def divide(self, number: int, statement: Instruction) -> Block:
+        """Begin the alternative of a branch; return its block. Raises PmacError: 009, an ELSE without its IF."""
+        block = self.blocks[-1] if self.blocks else None
+        if block is None or block.loop or block.alternative is not None:
+            raise structure_error(number, "ELSE without IF")
+        block.alternative = len(self.instructions)
+        self.emit(number, statement)
+        self.jumps[block.head] = len(self.instructions)
+        return block
+
+    def end(self, number: int, statement: Instruction, *, loop: bool) -> None:
+        """Close the innermost block. Raises PmacError: 009, an end without its beginning."""
+        if not self.blocks or self.blocks[-1].loop is not loop:
+            raise structure_error(number, "ENDWHILE without WHILE" if loop else "ENDIF without IF")
+        block = self.blocks.pop()
+        self.emit(number, statement)
+        if loop:
+            self.jumps[-1] = block.head
+        self.jumps[block.head if block.alternative is None else block.alternative] = len(self.instructions)
+
+    def refuse_open(self) -> None:
+        """Refuse a program whose last block is open. Raises PmacError: 016."""
+        if self.blocks:
+            block = self.blocks[-1]
+            word = "WHILE" if block.loop else "IF"
+            raise PmacError(ErrorCode.BAD_STRUCTURE_RUNNING, f"line {block.line + 1}: {word} without its end")
+
+
+@dataclass(slots=True)
+class _ProgramLinker(Linker[Statement]):
     labels: dict[int, int] = field(default_factory=dict)
-    blocks: list[_Block] = field(default_factory=list)
 
     def add(self, number: int, line: Line) -> None:
         if not line:
@@ -78,51 +125,22 @@ class _Linker:
 
     def finish(self) -> Code:
         self._close_inline()
-        if self.blocks:
-            block = self.blocks[-1]
-            word = "WHILE" if block.loop else "IF"
-            raise PmacError(ErrorCode.BAD_STRUCTURE_RUNNING, f"line {block.line + 1}: {word} without its end")
+        self.refuse_open()
         return Code(tuple(self.instructions), tuple(self.line_of), tuple(self.jumps), self.labels)
 
     def _add_statement(self, number: int, statement: Statement) -> None:
         match statement:
             case While() | If():
-                block = _Block(len(self.instructions), number, isinstance(statement, While), statement.inline)
-                self.blocks.append(block)
-                self._emit(number, statement)
+                self.begin(number, statement, loop=isinstance(statement, While), inline=statement.inline)
             case Else():
-                self._add_else(number, statement)
+                block = self.divide(number, statement)
+                block.inline, block.line = statement.inline, number
             case EndWhile() | EndIf():
-                self._end(number, statement)
-            case Label():
-                self.labels.setdefault(statement.number, len(self.instructions))
-                self._emit(number, statement)
+                self.end(number, statement, loop=isinstance(statement, EndWhile))
             case _:
-                self._emit(number, statement)
-
-    def _add_else(self, number: int, statement: Else) -> None:
-        block = self.blocks[-1] if self.blocks else None
-        if block is None or block.loop or block.alternative is not None:
-            raise _structure(number, "ELSE without IF")
-        block.alternative = len(self.instructions)
-        block.inline = statement.inline
-        block.line = number
-        self._emit(number, statement)
-        self.jumps[block.head] = len(self.instructions)
-
-    def _end(self, number: int, statement: EndWhile | EndIf) -> None:
-        loop = isinstance(statement, EndWhile)
-        if not self.blocks or self.blocks[-1].loop is not loop:
-            raise _structure(number, "ENDWHILE without WHILE" if loop else "ENDIF without IF")
-        self._close(number, statement)
-
-    def _close(self, number: int, statement: EndWhile | EndIf) -> None:
-        block = self.blocks.pop()
-        self._emit(number, statement)
-        behind = len(self.instructions)
-        if block.loop:
-            self.jumps[-1] = block.head
-        self.jumps[block.head if block.alternative is None else block.alternative] = behind
+                if isinstance(statement, Label):
+                    self.labels.setdefault(statement.number, len(self.instructions))
+                self.emit(number, statement)
 
     def _end_line(self, number: int) -> None:
         """Close what ends with this line, except an IF that an ELSE may still follow."""
@@ -130,23 +148,18 @@ class _Linker:
             block = self.blocks[-1]
             if not block.loop and block.alternative is None:
                 return
-            self._close_implied()
+            self._close_implied(block)
         if any(block.inline for block in self.blocks):
-            raise _structure(number, "a block cannot begin inside a single-line statement")
+            raise structure_error(number, "a block cannot begin inside a single-line statement")
 
     def _close_inline(self) -> None:
         while self.blocks and self.blocks[-1].inline:
-            self._close_implied()
+            self._close_implied(self.blocks[-1])
 
-    def _close_implied(self) -> None:
-        block = self.blocks[-1]
-        self._close(self.line_of[-1], EndWhile() if block.loop else EndIf())
-
-    def _emit(self, number: int, statement: Statement) -> None:
-        self.instructions.append(statement)
-        self.line_of.append(number)
-        self.jumps.append(NO_JUMP)
+    def _close_implied(self, block: Block) -> None:
+        self.end(self.line_of[-1], EndWhile() if block.loop else EndIf(), loop=block.loop)
 
 
-def _structure(number: int, detail: str) -> PmacError:
+def structure_error(number: int, detail: str) -> PmacError:
+    """Return the refusal 009 of a line, which counts from 0."""
     return PmacError(ErrorCode.STRUCTURE, f"line {number + 1}: {detail}")

@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-AXES = ("A", "B", "C", "U", "V", "W", "X", "Y", "Z")
-"""The letters of axes."""
-
-VECTOR = ("I", "J", "K")
-"""The letters of a vector, by its components along X, Y and Z."""
+AXES = ("A", "B", "C", "U", "V", "W", "X", "Y", "Z")  # The letters of axes
+VECTOR = ("I", "J", "K")  # The letters of a vector, by its components along X, Y and Z
 
 
 class VariableKind(StrEnum):
@@ -318,8 +315,7 @@ class Address:
     system: int | None = None
 
 
-Modal = Set | SelectMode | Positioning | Feedrate | Normal
-"""Modal statements for the moves that follow."""
+Modal = Set | SelectMode | Positioning | Feedrate | Normal  # Modal statements for the moves that follow
 
 Flow = While | EndWhile | If | Else | EndIf | Label | Goto | Gosub | CallProgram | Read | Return
 """Statements that determine the next line."""
@@ -328,15 +324,13 @@ Statement = (
     Modal | Flow | Assign | Move | Preset | Home | Wait | Pause | Stop | Block | Argument | Message | PlcSwitch
 )
 
-Line = tuple[Statement, ...]
-"""The statements between two line ends. A program is a tuple of lines."""
+Line = tuple[Statement, ...]  # The statements between two line ends. A program is a tuple of lines.
 
 Program = tuple[Line, ...]
 
 PlcStatement = While | EndWhile | If | Else | EndIf | FurtherCondition | Assign | Message | PlcSwitch | Address
 """The statements of a PLC: no motion, no labels and jumps, and none of them is `inline`."""
 
-PlcLine = tuple[PlcStatement, ...]
-"""The statements between two line ends of a PLC."""
+PlcLine = tuple[PlcStatement, ...]  # The statements between two line ends of a PLC
 
 PlcProgram = tuple[PlcLine, ...]

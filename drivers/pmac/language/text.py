@@ -2,62 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from decimal import Decimal
 from itertools import zip_longest
 
+from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import PRODUCTS
-from drivers.pmac.language.flow_statements import ARGUMENTS
-from drivers.pmac.language.gathering import gather_moves, may_be_argument
-from drivers.pmac.language.message_statements import control_letter, is_control
-from drivers.pmac.language.syntax import (
-    AXES,
-    VECTOR,
-    Address,
-    Argument,
-    Assign,
-    AxisWord,
-    Binary,
-    Block,
-    Call,
-    CallProgram,
-    Condition,
-    Else,
-    EndIf,
-    EndWhile,
-    Expression,
-    Feedrate,
-    FurtherCondition,
-    Gosub,
-    Goto,
-    Home,
-    If,
-    Junction,
-    Label,
-    Line,
-    Message,
-    Move,
-    Negate,
-    Normal,
-    Number,
-    Pause,
-    PlcLine,
-    PlcStatement,
-    PlcSwitch,
-    Positioning,
-    Preset,
-    Read,
-    Return,
-    SelectMode,
-    Set,
-    Statement,
-    Stop,
-    Variable,
-    Wait,
-    While,
-)
+from drivers.pmac.language.parser import ARGUMENTS, control_letter, gather_moves, is_control, may_be_argument
 
-DECIMALS = 10
-"""Maximum decimals that `format_number` writes."""
+DECIMALS = 10  # Maximum decimals that `format_number` writes
+
+_WORDS: Mapping[type, str] = {
+    syntax.EndWhile: "ENDWHILE",
+    syntax.EndIf: "ENDIF",
+    syntax.Else: "ELSE",
+    syntax.Return: "RETURN",
+    syntax.Pause: "WAIT",
+    syntax.Stop: "STOP",
+}
+"""The statements without parts."""
 
 _LARGEST_PLAIN_INDEX = 10**15
 _SUM, _PRODUCT, _OPERAND = range(3)
@@ -80,124 +43,104 @@ def format_constant(value: float) -> str:
     return short if float(short) == value else _plain(f"{Decimal(repr(float(value))):f}")
 
 
-def format_expression(expression: Expression) -> str:
+def format_expression(expression: syntax.Expression) -> str:
     """Format an expression."""
     match expression:
-        case Number(value):
+        case syntax.Number(value):
             return format_constant(value)
-        case Variable(kind, Number(value)) if value == int(value) and 0 <= value < _LARGEST_PLAIN_INDEX:
+        case syntax.Variable(kind, syntax.Number(value)) if (
+            value == int(value) and 0 <= value < _LARGEST_PLAIN_INDEX
+        ):
             return f"{kind}{int(value)}"
-        case Variable(kind, index):
+        case syntax.Variable(kind, index):
             return f"{kind}({format_expression(index)})"
-        case Call(name, argument):
+        case syntax.Call(name, argument):
             return f"{name}({format_expression(argument)})"
-        case Negate(operand):
+        case syntax.Negate(operand):
             return f"-{_operand(operand, _OPERAND)}"
-        case Binary(operator, left, right):
+        case syntax.Binary(operator, left, right):
             level = _level(expression)
             return f"{_operand(left, level)}{operator}{_operand(right, level + 1)}"
 
 
-def format_data(value: Expression) -> str:
+def format_data(value: syntax.Expression) -> str:
     """Format the data after a word: a bare constant, or anything else in parentheses."""
     text = format_expression(value)
-    return text if isinstance(value, Number) else f"({text})"
+    return text if isinstance(value, syntax.Number) else f"({text})"
 
 
-def format_condition(condition: Condition) -> str:
+def format_condition(condition: syntax.Condition) -> str:
     """Format a condition without the parentheses around the whole.
 
     Raises ValueError: an OR inside an AND, or a junction on the right, which cannot be written on one line.
     """
-    if not isinstance(condition, Junction):
+    if not isinstance(condition, syntax.Junction):
         left, right = format_expression(condition.left), format_expression(condition.right)
         return f"{left}{condition.comparator}{right}"
     for inner, allowed in ((condition.left, _ON_THE_LEFT), (condition.right, _ON_THE_RIGHT)):
-        if isinstance(inner, Junction) and (condition.operator, inner.operator) not in allowed:
+        if isinstance(inner, syntax.Junction) and (condition.operator, inner.operator) not in allowed:
             raise ValueError("the language has no parentheses around part of a condition")
     return f"{format_condition(condition.left)} {condition.operator} {format_condition(condition.right)}"
 
 
-def format_statement(statement: Statement | PlcStatement) -> str:
+def format_statement(statement: syntax.Statement | syntax.PlcStatement) -> str:
     """Format one statement. Raises ValueError as `format_condition` does."""
     match statement:
-        case FurtherCondition(operator, condition):
-            return f"{operator}({format_condition(condition)})"
-        case Address(motor, system):
-            return f"ADDRESS{'' if motor is None else f'#{motor}'}{'' if system is None else f'&{system}'}"
-        case Assign() | Set() | Wait() | Argument() | Message():
-            return _valued(statement)
-        case While() | If() | Label() | Goto() | Gosub() | CallProgram() | Read():
-            return _flow(statement)
-        case Positioning() | Feedrate() | Normal() | Move() | Preset() | Home() | PlcSwitch():
-            return _listing(statement)
-        case SelectMode(mode):
-            return mode
-        case Block(begins):
-            return "BLOCKSTART" if begins else "BLOCKSTOP"
-        case EndWhile():
-            return "ENDWHILE"
-        case Else():
-            return "ELSE"
-        case EndIf():
-            return "ENDIF"
-        case Return():
-            return "RETURN"
-        case Pause():
-            return "WAIT"
-        case Stop():
-            return "STOP"
-
-
-def _valued(statement: Assign | Set | Wait | Argument | Message) -> str:
-    match statement:
-        case Assign(target, value, synchronous, operator):
+        case syntax.Assign(target, value, synchronous, operator):
             sign = f"{operator or '='}=" if synchronous else "="
             return f"{format_expression(target)}{sign}{format_expression(value)}"
-        case Set(word, value) | Wait(word, value) | Argument(word, value):
+        case syntax.Set(word, value) | syntax.Wait(word, value) | syntax.Argument(word, value):
             return f"{word}{format_data(value)}"
-        case Message(word, text, port, place):
+        case syntax.Message(word, text, port, place):
             quoted = f"^{control_letter(text)}" if is_control(text) else f'"{text}"'
             return f"{word}{port}{'' if place is None else place}{quoted}"
-
-
-def _flow(statement: While | If | Label | Goto | Gosub | CallProgram | Read) -> str:
-    match statement:
-        case While(condition):
+        case syntax.While(condition):
             return f"WHILE({format_condition(condition)})"
-        case If(condition):
+        case syntax.If(condition):
             return f"IF({format_condition(condition)})"
-        case Label(number):
+        case syntax.FurtherCondition(operator, condition):
+            return f"{operator}({format_condition(condition)})"
+        case syntax.Label(number):
             return f"N{number}"
-        case Goto(label):
+        case syntax.Goto(label):
             return f"GOTO{format_data(label)}"
-        case Gosub(label):
+        case syntax.Gosub(label):
             return f"GOSUB{format_data(label)}"
-        case CallProgram(target, code):
+        case syntax.CallProgram(target, code):
             return f"{code or 'CALL'}{format_data(target)}"
-        case Read(letters):
+        case syntax.Read(letters):
             return f"READ({','.join(letters)})"
-
-
-def _listing(statement: Positioning | Feedrate | Normal | Move | Preset | Home | PlcSwitch) -> str:
-    match statement:
-        case Positioning(incremental, axes):
-            return f"{'INC' if incremental else 'ABS'}{_in_parentheses(axes)}"
-        case Feedrate(axes, none):
-            return "NOFRAX" if none else f"FRAX{_in_parentheses(axes)}"
-        case Normal(words):
-            return f"NORMAL {_axis_words(words)}"
-        case Move(words):
-            return _axis_words(words)
-        case Preset(words):
-            return f"PSET {_axis_words(words)}"
-        case Home(motors, zero):
-            return f"{'HOMEZ' if zero else 'HOME'}{','.join(map(str, motors))}"
-        case PlcSwitch(enable, numbers):
+        case syntax.Address(motor, system):
+            return f"ADDRESS{'' if motor is None else f'#{motor}'}{'' if system is None else f'&{system}'}"
+        case syntax.PlcSwitch(enable, numbers):
             return f"{'ENABLE' if enable else 'DISABLE'} PLC {','.join(map(str, numbers))}"
+        case _:
+            return _format_motion(statement)
 
 
-def format_line(line: Line) -> str:
+def _format_motion(statement: syntax.Statement) -> str:
+    match statement:
+        case syntax.SelectMode(mode):
+            return mode
+        case syntax.Positioning(incremental, axes):
+            return f"{'INC' if incremental else 'ABS'}{_in_parentheses(axes)}"
+        case syntax.Feedrate(axes, none):
+            return "NOFRAX" if none else f"FRAX{_in_parentheses(axes)}"
+        case syntax.Normal(words):
+            return f"NORMAL {_axis_words(words)}"
+        case syntax.Move(words):
+            return _axis_words(words)
+        case syntax.Preset(words):
+            return f"PSET {_axis_words(words)}"
+        case syntax.Home(motors, zero):
+            return f"{'HOMEZ' if zero else 'HOME'}{','.join(map(str, motors))}"
+        case syntax.Block(begins):
+            return "BLOCKSTART" if begins else "BLOCKSTOP"
+        case _:
+            return _WORDS[type(statement)]
+
+
+def format_line(line: syntax.Line) -> str:
     """Format a line without a line end.
 
     Raises ValueError: the line would be read back as another one (moves that `gather_moves` would join or
@@ -209,12 +152,12 @@ def format_line(line: Line) -> str:
     _check_neighbours(line)
     for place, statement in enumerate(line):
         last = place == len(line) - 1
-        if isinstance(statement, While | If | Else) and statement.inline is last:
+        if isinstance(statement, syntax.While | syntax.If | syntax.Else) and statement.inline is last:
             raise ValueError("inline means that the statement is followed by another on its line")
     return " ".join(map(format_statement, line))
 
 
-def format_plc_line(line: PlcLine) -> str:
+def format_plc_line(line: syntax.PlcLine) -> str:
     """Format a line of a PLC without a line end. Raises ValueError as `format_condition` does."""
     return " ".join(map(format_statement, line))
 
@@ -225,17 +168,17 @@ def _plain(digits: str) -> str:
     return "0" if digits == "-0" else digits
 
 
-def _check_neighbours(line: Line) -> None:
-    behind_call = False
+def _check_neighbours(line: syntax.Line) -> None:
+    after_call = False
     for statement, following in zip_longest(line, line[1:]):
-        if isinstance(statement, Argument) and statement.letter in ARGUMENTS and not behind_call:
+        if isinstance(statement, syntax.Argument) and statement.letter in ARGUMENTS and not after_call:
             raise ValueError("an argument without a call on its line")
-        behind_call = isinstance(statement, CallProgram) or (behind_call and may_be_argument(statement))
-        if isinstance(statement, Normal | Preset) and isinstance(following, Move):
+        after_call = isinstance(statement, syntax.CallProgram) or (after_call and may_be_argument(statement))
+        if isinstance(statement, syntax.Normal | syntax.Preset) and isinstance(following, syntax.Move):
             own = {word.axis for word in statement.words}
-            vector = isinstance(statement, Normal)
+            vector = isinstance(statement, syntax.Normal)
             first = following.words[0].axis
-            if first not in own and (first in VECTOR if vector else first in AXES):
+            if first not in own and (first in syntax.VECTOR if vector else first in syntax.AXES):
                 raise ValueError(f"{first} would be read as part of the statement before it: use more lines")
 
 
@@ -243,22 +186,20 @@ def _in_parentheses(letters: tuple[str, ...]) -> str:
     return f"({','.join(letters)})" if letters else ""
 
 
-def _axis_words(words: tuple[AxisWord, ...]) -> str:
-    return " ".join(map(_axis_word, words))
+def _axis_words(words: tuple[syntax.AxisWord, ...]) -> str:
+    return " ".join(
+        f"{word.axis}{format_data(word.value)}{f':{format_data(word.velocity)}' if word.velocity else ''}"
+        for word in words
+    )
 
 
-def _axis_word(word: AxisWord) -> str:
-    velocity = f":{format_data(word.velocity)}" if word.velocity is not None else ""
-    return f"{word.axis}{format_data(word.value)}{velocity}"
-
-
-def _operand(expression: Expression, level: int) -> str:
+def _operand(expression: syntax.Expression, level: int) -> str:
     text = format_expression(expression)
     return f"({text})" if _level(expression) < level else text
 
 
-def _level(expression: Expression) -> int:
+def _level(expression: syntax.Expression) -> int:
     """How tightly the outermost operator binds; a sign binds as tightly as an operand."""
-    if not isinstance(expression, Binary):
+    if not isinstance(expression, syntax.Binary):
         return _OPERAND
     return _PRODUCT if expression.operator in PRODUCTS else _SUM

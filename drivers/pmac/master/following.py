@@ -18,8 +18,7 @@ from enum import StrEnum, auto
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.memory import WORD_BITS
 
-COUNT_PARTS = 32
-"""Resolution of five fraction bits, parts per count."""
+COUNT_PARTS = 32  # Resolution of five fraction bits, parts per count
 
 _ADDRESS, _ENABLE, _RATIO, _SCALE = 5, 6, 7, 8
 """Ix05 master address, Ix06 enable, Ix07 and Ix08 the teeth of the two gears."""
@@ -31,8 +30,7 @@ class FollowingMode(StrEnum):
     OFF = auto()
     NORMAL = auto()
     """It counts as motion of the motor: the next programmed move to an absolute position cancels it."""
-    OFFSET = auto()
-    """It is an offset: programmed moves are superimposed on it."""
+    OFFSET = auto()  # It is an offset: programmed moves are superimposed on it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,11 +2,14 @@
 
 An ENDWHILE ends the scan, and the next one continues with its WHILE (PMAC User Manual, PLC Programs 1-31). So
 every scan ends: inside it there is no way back, and each statement is executed at most once.
+
+PLC 0 runs in the foreground, a scan at each real-time interrupt; PLC 1 to 31 run in the background, a scan each in
+the order of their numbers. I5 permits the one or the other; a PLC that it permits must also be enabled.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
@@ -14,17 +17,21 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value, compile_condition, compile_expression
-from drivers.pmac.language.plc_structure import PlcCode
+from drivers.pmac.language.plc_statements import PlcCode
 from drivers.pmac.variables import SystemVariables, VariableStore
 
-_ANGLE_UNIT = 15
-"""I15: 0 is degrees."""
+I5_FOREGROUND = 1
+I5_BACKGROUND = 2
+"""The bits of I5."""
 
-_Step = Callable[[], int]
-"""Executes an instruction and returns the place of the next one."""
+FOREGROUND_PLC = 0
 
-LOWEST_COUNT = -(2**23)
-"""Timers saturate here; they do not roll over (Turbo Software Reference, Isx11)."""
+_ANGLE_UNIT = 15  # I15: 0 is degrees
+
+_Step = Callable[[], int | None]
+"""Executes an instruction and returns the place of the next one; None: the one after it."""
+
+LOWEST_COUNT = -(2**23)  # Timers saturate here; they do not roll over (Turbo Software Reference, Isx11)
 
 _Name = TypeVar("_Name")
 
@@ -89,102 +96,68 @@ class PlcRun:
         self._counter = 0
 
     def scan(self) -> PlcFault | None:
-        """Execute one scan.
-
-        Returns:
-            None, or the run-time error that has ended it: the PLC is to be disabled then, and is at its top.
-        """
-        self._follow_angle_unit()
+        """Execute one scan; return the run-time error that has ended it: the PLC, at its top, is then disabled."""
+        # Recompile when I15, the unit of angles, differs from the last scan.
+        degrees = self._variables.i(_ANGLE_UNIT) == 0
+        if not self._steps or degrees != self._degrees:
+            self._degrees = degrees
+            self._steps = [self._step(place) for place in range(len(self._code.instructions))]
         steps, place = self._steps, self._counter
         self._counter, end = 0, len(steps)
         while place < end:
             try:
-                following = steps[place]()
+                target = steps[place]()
             except PmacError as error:
                 return PlcFault(line=self._code.line_of[place], code=error.code, detail=error.detail)
+            following = place + 1 if target is None else target
             if following <= place:
                 self._counter = following
                 return None
             place = following
         return None
 
-    def _follow_angle_unit(self) -> None:
-        """Recompile when I15 differs from the last scan."""
-        degrees = self._variables.i(_ANGLE_UNIT) == 0
-        if not self._steps or degrees != self._degrees:
-            self._degrees = degrees
-            self._steps = [self._step(place) for place in range(len(self._code.instructions))]
-
     def _step(self, place: int) -> _Step:
-        statement, behind = self._code.instructions[place], place + 1
+        statement, target = self._code.instructions[place], self._code.jumps[place]
         match statement:
             case syntax.While() | syntax.If():
-                return self._branch(statement.condition, behind, self._code.jumps[place])
+                holds = compile_condition(statement.condition, self._degrees, strict=False)
+                return lambda: None if holds(self._values) else target
             case syntax.EndWhile() | syntax.Else():
-                target = self._code.jumps[place]
                 return lambda: target
             case syntax.EndIf():
-                return lambda: behind
+                return lambda: None
             case syntax.Assign():
-                return self._assign(statement, behind)
+                kind, number = statement.target.kind, statement.target.index
+                index, value = self._value(number), self._value(statement.value)
+                if isinstance(number, syntax.Number):
+                    fixed = int(number.value)
+                    return lambda: self._values.set(kind, fixed, value(self._values))
+                return lambda: self._values.set(kind, int(index(self._values)), value(self._values))
             case syntax.Message():
-                return self._say(statement, behind)
+                return lambda: self._say(statement)
             case syntax.PlcSwitch():
-                return self._switch(statement, behind)
+                return lambda: self._host.switch_plc(statement.enable, statement.numbers)
             case syntax.Address():
-                return self._address(statement, behind)
+                return lambda: self._address(statement.motor, statement.system)
 
-    def _branch(self, condition: syntax.Condition, behind: int, otherwise: int) -> _Step:
-        holds = compile_condition(condition, self._degrees, strict=False)
-        return lambda: behind if holds(self._values) else otherwise
+    def _say(self, statement: syntax.Message) -> None:
+        match statement.word:
+            case "CMD":
+                self._host.command(statement.text, statement.port, self.addressed)
+            case "SEND":
+                self._host.send(statement.text, statement.port)
+            case _:
+                self._host.display(statement.text)
 
-    def _assign(self, statement: syntax.Assign, behind: int) -> _Step:
-        kind, number = statement.target.kind, statement.target.index
-        index, value = self._value(number), self._value(statement.value)
-        fixed = int(number.value) if isinstance(number, syntax.Number) else None
-
-        def step() -> int:
-            place = int(index(self._values)) if fixed is None else fixed
-            self._values.set(kind, place, value(self._values))
-            return behind
-
-        return step
-
-    def _say(self, statement: syntax.Message, behind: int) -> _Step:
-        def step() -> int:
-            match statement.word:
-                case "CMD":
-                    self._host.command(statement.text, statement.port, self.addressed)
-                case "SEND":
-                    self._host.send(statement.text, statement.port)
-                case _:
-                    self._host.display(statement.text)
-            return behind
-
-        return step
-
-    def _switch(self, statement: syntax.PlcSwitch, behind: int) -> _Step:
-        def step() -> int:
-            self._host.switch_plc(statement.enable, statement.numbers)
-            return behind
-
-        return step
-
-    def _address(self, statement: syntax.Address, behind: int) -> _Step:
+    def _address(self, motor: int | None, system: int | None) -> None:
         dialect = self._variables.dialect
-        motor, system = statement.motor, statement.system
-
-        def step() -> int:
-            if motor is not None:
-                _require("motor", motor, dialect.motor_count)
-                self.addressed = replace(self.addressed, motor=motor)
-            if system is not None:
-                _require("coordinate system", system, dialect.system_count)
-                self.addressed = replace(self.addressed, system=system)
-                self._values = self._variables.view(system)
-            return behind
-
-        return step
+        if motor is not None:
+            _require("motor", motor, dialect.motor_count)
+            self.addressed = replace(self.addressed, motor=motor)
+        if system is not None:
+            _require("coordinate system", system, dialect.system_count)
+            self.addressed = replace(self.addressed, system=system)
+            self._values = self._variables.view(system)
 
     def _value(self, expression: syntax.Expression) -> Value:
         return compile_expression(expression, self._degrees, strict=False)
@@ -207,3 +180,45 @@ def timer_variables(dialect: Dialect, activation: float) -> tuple[int, ...]:
     """
     systems = range(1, min(int(activation) + 1, dialect.system_count) + 1)
     return tuple(dialect.system_index(system, number) for system in systems for number in dialect.timer_numbers)
+
+
+@dataclass(frozen=True, slots=True)
+class PlcSwitches:
+    """The enabled PLCs, and those of them that begin at their top because they had no scan since."""
+
+    enabled: frozenset[int] = frozenset()
+    at_top: frozenset[int] = frozenset()
+
+    def enable(self, numbers: Iterable[int]) -> PlcSwitches:
+        """ENABLE PLC: one that is already enabled continues where it is."""
+        new = frozenset(numbers) - self.enabled
+        return PlcSwitches(self.enabled | new, self.at_top | new)
+
+    def disable(self, numbers: Iterable[int]) -> PlcSwitches:
+        """DISABLE PLC, OPEN PLC, control-D or a run-time error: the place in a WHILE is lost."""
+        off = frozenset(numbers)
+        return PlcSwitches(self.enabled - off, self.at_top - off)
+
+    def scanned(self, number: int) -> PlcSwitches:
+        """Record that a PLC begins a scan: the next one continues where this one ends."""
+        return PlcSwitches(self.enabled, self.at_top - {number})
+
+
+def power_up(stored: Iterable[int]) -> PlcSwitches:
+    """Return the switches after power-up or reset: every stored PLC is enabled."""
+    return PlcSwitches().enable(stored)
+
+
+def foreground_runs(i5: float, enabled: Collection[int], stored: Collection[int]) -> bool:
+    """Whether PLC 0 has a scan at this real-time interrupt."""
+    return bool(int(i5) & I5_FOREGROUND) and FOREGROUND_PLC in enabled and FOREGROUND_PLC in stored
+
+
+def background_order(i5: float, enabled: Collection[int], stored: Collection[int]) -> tuple[int, ...]:
+    """Return the PLCs that have a scan in this background cycle, in order.
+
+    One that an earlier PLC of the same cycle disables is to be skipped: check `enabled` again.
+    """
+    if not int(i5) & I5_BACKGROUND:
+        return ()
+    return tuple([number for number in sorted(stored) if number != FOREGROUND_PLC and number in enabled])

@@ -15,18 +15,15 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.cam_table import Cam
 from drivers.pmac.programs.cam_trim import TRIM_VALUES, TRIMMED_CUT, trim_segment_ms, trim_values
-from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S
-from drivers.pmac.programs.setup import END_FLAG, END_MARKS, SERVO, CutSetup, refuse_endless
+from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S, RUN_DOWN, RUN_UP
+from drivers.pmac.programs.setup import SERVO, CutSetup, cut_values, refuse_endless
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
 PROGRAM_NUMBER = 3
 
-SEGMENT_MS = 8
-"""Feed moves; each checks once for the end of a turn."""
-
-Z_SPEED_MM_S = 10.0
-"""Carriage speed between the row of zeros and the part."""
+SEGMENT_MS = 8  # Feed moves; each checks once for the end of a turn
+Z_SPEED_MM_S = 10.0  # Carriage speed between the row of zeros and the part
 
 Z_RAMP_MS = 100
 SETTLE_MS = 200
@@ -34,8 +31,7 @@ LOOK_MS = 20
 MOST_LOOKS = 25
 """Polls of the register, and the ms between them, until it reads 0; after that the table stays on."""
 
-COMPENSATION = 69
-"""M-variable of a motor, Mx69, that the manuals suggest for its correction register."""
+COMPENSATION = 69  # M-variable of a motor, Mx69, that the manuals suggest for its correction register
 
 
 def correction_register(machine: MachineProfile) -> str:
@@ -58,8 +54,7 @@ def cam_program(
     It starts with the tool retracted and the carriage clear of the part, and ends in the row of zeros. One that is
     `trimmed` adds the harmonic of `cam_trim`; the controller must then turn the spindle.
 
-    Raises:
-        ProblemError: `program.too_long`.
+    Raises ProblemError: `program.too_long`.
     """
     turn_ms = 60_000.0 / job.spindle_speed_rpm
     longest_ms = trim_segment_ms(job) if trimmed else SEGMENT_MS
@@ -91,21 +86,13 @@ def _cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]
     turn_ms = 60_000.0 / job.spindle_speed_rpm
     turns = segment_ms / turn_ms
     return {
-        "job": job.name,
-        "rpm": number(job.spindle_speed_rpm),
+        **cut_values(job, setup, segment_ms),
         "spindle_step": number(setup.counts_per_turn * turns),
         "spindle_speed": number(1000.0 * setup.counts_per_turn / turn_ms),
         "spindle_start": number(setup.spindle_start),
         "feed_step": number(setup.carriage_per_turn * turns),
         "feed_speed": number(1000.0 * setup.carriage_per_turn / turn_ms),
-        "out": number(setup.retracted),
-        "z": number(setup.carriage_start),
-        "turns": setup.whole_turns,
         "turn": number(turn_ms / segment_ms),
-        "segment": segment_ms,
-        "flag": END_FLAG,
-        "end_marks": END_MARKS,
-        "go_on": setup.go_on,
     }
 
 
@@ -211,33 +198,19 @@ P28=P22+{before} ; spindle at the first segment
 """,
 )
 
-_RUN_UP = """\
-PVT{half} ; the spindle runs up
-X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
-X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
-PVT{approach} ; the tool goes to its mean depth, clear of the part
-X(P11):0 Y(P28):(P17) Z(P21):0
-"""
-
 _OUT = """\
 P30=P28+P16*P25+P17*{approach}/1000
 P29=P29+P33*{approach}/3000
 X(P20):0 Y(P30):(P17) Z(P29):0
 """
 
-_RUN_DOWN = """\
-PVT{half} ; the spindle runs down
-X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
-X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
-"""
-
-_TURNED = _SET_UP_TURNED + _RUN_UP + _CUT.replace("{y}", " Y(P28+P16*P25):(P17)") + _OUT + _RUN_DOWN + _END
+_TURNED = _SET_UP_TURNED + RUN_UP + _CUT.replace("{y}", " Y(P28+P16*P25):(P17)") + _OUT + RUN_DOWN + _END
 
 _TRIMMED = (
     _SET_UP_TURNED.replace("CLOSE\nOPEN PROG", TRIM_VALUES + "CLOSE\nOPEN PROG")
-    + _RUN_UP
+    + RUN_UP
     + TRIMMED_CUT
-    + _RUN_DOWN
+    + RUN_DOWN
     + _END
 )
 

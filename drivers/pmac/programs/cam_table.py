@@ -20,20 +20,11 @@ from profiles.compensations.path import LobedPath, chord_error, chord_scale
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
-CHORD_LIMIT_UM = 0.05
-"""Permitted deviation of the linear interpolation from the sinusoid."""
-
-ROW_MM = 10.0
-"""Approximate Z distance over which the amplitude grows."""
-
-ROWS_IN_FRONT = 2
-"""Least number of row spacings before the part: one of zeros, one in which the amplitude grows."""
-
-LEAST_ROW_MM = 0.5
-"""A shorter spacing leaves no place to stand in the row of zeros."""
-
-INSIDE_MM = 0.2
-"""Distance of the carriage from the last row of zeros while the table is switched."""
+CHORD_LIMIT_UM = 0.05  # Permitted deviation of the linear interpolation from the sinusoid
+ROW_MM = 10.0  # Approximate Z distance over which the amplitude grows
+ROWS_IN_FRONT = 2  # Least number of row spacings before the part: one of zeros, one in which the amplitude grows
+LEAST_ROW_MM = 0.5  # A shorter spacing leaves no place to stand in the row of zeros
+INSIDE_MM = 0.2  # Distance of the carriage from the last row of zeros while the table is switched
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +50,7 @@ class Cam:
 def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Cam:
     """Return the table that makes the tool follow `command` (um from the surface, infeed) by the spindle's angle.
 
-    Raises:
-        ProblemError: `program.no_zero_row`, there is no room before the part.
+    Raises ProblemError: `program.no_zero_row`, there is no room before the part.
     """
     columns, per_mm = column_count(command), machine.carriage.counts_per_mm
     spacing, front, full, rows = _rows(machine, setup)
@@ -93,7 +83,7 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Ca
 
 def column_count(command: LobedPath) -> int:
     """Return the fewest columns, the same number for each lobe, that keep the chord error within its limit."""
-    columns = 4 * max(wave.lobes for wave in command.waves)
+    columns = 4 * max(wave.lobes for wave in command.harmonics)
     columns += -columns % command.lobes
     while _chord_error_um(command, columns) > CHORD_LIMIT_UM:
         columns += command.lobes
@@ -101,14 +91,14 @@ def column_count(command: LobedPath) -> int:
 
 
 def _chord_error_um(command: LobedPath, columns: int) -> float:
-    return sum(wave.amplitude_um * chord_error(columns / wave.lobes) for wave in command.waves)
+    return sum(wave.amplitude_um * chord_error(columns / wave.lobes) for wave in command.harmonics)
 
 
 def _corners_um(command: LobedPath, columns: int) -> NDArray[np.float64]:
     """Return the harmonics at the columns of a turn, both ends included, scaled up to compensate the chords."""
     angle_deg = 360.0 * np.arange(columns + 1) / columns
     corners = np.zeros(columns + 1)
-    for wave in command.waves:
+    for wave in command.harmonics:
         corners += chord_scale(columns / wave.lobes) * wave.at_um(angle_deg)
     return corners
 
@@ -116,8 +106,7 @@ def _corners_um(command: LobedPath, columns: int) -> NDArray[np.float64]:
 def _rows(machine: MachineProfile, setup: CutSetup) -> tuple[int, int, int, int]:
     """Return the spacing in counts, the first and the last row of full amplitude, and the number of spacings.
 
-    Raises:
-        ProblemError: `program.no_zero_row`.
+    Raises ProblemError: `program.no_zero_row`.
     """
     carriage = machine.carriage
     front = max(ROWS_IN_FRONT, round(setup.carriage_start / (ROW_MM * carriage.counts_per_mm)))

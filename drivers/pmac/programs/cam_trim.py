@@ -20,11 +20,8 @@ from profiles.job import Job
 MOST_TRIM_UM = 8.0
 """Maximum amplitude: a few times a soft servo's deflection by a fine cut's force at the lobe frequency."""
 
-ROUNDING_COUNTS = 0.01
-"""Maximum rounding-up of the two numbers of a harmonic on transmission."""
-
-SMOOTHED_MS = 40.0
-"""Time constant with which the effective harmonic follows the commanded one."""
+ROUNDING_COUNTS = 0.01  # Maximum rounding-up of the two numbers of a harmonic on transmission
+SMOOTHED_MS = 40.0  # Time constant with which the effective harmonic follows the commanded one
 
 
 def trim_segment_ms(job: Job) -> int:
@@ -36,8 +33,7 @@ def trim_segment_ms(job: Job) -> int:
 def trim_line(trim_um: complex, tool_count_um: float) -> str:
     """Return the line that commands the harmonic Re(c exp(j lobe angle)), c in um; at rest it causes no motion.
 
-    Raises:
-        ValueError: more than `MOST_TRIM_UM`.
+    Raises ValueError: more than `MOST_TRIM_UM`.
     """
     if not abs(trim_um) <= MOST_TRIM_UM:
         raise ValueError(f"a trim of {abs(trim_um):.2f} um; at most {MOST_TRIM_UM:g} um")

@@ -17,12 +17,11 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import END_FLAG, END_MARKS, CutSetup, refuse_endless
+from drivers.pmac.programs.setup import CutSetup, cut_values, refuse_endless
 from profiles.compensations.path import LobedPath
 from profiles.job import Job
 
-SPINDLE_STEP = " Y(P28+P16*P25):(P17)"
-"""The statement that moves the spindle in a segment."""
+SPINDLE_STEP = " Y(P28+P16*P25):(P17)"  # The statement that moves the spindle in a segment
 
 LOBE_PATH = """\
 PVT{segment} ; the amplitude grows
@@ -69,8 +68,7 @@ condition for another turn.
 
 PROGRAM_NUMBER = 2
 
-INTERPOLATION_LIMIT_UM = 0.05
-"""Permitted deviation of the cubics between the points from the sinusoid."""
+INTERPOLATION_LIMIT_UM = 0.05  # Permitted deviation of the cubics between the points from the sinusoid
 
 LONGEST_SEGMENT_MS = 8
 HALF_RUN_UP_MS = 500
@@ -102,6 +100,9 @@ OPEN PROG {program}
 CLEAR
 ABS
 {flag}=0 ; the host sets it to end the cut at the end of a turn
+"""
+
+RUN_UP = """\
 PVT{half} ; the spindle runs up
 X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
 X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
@@ -109,15 +110,13 @@ PVT{approach} ; the tool goes to its mean depth, clear of the part
 X(P11):0 Y(P28):(P17) Z(P21):0
 """
 
-_RUN_DOWN = """\
-P30=P28+P16*P25
-P29=P29+P33*{out_ms}/3000
+RUN_DOWN = """\
 PVT{half} ; the spindle runs down
 X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
 X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
-IF(P45=P25) P44=1
-CLOSE
 """
+
+_AT_REST = "P30=P28+P16*P25\nP29=P29+P33*{out_ms}/3000\n" + RUN_DOWN + "IF(P45=P25) P44=1\nCLOSE\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,11 +182,7 @@ def longest_segment_ms(command: LobedPath, frequency_hz: float) -> int:
 
 
 def pvt_timing(job: Job, setup: CutSetup, command: LobedPath) -> PvtTiming:
-    """Return the times for a job.
-
-    Raises:
-        ProblemError: `program.too_long`.
-    """
+    """Return the times for a job. Raises ProblemError: `program.too_long`."""
     turn_ms = 60_000.0 / job.spindle_speed_rpm
     # The end of a turn is checked once in a segment.
     segment_ms = max(1, min(longest_segment_ms(command, job.lobe_frequency_hz), math.floor(turn_ms)))
@@ -210,8 +205,7 @@ def pvt_program(job: Job, setup: CutSetup, command: LobedPath) -> str:
     The command must fit whole milliseconds. The program starts with the tool retracted and the carriage clear of
     the part, and ends the same way.
 
-    Raises:
-        ProblemError: `program.too_long`.
+    Raises ProblemError: `program.too_long`.
     """
     timing = pvt_timing(job, setup, command)
     turns_per_ms = job.spindle_speed_rpm / 60_000.0
@@ -221,7 +215,6 @@ def pvt_program(job: Job, setup: CutSetup, command: LobedPath) -> str:
     values = {
         **path_values(job, setup, command, timing, setup.spindle_start + spindle * before_ms),
         "y": SPINDLE_STEP,
-        "rpm": number(job.spindle_speed_rpm),
         "spindle_step": number(spindle * timing.segment_ms),
         "spindle_speed": number(1000.0 * spindle),
         "spindle_start": number(setup.spindle_start),
@@ -229,7 +222,7 @@ def pvt_program(job: Job, setup: CutSetup, command: LobedPath) -> str:
         "half": HALF_RUN_UP_MS,
         "program": PROGRAM_NUMBER,
     }
-    return (_TEXT + LOBE_PATH + _RUN_DOWN).format(**values)
+    return (_TEXT + RUN_UP + LOBE_PATH + _AT_REST).format(**values)
 
 
 def path_values(
@@ -244,7 +237,7 @@ def path_values(
     lobe_deg = 360.0 * command.lobes
     number = format_number
     return {
-        "job": job.name,
+        **cut_values(job, setup, timing.segment_ms),
         "hz": number(job.lobe_frequency_hz),
         "error": f"{error_um:.4f}",
         "mean": number(setup.surface + command.mean_um / setup.tool_count_um),
@@ -254,16 +247,9 @@ def path_values(
         "slope": number(amplitude * scales.velocity * 2.0 * math.pi * job.lobe_frequency_hz),
         "feed_step": number(setup.carriage_per_turn * turns_per_ms * timing.segment_ms),
         "feed_speed": number(1000.0 * setup.carriage_per_turn * turns_per_ms),
-        "out": number(setup.retracted),
-        "z": number(setup.carriage_start),
         "ramp": timing.ramp_segments,
-        "turns": setup.whole_turns,
         "turn": number(timing.turn_segments),
         "out_segments": timing.retract_segments,
         "out_ms": timing.retract_segments * timing.segment_ms,
         "approach": timing.approach_ms,
-        "segment": timing.segment_ms,
-        "flag": END_FLAG,
-        "end_marks": END_MARKS,
-        "go_on": setup.go_on,
     }

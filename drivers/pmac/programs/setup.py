@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from drivers.pmac.language.text import format_number
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
-APPROACH_MM = 0.5
-"""Approach distance before the part, in which the tool settles on its path."""
+APPROACH_MM = 0.5  # Approach distance before the part, in which the tool settles on its path
 
 MOST_MOVES = 100_000
 """Maximum number of moves of a cut that are planned and checked; more would be hours at the lathe."""
 
-END_FLAG = "M26"
-"""A host sets this to 1 to end a cut early, at the end of a turn; every program checks it."""
+END_FLAG = "M26"  # A host sets this to 1 to end a cut early, at the end of a turn; every program checks it
 
 TURNS_CUT, FINISHED = "P43", "P44"
 """Progress variables of every program: the turns that it has begun, and 1 once it has reached its last line.
@@ -32,11 +31,8 @@ END_MARKS = f"""\
 P45=0 ; its segments, counted a second time
 """
 
-SERVO = "servo"
-"""A spindle whose loop the controller closes; any other is only followed."""
-
-ROUNDING_TURNS = 1e-6
-"""A cut that exceeds whole turns by less than this does not need another turn."""
+SERVO = "servo"  # A spindle whose loop the controller closes; any other is only followed
+ROUNDING_TURNS = 1e-6  # A cut that exceeds whole turns by less than this does not need another turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,12 +110,23 @@ def cut_setup(
     )
 
 
-def refuse_endless(moves: float) -> None:
-    """Refuse a cut with an unreasonable number of moves.
+def cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]:
+    """Return the values that the templates of every segmented program share."""
+    return {
+        "job": job.name,
+        "rpm": format_number(job.spindle_speed_rpm),
+        "out": format_number(setup.retracted),
+        "z": format_number(setup.carriage_start),
+        "turns": setup.whole_turns,
+        "segment": segment_ms,
+        "flag": END_FLAG,
+        "end_marks": END_MARKS,
+        "go_on": setup.go_on,
+    }
 
-    Raises:
-        ProblemError: `program.too_long`.
-    """
+
+def refuse_endless(moves: float) -> None:
+    """Refuse a cut with an unreasonable number of moves. Raises ProblemError: `program.too_long`."""
     if moves > MOST_MOVES:
         raise ProblemError(
             Problem(code="program.too_long", key="cut_length_mm", value=f"{moves:.3g}", limit=f"<= {MOST_MOVES}")

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_number
-from drivers.pmac.master.time_base_setup import TimeBaseEntry
-from drivers.pmac.master.time_base_source import (
+from drivers.pmac.master.time_base import (
     FASTEST_SLEW,
+    TimeBaseEntry,
     Trigger,
     nearest_factor,
     real_time_counts_per_ms,
@@ -33,20 +33,14 @@ from profiles.machine import MachineProfile
 
 PROGRAM_NUMBER = 4
 
-SETTLE_MS = 500
-"""Settling time of the spindle speed after its ramp."""
-
-JOG_MS = 100
-"""Time for the controller to execute a jog command; after it Ix22 may be restored."""
-
-TRIGGER_STATE = "M199"
-"""M-variable of the time base state, as in the manual's example."""
+SETTLE_MS = 500  # Settling time of the spindle speed after its ramp
+JOG_MS = 100  # Time for the controller to execute a jog command; after it Ix22 may be restored
+TRIGGER_STATE = "M199"  # M-variable of the time base state, as in the manual's example
 
 _SOURCE, _SLEW, _JOG_SPEED = 93, 94, 22
 """Ix93, the time base source, Ix94, its maximum rate of change, and Ix22 of the spindle."""
 
-KEPT_SOURCE, KEPT_SLEW, KEPT_JOG_SPEED = "P40", "P41", "P42"
-"""The settings before the program changed them."""
+KEPT_SOURCE, KEPT_SLEW, KEPT_JOG_SPEED = "P40", "P41", "P42"  # The settings before the program changed them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,8 +87,7 @@ def timebase_program(
     `command` is the commanded tool position by spindle angle; it must fit whole milliseconds. The cut starts with
     the tool retracted and the carriage clear of the part, and ends with the tool retracted.
 
-    Raises:
-        ProblemError: `program.too_long`.
+    Raises ProblemError: `program.too_long`.
     """
     clock = spindle_clock(job, machine, dialect)
     programmed = replace(job, spindle_speed_rpm=clock.programmed_rpm)

@@ -19,15 +19,13 @@ from drivers.pmac.trajectory.pieces import Vector
 
 Point = tuple[float, float, float]
 
-LEAST_ARC = 2.0**-20
-"""The least angle of an arc, in half turns, where I90 (Isx97) is 0."""
+LEAST_ARC = 2.0**-20  # The least angle of an arc, in half turns, where I90 (Isx97) is 0
 
 
 class CircleRadiusError(PmacError):
     """A run-time error with a status bit of its own: an arc without a radius, or with one that is too short."""
 
     def __init__(self, detail: str) -> None:
-        """`detail` describes the requested arc."""
         super().__init__(ErrorCode.DATA_ERROR, detail)
 
 
@@ -47,19 +45,19 @@ class Arc:
     straight: Vector
     length: float
 
-    def displacement(self, share: float) -> Vector:
+    def displacement(self, fraction: float) -> Vector:
         """Return the displacement from the start of the arc, counts."""
-        size = 1.0 + (self.growth - 1.0) * share
-        along, across = size * math.cos(self.sweep * share), size * math.sin(self.sweep * share)
+        size = 1.0 + (self.growth - 1.0) * fraction
+        along, across = size * math.cos(self.sweep * fraction), size * math.sin(self.sweep * fraction)
         return tuple(
-            (along - 1.0) * a + across * b + share * s
+            (along - 1.0) * a + across * b + fraction * s
             for a, b, s in zip(self.cosine, self.sine, self.straight, strict=True)
         )
 
-    def slope(self, share: float) -> Vector:
+    def slope(self, fraction: float) -> Vector:
         """Return the derivative of the displacement by the fraction of the path, counts."""
-        grows, size = self.growth - 1.0, 1.0 + (self.growth - 1.0) * share
-        cosine, sine = math.cos(self.sweep * share), math.sin(self.sweep * share)
+        grows, size = self.growth - 1.0, 1.0 + (self.growth - 1.0) * fraction
+        cosine, sine = math.cos(self.sweep * fraction), math.sin(self.sweep * fraction)
         along = grows * cosine - size * self.sweep * sine
         across = grows * sine + size * self.sweep * cosine
         return tuple(
@@ -84,7 +82,10 @@ def arc_of(
         CircleRadiusError: a run-time error, no such arc exists.
         PmacError: the normal has no direction.
     """
-    normal = _unit(request.normal, "the normal of a circle")
+    size = _size(request.normal)
+    if not size > 0.0:
+        raise PmacError(ErrorCode.DATA_ERROR, "the normal of a circle has no direction")
+    normal = _times(1.0 / size, request.normal)
     move = _minus(_point(request.targets), _point(start))
     axial = _dot(move, normal)
     chord = _minus(move, _times(axial, normal))
@@ -92,8 +93,12 @@ def arc_of(
     first, last = _times(-1.0, center), _minus(chord, center)
     if not (_size(first) > 0.0 and _size(last) > 0.0):
         raise CircleRadiusError("a circle without a radius")
-    least = 0.0 if request.center is None else (least_arc or LEAST_ARC) * math.pi
-    sweep = _sweep(first, last, normal, request.clockwise, least)
+    turn = math.tau if request.clockwise else -math.tau
+    sweep = math.atan2(_dot(normal, _cross(first, last)), _dot(first, last))
+    if sweep * turn < 0.0:
+        sweep += turn
+    if request.center is not None and abs(sweep) < (least_arc or LEAST_ARC) * math.pi:
+        sweep += turn
     growth = _size(last) / _size(first)
     cosine, sine = _counts(definitions, first), _counts(definitions, _cross(normal, first))
     along, across = growth * math.cos(sweep) - 1.0, growth * math.sin(sweep)
@@ -128,15 +133,6 @@ def _center(request: CircleRequest, chord: Point, normal: Point, radius_limit: f
     return _minus(_times(0.5, chord), _times(-side * height / distance, left))
 
 
-def _sweep(first: Point, last: Point, normal: Point, clockwise: bool, least: float) -> float:
-    """Return the angle from one radius to the other; one smaller than `least` is a turn more."""
-    turn = math.tau if clockwise else -math.tau
-    angle = math.atan2(_dot(normal, _cross(first, last)), _dot(first, last))
-    if angle * turn < 0.0:
-        angle += turn
-    return angle + turn if abs(angle) < least else angle
-
-
 def _counts(definitions: Sequence[AxisDefinition], vector: Point) -> Vector:
     distances = dict(zip("XYZ", vector, strict=True))
     return tuple(definition.distance(distances) for definition in definitions)
@@ -164,10 +160,3 @@ def _cross(a: Point, b: Point) -> Point:
 
 def _size(a: Point) -> float:
     return math.hypot(*a)
-
-
-def _unit(a: Point, name: str) -> Point:
-    size = _size(a)
-    if not size > 0.0:
-        raise PmacError(ErrorCode.DATA_ERROR, f"{name} has no direction")
-    return _times(1.0 / size, a)

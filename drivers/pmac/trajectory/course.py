@@ -3,7 +3,7 @@
 As in a LINEAR blend, every move runs along its own path with a speed that rises in the ramp into it and falls in
 the ramp out of it, and the displacements of two moves in a ramp are added. The motion is cut into cubics of at
 most the segmentation time, exact in position and velocity where they meet. Between two straight moves the same
-rule gives `linear.lay`, which needs no segmentation.
+rule gives `linear.lay`, which needs no segmentation and is used there.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from drivers.pmac.trajectory.linear import (
     LinearMove,
     Timing,
     effective_timing,
+    lay,
     room_for_ramp,
+    stop,
+    stopping,
 )
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite
 
 MOST_CUTS = 4096
 """Maximum number of cubics in one stretch; a turn in so many is exact to the last digit, however long it takes."""
 
-SLIVER_MS = 1e-9
-"""Instants this close to each other are one: a cubic between them would be all rounding."""
-
-State = tuple[Vector, Vector]
-"""Position (counts) and velocity (counts/ms)."""
+SLIVER_MS = 1e-9  # Instants this close to each other are one: a cubic between them would be all rounding
+State = tuple[Vector, Vector]  # Position (counts) and velocity (counts/ms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +59,8 @@ class Curve:
 
     def after(self, elapsed_ms: float) -> State:
         """Return the displacement from the start of the move, by its own time, and the velocity."""
-        share = elapsed_ms / self.tm_ms
-        return self.arc.displacement(share), tuple(s / self.tm_ms for s in self.arc.slope(share))
+        fraction = elapsed_ms / self.tm_ms
+        return self.arc.displacement(fraction), tuple(s / self.tm_ms for s in self.arc.slope(fraction))
 
     def before_end(self, left_ms: float) -> State:
         """Return the displacement from the end of the move (negative), and the velocity."""
@@ -79,15 +79,14 @@ class CurvedBlend(Blend):
 
 
 def lay_course(
-    blend: Blend, move: LinearMove, arc: Arc | None, limits: Limits, segment_ms: float = 0.0
+    blend: Blend, move: LinearMove, arc: Arc | None, limits: Limits, segment_ms: float
 ) -> tuple[tuple[Piece, ...], Blend, Timing]:
     """Blend into a move: return the pieces, the new state and the timing used.
 
     Without an `arc` the move is straight; an arc is cut into `segment_ms`, above 0.
-
-    Raises:
-        NoAccelerationTimeError: TA and TS are both zero.
     """
+    if arc is None and not isinstance(blend, CurvedBlend):
+        return lay(blend, move, limits)
     timing = effective_timing(move, blend.velocity, limits)
     ta_ms, ts_ms = room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
     target = tuple(t + d for t, d in zip(blend.target, move.distance, strict=True))
@@ -105,16 +104,11 @@ def lay_course(
     return pieces, after, Timing(ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=timing.tm_ms)
 
 
-def stop_course(blend: CurvedBlend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piece, ...]:
-    """Come to rest at the end of a curve with the modal TA and TS.
-
-    Raises:
-        NoAccelerationTimeError: TA and TS are both zero.
-    """
-    still = tuple(0.0 for _ in blend.velocity)
-    move = LinearMove(distance=still, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=0.0)
-    timing = effective_timing(move, blend.velocity, limits)
-    ta_ms, ts_ms = room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
+def stop_course(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piece, ...]:
+    """Come to rest at the end of a straight move or a curve with the modal TA and TS."""
+    if not isinstance(blend, CurvedBlend):
+        return stop(blend, ta_ms, ts_ms, limits)
+    still, ta_ms, ts_ms = stopping(blend, ta_ms, ts_ms, limits)
     return _change_course(blend, Straight(still), ta_ms, ts_ms, calculates=False)
 
 
@@ -129,10 +123,10 @@ def _change_course(
         return _sum(blend.target, way), velocity
 
     def turning(elapsed_ms: float) -> State:
-        gone_ms, share = _risen(elapsed_ms, ta_ms, ts_ms)
+        gone_ms, fraction = _risen(elapsed_ms, ta_ms, ts_ms)
         way_out, before = old.before_end(0.5 * ta_ms - elapsed_ms + gone_ms)
         way_in, after = new.after(gone_ms)
-        velocity = tuple((1.0 - share) * b + share * a for b, a in zip(before, after, strict=True))
+        velocity = tuple((1.0 - fraction) * b + fraction * a for b, a in zip(before, after, strict=True))
         return _sum(_sum(blend.target, way_out), way_in), velocity
 
     segment_ms = min(course.segment_ms for course in (old, new) if isinstance(course, Curve))
@@ -149,15 +143,15 @@ def _change_course(
 def _risen(elapsed_ms: float, ta_ms: float, ts_ms: float) -> tuple[float, float]:
     """Return the progress of a ramp: the time gained by the rising move, ms, and its fraction of its speed."""
     if elapsed_ms > 0.5 * ta_ms:
-        gone_ms, share = _risen(ta_ms - elapsed_ms, ta_ms, ts_ms)
-        return elapsed_ms - 0.5 * ta_ms + gone_ms, 1.0 - share
+        gone_ms, fraction = _risen(ta_ms - elapsed_ms, ta_ms, ts_ms)
+        return elapsed_ms - 0.5 * ta_ms + gone_ms, 1.0 - fraction
     peak = 1.0 / (ta_ms - ts_ms)
     if elapsed_ms < ts_ms:
-        share = 0.5 * peak * elapsed_ms * elapsed_ms / ts_ms
-        return share * elapsed_ms / 3.0, share
+        fraction = 0.5 * peak * elapsed_ms * elapsed_ms / ts_ms
+        return fraction * elapsed_ms / 3.0, fraction
     linear_ms = elapsed_ms - ts_ms
-    share = peak * (0.5 * ts_ms + linear_ms)
-    return peak * (ts_ms * ts_ms / 6.0 + 0.5 * linear_ms * (ts_ms + linear_ms)), share
+    fraction = peak * (0.5 * ts_ms + linear_ms)
+    return peak * (ts_ms * ts_ms / 6.0 + 0.5 * linear_ms * (ts_ms + linear_ms)), fraction
 
 
 def _cut(

@@ -1,6 +1,6 @@
-"""Many cubics of one motor at once: their positions, extents and speeds. Counts and ms.
+"""Many cubics of one motor at once: positions, extents and speeds, in counts and ms.
 
-The coefficients of n cubics c0 + c1 t + c2 t^2 + c3 t^3 are an array of shape (4, n).
+Apart from `pieces`, so that the first page of the screens needs no numpy.
 """
 
 from __future__ import annotations
@@ -28,10 +28,6 @@ class Motion:
         c0, c1, c2, c3 = self.cubics
         return np.asarray(((c3 * t_ms + c2) * t_ms + c1) * t_ms + c0, dtype=np.float64)
 
-    def _speed_at(self, t_ms: Floats) -> Floats:
-        _, c1, c2, c3 = self.cubics
-        return np.asarray(np.abs((3.0 * c3 * t_ms + 2.0 * c2) * t_ms + c1), dtype=np.float64)
-
     def extent(self) -> tuple[float, float]:
         """Return the lowest and highest position: at an end, or where the velocity passes zero; counts."""
         _, c1, c2, c3 = self.cubics
@@ -45,11 +41,11 @@ class Motion:
 
     def peak_velocity(self) -> float:
         """Return the greatest speed: at an end, or where the acceleration passes zero; counts/ms."""
-        _, _, c2, c3 = self.cubics
+        _, c1, c2, c3 = self.cubics
         with np.errstate(divide="ignore", invalid="ignore"):
             instant = self._within(-c2 / (3.0 * c3))
-        still = np.zeros_like(instant)
-        return float(np.max([self._speed_at(each) for each in (still, instant, self.duration_ms)]))
+        instants = np.array([np.zeros_like(instant), instant, self.duration_ms])
+        return float(np.max(np.abs((3.0 * c3 * instants + 2.0 * c2) * instants + c1)))
 
     def _within(self, t_ms: Floats) -> Floats:
         """Return instants, or the start of the cubic for one that is outside it, or nan."""

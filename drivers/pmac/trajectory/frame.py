@@ -22,8 +22,7 @@ from drivers.pmac.variables import VariableStore
 
 ROTARY = frozenset("ABC")
 
-ROUNDING = 1e-9
-"""The fraction of a turn within which a motor counts as already in position."""
+ROUNDING = 1e-9  # The fraction of a turn within which a motor counts as already in position
 
 FARTHEST_COUNTS = 2.0**47 / (96 * 32)
 """Positions are 48 bits wide, in units of 1/(32 Ix08) count; the factory's Ix08 is 96."""
@@ -32,7 +31,10 @@ NO_AXES: frozenset[str] = frozenset()
 
 
 class MotorFrame:
-    """The motors of a coordinate system, as the moves of its program see them."""
+    """The motors of a coordinate system, as the moves of its program see them.
+
+    What is beyond the registers of the controller is refused, PmacError 003.
+    """
 
     def __init__(self, definitions: tuple[AxisDefinition, ...], variables: VariableStore, system: int) -> None:
         self.definitions = definitions
@@ -47,11 +49,7 @@ class MotorFrame:
         self._rollover = Rollover(definitions, variables) if rotary else None
 
     def counts(self, targets: Mapping[str, float], here: Vector, absolute: frozenset[str] = NO_AXES) -> Vector:
-        """Return the motor positions for axis positions; `absolute` axes may roll over on the way from `here`.
-
-        Raises:
-            PmacError: 003, beyond the registers of the controller.
-        """
+        """Return the motor positions for axis positions; `absolute` axes may roll over on the way from `here`."""
         if self._single is not None:
             counts = tuple([scale * targets[axis] + offset for axis, scale, offset in self._single])
         else:
@@ -62,11 +60,7 @@ class MotorFrame:
         return counts
 
     def velocities(self, velocities: Mapping[str, float]) -> Vector:
-        """Return motor velocities (counts/ms) for axis velocities (user units per ms).
-
-        Raises:
-            PmacError: 003, beyond the registers of the controller.
-        """
+        """Return motor velocities (counts/ms) for axis velocities (user units per ms)."""
         if self._single is not None:
             counts = tuple([scale * velocities.get(axis, 0.0) for axis, scale, _ in self._single])
         else:
@@ -92,8 +86,7 @@ class MotorFrame:
     def arc(self, request: CircleRequest, start: Mapping[str, float], here: Vector, target: Vector) -> Arc:
         """Return the arc of a circle move from axis positions `start`, which are the counts `here`.
 
-        Raises:
-            PmacError: 003, no such arc exists, or it is beyond the registers of the controller.
+        Raises PmacError: 003, no such arc exists, or it is beyond the registers of the controller.
         """
         arc = arc_of(
             request,
@@ -115,23 +108,18 @@ class MotorFrame:
         """Segmentation time of moves, I13; 0 is no segmentation."""
         return self._variables.setting(Setting.SEGMENT_MS, self._system)
 
-    def moved_by(self, axes: frozenset[str]) -> list[AxisDefinition]:
-        """Return the motors that drive any of some axes."""
-        return [d for d in self.definitions if axes & set(d.axes)]
-
     def rapid_settings(self) -> list[JogSettings]:
         """Return the jog settings of each motor in a RAPID move: at Ix22, or at Ix16."""
-        settings = []
-        for definition in self.definitions:
-            motor = definition.motor
-            at_program_speed = self._variables.setting(Setting.RAPID_AT_PROGRAM_SPEED, motor)
-            settings.append(jog_settings(self._variables, motor, 16 if at_program_speed else 22))
-        return settings
+        fast = Setting.RAPID_AT_PROGRAM_SPEED
+        return [
+            jog_settings(self._variables, motor, 16 if self._variables.setting(fast, motor) else 22)
+            for motor in self._motors
+        ]
 
     def jog_delay_ms(self, axes: frozenset[str]) -> float:
         """Return the greatest calculation delay of the motors that drive some axes."""
-        delay = self._variables.setting
-        return max((delay(Setting.JOG_DELAY_MS, d.motor) for d in self.moved_by(axes)), default=0.0)
+        moved = [d.motor for d in self.definitions if axes & set(d.axes)]
+        return max((self._variables.setting(Setting.JOG_DELAY_MS, motor) for motor in moved), default=0.0)
 
 
 class Rollover:
@@ -174,8 +162,7 @@ def _way_round(distance: float, turn: float, forwards: bool | None) -> float:
 def check_range(what: str, values: Vector) -> None:
     """Refuse values that the controller's registers cannot hold; a nan is beyond them too.
 
-    Raises:
-        PmacError: 003, beyond the registers.
+    Raises PmacError: 003, beyond the registers.
     """
     for value in values:
         if not abs(value) <= FARTHEST_COUNTS:

@@ -17,7 +17,7 @@ MOVE_TIME_MAX_MS = 8_388_607.0
 
 
 class NoAccelerationTimeError(PmacError):
-    """TA and TS are both zero, which the controller cannot divide by (rule 5)."""
+    """TA and TS of a move or a stop are both zero, which the controller cannot divide by (rule 5)."""
 
     def __init__(self) -> None:
         super().__init__(ErrorCode.DATA_ERROR, "TA and TS are both zero")
@@ -70,11 +70,7 @@ def at_rest(position: Vector) -> Blend:
 
 
 def effective_timing(move: LinearMove, before: Vector, limits: Limits) -> Timing:
-    """Apply rules 1, 2, 5, 6 with Ix16 and Ix17 to a move that follows velocity `before` (counts/ms).
-
-    Raises:
-        NoAccelerationTimeError: TA and TS are both zero.
-    """
+    """Apply rules 1, 2, 5, 6 with Ix16 and Ix17 to a move that follows velocity `before` (counts/ms)."""
     ta_ms = max(move.ta_ms, 2.0 * move.ts_ms)  # rule 1
     if ta_ms <= 0.0:
         raise NoAccelerationTimeError
@@ -116,19 +112,19 @@ def room_for_ramp(blend: Blend, ta_ms: float, ts_ms: float) -> tuple[float, floa
 
 
 def stop(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piece, ...]:
-    """Come to rest at the target with the modal TA and TS (rule 8); nothing when already at rest.
-
-    Raises:
-        NoAccelerationTimeError: TA and TS are both zero.
-    """
+    """Come to rest at the target with the modal TA and TS (rule 8); nothing when already at rest."""
     if blend.at_rest:
         return ()
-    still = (0.0,) * len(blend.velocity)
-    timing = effective_timing(
-        LinearMove(distance=still, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=0.0), blend.velocity, limits
-    )
-    ta_ms, ts_ms = room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
+    still, ta_ms, ts_ms = stopping(blend, ta_ms, ts_ms, limits)
     return _change_velocity(blend, still, ta_ms, ts_ms, calculates=False)
+
+
+def stopping(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Vector, float, float]:
+    """Return the velocity of rest, and the actual times of the ramp to it."""
+    still = (0.0,) * len(blend.velocity)
+    move = LinearMove(distance=still, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=0.0)
+    timing = effective_timing(move, blend.velocity, limits)
+    return still, *room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
 
 
 def _change_velocity(

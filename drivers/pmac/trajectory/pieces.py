@@ -9,11 +9,8 @@ from typing import NamedTuple
 
 from drivers.pmac.requests import Deferred
 
-Vector = tuple[float, ...]
-"""One number for each motor of a coordinate system, in its fixed order."""
-
-Cubic = tuple[float, float, float, float]
-"""p(t) = c0 + c1 t + c2 t^2 + c3 t^3; counts and ms."""
+Vector = tuple[float, ...]  # One number for each motor of a coordinate system, in its fixed order
+Cubic = tuple[float, float, float, float]  # p(t) = c0 + c1 t + c2 t^2 + c3 t^3; counts and ms
 
 
 class Piece(NamedTuple):  # a tuple is created three times as fast, and a program makes thousands

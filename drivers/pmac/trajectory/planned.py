@@ -6,12 +6,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.requests import CircleRequest, Deferred, Halt, HomeRequest, LinearRequest, PresetRequest
-from drivers.pmac.trajectory.linear import LinearMove, Timing
+from drivers.pmac.requests import CircleRequest, Deferred, Halt, HomeRequest, PresetRequest
+from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece, Vector
 
-Event = HomeRequest | PresetRequest | Halt
-"""What the owner of the motors has to carry out between two moves."""
+Event = HomeRequest | PresetRequest | Halt  # What the owner of the motors has to carry out between two moves
 
 
 class MoveRecord(NamedTuple):
@@ -39,12 +38,6 @@ class Planned(NamedTuple):
     event: Event | None = None
 
 
-def blended_record(line: int, target: Vector, move: LinearMove, timing: Timing) -> MoveRecord:
-    """Return the record of a LINEAR or CIRCLE move."""
-    asked = Timing(ta_ms=move.ta_ms, ts_ms=move.ts_ms, tm_ms=move.tm_ms)
-    return MoveRecord(line=line, target=target, asked=asked, timing=timing)
-
-
 def plain_record(line: int, target: Vector, tm_ms: float) -> MoveRecord:
     """Return the record of a move that is done in the requested time."""
     return MoveRecord(line=line, target=target, asked=_plain(tm_ms), timing=None)
@@ -66,8 +59,7 @@ def defer(pieces: tuple[Piece, ...], deferred: tuple[Deferred, ...]) -> tuple[Pi
 def circle_time_ms(request: CircleRequest, length: float) -> float:
     """Return the time of a circle move: as programmed, or its length (user units) over its speed.
 
-    Raises:
-        PmacError: 003, no speed.
+    Raises PmacError: 003, no speed.
     """
     if request.tm_ms is not None:
         return request.tm_ms
@@ -76,24 +68,7 @@ def circle_time_ms(request: CircleRequest, length: float) -> float:
     return length / request.speed_per_ms
 
 
-def straightened(request: CircleRequest, length: float) -> LinearRequest:
-    """Return the LINEAR move that replaces a circle move without segmentation, or without a centre."""
-    return LinearRequest(
-        line=request.line,
-        targets=request.targets,
-        ta_ms=request.ta_ms,
-        ts_ms=request.ts_ms,
-        tm_ms=circle_time_ms(request, length),
-        absolute=request.absolute,
-        deferred=request.deferred,
-    )
-
-
 def check_segment(duration_ms: float) -> None:
-    """Refuse a PVT or SPLINE segment without a time.
-
-    Raises:
-        PmacError: 003, no time.
-    """
+    """Refuse a PVT or SPLINE segment without a time. Raises PmacError: 003, no time."""
     if not duration_ms > 0.0:
         raise PmacError(ErrorCode.DATA_ERROR, f"a segment of {duration_ms:g} ms; above 0")

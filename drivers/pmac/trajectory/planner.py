@@ -9,49 +9,26 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from drivers.pmac import requests
 from drivers.pmac.axes import AxisDefinition
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.requests import (
-    BlendBreak,
-    CircleRequest,
-    Deferred,
-    DwellRequest,
-    Finished,
-    Halt,
-    HomeRequest,
-    LinearRequest,
-    MoveRequest,
-    PresetRequest,
-    PvtRequest,
-    RapidRequest,
-    Request,
-    SplineRequest,
-)
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.trajectory import spline
-from drivers.pmac.trajectory.circle import chord_length
-from drivers.pmac.trajectory.course import CurvedBlend, lay_course, stop_course
+from drivers.pmac.trajectory.circle import Arc, chord_length
+from drivers.pmac.trajectory.course import lay_course, stop_course
 from drivers.pmac.trajectory.frame import MotorFrame
-from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS
-from drivers.pmac.trajectory.linear import (
-    Blend,
-    LinearMove,
-    at_rest,
-    lay,
-    stop,
-)
+from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS, rapid, rapid_time_ms
+from drivers.pmac.trajectory.linear import Blend, LinearMove, Timing, at_rest
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, position_at, ramp
 from drivers.pmac.trajectory.planned import (
+    MoveRecord,
     Planned,
-    blended_record,
     check_segment,
     circle_time_ms,
     defer,
     plain_record,
-    straightened,
 )
-from drivers.pmac.trajectory.rapid import rapid, rapid_time_ms
 from drivers.pmac.variables import VariableStore
 
 _State = tuple[Blend, Vector | None, spline.Spline | None, bool]
@@ -80,9 +57,9 @@ class MotionPlanner:
         self._blend: Blend = at_rest(position)
         self._pvt_velocity: Vector | None = None
         self._spline: spline.Spline | None = None
-        self._ahead: Request | None = None
+        self._ahead: requests.Request | None = None
         self._after_break = True
-        self._newest: tuple[Request, _State] | None = None
+        self._newest: tuple[requests.Request, _State] | None = None
 
     @property
     def target(self) -> Vector:
@@ -90,15 +67,11 @@ class MotionPlanner:
         return self._blend.target
 
     def plan(self) -> Planned:
-        """Calculate the next request and plan its motion.
-
-        Raises:
-            PmacError: a run-time error of the program.
-        """
+        """Calculate the next request and plan its motion. Raises PmacError: a run-time error of the program."""
         before = self._blend, self._pvt_velocity, self._spline, self._after_break
         self._newest = None
         try:
-            request = self._next()
+            request, self._ahead = self._ahead or self.run.advance(), None
             planned = self._lay(request)
             self._newest = request, before
             return planned
@@ -120,8 +93,7 @@ class MotionPlanner:
 
         A PVT segment that does not end at rest ramps down at Ix15 after its point.
 
-        Raises:
-            PmacError: TA and TS are both zero.
+        Raises PmacError: TA and TS are both zero.
         """
         self._after_break = True
         if any(self._pvt_velocity or ()):
@@ -161,60 +133,69 @@ class MotionPlanner:
         Distances (INC) stay distances; what follows it in the program counts from its end.
         """
         ahead, self._newest = self._ahead, None
-        if not isinstance(ahead, MoveRequest):
+        if not isinstance(ahead, requests.MoveRequest):
             return
         shift = {axis: now[axis] - before[axis] for axis in now if axis not in ahead.absolute}
         targets = {axis: target + shift.get(axis, 0.0) for axis, target in ahead.targets.items()}
         self._ahead = replace(ahead, targets=targets)
         self.run.relocate(targets)
 
-    def _lay(self, request: Request) -> Planned:
+    def _lay(self, request: requests.Request) -> Planned:
         match request:
-            case LinearRequest():
+            case requests.LinearRequest():
                 return self._linear(request)
-            case PvtRequest():
+            case requests.PvtRequest():
                 return self._pvt(request)
-            case SplineRequest():
+            case requests.SplineRequest():
                 return self._splined(request)
-            case CircleRequest():
+            case requests.CircleRequest():
                 return self._circle(request)
-            case RapidRequest():
+            case requests.RapidRequest():
                 return self._rapid(request)
-            case DwellRequest():
+            case requests.DwellRequest():
                 return self._dwell(request.duration_ms, request.deferred)
-            case BlendBreak():
+            case requests.BlendBreak():
                 return self._dwell(0.0)
-            case HomeRequest() | PresetRequest() | Halt():
+            case requests.HomeRequest() | requests.PresetRequest() | requests.Halt():
                 return self._dwell(0.0)._replace(event=request)
-            case Finished():
+            case requests.Finished():
                 return Planned(pieces=self._rest(), finished=True)
 
-    def _linear(self, request: LinearRequest) -> Planned:
-        lead = self._lead_blended()
-        target = self._frame.counts(request.targets, self._blend.target, request.absolute)
-        move = self._move(target, request.ta_ms, request.ts_ms, request.tm_ms)
-        if isinstance(self._blend, CurvedBlend):
-            laid, self._blend, timing = lay_course(self._blend, move, None, self._frame.limits())
-        else:
-            laid, self._blend, timing = lay(self._blend, move, self._frame.limits())
-        record = blended_record(request.line, target, move, timing)
-        return Planned(pieces=(*lead, *defer(laid, request.deferred), *self._unblended()), record=record)
-
-    def _circle(self, request: CircleRequest) -> Planned:
-        start = self._frame.positions(self.target)
-        segment_ms = self._frame.segment_ms
-        if segment_ms <= 0.0 or (request.center is None and request.radius is None):
-            return self._linear(straightened(request, chord_length(request, start)))
+    def _linear(self, request: requests.LinearRequest) -> Planned:
         lead = self._lead_blended()
         target = self._frame.counts(request.targets, self.target, request.absolute)
+        return self._blended(request, target, request.tm_ms, lead)
+
+    def _circle(self, request: requests.CircleRequest) -> Planned:
+        start = self._frame.positions(self.target)
+        # Without segmentation, or without a centre, it is replaced by a straight move.
+        straight = self._frame.segment_ms <= 0.0 or (request.center is None and request.radius is None)
+        tm_ms = circle_time_ms(request, chord_length(request, start)) if straight else 0.0
+        lead = self._lead_blended()
+        target = self._frame.counts(request.targets, self.target, request.absolute)
+        if straight:
+            return self._blended(request, target, tm_ms, lead)
         arc = self._frame.arc(request, start, self.target, target)
-        tm_ms = circle_time_ms(request, arc.length)
-        move = self._move(target, request.ta_ms, request.ts_ms, tm_ms)
-        laid, self._blend, timing = lay_course(self._blend, move, arc, self._frame.limits(), segment_ms)
-        record = blended_record(request.line, target, move, timing)
+        return self._blended(request, target, circle_time_ms(request, arc.length), lead, arc)
+
+    def _blended(
+        self,
+        request: requests.LinearRequest | requests.CircleRequest,
+        target: Vector,
+        tm_ms: float,
+        lead: tuple[Piece, ...],
+        arc: Arc | None = None,
+    ) -> Planned:
+        ta_ms, ts_ms = request.ta_ms, request.ts_ms
+        distance = tuple([t - p for t, p in zip(target, self.target, strict=True)])
+        move = LinearMove(distance=distance, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
+        limits, segment_ms = self._frame.limits(), self._frame.segment_ms
+        laid, self._blend, timing = lay_course(self._blend, move, arc, limits, segment_ms)
+        asked = Timing(ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
+        record = MoveRecord(line=request.line, target=target, asked=asked, timing=timing)
         return Planned(pieces=(*lead, *defer(laid, request.deferred), *self._unblended()), record=record)
 
-    def _rapid(self, request: RapidRequest) -> Planned:
+    def _rapid(self, request: requests.RapidRequest) -> Planned:
         """Jog, and calculate nothing until it is done; a RAPID of no distance takes an interrupt."""
         pieces = self._rest()
         start = self.target
@@ -226,7 +207,7 @@ class MotionPlanner:
         record = plain_record(request.line, target, rapid_time_ms(start, target, settings))
         return Planned(pieces=(*pieces, *defer(jog, request.deferred)), record=record)
 
-    def _pvt(self, request: PvtRequest) -> Planned:
+    def _pvt(self, request: requests.PvtRequest) -> Planned:
         lead = self._rest() + self._first_delay() if self._pvt_velocity is None else ()
         check_segment(request.duration_ms)
         start = self.target
@@ -238,7 +219,7 @@ class MotionPlanner:
         record = plain_record(request.line, target, request.duration_ms)
         return Planned(pieces=(*lead, *defer((laid,), request.deferred)), record=record)
 
-    def _splined(self, request: SplineRequest) -> Planned:
+    def _splined(self, request: requests.SplineRequest) -> Planned:
         duration_ms = request.duration_ms
         check_segment(duration_ms)
         lead: tuple[Piece, ...] = ()
@@ -257,11 +238,11 @@ class MotionPlanner:
         if self._ahead is None:
             self._ahead = self.run.advance()
         following = self._ahead
-        if isinstance(following, SplineRequest) and not following.uniform and following.duration_ms > 0.0:
+        if isinstance(following, requests.SplineRequest) and not following.uniform and following.duration_ms > 0.0:
             return following.duration_ms
         return duration_ms
 
-    def _dwell(self, duration_ms: float, deferred: tuple[Deferred, ...] = ()) -> Planned:
+    def _dwell(self, duration_ms: float, deferred: tuple[requests.Deferred, ...] = ()) -> Planned:
         pieces = self._rest()
         self._after_break = True
         # At least one real-time interrupt, or a loop without moves would never let time advance.
@@ -305,24 +286,9 @@ class MotionPlanner:
             return ()
         ta_ms = max(self._variables.blend_ms(self._system, 87), least_ms)
         ts_ms = self._variables.blend_ms(self._system, 88)
-        blend, limits = self._blend, self._frame.limits()
-        if isinstance(blend, CurvedBlend):
-            pieces = stop_course(blend, ta_ms, ts_ms, limits)
-        else:
-            pieces = stop(blend, ta_ms, ts_ms, limits)
-        self._blend = at_rest(blend.target)
+        pieces = stop_course(self._blend, ta_ms, ts_ms, self._frame.limits())
+        self._blend = at_rest(self.target)
         return pieces
-
-    def _move(self, target: Vector, ta_ms: float, ts_ms: float, tm_ms: float) -> LinearMove:
-        distance = tuple([t - p for t, p in zip(target, self._blend.target, strict=True)])
-        return LinearMove(distance=distance, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
-
-    def _next(self) -> Request:
-        request = self._ahead
-        if request is None:
-            return self.run.advance()
-        self._ahead = None
-        return request
 
     def _interrupt_ms(self) -> float:
         return (self._variables.i(8) + 1.0) * servo_cycle_ms(self._variables.i(10))

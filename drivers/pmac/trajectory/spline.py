@@ -37,15 +37,8 @@ class Spline:
 def begin(start: Vector, duration_ms: float, uniform: bool) -> Spline:
     """Begin at rest: a segment of zero distance comes first, as long as the first programmed one."""
     still = tuple(0.0 for _ in start)
-    return Spline(
-        uniform=uniform,
-        point=start,
-        distance=still,
-        before_ms=duration_ms,
-        duration_ms=duration_ms,
-        position=start,
-        velocity=still,
-    )
+    first = {"before_ms": duration_ms, "duration_ms": duration_ms}
+    return Spline(uniform=uniform, point=start, distance=still, position=start, velocity=still, **first)
 
 
 def add(spline: Spline, target: Vector, duration_ms: float, next_ms: float) -> tuple[Piece, Spline]:

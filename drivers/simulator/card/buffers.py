@@ -5,10 +5,10 @@ from __future__ import annotations
 from contextlib import suppress
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.expressions import HIGHEST_PROGRAM, TRAILING_CLOSE
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
-from drivers.pmac.language.reading import HIGHEST_PROGRAM, TRAILING_CLOSE
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.program_buffer import OpenBuffer
 from drivers.simulator.context import Context

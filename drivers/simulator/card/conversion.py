@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.master.following import parts_of
-from drivers.pmac.master.time_base_setup import METHOD_SHIFT, TIME_BASE_METHOD, TimeBaseEntry, entry_of
+from drivers.pmac.master.time_base import METHOD_SHIFT, TIME_BASE_METHOD, TimeBaseEntry, entry_of
 from drivers.pmac.memory import WORD_BITS
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.motor import Motor

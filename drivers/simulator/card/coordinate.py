@@ -7,7 +7,7 @@ from functools import cache
 
 from drivers.pmac.axes import AxisDefinition
 from drivers.pmac.dialect import Setting
-from drivers.pmac.execution.modes import Modes
+from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.run import Library, ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.requests import ProgramHost

@@ -8,8 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers.pmac.gathering import float48
-from drivers.pmac.gathering.gather import LONG_BITS, is_due, long_words_of, padding_of, selected_sources, shifts_of
+from drivers.pmac.gathering.gather import (
+    LONG_BITS,
+    encode_float,
+    is_due,
+    long_words_of,
+    padding_of,
+    selected_sources,
+    shifts_of,
+)
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.memory import WORD_BITS, Memory, Pointer
 from drivers.pmac.variables import VariableStore
@@ -122,5 +129,5 @@ def _integer(bits: int) -> Callable[[float], int]:
     return lambda value: int(value) & mask
 
 
-_BITS = {"X": _integer(WORD_BITS), "Y": _integer(WORD_BITS), "D": _integer(LONG_BITS), "L": float48.encode}
+_BITS = {"X": _integer(WORD_BITS), "Y": _integer(WORD_BITS), "D": _integer(LONG_BITS), "L": encode_float}
 """Encoders of values by memory space."""

@@ -6,10 +6,19 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from drivers.pmac.language.errors import PmacError
-from drivers.pmac.language.plc_structure import link_plc
+from drivers.pmac.language.plc_statements import link_plc
 from drivers.pmac.language.syntax import PlcLine
-from drivers.pmac.plcs.plc import Addressed, PlcFault, PlcHost, PlcRun
-from drivers.pmac.plcs.schedule import FOREGROUND_PLC, PlcSwitches, background_order, foreground_runs, power_up
+from drivers.pmac.plcs.plc import (
+    FOREGROUND_PLC,
+    Addressed,
+    PlcFault,
+    PlcHost,
+    PlcRun,
+    PlcSwitches,
+    background_order,
+    foreground_runs,
+    power_up,
+)
 from drivers.pmac.variables import VariableStore
 
 PERMISSION = 5  # I5: which PLCs may run

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from drivers.pmac.compensation.buffers import refuse_definition, refuse_deletion
-from drivers.pmac.compensation.table import CompensationTable, TableDefinition
+from drivers.pmac.compensation.table import CompensationTable, TableDefinition, refuse_definition, refuse_deletion
 from drivers.pmac.language.errors import ErrorCode, PmacError
 
 

@@ -10,9 +10,7 @@ import re
 from drivers.pmac.compensation.table_text import definition_text, entry_lines, scan_definition, scan_entries
 from drivers.pmac.gathering.gather import listing
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.message_statements import MESSAGE_READERS
-from drivers.pmac.language.reading import (
+from drivers.pmac.language.expressions import (
     CLEAR,
     CLOSE,
     HIGHEST_PLC,
@@ -21,6 +19,8 @@ from drivers.pmac.language.reading import (
     OPEN_PROGRAM,
     PROGRAM,
 )
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.parser import MESSAGE_READERS
 from drivers.pmac.language.syntax import PlcSwitch
 from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.simulator.card import buffers

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from drivers.pmac.axes import AXIS_LETTERS
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.expressions import HIGHEST_PROGRAM
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.reading import HIGHEST_PROGRAM
 from drivers.pmac.language.text import format_line, format_number
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.program_motion import Place

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from random import Random
 
 from drivers.simulator.plant.workpiece import Blank
-from profiles.chucking.grip import centrifugal_loss_n
+from profiles.chucking.grip import loss_n
 from profiles.job import Job
 from profiles.machine import Carriage, MachineProfile, ToolAxis
 
@@ -183,7 +183,7 @@ class TrueParameters:
 
     def _held_n(self, jaws: int, force_n: float, spindle_speed_rpm: float) -> float:
         """Return the remaining chucking force at speed, N over all jaws; below 0 nothing holds the part."""
-        return force_n - centrifugal_loss_n(jaws * self.jaw_mass_radius_kg_m, spindle_speed_rpm)
+        return force_n - loss_n(jaws * self.jaw_mass_radius_kg_m, spindle_speed_rpm)
 
     def growth_per_mm(self, job: Job) -> float:
         """Return the fraction by which the lobe of a job grows with each mm towards the jaws."""

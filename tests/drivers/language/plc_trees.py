@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from drivers.pmac.language.motion_statements import HIGHEST_MOTOR
+from drivers.pmac.language.parser import HIGHEST_MOTOR
 from drivers.pmac.language.plc_statements import HIGHEST_SYSTEM
 from drivers.pmac.language.syntax import (
     Address,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from drivers.pmac.dialect import PMAC, Dialect
-from drivers.pmac.execution.modes import Modes
+from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.structure import Code, link

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC
 from drivers.pmac.language.errors import PmacError
-from drivers.pmac.language.plc_structure import MOST_CONDITION_LINES
+from drivers.pmac.language.plc_statements import MOST_CONDITION_LINES
 from tests.drivers.plc_bench import PlcBench, code_of
 
 LINES = st.lists(st.tuples(st.sampled_from(["AND", "OR"]), st.booleans()), min_size=1, max_size=6)

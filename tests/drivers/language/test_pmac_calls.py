@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drivers.pmac.language.errors import PmacError
-from drivers.pmac.language.flow_statements import READABLE
+from drivers.pmac.language.parser import READABLE
 from drivers.pmac.requests import CircleRequest, DwellRequest, LinearRequest, RapidRequest
 from tests.drivers.language.runs import Bench, targets
 

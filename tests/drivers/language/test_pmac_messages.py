@@ -63,7 +63,7 @@ def test_they_act_when_their_line_is_calculated_in_the_order_of_the_program() ->
 
 
 def test_nobody_has_to_listen() -> None:
-    from drivers.pmac.execution.modes import Modes
+    from drivers.pmac.execution.move_times import Modes
     from drivers.pmac.execution.run import ProgramRun
     from drivers.pmac.requests import Finished
     from tests.drivers.language.runs import code_of

@@ -9,9 +9,7 @@ from typing import cast
 from hypothesis import strategies as st
 
 from drivers.pmac.language.expressions import COMPARATORS, FUNCTIONS, PRODUCTS, SUMS, negated
-from drivers.pmac.language.flow_statements import ARGUMENTS, CODES, HIGHEST_LABEL, READABLE
-from drivers.pmac.language.gathering import gather_moves
-from drivers.pmac.language.message_statements import PORTS
+from drivers.pmac.language.parser import ARGUMENTS, CODES, HIGHEST_LABEL, PORTS, READABLE, gather_moves
 from drivers.pmac.language.syntax import (
     AXES,
     VECTOR,

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.pmac.axes import axis_positions, read_definitions
 from drivers.pmac.dialect import PMAC
-from drivers.pmac.execution.modes import Modes
+from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.structure import link

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.tui.plot.scale import coarser, label, nice_limits, proper_limits, step_125, ticks
+from console.tui.plot.frame import coarser, label, nice_limits, proper_limits, step_125, ticks
 
 spans = st.tuples(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6)).map(lambda pair: (pair[0], pair[0] + pair[1]))
 

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.style import Style
+from textual.geometry import Region
 
 from console.tui.plot.canvas import BrailleCanvas
-from console.tui.plot.spans import Brush, Cells, Span, changed_spans
+from console.tui.plot.cell_view import Brush, Cells, changed_spans
 from console.tui.theme import COLOUR, MONO, Palette, Token
 
 COLUMNS, ROWS = 12, 4
@@ -35,8 +36,8 @@ def picture(written: list[Writing]) -> Cells:
 def as_seen(cells: Cells, row: int, palette: Palette) -> list[tuple[str, Style | None]]:
     """What the terminal shows; the foreground of a plain blank cannot be seen."""
     seen: list[tuple[str, Style | None]] = []
-    background = palette.style(Token.TEXT).bgcolor
-    for segment in Brush.of(palette).strip(cells, row):
+    background = palette[Token.TEXT].bgcolor
+    for segment in Brush(palette).strip(cells, row):
         style = segment.style
         assert isinstance(style, Style)
         plain = style.bgcolor == background and not (style.strike or style.reverse or style.underline)
@@ -49,7 +50,7 @@ def test_drawing_only_the_spans_gives_the_new_picture(first: list[Writing], seco
     old, new = picture(first), picture(second)
     screen = {row: as_seen(old, row, COLOUR) for row in range(ROWS)}
     for span in changed_spans(old, new):
-        screen[span.row][span.start : span.end] = as_seen(new, span.row, COLOUR)[span.start : span.end]
+        screen[span.y][span.x : span.right] = as_seen(new, span.y, COLOUR)[span.x : span.right]
     assert screen == {row: as_seen(new, row, COLOUR) for row in range(ROWS)}
 
 
@@ -61,14 +62,14 @@ def test_nothing_changed_costs_nothing() -> None:
 def test_a_change_of_meaning_is_a_change() -> None:
     old, new = picture([(1, 2, "abc", Token.BEFORE)]), picture([(1, 2, "abc", Token.BEFORE)])
     new.tokens[1, 3] = Token.AFTER.value
-    assert changed_spans(old, new) == [Span(row=1, start=3, end=4)]
+    assert changed_spans(old, new) == [Region(3, 1, 1, 1)]
 
 
 def test_each_row_has_one_span() -> None:
     new = picture([(0, 1, "a", Token.AXIS), (0, 8, "b", Token.AXIS), (2, 5, "c", Token.AXIS)])
     assert changed_spans(Cells.blank(COLUMNS, ROWS), new) == [
-        Span(row=0, start=1, end=9),
-        Span(row=2, start=5, end=6),
+        Region(1, 0, 8, 1),
+        Region(5, 2, 1, 1),
     ]
 
 
@@ -77,17 +78,17 @@ def test_each_row_has_one_span() -> None:
 def test_every_strip_has_styles_and_the_width(palette: Palette, written: list[Writing]) -> None:
     cells = picture(written)
     for row, text in enumerate(cells.text_rows()):
-        strip = Brush.of(palette).strip(cells, row)
+        strip = Brush(palette).strip(cells, row)
         assert strip.text == text
         assert sum(segment.cell_length for segment in strip) == strip.cell_length == COLUMNS
         assert all(segment.style is not None for segment in strip)
         for (character, style), token in zip(as_seen(cells, row, palette), cells.tokens[row], strict=True):
             if style is not None:
-                assert style == palette.style(Token(int(token))), character
+                assert style == palette[Token(int(token))], character
 
 
 def test_blanks_between_dots_do_not_change_the_style() -> None:
-    assert len(list(Brush.of(COLOUR).strip(picture([(0, 2, "a", Token.AFTER), (0, 7, "b", Token.AFTER)]), 0))) == 1
+    assert len(list(Brush(COLOUR).strip(picture([(0, 2, "a", Token.AFTER), (0, 7, "b", Token.AFTER)]), 0))) == 1
 
 
 def test_a_wide_character_does_not_move_the_row() -> None:

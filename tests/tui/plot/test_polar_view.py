@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from console.tui.plot.cell_view import Cells
 from console.tui.plot.polar_view import (
     DIVISIONS,
     Mark,
@@ -18,7 +19,6 @@ from console.tui.plot.polar_view import (
     fitting_um_per_division,
     polar_cells,
 )
-from console.tui.plot.spans import Cells
 from console.tui.theme import Token
 
 ANGLE_DEG = np.arange(360.0)

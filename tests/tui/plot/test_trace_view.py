@@ -13,8 +13,8 @@ from textual.app import App, ComposeResult
 from textual.containers import Horizontal
 from textual.geometry import Region
 
+from console.tui.plot.cell_view import Cells
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
-from console.tui.plot.spans import Cells
 from console.tui.plot.trace_view import Series, TracePicture, TraceView, trace_cells
 from console.tui.theme import COLOUR, MONO, Palette, Token
 
@@ -22,7 +22,7 @@ TURN = (0.0, 360.0)
 ANGLE_DEG = np.arange(361.0)
 
 
-def wave(shift_deg: float = 0.0, token: Token = Token.AFTER, dashed: bool = False) -> Series:
+def harmonic(shift_deg: float = 0.0, token: Token = Token.AFTER, dashed: bool = False) -> Series:
     return Series(
         x=ANGLE_DEG, y=100.0 + 25.0 * np.cos(np.radians(3.0 * ANGLE_DEG + shift_deg)), token=token, dashed=dashed
     )
@@ -55,7 +55,7 @@ class Page(App[None]):
             yield self.polar
 
     def show(self, series: Sequence[Series]) -> None:
-        self.trace.show(series, TURN, (70.0, 130.0), "um", "°")
+        self.trace.show(picture(*series))
         traces = [
             PolarTrace(angle_deg=each.x, deviation_um=np.asarray(each.y) - 100.0, token=each.token)
             for each in series
@@ -80,14 +80,14 @@ def test_a_flat_trace_lies_beside_its_tick() -> None:
 
 
 def test_three_lobes_are_seen() -> None:
-    rows = trace_cells(picture(wave()), 64, 12).text_rows()
+    rows = trace_cells(picture(harmonic()), 64, 12).text_rows()
     top = next(row for row in rows if any(ord(character) > 0x2800 for character in row[4:]))
     assert len("".join(c if ord(c) > 0x2800 else " " for c in top[4:]).split()) == 4  # one is cut in two at 0
 
 
 def test_the_later_trace_has_the_colour_and_neither_has_gaps() -> None:
-    both = trace_cells(picture(wave(0.0, Token.BEFORE), wave(40.0, Token.AFTER)), 64, 12)
-    alone = trace_cells(picture(wave(40.0, Token.AFTER)), 64, 12)
+    both = trace_cells(picture(harmonic(0.0, Token.BEFORE), harmonic(40.0, Token.AFTER)), 64, 12)
+    alone = trace_cells(picture(harmonic(40.0, Token.AFTER)), 64, 12)
     mine = alone.tokens == Token.AFTER.value
     assert (both.tokens[mine] == Token.AFTER.value).all()
     dots = alone.codes[mine] - 0x2800
@@ -96,7 +96,7 @@ def test_the_later_trace_has_the_colour_and_neither_has_gaps() -> None:
 
 
 def test_a_dashed_trace_differs_without_colour() -> None:
-    solid, dashed = (dot_count(trace_cells(picture(wave(dashed=dashed)), 64, 12)) for dashed in (False, True))
+    solid, dashed = (dot_count(trace_cells(picture(harmonic(dashed=dashed)), 64, 12)) for dashed in (False, True))
     assert 0.2 * solid < dashed < 0.5 * solid
 
 
@@ -106,29 +106,23 @@ def test_single_points_are_not_joined() -> None:
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 5), (5, 2), (9, 4), (160, 48)])
-@pytest.mark.parametrize("glyphs", ["braille", "ascii"])
-def test_every_size_is_filled(size: tuple[int, int], glyphs: Any) -> None:
+def test_every_size_is_filled(size: tuple[int, int]) -> None:
     broken = Series(x=[0.0, 10.0, 20.0, 1e12], y=[math.nan, 100.0, math.inf, -1e12], token=Token.WANTED, dots=True)
-    rows = trace_cells(picture(wave(), broken), *size, glyphs).text_rows()
+    rows = trace_cells(picture(harmonic(), broken), *size).text_rows()
     assert [len(row) for row in rows] == [size[0]] * size[1]
-
-
-def test_ascii_traces_have_no_braille() -> None:
-    rows = trace_cells(picture(wave()), 64, 12, "ascii").text_rows()
-    assert not any(0x2800 <= ord(character) < 0x2900 for row in rows for character in row)
 
 
 def test_only_changed_spans_are_drawn_again() -> None:
     async def scenario() -> None:
         app = Page()
         async with app.run_test(size=(100, 20)) as pilot:
-            app.show([wave()])
+            app.show([harmonic()])
             await pilot.pause()
             before = lines(app.trace)
             app.trace.asked.clear()
-            app.show([wave()])
+            app.show([harmonic()])
             assert app.trace.asked == []
-            bent = np.array(wave().y)
+            bent = np.array(harmonic().y)
             bent[170:180] += 10.0
             app.show([Series(x=ANGLE_DEG, y=bent, token=Token.AFTER)])
             after = lines(app.trace)
@@ -148,15 +142,15 @@ def test_the_last_data_fill_every_new_size() -> None:
     async def scenario() -> None:
         app = Page()
         async with app.run_test(size=(80, 24)) as pilot:
-            app.show([wave()])
+            app.show([harmonic()])
             for size in ((80, 24), (20, 3), (2, 1), (161, 49), (1, 1), (7, 30), (80, 24)):
                 await pilot.resize_terminal(*size)
-                app.show([wave(5.0)])
-                app.show([wave()])
+                app.show([harmonic(5.0)])
+                app.show([harmonic()])
                 await pilot.pause()
                 for view in (app.trace, app.polar):
                     assert all(len(row) == view.size.width for row in lines(view))
-            assert lines(app.trace) == trace_cells(picture(wave()), 40, 24).text_rows()
+            assert lines(app.trace) == trace_cells(picture(harmonic()), 40, 24).text_rows()
 
     asyncio.run(scenario())
 
@@ -169,7 +163,7 @@ def test_plots_survive_a_terminal_without_colour(monkeypatch: pytest.MonkeyPatch
         app = Page(palette)
         async with app.run_test(size=(80, 24)) as pilot:
             for shift_deg in (0.0, 10.0, 20.0):
-                app.show([wave(shift_deg)])
+                app.show([harmonic(shift_deg)])
                 await pilot.pause()
             assert any("um" in row for row in lines(app.trace))
 
@@ -178,7 +172,8 @@ def test_plots_survive_a_terminal_without_colour(monkeypatch: pytest.MonkeyPatch
 
 def test_plots_take_no_focus_and_keep_their_own_copy() -> None:
     view, values = TraceView(), np.zeros(3)
-    view.show([Series(x=np.arange(3.0), y=values, token=Token.AFTER)], (0.0, 2.0), (-1.0, 1.0), "um")
+    series = Series(x=np.arange(3.0), y=values, token=Token.AFTER)
+    view.show(TracePicture(series=[series], x_limits=(0.0, 2.0), y_limits=(-1.0, 1.0), y_unit="um"))
     first = view.draw(30, 8).text_rows()
     values += 0.8
     assert view.draw(30, 8).text_rows() == first

@@ -6,7 +6,7 @@ No numeric library is imported by the descriptors before a program is made: the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import TYPE_CHECKING
 
@@ -41,16 +41,20 @@ class Planning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made:
-    """The output of a strategy; `clock` is the spindle where it is the program's time base.
+    """The output of a strategy: the program, and where the tool is before it, counts.
 
-    The other fields are those of `drivers.cutting.plan.CutPlan`, `definitions` its `axis_definitions`.
+    `axis_definitions` are those of the controller once the program is loaded; `restore` are the lines that
+    restore the machine profile's settings once the cut is over, however it ended, and everything is at rest.
+    `table` is the compensation table that the program switches on. Before it is loaded, and once it has ended,
+    `Tables.left` finds nothing. After a stop the tool retracts, the carriage moves to `zero_row_z`
+    (counts), and the table is switched off there. `clock` is the spindle where it is the program's time base.
     """
 
     text: str
     tool_start: float
-    definitions: tuple[str, ...]
+    axis_definitions: tuple[str, ...]
     restore: tuple[str, ...] = ()
-    table: CompensationTable | None = None
+    table: CompensationTable | None = field(default=None, repr=False)
     correction_register: str = ""
     zero_row_z: float | None = None
     clock: SpindleClock | None = None
@@ -61,11 +65,6 @@ class AngleZero(Enum):
 
     SWITCH_ON = auto()
     INDEX = auto()
-
-
-def in_time(machine: MachineProfile) -> int:
-    """Return the servo cycles by which a program reads its own spindle late: none."""
-    return 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +86,7 @@ class Traits:
     make: Callable[[Planning], Made]
     follows_lobe: bool = True
     inverts: bool = False
-    late_cycles: Callable[[MachineProfile], int] = in_time
+    late_cycles: Callable[[MachineProfile], int] = lambda _: 0
     by_table: bool = False
     spindle_time: bool = False
     counts_from: AngleZero | None = None

@@ -6,38 +6,42 @@ from collections.abc import Callable
 
 from drivers.cutting.guarding import ProgramEnd
 from drivers.cutting.sampling import BatchGather
-from drivers.errors import LinkTimeoutError
+from drivers.errors import DriverError, LinkTimeoutError
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.jogs import band_counts
+from drivers.lathe.motion import Motion
 from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
 from drivers.lathe.standstill import REST_S, Settling
 from drivers.lathe.wiring import Wiring
+from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.program_load import LoadedProgram, load_program, verify_loaded
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.cam_trim import trim_line
-from drivers.pmac.programs.setup import END_FLAG
+from drivers.pmac.programs.setup import END_FLAG, FINISHED, TURNS_CUT
+from drivers.pmac.reserved import STOPPED_BY
 from profiles.problem import Problem
+
+REPORTED_WITHIN_S = 0.4  # a console that stops the machine reports it shortly after its stop
+STOPPED_BY_ITEM = f"P{STOPPED_BY}"
 
 
 class CutProgram:
     """The program of one machine. `held`: whether the last loaded program was asked to end early.
 
-    `definitions` are the axis definitions of the controller, which a loaded program may have changed.
+    `definitions` are the axis definitions of the controller, which a loaded program may have changed. Every method
+    that queries or sends raises `DriverError` when the link breaks or the controller refuses to answer.
     """
 
-    def __init__(self, wiring: Wiring, forget_jogs: Callable[[], None]) -> None:
+    def __init__(self, wiring: Wiring, motion: Motion, forget_jogs: Callable[[], None]) -> None:
         """`forget_jogs` is called when anything other than a jog is about to move the axes or re-zero them."""
         self.held = False
         self.definitions = wiring.machine.controller.axis_definitions
         self._to_restore: tuple[str, ...] = ()
-        self._client, self._machine, self._clock, self._stop = (
-            wiring.client,
-            wiring.machine,
-            wiring.clock,
-            wiring.stop,
-        )
-        self._heartbeat, self._poller, self._sending = wiring.heartbeat, wiring.looks, wiring.sending
-        self._moves, self._motion, self._loading = wiring.moves, wiring.motion, wiring.loading
+        self._loaded: LoadedProgram | None = None
+        self._client, self._machine, self._clock = wiring.client, wiring.machine, wiring.clock
+        self._stop, self._heartbeat, self._poller = wiring.stop, wiring.heartbeat, wiring.poller
+        self._sending, self._motion, self._tables = wiring.sending, motion, wiring.tables
         self._forget_jogs = forget_jogs
 
     @property
@@ -59,41 +63,37 @@ class CutProgram:
         self._stop.check()
         self._sending.refuse_unless_owner()
         self.definitions = axis_definitions or self._machine.controller.axis_definitions
-        self._to_restore = restore
-        self._loading.load(program)
+        self._to_restore, self._loaded = restore, None
+        self._client.request(f"{STOPPED_BY_ITEM}=0")
+        self._loaded = load_program(self._client, program, DIALECTS[self._machine.controller.family])
         self.held = False
 
     def put_back(self) -> None:
         """Restore the controller to its profile where loading has changed it, at rest; otherwise do nothing.
 
-        Raises:
-            DriverError: `machine.moving`, nothing was sent; a line was refused, or the link broke.
+        Raises DriverError: `machine.moving`, nothing was sent; a line was refused, or the link broke.
         """
         if self._to_restore:
             self._sending.refuse_unless_owner()
             self._sending.refuse_moving()
-            self._loading.restore(self._to_restore)
+            for line in self._to_restore:
+                self._client.request(line)
         self._to_restore, self.definitions = (), self._machine.controller.axis_definitions
 
     def tables_left(self) -> tuple[Problem, ...]:
-        """Return what compensation tables still add to the tool, or would; expected empty before and after a cut.
-
-        Raises:
-            DriverError: the link broke, or the controller refused to answer.
-        """
+        """Return what tables still add to the tool, or would add; expected empty before and after a cut."""
         self._sending.refuse_unless_owner()  # needs to write a pointer of the console
-        return self._loading.tables_left()
+        return self._tables.left()
 
     def switch_tables_off(self) -> tuple[Problem, ...]:
         """Switch off compensation tables that add nothing to the tool, at rest; return what is left to fix.
 
-        Raises:
-            DriverError: `machine.moving`, nothing was sent; the link broke.
+        Raises DriverError: `machine.moving`, nothing was sent.
         """
         self._sending.refuse_unless_owner()
         self._sending.refuse_moving()
         self._forget_jogs()
-        return self._loading.switch_tables_off()
+        return self._tables.switch_off()
 
     def holds(self, program: ProgramText, *, ended: bool = False, tables: bool = True) -> None:
         """Make sure that the controller still holds a program as it was loaded; nothing is written.
@@ -103,17 +103,21 @@ class CutProgram:
 
         Raises:
             DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`;
-                the link broke; a program is missing.
+                a program is missing.
         """
-        self._loading.verify(program, ended=ended, tables=tables)
+        if self._loaded is None or self._loaded.program is not program:
+            where, key = f"PROG {program.number}", "program"
+            raise DriverError(Problem(code="controller.program_differs", where=where, key=key))
+        verify_loaded(self._client, self._loaded, ended=ended, tables=tables)
 
     def end(self) -> ProgramEnd:
-        """Query how the last program ended.
-
-        Raises:
-            DriverError: the link broke, or the controller refused to answer.
-        """
-        return self._loading.end()
+        """Query how the last program ended and, if it was stopped, after a moment, by whom."""
+        items = (TURNS_CUT, FINISHED, END_FLAG, STOPPED_BY_ITEM)
+        turns, finished, hold, by = self._client.numbers(*items, again=True)
+        if not finished and not by:
+            self._clock.wait(REPORTED_WITHIN_S)
+            (by,) = self._client.numbers(STOPPED_BY_ITEM, again=True)
+        return ProgramEnd(turns=turns, finished=finished == 1.0, end_asked=hold != 0.0, stopped_by=int(by))
 
     def start(self, number: int, retracted_counts: float) -> None:
         """Run a loaded program. This moves the machine; at `retracted_counts` the tool is clear of the part."""
@@ -124,27 +128,20 @@ class CutProgram:
             return f"&1 {guarded}"
 
         self._forget_jogs()
-        self._moves.send(f"B{number}R", guarded)
+        self._sending.move(f"B{number}R", guarded)
 
     def end_after_turn(self) -> None:
         """Ask the program to end after the present turn and to retract; `follow` then sees its end.
 
         Call it between two polls, also from the `watch` of `follow`. It moves nothing by itself, so it may be
-        sent after a stop, and retried.
-
-        Raises:
-            LinkError: the link broke or is out of step; whether the program received it is unknown.
+        sent after a stop, and retried. After a `LinkError` it is unknown whether the program received it.
         """
         self._sending.refuse_unless_owner()
         self.held = True
-        line = f"{END_FLAG}=1"
-        try:
-            self._client.request(line, POLL_TIMEOUT_S)
-        except LinkTimeoutError:
-            self._client.request(line, POLL_TIMEOUT_S)
+        self._set(f"{END_FLAG}=1")
 
     def trim(self, trim_um: complex) -> None:
-        """Set the trim of a running cut, the wave Re(c exp(j lobe angle)), c in um; see `cam_trim`.
+        """Set the trim of a running cut, the harmonic Re(c exp(j lobe angle)), c in um; see `cam_trim`.
 
         Raises:
             StoppedError: somebody stopped the machine; nothing was sent.
@@ -152,10 +149,13 @@ class CutProgram:
         """
         self._stop.check()
         self._sending.refuse_unless_owner()
-        line = trim_line(trim_um, self._machine.tool.count_um)
+        self._set(trim_line(trim_um, self._machine.tool.count_um))
+
+    def _set(self, line: str) -> None:
+        """Send a line that only sets a value, a second time when unanswered: that is harmless."""
         try:
             self._client.request(line, POLL_TIMEOUT_S)
-        except LinkTimeoutError:  # setting the same trim twice is harmless
+        except LinkTimeoutError:
             self._client.request(line, POLL_TIMEOUT_S)
 
     def batches(self) -> BatchGather:
@@ -175,7 +175,8 @@ class CutProgram:
             StoppedError: somebody stopped the machine.
         """
         settling = Settling(driven_axes(self._machine), band_counts(self._machine, AxisName.TOOL), REST_S)
-        self._poller.watched, self._poller.changed = self._loading.watch(), None
+        self._poller.watched = None if self._loaded is None else self._loaded.watch()
+        self._poller.changed = None
         try:
             return self._motion.until(
                 lambda seen: not seen.program_running and settling.is_over(seen),

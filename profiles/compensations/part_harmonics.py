@@ -2,9 +2,6 @@
 
 A trace whose angles are t has Re(c exp(j n t)); at spindle angles a = s t + o, with s = -1 where the trace runs
 against the spindle, that is Re(c' exp(j n a)) with c' = c exp(-j n o), or conj(c) exp(-j n o) against it.
-
-Problem codes: those of `profiles.calibration.lobe` but `lobe.not_significant`, `lobe.compensated` and
-`lobe.simulated`; `learned.jaw_assumed`.
 """
 
 from __future__ import annotations
@@ -15,8 +12,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from profiles.arrays import Floats
 from profiles.calibration.lobe import INDEX, find_lobe
 from profiles.compensations.learning import SIGNIFICANT
 from profiles.job import Job
@@ -31,7 +28,7 @@ _OF_A_PLAIN_CUT = ("lobe.not_significant", "lobe.compensated", "lobe.simulated")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PartWaves:
+class PartHarmonics:
     """A part: coefficients in um by order, in spindle angle, positive outwards, with standard errors.
 
     `angle_deg` and `deviation_um` are one turn of the trace, shape (M,), the angles its own; its angle 0 is at the
@@ -42,8 +39,8 @@ class PartWaves:
     mean_um: float
     coefficients_um: Mapping[int, complex]
     sd_um: Mapping[int, float]
-    angle_deg: NDArray[np.float64]
-    deviation_um: NDArray[np.float64]
+    angle_deg: Floats
+    deviation_um: Floats
     against_spindle: bool
     begins_deg: float
     filter_upr: float
@@ -63,20 +60,19 @@ class PartWaves:
         """Return the coefficients above the noise."""
         return {n: c for n, c in self.coefficients_um.items() if abs(c) > SIGNIFICANT * self.sd_um[n]}
 
-    def turned(self, by_deg: float) -> PartWaves:
+    def turned(self, by_deg: float) -> PartHarmonics:
         """Return the part as if mounted so many degrees of spindle further on, as `LobedPath.turned`."""
         turn = math.radians(by_deg)
         turned = {n: c * cmath.exp(-1j * n * turn) for n, c in self.coefficients_um.items()}
         return replace(self, coefficients_um=turned, begins_deg=self.begins_deg + by_deg)
 
 
-def part_waves(
+def part_harmonics(
     trace: Trace, job: Job, *, filter_upr: float, extra: Iterable[int] = (), robust: bool = False
-) -> PartWaves:
+) -> PartHarmonics:
     """Return the harmonics of a part of this job; `filter_upr` filters its RONt, `extra` are further orders.
 
-    Raises:
-        ProfileError: what the fit, or the roundness of such a trace, refuses.
+    Raises `ProfileError`: what the fit, or the roundness of such a trace, refuses.
     """
     found = find_lobe(trace, job, extra=extra, robust=robust)
     header, _ = header_of(trace.meta)
@@ -89,14 +85,14 @@ def part_waves(
         turns = several_turns(angle_deg, deviation_um, header.turns)
         angle_deg, deviation_um = turns.angle_deg, turns.repeatable_um
     placed: dict[int, complex] = {}
-    for wave in found.fit.waves:
-        own = complex(wave.cos_um, -wave.sin_um)
+    for harmonic in found.fit.harmonics:
+        own = complex(harmonic.cos_um, -harmonic.sin_um)
         seen = own.conjugate() if header.against_spindle else own
-        placed[wave.n] = seen * cmath.exp(-1j * wave.n * math.radians(begins_deg))
-    return PartWaves(
+        placed[harmonic.n] = seen * cmath.exp(-1j * harmonic.n * math.radians(begins_deg))
+    return PartHarmonics(
         mean_um=found.fit.mean_um,
         coefficients_um=placed,
-        sd_um={wave.n: wave.sd_um for wave in found.fit.waves},
+        sd_um={harmonic.n: harmonic.sd_um for harmonic in found.fit.harmonics},
         angle_deg=angle_deg,
         deviation_um=deviation_um,
         against_spindle=header.against_spindle,

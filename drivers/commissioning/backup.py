@@ -1,0 +1,263 @@
+"""A configuration as text: lines as they are typed, readable for people and for a host that restores them.
+
+Text after a `;` is a comment. The first lines are the header; its hash covers all lines after it. Compensation
+tables are listed with the hash of their entries and not restored: each job makes its own.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest
+from drivers.commissioning.setting_names import named
+from drivers.pmac.dialect import DIALECTS, Dialect
+from drivers.pmac.language.text import format_number
+from profiles.files import printable
+from profiles.problem import Problem, ProfileError
+
+TITLE = "; trilobe controller backup 1"
+END_OF_HEADER = "; ----"
+LEFT_OUT = (
+    "; Left out: values of P, Q and M; entries of compensation tables; the handshake of the host (I3, I4, I6).",
+    "; Programs were looked for under 1 to 99 and 1000 to 1003. Sending PLCs back leaves them switched off.",
+    "; Limits, kill mode, commutation and addresses are among these lines: read them before you send them.",
+)
+NO_LIMIT = "; no limit"
+LIMITS_OFF_AT_ZERO = frozenset(  # the limits that a 0 disables, by the keys of their names
+    (
+        "fatal_error",
+        "positive_limit",
+        "negative_limit",
+        "abort_deceleration",
+        "program_speed",
+        "program_acceleration",
+        "jog_acceleration",
+    )
+)
+_WORDS_A_LINE = 8
+
+CAP_BYTES = 16_000_000
+MOST_LINES = 300_000  # every setting, every pointer, and programs up to the memory of a controller
+MOST_CHARACTERS = 1000  # characters per line: a controller accepts a quarter of it
+MOST_WORDS = 8192  # words of the encoder conversion table, far more than any has
+_HEADER = ("family", "type", "version", "date", "sha256")
+_SETTING = re.compile(r"I(\d+)(?:\.\.(\d+))?=(-?[\d.]+|\$[0-9A-F]+)(?: ; no limit)?")
+_POINTER = re.compile(r"M(\d+)(\.\.\d+)?->(.+)")
+_AXIS = re.compile(r"&(\d+)#(\d+)->(.+)")
+_WORDS = re.compile(r"WY:\$[0-9A-F]+,([$0-9A-F,]+)")
+_TABLE = re.compile(r"; #(\d+) COMP (\S+) (\d+) ([0-9a-f]{64})")
+_LOCKED = re.compile(r"; locked (.+)")
+_OPEN = re.compile(r"OPEN (PLC|PROG)(\d+)")
+
+
+def backup_text(configuration: Configuration, date: str) -> str:
+    """Return the text of a backup; `date` is copied as given."""
+    body = list(_body(configuration))
+    header = {
+        "family": configuration.family,
+        "type": configuration.kind,
+        "version": configuration.version,
+        "date": date,
+        "sha256": digest(body),
+    }
+    lines = (TITLE, *(f"; {key} {value}" for key, value in header.items()), END_OF_HEADER, *body)
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _body(configuration: Configuration) -> Iterator[str]:
+    dialect = configuration.dialect
+    yield from LEFT_OUT
+    for name in configuration.locked:
+        yield f"; locked {name}"
+    yield from _setting_lines(configuration.settings, dialect)
+    yield from _conversion(configuration)
+    yield from ("", "; M-variables; those that are not named point at nothing", f"M0..{dialect.highest_index}->*")
+    yield from (f"M{index}->{text}" for index, text in sorted(configuration.pointers.items()))
+    yield from ("", "; axis definitions")
+    for motor, axis in sorted(configuration.axes.items(), key=lambda item: (item[1].system, item[0])):
+        yield f"&{axis.system}#{motor}->{axis.text}"
+    yield from ("", "; compensation tables: definition, number of entries, hash of the entries")
+    for motor, table in sorted(configuration.tables.items()):
+        yield f"; #{motor} COMP {table.definition} {table.entry_count} {table.sha256}"
+    yield from _buffers("PLC", configuration.plcs)
+    yield from _buffers("PROG", configuration.programs)
+
+
+def _setting_lines(settings: Mapping[int, float], dialect: Dialect) -> Iterator[str]:
+    """Return the I-variables as lines: a run of zeros is one line, and each group has a title."""
+    kept = sorted(settings)
+    title, place = None, 0
+    while place < len(kept):
+        index = kept[place]
+        if _title(index, dialect) != title:
+            title = _title(index, dialect)
+            yield from ("", title)
+        if _no_limit(index, settings[index], dialect):
+            yield f"I{index}=0 {NO_LIMIT}"
+            place += 1
+            continue
+        last = place
+        while settings[index] == 0.0 and last + 1 < len(kept) and _continues(settings, dialect, kept, last):
+            last += 1
+        name = f"I{index}" if last == place else f"I{index}..{kept[last]}"
+        yield f"{name}={setting_text(index, settings[index], dialect)}"
+        place = last + 1
+
+
+def _no_limit(index: int, value: float, dialect: Dialect) -> bool:
+    return value == 0.0 and named(index, dialect).name.key in LIMITS_OFF_AT_ZERO
+
+
+def setting_text(index: int, value: float, dialect: Dialect) -> str:
+    """Return the value of an I-variable as it is typed: addresses in hexadecimal."""
+    if value and index in dialect.hexadecimal and value == int(value) and value > 0:
+        return f"${int(value):X}"
+    return format_number(value)
+
+
+def _continues(settings: Mapping[int, float], dialect: Dialect, kept: list[int], place: int) -> bool:
+    """Whether the setting after `place` is the next number, 0, and of the same owner."""
+    index, following = kept[place], kept[place + 1]
+    same = _title(index, dialect) == _title(following, dialect)
+    runs = following == index + 1 and settings[following] == 0.0
+    return runs and same and not _no_limit(following, 0.0, dialect)
+
+
+def _title(index: int, dialect: Dialect) -> str:
+    block = index // 100
+    system = block - dialect.system_index(0, 0) // 100
+    if block == 0:
+        return "; the card"
+    if block <= dialect.motor_count:
+        return f"; motor {block}"
+    if dialect.system_offset and 1 <= system <= dialect.system_count:
+        return f"; coordinate system {system}"
+    return f"; I{100 * block} to I{100 * block + 99}"
+
+
+def _conversion(configuration: Configuration) -> Iterator[str]:
+    words, first = configuration.conversion, configuration.dialect.conversion_table.first_address
+    if not words:
+        return
+    yield from ("", "; encoder conversion table")
+    for start in range(0, len(words), _WORDS_A_LINE):
+        part = ",".join(f"${word:X}" for word in words[start : start + _WORDS_A_LINE])
+        yield f"WY:${first + start:X},{part}"
+
+
+def _buffers(kind: str, buffers: Mapping[int, tuple[str, ...]]) -> Iterator[str]:
+    for number, lines in sorted(buffers.items()):
+        yield from ("", f"; {kind} {number}", f"OPEN {kind}{number}", "CLEAR", *lines, "CLOSE")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Backup:
+    """A configuration with the date of its header."""
+
+    configuration: Configuration
+    date: str
+
+
+def read_backup(text: str, where: str) -> Backup:
+    """Read a backup.
+
+    Raises:
+        ProfileError: `controller.no_backup`, no such file; `controller.backup_changed`, its hash differs;
+            `controller.backup_line`, a malformed line; `controller.backup_too_large`, more than fits a controller.
+    """
+    _refuse_above(text.count("\n"), MOST_LINES, "lines", where)
+    lines = text.splitlines()
+    if not lines or lines[0] != TITLE or END_OF_HEADER not in lines[: len(_HEADER) + 2]:
+        raise ProfileError(Problem(code="controller.no_backup", where=where, limit=TITLE))
+    end = lines.index(END_OF_HEADER)
+    header = dict(line.removeprefix("; ").split(" ", 1) for line in lines[1:end] if " " in line[2:])
+    body = lines[end + 1 :]
+    if not set(_HEADER) <= header.keys() or header["family"] not in DIALECTS:
+        raise ProfileError(Problem(code="controller.no_backup", where=where, limit=TITLE))
+    if digest(body) != header["sha256"]:
+        raise ProfileError(Problem(code="controller.backup_changed", where=where, limit=header["sha256"][:12]))
+    gathered = _Gathered(highest_index=DIALECTS[header["family"]].highest_index)
+    for number, line in enumerate(body, start=end + 2):
+        _refuse_above(len(line), MOST_CHARACTERS, "characters", f"{where}:{number}")
+        try:
+            gathered.take(line)
+        except ValueError as error:
+            value = f"{number}: {printable(line, 60)}"
+            raise ProfileError(Problem(code="controller.backup_line", where=where, value=value)) from error
+        _refuse_above(gathered.highest, gathered.highest_index, "I, M", f"{where}:{number}")
+        _refuse_above(len(gathered.conversion), MOST_WORDS, "WY", f"{where}:{number}")
+    return Backup(configuration=gathered.configuration(header), date=header["date"])
+
+
+def _refuse_above(actual: int, most: int, unit: str, where: str) -> None:
+    if actual > most:
+        value, code = printable(str(actual), 30), "controller.backup_too_large"
+        raise ProfileError(Problem(code=code, where=where, key=unit, value=value, limit=str(most)))
+
+
+@dataclass
+class _Gathered:
+    """The content of the lines so far. A line `I0..N=` costs memory per entry: none above the highest is kept."""
+
+    highest_index: int
+    settings: dict[int, float] = field(default_factory=dict)
+    axes: dict[int, AxisEntry] = field(default_factory=dict)
+    pointers: dict[int, str] = field(default_factory=dict)
+    buffers: dict[str, dict[int, list[str]]] = field(default_factory=lambda: {"PLC": {}, "PROG": {}})
+    tables: dict[int, TableEntry] = field(default_factory=dict)
+    conversion: list[int] = field(default_factory=list)
+    locked: list[str] = field(default_factory=list)
+    highest: int = 0
+    _open: list[str] | None = None
+
+    def take(self, line: str) -> None:
+        """Parse one line. Raises ValueError: not a line of a backup."""
+        if self._open is not None:
+            if line == "CLOSE":
+                self._open = None
+            elif line != "CLEAR" or self._open:
+                self._open.append(line)
+            return
+        if found := _SETTING.fullmatch(line):
+            self._setting(found)
+        elif found := _POINTER.fullmatch(line):
+            self.highest = max(self.highest, int(found[1]))
+            if found[2] is None:
+                self.pointers[int(found[1])] = found[3]
+        elif found := _AXIS.fullmatch(line):
+            self.axes[int(found[2])] = AxisEntry(int(found[1]), found[3])
+        elif found := _WORDS.fullmatch(line):
+            self.conversion += [int(word.removeprefix("$"), 16) for word in found[1].split(",")]
+        elif found := _TABLE.fullmatch(line):
+            self.tables[int(found[1])] = TableEntry(found[2], int(found[3]), found[4])
+        elif found := _LOCKED.fullmatch(line):
+            self.locked.append(found[1])
+        elif found := _OPEN.fullmatch(line):
+            self._open = self.buffers[found[1]][int(found[2])] = []
+        elif line and not line.startswith(";"):
+            raise ValueError(line)
+
+    def configuration(self, header: dict[str, str]) -> Configuration:
+        """Return the complete configuration."""
+        return Configuration(
+            family=header["family"],
+            kind=header["type"],
+            version=header["version"],
+            settings=self.settings,
+            axes=self.axes,
+            pointers=self.pointers,
+            plcs={number: tuple(lines) for number, lines in self.buffers["PLC"].items()},
+            programs={number: tuple(lines) for number, lines in self.buffers["PROG"].items()},
+            tables=self.tables,
+            conversion=tuple(self.conversion),
+            locked=tuple(self.locked),
+        )
+
+    def _setting(self, found: re.Match[str]) -> None:
+        value = float(int(found[3][1:], 16)) if found[3].startswith("$") else float(found[3])
+        first, last = int(found[1]), int(found[2] or found[1])
+        self.highest = max(self.highest, last)
+        if last <= self.highest_index:
+            self.settings.update(dict.fromkeys(range(first, last + 1), value))

@@ -1,1 +1,0 @@
-"""The strategies, a descriptor each; `drivers.cutting.strategy` registers them."""
