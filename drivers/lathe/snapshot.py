@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum, auto
+from functools import lru_cache, partial
 from types import MappingProxyType
 
 from drivers.errors import LinkError
@@ -182,7 +183,9 @@ class SnapshotItems:
         motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
         self.driven = driven_axes(machine)
         self.inputs = inputs_of(machine.safety)
-        self._dialect = dialect
+        # The same words come again in most polls, and their meaning depends on nothing else.
+        self._motor_flags = lru_cache(maxsize=256)(partial(decode, table=dialect.motor_bits))
+        self._system_flags = lru_cache(maxsize=256)(partial(decode, table=dialect.system_bits))
         self.items = (
             *(item for motor in motors for item in (f"#{motor}P", "F", "?")),
             "&1??",
@@ -197,7 +200,7 @@ class SnapshotItems:
         try:
             tool, spindle, carriage = (self._axis(replies[start : start + 3]) for start in (0, 3, 6))
             status, override, owner, lost, *words = replies[9:]
-            system = decode(status, self._dialect.system_bits)
+            system = self._system_flags(status)
             return Snapshot(
                 asked_s=asked_s,
                 at_s=at_s,
@@ -218,7 +221,7 @@ class SnapshotItems:
 
     def _axis(self, replies: Sequence[str]) -> AxisState:
         position, error, status = replies
-        axis = AxisState(float(position), float(error), decode(status, self._dialect.motor_bits))
+        axis = AxisState(float(position), float(error), self._motor_flags(status))
         if "open_loop" in axis.flags:  # then the controller reports no desired velocity
             return replace(axis, flags=axis.flags | {"desired_velocity_zero"})
         return axis

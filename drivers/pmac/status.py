@@ -47,10 +47,7 @@ def decode(digits: str, table: BitTable) -> frozenset[str]:
     """
     per_word = BITS_PER_WORD // 4
     words = [int(digits[start : start + per_word], 16) for start in range(0, len(digits), per_word)]
-    try:
-        if not len(digits) % per_word:
-            return frozenset([name for name, (word, bit) in table.items() if words[word - 1] >> bit & 1])
-    except IndexError:
-        pass  # it is shorter than the table
     needed = max(word for word, _ in table.values())
-    raise ValueError(f"status of {len(digits)} digits, {needed * per_word} are needed")
+    if len(words) < needed or len(digits) % per_word:
+        raise ValueError(f"status of {len(digits)} digits, {needed * per_word} are needed")
+    return frozenset(name for name, (word, bit) in table.items() if words[word - 1] >> bit & 1)

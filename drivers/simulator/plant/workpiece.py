@@ -107,9 +107,10 @@ class Workpiece:
     def _settle(self) -> None:
         if not self._pending:
             return
-        # One array from all the numbers: one for each of the short tracks would cost more than the cut itself.
-        fresh = [list(chain.from_iterable([part[i] for part in self._pending])) for i in range(3)]
-        samples = np.concatenate([self._tail, np.array(fresh, dtype=np.float64)], axis=1)
+        # All the numbers at once: an array for each of the short tracks would cost more than the cut itself.
+        tracks = [chain.from_iterable([part[i] for part in self._pending]) for i in range(3)]
+        fresh = [np.fromiter(track, np.float64, self._count) for track in tracks]
+        samples = np.concatenate([self._tail, np.stack(fresh)], axis=1)
         self._pending, self._count = [], 0
         self._tail = samples[:, -OVERLAP:]
         self._turn_down(samples)
