@@ -176,8 +176,8 @@ _TRAJECTORIES: tuple[Mutation, ...] = (
     Mutation(
         rule="`!>` is also so of what is equal.",
         file="drivers/pmac/language/evaluate.py",
-        old='"!>": lambda v: left(v) <= right(v)',
-        new='"!>": lambda v: left(v) < right(v)',
+        old='"!>": le',
+        new='"!>": lt',
         test=f"{EXPRESSIONS}::test_conditions",
     ),
     Mutation(
