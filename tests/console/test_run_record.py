@@ -35,7 +35,7 @@ import signal, sys
 from pathlib import Path
 from console.session.data.records import RunRecord
 data, machine, *kinds = sys.argv[1:]
-record = RunRecord(Path(data), {{**{RUN!r}, "machine": machine}}, open_timeout_s=60.0, patience_s=60.0)
+record = RunRecord(Path(data), {{**{RUN!r}, "machine": machine}}, open_timeout_s=60.0, timeout_s=60.0)
 for kind in kinds:
     record.add(kind, {{}})
 print(record.run_id, flush=True)
