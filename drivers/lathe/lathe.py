@@ -21,9 +21,10 @@ from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.jogs import Jogs
 from drivers.lathe.lengths import motor_of
 from drivers.lathe.motion import Motion
-from drivers.lathe.ownership import NOBODY, Ownership, Standing
+from drivers.lathe.ownership import Ownership
 from drivers.lathe.polling import POLL_TIMEOUT_S, Poller
 from drivers.lathe.snapshot import AxisName, Snapshot, SnapshotItems, driven_axes
+from drivers.lathe.standing import NOBODY, Standing
 from drivers.lathe.standstill import prove_rest
 from drivers.lathe.stop import StopPath
 from drivers.lathe.wiring import Wiring

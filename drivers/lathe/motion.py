@@ -9,9 +9,9 @@ from drivers.lathe.guards import Guard, open_loop_problem, reset_problem, unguar
 from drivers.lathe.heartbeat import LAPSED, Heartbeat
 from drivers.lathe.left_behind import left_behind
 from drivers.lathe.lengths import Lengths, settings_of
-from drivers.lathe.ownership import Standing
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.standing import Standing
 from drivers.lathe.wiring import Wiring
 from drivers.pmac.heartbeat.plc import Policy
 from profiles.machine import MachineProfile

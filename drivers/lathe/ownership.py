@@ -10,30 +10,18 @@ number changes only if it still is the expected one.
 
 from __future__ import annotations
 
-from enum import StrEnum, auto
 from random import Random, SystemRandom
 
 from drivers.controller import Controller
 from drivers.errors import DriverError, LinkError, RefusedError
+from drivers.lathe.standing import NOBODY, Standing
 from drivers.link.base import is_gone
 from drivers.pmac.language.text import format_number
 from drivers.pmac.reserved import OWNER
 from profiles.problem import Problem
 
-NOBODY = 0  # the console number that means no console
 OWNER_ITEM = f"P{OWNER}"  # the variable with the owner's number
 HIGHEST = 2**31 - 1  # a P-variable holds it exactly in every family
-
-
-class Standing(StrEnum):
-    """The role of this console towards the machine."""
-
-    OBSERVER = auto()
-    OWNER = auto()
-    OUSTED = auto()
-    """It was the owner until another console wrote its number: what is armed or moving is no longer ours."""
-    CHANGING = auto()
-    """A claim, take-control or release is in progress; only its reply shows who owns the machine."""
 
 
 def exchange_line(before: float, after: int) -> str:

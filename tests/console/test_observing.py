@@ -35,8 +35,8 @@ from console.session.station.link_thread import LinkThread
 from console.session.station.state import Activity, Armed
 from console.session.station.station import Opened
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.lathe.ownership import Standing
 from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.standing import Standing
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, WithStation, logged, station_of

@@ -10,8 +10,8 @@ import pytest
 
 from console.session.errors import SessionError
 from drivers.errors import RefusedError
-from drivers.lathe.ownership import Standing
 from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.standing import Standing
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError

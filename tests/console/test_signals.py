@@ -15,8 +15,8 @@ from console.session.errors import Interrupted
 from console.session.signals import Interruption
 from console.session.station.reaching import guard, leave
 from drivers.errors import RefusedError
-from drivers.lathe.ownership import NOBODY, Standing
 from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import NOBODY, Standing
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe

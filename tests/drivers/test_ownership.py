@@ -7,7 +7,8 @@ from random import Random
 import pytest
 
 from drivers.errors import RefusedError
-from drivers.lathe.ownership import Ownership, Standing
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.standing import Standing
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind

@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError, RefusedError
-from drivers.lathe.ownership import HIGHEST, NOBODY, OWNER_ITEM, Ownership, Standing, exchange_line
+from drivers.lathe.ownership import HIGHEST, OWNER_ITEM, Ownership, exchange_line
+from drivers.lathe.standing import NOBODY, Standing
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind

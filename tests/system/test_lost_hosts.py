@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import pytest
 
 from console.session.station.owning import take_lock
-from drivers.lathe.ownership import NOBODY, OWNER_ITEM
+from drivers.lathe.ownership import OWNER_ITEM
+from drivers.lathe.standing import NOBODY
 from drivers.pmac.client import PmacClient
 from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, Watch, rest_s, rests
 from drivers.pmac.heartbeat.watchdog import Activity

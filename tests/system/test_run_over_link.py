@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.clock import RealClock
-from drivers.lathe.ownership import NOBODY, OWNER_ITEM
+from drivers.lathe.ownership import OWNER_ITEM
+from drivers.lathe.standing import NOBODY
 from drivers.link.address import TcpAddress
 from drivers.link.opening import open_link
 from drivers.pmac.client import PmacClient

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.lathe.ownership import NOBODY
+from drivers.lathe.standing import NOBODY
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind

@@ -18,7 +18,7 @@ from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys
 from console.tui.keymap import ACTIONS, PageName
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.lathe.ownership import Standing
+from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
 from tests.tui.scenes import Scene, application, fill, played

@@ -19,7 +19,7 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import line, plain, width_of
 from console.tui.pages.align_lines import why_lines
-from drivers.lathe.ownership import Standing
+from drivers.lathe.standing import Standing
 from profiles.problem import Problem
 from profiles.store import load_machine
 from tests.golden_text import compare, writing

@@ -19,7 +19,8 @@ from drivers.commissioning.stop_record import StopRecord, stop_key
 from drivers.commissioning.stop_record_check import VALID_DAYS, StopsNow, record_problems
 from drivers.commissioning.verification import Verification
 from drivers.errors import DriverError
-from drivers.lathe.ownership import Ownership, Standing
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.standing import Standing
 from drivers.link.base import StopWay
 from drivers.pmac.checksums import LineCheck
 from profiles.findings import Severity

@@ -19,8 +19,8 @@ from console.session.station.state import Armed, StationState
 from drivers.clock import Clock
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.lathe import Lathe
-from drivers.lathe.ownership import Standing
 from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import Standing
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import LoadedMachine

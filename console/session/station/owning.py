@@ -23,7 +23,7 @@ from pathlib import Path
 from console.session.errors import SessionError
 from drivers.errors import RefusedError
 from drivers.lathe.lathe import Lathe
-from drivers.lathe.ownership import NOBODY
+from drivers.lathe.standing import NOBODY
 from profiles.files import make_private_file, make_private_folder
 from profiles.problem import Problem
 

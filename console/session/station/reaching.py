@@ -17,9 +17,10 @@ from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
-from drivers.lathe.ownership import Ownership, Standing
+from drivers.lathe.ownership import Ownership
 from drivers.lathe.safety import safety_problems
 from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.opening import open_link

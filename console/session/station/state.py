@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
-from drivers.lathe.ownership import NOBODY, Standing
 from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import NOBODY, Standing
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.problem import Problem
 

@@ -12,8 +12,8 @@ from console.session.station.progress import RUNNING, CutStage
 from console.session.station.state import Activity, StopState
 from console.session.station.watches import watch_axes
 from drivers.errors import DriverError
-from drivers.lathe.ownership import Standing
 from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import Standing
 from drivers.link.base import GONE
 from profiles.problem import ProblemError
 

@@ -11,9 +11,9 @@ from console.session.station.progress import CutStage
 from console.session.station.state import MOVING, Activity, StationState
 from drivers.errors import LinkError
 from drivers.lathe.guards import reset_problem
-from drivers.lathe.ownership import Standing
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import Standing
 from drivers.lathe.stop import way_problems
 from drivers.pmac.heartbeat.arming import lost_problem
 from profiles.problem import Problem

@@ -1,0 +1,18 @@
+"""Who controls the machine. Apart from `ownership`, so that the first page needs no line to a controller."""
+
+from __future__ import annotations
+
+from enum import StrEnum, auto
+
+NOBODY = 0  # the console number that means no console
+
+
+class Standing(StrEnum):
+    """The role of this console towards the machine."""
+
+    OBSERVER = auto()
+    OWNER = auto()
+    OUSTED = auto()
+    """It was the owner until another console wrote its number: what is armed or moving is no longer ours."""
+    CHANGING = auto()
+    """A claim, take-control or release is in progress; only its reply shows who owns the machine."""
