@@ -86,7 +86,7 @@ class CutProgress:
 
     @property
     def phase_error_deg(self) -> float | None:
-        """telemetry.Phase lag of the tool behind the target path, spindle degrees, None while it is not known."""
+        """Phase lag of the tool behind the target path, spindle degrees, None while it is not known."""
         return None if self.phase is None else self.phase.error_deg
 
     @property

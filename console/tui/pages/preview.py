@@ -72,7 +72,7 @@ def known_of(work: Work | None) -> Underway | None:
 
 
 class ProgramView(Sheet):
-    """The rows of one program; `scroll_rows` moves through them."""
+    """The rows of one program; `scroll_pages` moves through them."""
 
     def __init__(self, palette: Palette, text: Catalogue, *, id: str | None = None) -> None:
         super().__init__(palette, id=id)

@@ -42,7 +42,7 @@ def trim_line(trim_um: complex, tool_count_um: float) -> str:
 
 
 def trim_values(job: Job, setup: CutSetup, segment_ms: int, first_spindle: float) -> dict[str, object]:
-    """Return the values of `TRIM_VALUES`, `TRIMMED_CUT` and `TRIMMED_OUT`, except those common to every cut."""
+    """Return the values of `TRIM_VALUES` and `TRIMMED_CUT`, except those common to every cut."""
     turns_per_ms = job.spindle_speed_rpm / 60_000.0
     scales = point_scales(2.0 * math.pi * job.lobe_frequency_hz * segment_ms / 1000.0)
     lobe_deg = 360.0 * job.jaws

@@ -12,7 +12,6 @@ from drivers.pmac.variables import VariableStore
 
 _I = VariableKind.I
 _LOWEST = float(LOWEST_COUNT)
-ServoCycles = Callable[[], int]  # returns the number of servo cycles so far
 _Name = TypeVar("_Name")
 
 
