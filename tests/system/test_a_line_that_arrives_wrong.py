@@ -97,8 +97,10 @@ def test_a_digit_too_many_in_a_jog_ends_the_run_and_moves_nothing(made: Order) -
         assert process.returncode == 1
         motors = card.lathe.controller.motors
         assert cable.positions, "no jog was ever sent"
-        # A drive that is disabled while it settles rests some counts off; the digit would make it thousands.
-        assert [motors[number].desired for number in (1, 2, 3)] == pytest.approx(cable.positions, abs=20.0)
+        assert cable.jogs == [b"#3J="], "another axis was jogged"
+        assert motors[3].desired == pytest.approx(cable.positions[2], abs=0.5)
+        # The others hold their places until they are disabled; one that settles then rests some counts off.
+        assert [motors[number].desired for number in (1, 2)] == pytest.approx(cable.positions[:2], abs=20.0)
         assert not any(motors[number].amplifier_enabled for number in (1, 2, 3))
     assert "reached the controller corrupted" in told, told
     assert len(cable.jogs) == 1, "it was sent again"

@@ -108,13 +108,20 @@ def test_presses_at_the_pace_of_a_person_are_steps_and_those_too_fast_are_told(t
         trainee.press(*["left"] * 10, pace_s=0.45)
         made = steps_made(trainee)
         # On a computer that is busy a step may take longer; what is not taken is told.
-        assert made == 10 or re.search(r"\d+ of \d+ presses of ←|key held down", terminal.text)
+        assert made == 10 or accounts_for(trainee, "←", made)
         terminal.wait_for(rf"Z carr\.\s+{0.01 * made:.3f} mm", 2.0)
         trainee.press(*["right"] * 10, pace_s=0.15)
         back = steps_made(trainee)
         assert back < 10
-        assert re.search(r"\d+ of \d+ presses of →|key held down", terminal.text)
+        assert "key held down" in terminal.text or accounts_for(trainee, "→", back)
         terminal.wait_for(rf"Z carr\.\s+{0.01 * (made - back):.3f} mm", 2.0)
+
+
+def accounts_for(trainee: Trainee, arrow: str, made: int) -> bool:
+    """Whether the console names the presses that were no steps; two may have reached a busy computer as one."""
+    told = re.search(rf"(\d+) of (\d+) presses of {arrow}", trainee.terminal.text)
+    assert told is not None, trainee.terminal.text
+    return int(told[2]) in (9, 10) and int(told[2]) - int(told[1]) == made
 
 
 def steps_made(trainee: Trainee) -> int:
