@@ -20,7 +20,8 @@ from tests.remembered import run_through_once
 # No deadline and no health check of speed: a loaded machine is not a defect.
 EXPLORE = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("explore", EXPLORE)
-settings.register_profile("steady", EXPLORE, derandomize=True, database=None)
+# What is the same in each run is seen by its first examples or not at all; the many are for exploring.
+settings.register_profile("steady", EXPLORE, derandomize=True, database=None, max_examples=40)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 # The tests start some hundreds of programs, and each worker imports all of the tests: without kept bytecode each

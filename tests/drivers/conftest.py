@@ -20,6 +20,7 @@ from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
+from tests.drivers.beside_home import beside_home
 
 MachineMaker = Callable[[], MachineProfile]
 JobMaker = Callable[[int], Job]
@@ -159,7 +160,7 @@ TrueBenchMaker = Callable[[TrueParameters], Bench]
 
 
 def build(machine: MachineProfile, true: TrueParameters | None = None) -> Bench:
-    sim = SimulatedLathe(machine, true)
+    sim = SimulatedLathe(machine, beside_home(machine, true))
     port = sim.connect()
     link = MemoryLink(port, sim)
     client = PmacClient(link, sim)

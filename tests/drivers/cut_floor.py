@@ -16,6 +16,7 @@ from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import RoundnessResult, evaluate
+from tests.drivers.beside_home import beside_home
 from tests.drivers.conftest import JobMaker, Recorder
 from tests.drivers.families import of_family as of_family
 from tests.drivers.wire_card import Wire
@@ -23,12 +24,12 @@ from tests.drivers.wire_card import Wire
 Floats = NDArray[np.float64]
 
 TOOL, SPINDLE, CARRIAGE = 1, 2, 3
-SHORT_MM = 2.0
+SHORT_MM = 1.0
 FAMILIES = pytest.mark.parametrize("family", ["pmac", "turbo"])
 
 
 def short(experiment: JobMaker, number: int = 1) -> Job:
-    """A cut of 54 turns: what counts is in each of them."""
+    """A cut of 34 turns: what counts is in each of them."""
     return replace(experiment(number), cut_length_mm=SHORT_MM)
 
 
@@ -64,7 +65,7 @@ class CutFloor:
     ) -> None:
         self.job, self.machine = job, machine
         self.plan: CutPlan = plan_cut(job, machine, strategy, watchdog=watchdog, trimmed=trimmed)
-        sim = SimulatedLathe(machine, true, DIALECTS[machine.controller.family])
+        sim = SimulatedLathe(machine, beside_home(machine, true), DIALECTS[machine.controller.family])
         self.card = Wire(sim=sim, port=sim.connect())
         self.card.raw("I3=2 I6=1\r")
         self._home()
@@ -95,7 +96,7 @@ class CutFloor:
         card.sim.wait(0.5)
         if self.turned_apart:
             card.sim.set_spindle(self.job.spindle_speed_rpm)
-            card.sim.wait(5.0)
+            card.sim.wait(3.0)
         for recorder in self._recorders.values():
             recorder.commands.clear()
             recorder.positions.clear()

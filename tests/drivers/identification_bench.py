@@ -17,6 +17,7 @@ from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.machine import MachineProfile
+from tests.drivers.beside_home import beside_home
 from tests.drivers.commissioned import HeardPort
 
 
@@ -69,7 +70,7 @@ class Stand:
 
 
 def stand(machine: MachineProfile, true: TrueParameters | None = None) -> Stand:
-    sim = SimulatedLathe(machine, true)
+    sim = SimulatedLathe(machine, beside_home(machine, true))
     line = HeardPort(port=sim.connect())
     link, clock = MemoryLink(line, sim), HostClock(sim=sim)
     client, stop = PmacClient(link, clock), StopPath(link)

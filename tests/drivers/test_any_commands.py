@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.language.errors import PmacError
@@ -77,7 +77,6 @@ def do(card: IdealCard, name: str) -> None:
             ACTS[name](card)
 
 
-@settings(deadline=None, max_examples=150)
 @given(
     st.integers(1, 5),
     st.sampled_from([0, 10]),

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.analysis.moves import MoveAnalysis, analyse_moves
@@ -194,7 +194,6 @@ def turning_point(distances: Sequence[int], place: int, ta: float, ts: float, tm
     return convolved(distances, ta, ts, tm, (low + high) / 2)
 
 
-@settings(max_examples=80, deadline=None)
 @given(
     distances=st.lists(st.integers(-1000, 1000), min_size=1, max_size=6),
     ts=st.integers(0, 8),

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis, analyse_moves
@@ -124,7 +124,6 @@ def assert_no_motion_is_without_a_move(timeline: Timeline, moves: Sequence[MoveA
         assert close(max(peaks.acceleration for peaks in told), whole.acceleration)
 
 
-@settings(max_examples=60, deadline=None)
 @given(programs)
 def test_what_is_said_of_the_motion_of_any_program_holds(text: str) -> None:
     checked = check_program(text, MACHINE)

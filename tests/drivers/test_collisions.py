@@ -179,8 +179,10 @@ def homed(bench: Bench) -> Bench:
 def test_a_planned_cut_meets_nothing(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy, number: int
 ) -> None:
-    """The first from end to end, as near to the jaws as it comes; of the second, a smaller part, the ways."""
-    job = experiment(1) if number == 1 else replace(experiment(2), cut_length_mm=1.0)
+    """The first from end to end; else its end, as near to the jaws as it comes; of the second the ways."""
+    job = experiment(number)
+    if strategy is not Strategy.PVT or number != 1:
+        job = replace(job, cut_length_mm=0.5, overhang_mm=job.overhang_mm - job.cut_length_mm + 0.5)
     homed(bench).sim.mount(job)
     plan = plan_cut(job, machine, strategy)
     bench.cut(plan)
@@ -228,6 +230,7 @@ def test_a_carriage_that_is_let_past_the_jaw_faces_is_seen(bench: Bench) -> None
     """Without its limits, I313 and the plan; the tool is 30 mm from the axis, the jaws reach to 70 mm."""
     homed(bench).client.request("I313=0")
     bench.lathe.jog_to(AxisName.TOOL, (76.0 - 30.0) * 5000.0)
+    bench.carriage_to(198_000.0)
     bench.lathe.jog_to(AxisName.CARRIAGE, 201_000.0)
     (met,) = bench.sim.collisions
     assert met.kind is CollisionKind.JAWS
@@ -240,8 +243,9 @@ def test_a_spindle_that_runs_out_in_its_cut_is_no_crash(
 ) -> None:
     """Control-K in the cut: the tool stays where it has cut."""
     bench = homed(bench_with(replace(ideal(machine), ideal_spindle=False)))
-    bench.sim.mount(experiment(1))
-    plan = plan_cut(experiment(1), machine, Strategy.PVT)
+    job = replace(experiment(1), cut_length_mm=1.0)
+    bench.sim.mount(job)
+    plan = plan_cut(job, machine, Strategy.PVT)
     bench.begin(plan)
     bench.sim.wait(0.6 * plan.duration_s)
     assert bench.sim.look().tool_gap_mm is not None

@@ -50,8 +50,10 @@ def turn_of(sim: SimulatedLathe, plan: CutPlan) -> float:
     return (sim.controller.motors[3].position - plan.carriage_start) / plan.setup.carriage_per_turn
 
 
-@pytest.mark.parametrize("family", ["pmac", "turbo"])
-@pytest.mark.parametrize("strategy", list(Strategy))
+@pytest.mark.parametrize(
+    ("strategy", "family"),
+    [*((each, "pmac") for each in Strategy), (Strategy.CAM, "turbo"), (Strategy.TIMEBASE, "turbo")],
+)
 def test_a_program_that_nobody_disturbs_says_its_turns_and_that_it_is_finished(
     strategy: Strategy, family: str
 ) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
@@ -96,7 +98,8 @@ def test_another_card_is_found(machine: MachineProfile, monkeypatch: pytest.Monk
 @pytest.mark.parametrize("strategy", list(Strategy))
 def test_what_the_console_does_for_a_cut_is_no_change(machine: MachineProfile, strategy: Strategy) -> None:
     card, before = prepared(machine)
-    plan = plan_cut(load_job("lee-2001-experiment-1").job, machine, strategy)
+    job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.5)
+    plan = plan_cut(job, machine, strategy)
     Heartbeat(card.client, card.sim, machine).prepare()
     load_program(card.client, plan.program, card.dialect)
     card.tell(*plan.restore, "P1000=77", "P11=3", "M26=1", f"I{card.dialect.system_index(1, 87)}=10")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
@@ -164,7 +164,6 @@ def state_of(card: Wire) -> object:
     return moving, running, dict(variables.settings()), dict(variables.pointers), controller.open_buffer
 
 
-@settings(max_examples=300)
 @given(line=st.lists(st.sampled_from(PIECES), max_size=6).map("".join))
 def test_what_is_called_a_question_changes_nothing_on_the_card_and_has_as_many_lines_as_were_foreseen(
     asked: Wire, line: str

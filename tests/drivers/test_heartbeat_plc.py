@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import pytest
 from hypothesis import given
-from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import DIALECTS, PMAC, TURBO, Dialect
@@ -82,7 +81,6 @@ def may_be_given(command: str, shown: Mapping[str, float], place: float) -> bool
     scans=st.lists(st.tuples(statuses, places), min_size=1, max_size=40),
     cycles=st.integers(1, 400),
 )
-@hypothesis_settings(max_examples=100)
 def test_whatever_it_sees_it_gives_one_command_a_scan_and_closes_nothing(
     dialect: Dialect,
     policy: Policy,

@@ -105,8 +105,16 @@ def is_left_in_order(found: Run) -> bool:
     return abs(out_um) < 2.0 and found.last.at_rest and found.last.homed and found.last.loops_closed
 
 
-@pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.NONE])
-@pytest.mark.parametrize(("rpm", "hold_s"), [(1000.0, 2.0), (1000.0, 2.437), (1234.5, 2.2), (640.0, 2.71)])
+@pytest.mark.parametrize(
+    ("strategy", "rpm", "hold_s"),
+    [
+        (Strategy.PVT, 1000.0, 2.0),
+        (Strategy.PVT, 1000.0, 2.437),
+        (Strategy.PVT, 1234.5, 2.2),
+        (Strategy.PVT, 640.0, 2.71),
+        (Strategy.NONE, 1234.5, 2.2),
+    ],
+)
 def test_a_hold_at_any_moment_leaves_whole_turns_and_no_mark(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy, rpm: float, hold_s: float
 ) -> None:
@@ -148,7 +156,7 @@ def test_a_cut_that_is_not_held_ends_with_a_whole_turn_without_a_mark(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, phase_deg: float
 ) -> None:
     """Wherever the lobe has the tool at the end: one way of retracting must do for all of them."""
-    job = replace(experiment(1), lobe_phase_deg=phase_deg, cut_length_mm=2.0)
+    job = replace(experiment(1), lobe_phase_deg=phase_deg, cut_length_mm=0.5)
     found = run(bench, aligned(bench, job, machine, Strategy.PVT), None)
     assert found.turns == pytest.approx(np.ceil(found.plan.setup.turns - 1e-6), abs=0.05)
     assert found.mark_um(job) < 0.05
@@ -186,7 +194,7 @@ def test_a_hold_before_the_feed_ends_clear_of_the_part(
 def test_a_held_program_runs_from_its_beginning_the_next_time(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:
-    plan = aligned(bench, replace(experiment(1), cut_length_mm=2.0), machine, strategy)
+    plan = aligned(bench, replace(experiment(1), cut_length_mm=1.0), machine, strategy)
     assert run(bench, plan, 2.9).turns < plan.setup.turns - 5
     bench.to_start(plan)
     assert run(bench, plan, None).turns == pytest.approx(np.ceil(plan.setup.turns - 1e-6), abs=0.05)

@@ -152,9 +152,8 @@ def kept(family: str) -> Bench:
     return bench(family)
 
 
-@every_family
-@every_order
-@settings(max_examples=60)
+@pytest.mark.parametrize(("family", "order"), [*(("pmac", order) for order in HANDLERS), ("turbo", "jog")])
+@settings(max_examples=25)
 @given(
     place=st.floats(0.0, 1.0),
     how=st.sampled_from(["another", "one more", "missing"]),

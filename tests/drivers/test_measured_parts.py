@@ -40,8 +40,8 @@ def measured(bench: Bench) -> RoundnessResult:
 
 @pytest.fixture(scope="session")
 def experiment(experiment: JobMaker) -> JobMaker:
-    """The trace is of one turn in the middle: half the cut of the paper shows the same."""
-    return lambda number: replace(experiment(number), cut_length_mm=4.0)
+    """The trace is of one turn in the middle: a short cut shows the same."""
+    return lambda number: replace(experiment(number), cut_length_mm=1.5)
 
 
 @pytest.mark.parametrize(("number", "ront"), [(1, 55.0), (2, 33.0)])
@@ -77,9 +77,7 @@ def test_another_chuck_lobe_phase_and_speed_do_what_they_say(
     assert next(h.phase_deg for h in result.harmonics if h.n == 4) == pytest.approx(33.0, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("jaws", "phase_deg", "rpm"), [(3, 0.0, 1000.0), (3, 47.0, 1000.0), (4, 33.0, 640.0), (6, -100.0, 377.0)]
-)
+@pytest.mark.parametrize(("jaws", "phase_deg", "rpm"), [(3, 47.0, 1000.0), (4, 33.0, 640.0), (6, -100.0, 377.0)])
 def test_the_inverse_leaves_less_than_a_micrometre_whatever_the_chuck(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, jaws: int, phase_deg: float, rpm: float
 ) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO
@@ -139,7 +139,6 @@ def scans_of(body: Body, names: dict[int, int]) -> Iterator[list[int]]:
         said = []
 
 
-@settings(deadline=None)
 @given(bodies)
 def test_any_nesting_says_scan_by_scan_what_a_reading_of_the_tree_says(body: Body) -> None:
     names: dict[int, int] = {}

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
@@ -40,7 +40,6 @@ def test_a_plc_is_listed_in_one_spelling_with_what_stands_behind_a_condition_bel
     assert card.ask("LIST PLC 4") == listed
 
 
-@settings(max_examples=50, deadline=None)
 @given(lines=st.lists(plc_lines, min_size=1, max_size=5))
 def test_every_plc_that_is_typed_is_stored_and_its_listing_is_the_same_plc(
     machine: MachineProfile, lines: list[PlcLine]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.simulator.machine import SimulatedLathe
@@ -50,7 +50,6 @@ def segments(stream: bytes, sizes: list[int]) -> list[bytes]:
     return [*parts, stream]
 
 
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(pieces=st.lists(BYTES, max_size=12), sizes=st.lists(st.integers(0, 60), max_size=8))
 def test_no_bytes_in_any_segmentation_bring_the_card_down(
     machine: MachineProfile, pieces: list[bytes], sizes: list[int]
@@ -69,7 +68,6 @@ def test_no_bytes_in_any_segmentation_bring_the_card_down(
     assert port.take_output() == b"\x06"
 
 
-@settings(max_examples=40, deadline=None)
 @given(line=LINES, sizes=st.lists(st.integers(0, 5), max_size=10))
 def test_the_segmentation_of_a_line_does_not_change_its_answer(
     machine: MachineProfile, line: str, sizes: list[int]
@@ -90,7 +88,6 @@ GARBAGE = st.binary(max_size=60) | st.text(
 ).map(str.encode)
 
 
-@settings(max_examples=60, deadline=None)
 @given(garbage=st.lists(GARBAGE, max_size=20))
 def test_what_one_host_sends_does_not_disturb_the_replies_to_another(
     machine: MachineProfile, garbage: list[bytes]

@@ -82,7 +82,11 @@ def test_a_program_with_all_that_stands_before_it_is_found_as_it_was_sent(family
 @every_family
 @every_strategy
 def test_one_wrong_digit_in_any_setting_is_refused_by_name(family: str, strategy: Strategy) -> None:
+    """In the Turbo in those that it words in its own way: the others are the same lines."""
+    known = settings_sent("pmac", strategy) if family == "turbo" else []
     for line in settings_sent(family, strategy):
+        if line in known:
+            continue
         if line.startswith(("P40=I", "P41=I")):
             continue  # of another variable, which may not be there
         with pytest.raises(DriverError) as refused:

@@ -144,7 +144,6 @@ def test_a_claim_whose_answer_is_lost_is_known_by_asking(floor: Floor, monkeypat
     sought=st.one_of(st.sampled_from([0, 1, 4711, HIGHEST]), st.integers(0, HIGHEST)),
     number=st.integers(1, HIGHEST),
 )
-@settings(max_examples=40, deadline=None)
 def test_the_line_exchanges_what_it_was_told_and_nothing_else(
     six: Floor, held: int, sought: int, number: int
 ) -> None:

@@ -89,7 +89,7 @@ def test_an_aborting_motor(closed: Bench) -> None:
 
 def test_a_homing_motor_and_a_homed_one(closed: Bench) -> None:
     closed.client.request("#3HM")
-    closed.sim.wait(0.2)
+    closed.sim.wait(0.02)
     assert words(closed, "#3?") == ({ACTIVATED, TIMER, INTEGRATION, HOMING}, {ASSIGNED, AMPLIFIER, TRIGGER})
     closed.sim.wait(3.0)
     assert words(closed, "#3?") == ({ACTIVATED, STILL, INTEGRATION}, {ASSIGNED, AMPLIFIER, HOMED, ARRIVED})

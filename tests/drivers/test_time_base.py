@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.axes import read_definitions
@@ -133,7 +133,6 @@ def test_back_at_full_rate_the_instants_are_those_of_the_servo_clock() -> None:
 PIECES = st.lists(st.tuples(st.floats(0.05, 9.0), st.floats(-3.0, 3.0), st.booleans()), min_size=1, max_size=6)
 
 
-@settings(deadline=None)
 @given(PIECES, st.lists(st.floats(0.0, 2.2), min_size=3, max_size=40))
 def test_time_passes_at_the_rate_of_each_cycle_and_in_a_dwell_at_that_of_the_clock(
     shapes: list[tuple[float, float, bool]], rates: list[float]

@@ -50,10 +50,10 @@ def cut(bench: Bench, job: Job, machine: MachineProfile) -> None:
 def test_before_homing_the_chuck_stands_where_it_was_left(
     machine: MachineProfile, bench_with: TrueBenchMaker
 ) -> None:
-    """The spindle was left at 0.3456 turns, 124.42 deg, and the card calls that 0."""
-    bench = bench_with(replace(ideal(machine), jaw_1_deg=100.0))
+    """The spindle was left at 0.3457 turns, 124.45 deg, and the card calls that 0."""
+    bench = bench_with(replace(ideal(machine), jaw_1_deg=100.0, spindle_start_turns=0.3457))
     assert bench.number("#2P") == 0
-    assert bench.sim.look() == WorkshopView(jaw_1_past_mark_deg=24.42, tool_gap_mm=None)
+    assert bench.sim.look() == WorkshopView(jaw_1_past_mark_deg=24.45, tool_gap_mm=None)
 
 
 def test_jaw_1_meets_the_mark_at_its_true_angle(machine: MachineProfile, bench_with: TrueBenchMaker) -> None:

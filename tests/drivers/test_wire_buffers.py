@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
@@ -204,7 +204,6 @@ def test_a_listing_that_is_typed_again_is_the_same_program(machine: MachineProfi
     assert card.card.programs[1] == card.card.programs[2]
 
 
-@settings(max_examples=60, deadline=None)
 @given(lines=st.lists(trees.lines, min_size=1, max_size=6))
 def test_every_program_that_is_typed_is_stored_and_listed_as_it_is(
     machine: MachineProfile, lines: list[Line]

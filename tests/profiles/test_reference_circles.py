@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import linprog, minimize
@@ -123,7 +123,6 @@ PROFILES = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(PROFILES, st.sampled_from([1, 2, 3]), st.booleans())
 def test_each_circle_is_the_optimum_of_the_plain_programme(
     values: list[float], turns: int, eccentric: bool
@@ -181,7 +180,6 @@ def test_a_circle_that_may_slide_without_any_change_stays_at_the_centre_of_least
     assert (circle.centre_x_um, circle.centre_y_um) == pytest.approx((0, 0), abs=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.one_of(
         st.lists(st.floats(-100, 100), min_size=HANDFUL, max_size=48),

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
@@ -275,7 +275,6 @@ def test_a_perfect_circle_has_no_negative_zero() -> None:
 DEVIATIONS = st.lists(st.floats(-100, 100), min_size=16, max_size=64)
 
 
-@settings(max_examples=40)
 @given(DEVIATIONS, st.floats(-50, 50), st.floats(-50, 50), st.floats(-500, 500), st.floats(0, 360))
 def test_centre_offset_and_start_angle_do_not_matter(
     deviations: list[float], x: float, y: float, mean: float, start: float
@@ -299,7 +298,6 @@ def test_scaling(deviations: list[float], factor: float) -> None:
     assert large == pytest.approx(factor * small, rel=1e-9, abs=1e-9)
 
 
-@settings(max_examples=40)
 @given(st.integers(2, 15), st.floats(0.01, 500), st.floats(-720, 720))
 def test_a_harmonic_is_found_with_its_first_crest(n: int, amplitude: float, crest_deg: float) -> None:
     result = evaluate(ANGLE[::10], waves(ANGLE[::10], (n, amplitude, crest_deg)), None)

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from profiles.fields import Field, Kind
@@ -189,7 +189,6 @@ JOBS = st.fixed_dictionaries({field.key: values_of(field) for field in JOB_FIELD
 )
 
 
-@settings(max_examples=40)
 @given(job=JOBS, other=JOBS)
 def test_what_is_saved_is_loaded(tmp_path_factory: pytest.TempPathFactory, job: Job, other: Job) -> None:
     path = tmp_path_factory.mktemp("jobs") / "a.toml"

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from profiles.problem import ProfileError
@@ -132,7 +132,6 @@ def test_what_could_not_be_read_back_is_not_written(tmp_path: Path, meta: dict[s
     assert not list(tmp_path.iterdir())
 
 
-@settings(max_examples=50)
 @given(
     st.lists(st.floats(0, 360, exclude_max=True), min_size=16, max_size=40, unique=True),
     st.data(),

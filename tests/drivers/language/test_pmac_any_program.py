@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO
@@ -44,7 +44,6 @@ def written(program: tuple[Line, ...]) -> str:
     return "\n".join(map(format_line, program))
 
 
-@settings(max_examples=50)
 @given(programs, programs, st.booleans())
 def test_any_tree_is_executed_or_ends_with_an_error_of_the_card(
     program: tuple[Line, ...], other: tuple[Line, ...], turbo: bool
@@ -61,7 +60,6 @@ def test_any_order_of_words_is_executed_or_ends_with_an_error_of_the_card(text: 
     run_as_far_as_it_goes(bench, text, strict=False)
 
 
-@settings(max_examples=50)
 @given(programs)
 def test_a_program_that_is_written_and_read_again_is_the_same(program: tuple[Line, ...]) -> None:
     again = tuple(parse_line(line) for line in map(format_line, program))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import TURBO
@@ -183,7 +183,6 @@ def test_pieces_are_no_longer_than_the_segmentation_time() -> None:
     assert len(path(circle({"X": 20.0, "Y": 0.0}, {"X": 10.0}, tm=8e6), I13=0.001).pieces) < 20_000
 
 
-@settings(max_examples=60)
 @given(
     radius=st.floats(0.5, 200.0),
     begin=st.floats(0.0, math.tau),
@@ -257,7 +256,6 @@ def test_arcs_and_straight_moves_are_blended_by_adding_their_ways(ta: float, ts:
     assert_smooth(made.pieces, (0.0, 0.0), 20_000.0)
 
 
-@settings(max_examples=60)
 @given(
     moves=st.lists(
         st.tuples(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.trajectory.linear import (
@@ -165,7 +165,6 @@ def convolved(distances: list[float], ta: float, ts: float, tm: float, step: flo
     return np.concatenate([[0.0], np.cumsum(velocity) * step])
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     distances=st.lists(st.integers(-1000, 1000), min_size=1, max_size=6),
     ts=st.integers(0, 4),
@@ -189,7 +188,6 @@ def test_blending_is_velocity_steps_convolved_with_two_boxes(
     assert np.max(np.abs(sample(pieces, times[inside]) - expected[inside])) <= slack
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     moves=st.lists(
         st.tuples(st.integers(-500, 500), st.integers(1, 40), st.integers(0, 30), st.integers(1, 60)),

@@ -10,7 +10,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.drivers.trajectory.motion import Motion, assert_smooth, linear, motion
@@ -45,7 +45,6 @@ def sequence(distances: list[int], ta: int, ts: int, tms: list[int]) -> Motion:
     return motion(requests, settings={187: ta, 188: ts})
 
 
-@settings(max_examples=100)
 @given(
     moves=st.lists(st.tuples(st.integers(-1000, 1000), st.integers(0, 20)), min_size=1, max_size=7),
     ts=st.integers(0, 8),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.language.errors import PmacError
@@ -63,7 +63,6 @@ PVT = st.builds(
 PAUSES = st.sampled_from([DwellRequest(duration_ms=0.0), DwellRequest(duration_ms=20.0), BlendBreak(), Halt()])
 
 
-@settings(max_examples=150)
 @given(
     requests=st.lists(st.one_of(LINEAR, LINEAR, CIRCLE, CIRCLE, RADIUS, RAPID, SPLINE, PVT, PAUSES), max_size=10),
     steps=st.sets(st.integers(0, 9)),

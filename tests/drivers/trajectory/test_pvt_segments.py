@@ -6,7 +6,7 @@ from itertools import accumulate
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
@@ -14,7 +14,6 @@ from drivers.pmac.language.errors import PmacError
 from tests.drivers.trajectory.motion import assert_smooth, linear, motion, planner_for, pvt
 
 
-@settings(max_examples=80)
 @given(
     segments=st.lists(
         st.tuples(st.integers(-1000, 1000), st.integers(-20, 20), st.integers(1, 300)), min_size=1, max_size=8

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import TURBO
@@ -28,7 +28,6 @@ def jog(distance: float, *, speed: float, ta: float = 10.0, ts: float = 0.0, lim
     return Motion(jog_to(0.0, distance, JogSettings(acceleration=limit, ta_ms=ta, ts_ms=ts, speed=speed)))
 
 
-@settings(max_examples=80)
 @given(
     distance=st.integers(-5000, 5000),
     speed=st.integers(1, 40),

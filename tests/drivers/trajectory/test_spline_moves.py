@@ -6,7 +6,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
@@ -38,7 +38,6 @@ def spline_motion(points: list[float], times: list[float], uniform: bool) -> Mot
 POINTS = st.lists(st.integers(-1000, 1000).map(float), min_size=1, max_size=8)
 
 
-@settings(max_examples=80)
 @given(points=POINTS, ms=st.integers(1, 200))
 def test_spline1_is_the_uniform_cubic_b_spline(points: list[float], ms: int) -> None:
     times = [float(ms)] * len(points)
@@ -49,7 +48,6 @@ def test_spline1_is_the_uniform_cubic_b_spline(points: list[float], ms: int) -> 
     assert_smooth(made.pieces, (0.0,), stroke)
 
 
-@settings(max_examples=80)
 @given(moves=st.lists(st.tuples(st.integers(-1000, 1000).map(float), st.integers(1, 90)), min_size=1, max_size=8))
 def test_spline2_is_the_non_uniform_cubic_b_spline(moves: list[tuple[float, int]]) -> None:
     points, times = [p for p, _ in moves], [float(ms) for _, ms in moves]
