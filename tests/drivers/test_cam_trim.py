@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from drivers.pmac.programs.cam_trim import MOST_TRIM_UM, trim_line
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import JobMaker
 from tests.drivers.cut_floor import FAMILIES, CutFloor, Floats, of_family, short, with_inverter
+
+LONG_MM = 2.0
+"""54 turns: some before the wave, some while it comes, and some behind it."""
 
 TRIM_UM = cmath.rect(5.0, 1.1)
 COUNTS_PER_DEG = 10_000 / 360.0
@@ -36,7 +40,8 @@ def added_um(floor: CutFloor, spindle: Floats) -> Floats:
 def test_the_wave_that_is_asked_for_is_added_smoothly_and_gone_when_the_tool_is_out(
     machine: MachineProfile, experiment: JobMaker, family: str
 ) -> None:
-    floor = CutFloor(short(experiment), of_family(machine, family), Strategy.CAM, trimmed=True)
+    job = replace(experiment(1), cut_length_mm=LONG_MM)
+    floor = CutFloor(job, of_family(machine, family), Strategy.CAM, trimmed=True)
     floor.start()
     floor.card.sim.wait(ASKED_S)
     floor.card.tell(trim_line(TRIM_UM, 0.2))
@@ -93,7 +98,7 @@ def test_the_carriage_goes_back_to_the_row_of_zeros_and_no_further(
 
 
 def test_a_wave_that_no_host_of_ours_asks_for_is_not_cut(machine: MachineProfile, experiment: JobMaker) -> None:
-    floor = CutFloor(short(experiment), machine, Strategy.CAM, trimmed=True)
+    floor = CutFloor(replace(experiment(1), cut_length_mm=LONG_MM), machine, Strategy.CAM, trimmed=True)
     floor.start()
     floor.card.sim.wait(ASKED_S)
     floor.card.tell("P39=500 P40=0")

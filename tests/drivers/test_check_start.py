@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from drivers.cutting.planning import Strategy, plan_cut
@@ -77,7 +79,7 @@ def test_positions_are_read() -> None:
 def test_the_programs_of_the_project_have_no_fault_where_they_start(
     machine: MachineProfile, name: str, strategy: Strategy
 ) -> None:
-    plan = plan_cut(load_job(name).job, machine, strategy)
+    plan = plan_cut(replace(load_job(name).job, cut_length_mm=0.5), machine, strategy)
     counts = {1: plan.tool_start, 2: plan.spindle_start, 3: plan.carriage_start}
     comment = start_comment(read_definitions(machine.controller.axis_definitions), counts)
     checked = check_program(f"{comment}\n{plan.text}", machine)

@@ -61,9 +61,14 @@ def read(card: Commissioned) -> Configuration:
     return read_configuration(card.client, card.dialect, whole_card(card.dialect))
 
 
-def test_what_was_read_is_in_the_file(machine: MachineProfile) -> None:
-    card = dressed(machine)
-    found = read(card)
+@pytest.fixture(scope="module")
+def plain(machine: MachineProfile) -> Configuration:
+    """What is read of a card with something of everything."""
+    return read(dressed(machine))
+
+
+def test_what_was_read_is_in_the_file(plain: Configuration) -> None:
+    found = plain
     assert found.settings[104] == 0xC00C
     assert found.axes == {
         1: AxisEntry(1, "X"),
@@ -90,9 +95,8 @@ def test_reading_asks_and_writes_nothing_but_the_marker_of_the_link(machine: Mac
     assert card.sim.controller.variables.settings() == before
 
 
-def test_a_backup_can_be_sent_to_another_card(machine: MachineProfile) -> None:
-    first = dressed(machine)
-    kept = read(first)
+def test_a_backup_can_be_sent_to_another_card(machine: MachineProfile, plain: Configuration) -> None:
+    kept = plain
     other = commissioned(machine)
     other.factory()
     other.tell("UNDEFINE ALL")
@@ -118,19 +122,18 @@ def test_a_limit_of_zero_stands_on_a_line_of_its_own_and_says_so(machine: Machin
         assert limits.isdisjoint(f"I{index}" for index in range(int(first), int(last) + 1)), line
 
 
-def test_addresses_are_written_as_addresses(machine: MachineProfile) -> None:
-    assert "\nI104=$C00C\n" in backup_text(read(dressed(machine)), DATE)
+def test_addresses_are_written_as_addresses(plain: Configuration) -> None:
+    assert "\nI104=$C00C\n" in backup_text(plain, DATE)
 
 
-@pytest.mark.parametrize("form", [0, 1, 2, 3])
-def test_the_form_in_which_the_card_answers_does_not_matter(machine: MachineProfile, form: int) -> None:
+def test_the_form_in_which_the_card_answers_does_not_matter(machine: MachineProfile, plain: Configuration) -> None:
     card = dressed(machine)
-    plain = read(card)
-    card.tell(f"I9={form}")
-    found = read(card)
-    assert found.settings[9] == form
-    assert {**found.settings, 9: plain.settings[9]} == plain.settings
-    assert found.pointers == plain.pointers
+    for form in (0, 1, 2, 3):
+        card.tell(f"I9={form}")
+        found = read(card)
+        assert found.settings[9] == form
+        assert {**found.settings, 9: plain.settings[9]} == plain.settings, form
+        assert found.pointers == plain.pointers, form
 
 
 @ON_ONE
@@ -148,8 +151,8 @@ def test_the_form_in_which_the_card_answers_does_not_matter(machine: MachineProf
         (lambda text: "", "controller.no_backup"),
     ],
 )
-def test_what_is_no_unchanged_backup_is_refused(machine: MachineProfile, change: object, code: str) -> None:
-    text = backup_text(read(commissioned(machine)), DATE)
+def test_what_is_no_unchanged_backup_is_refused(plain: Configuration, change: object, code: str) -> None:
+    text = backup_text(plain, DATE)
     assert callable(change)
     with pytest.raises(ProfileError) as refused:
         read_backup(change(text), "file")
@@ -178,6 +181,7 @@ def test_what_a_password_hides_is_named(machine: MachineProfile) -> None:
     assert read_backup(backup_text(found, DATE), "file").configuration == found
 
 
+@ON_ONE
 @pytest.mark.parametrize(
     ("line", "what"),
     [
@@ -190,9 +194,8 @@ def test_what_a_password_hides_is_named(machine: MachineProfile) -> None:
         ("#1DELETE COMP", "#1 COMP"),
     ],
 )
-def test_a_difference_is_named(machine: MachineProfile, line: str, what: str) -> None:
-    card = dressed(machine)
-    before = read(card)
+def test_a_difference_is_named(machine: MachineProfile, plain: Configuration, line: str, what: str) -> None:
+    card, before = dressed(machine), plain
     for part in line.replace(" CLEAR", "\rCLEAR").replace(" P5", "\rP5").replace(" DWELL", "\rDWELL").split("\r"):
         card.tell(*(["CLOSE"] if part == "CLOSE" else part.split(" CLOSE")[:1]))
     card.tell("CLOSE")
@@ -200,9 +203,8 @@ def test_a_difference_is_named(machine: MachineProfile, line: str, what: str) ->
     assert [check.facts.get("what_changed") or check.variable for check in found] == [what]
 
 
-def test_what_ordinary_work_changes_is_no_difference(machine: MachineProfile) -> None:
-    card = dressed(machine)
-    before = read(card)
+def test_what_ordinary_work_changes_is_no_difference(machine: MachineProfile, plain: Configuration) -> None:
+    card, before = dressed(machine), plain
     gather = card.dialect.gathering
     modal = card.dialect.system_index(1, 87)
     card.tell(f"I{modal}=20", f"I{gather.period}=3", f"I{gather.masks[0]}=1", "P7=3", "I6=1")

@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 
 from drivers.commissioning.check import Check
+from drivers.commissioning.fingerprint import fingerprint_problems, ours, read_fingerprint
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.proofs.motion import pvt_rounding
 from drivers.commissioning.proofs.proving import prove, servo_rate
@@ -36,10 +37,13 @@ def proofs(card: Commissioned) -> dict[str, Check]:
     return {check.code: check for check in proven.checks}
 
 
-def test_everything_holds_and_the_card_is_as_before(machine: MachineProfile) -> None:
+def test_everything_holds_with_the_numbers_of_the_family_and_the_card_is_as_before(
+    machine: MachineProfile,
+) -> None:
     card = commissioned(machine)
     card.tell(f"M{card.dialect.highest_index}->Y:$5,3")
     before = read_configuration(card.client, card.dialect, whole_card(card.dialect))
+    fingerprint = read_fingerprint(card.client, machine, card.dialect)
     card.line.heard = b""
     found = proofs(card)
     assert {code for code, check in found.items() if check.severity is Severity.OK} == {
@@ -54,10 +58,8 @@ def test_everything_holds_and_the_card_is_as_before(machine: MachineProfile) -> 
     assert other <= definitions(machine, card.dialect).keys()
     assert now.plcs.keys() - before.plcs.keys() == {20}
     assert replace(now, plcs={}, pointers={}) == replace(before, plcs={}, pointers={})
-
-
-def test_the_numbers_are_those_of_the_family(machine: MachineProfile) -> None:
-    found = proofs(commissioned(machine))
+    again = read_fingerprint(card.client, machine, card.dialect)
+    assert fingerprint_problems(fingerprint, again, ours(machine, card.dialect)) == ()
     assert found["proof_source_delay"].found == "tool 1, carriage 0"  # the spindle is motor 2, between them
     exact = machine.controller.family == "turbo"
     assert found["proof_pvt_rounding"].wanted == ("10.4 ms" if exact else "10 ms")

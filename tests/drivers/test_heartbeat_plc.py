@@ -169,7 +169,7 @@ def test_the_place_of_the_tool_counts_with_the_bias_of_its_axis(machine: Machine
 
 
 @pytest.mark.parametrize(("dialect", "activity"), [(PMAC, 1), (TURBO, 2)], ids=["pmac jog", "turbo cut"])
-def test_a_lease_renewed_for_an_hour_ends_nothing(
+def test_a_lease_renewed_for_ten_minutes_ends_nothing(
     machine: MachineProfile, dialect: Dialect, activity: int
 ) -> None:
     """Every 50 ms, the scan at the worst moment: right in front of the next renewal."""
@@ -177,12 +177,12 @@ def test_a_lease_renewed_for_an_hour_ends_nothing(
     card.show({**CLOSED, "M1000": 1.0})
     card.bench.set("P1003", activity)
     name, _, value = watchdog_line(dialect).partition("=")
-    for _ in range(3600 * 20):
+    for _ in range(600 * 20):
         card.bench.set(name, float(value))
         assert card.scan(112) == []
     assert card.bench.value("P1003") == activity
     assert card.bench.value("P1004") == 0
-    assert card.bench.value("P1002") == 3600 * 20
+    assert card.bench.value("P1002") == 600 * 20
 
 
 @pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=lambda dialect: dialect.name)

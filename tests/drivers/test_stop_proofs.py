@@ -40,7 +40,16 @@ def no_motion(card: Commissioned) -> bool:
 
 
 def test_every_stop_is_entered_with_what_the_ramps_make_of_it(machine: MachineProfile) -> None:
-    found = measured(commissioned(machine))
+    """The tool makes its lobe in air meanwhile, and the spindle turns."""
+    card = commissioned(machine)
+    track: list[tuple[float, float]] = []
+
+    def look() -> None:
+        motors = card.sim.controller.motors
+        if card.sim.controller.systems[1].running:
+            track.append((motors[1].position, motors[2].position))
+
+    found = prove_stops(replace(card.bench(), clock=Watched(card.sim, look)))
     assert {(e.way, e.origin, e.axis) for e in found.entries} == needed_stops(machine)
     assert failed(found) == []
     for met in found.entries:
@@ -63,6 +72,11 @@ def test_every_stop_is_entered_with_what_the_ramps_make_of_it(machine: MachinePr
     assert silent.distance_mm is not None and 2.8 <= silent.distance_mm <= 3.6
     cut = entry(found, Way.WATCHDOG, Origin.CUT, "spindle")
     assert 0.3 < cut.time_s < 2.0  # docs/heartbeat.md: all at rest within 2 s
+    tool = [position for position, _ in track]
+    # Never further in than a millimetre and half of 55 um, with a tenth for the servo; never behind its home.
+    assert 5000.0 + 100.0 < max(tool) < 5000.0 + 137.5 * 1.1
+    assert min(tool) > -20.0
+    assert max(position for _, position in track) - min(position for _, position in track) > 3 * 100_000
 
 
 def test_the_lobe_in_air_is_the_fastest_of_the_machine(machine: MachineProfile) -> None:
@@ -71,24 +85,6 @@ def test_the_lobe_in_air_is_the_fastest_of_the_machine(machine: MachineProfile) 
     assert (cut.turn_ms, round(cut.tool, 1), round(cut.spindle, 2)) == (60, 43.2, 166.67)
     slow = replace(machine, spindle=replace(machine.spindle, max_speed_rpm=500.0))
     assert air_cut(slow).turn_ms == 120
-
-
-@ON_ONE
-def test_the_tool_makes_its_lobe_in_air_and_the_spindle_turns(machine: MachineProfile) -> None:
-    card = commissioned(machine)
-    track: list[tuple[float, float]] = []
-
-    def look() -> None:
-        motors = card.sim.controller.motors
-        if card.sim.controller.systems[1].running:
-            track.append((motors[1].position, motors[2].position))
-
-    prove_stops(replace(card.bench(), clock=Watched(card.sim, look)))
-    tool = [position for position, _ in track]
-    # Never further in than a millimetre and half of 55 um, with a tenth for the servo; never behind its home.
-    assert 5000.0 + 100.0 < max(tool) < 5000.0 + 137.5 * 1.1
-    assert min(tool) > -20.0
-    assert max(position for _, position in track) - min(position for _, position in track) > 3 * 100_000
 
 
 def test_nothing_moves_where_no_plc_may_run(machine: MachineProfile) -> None:
