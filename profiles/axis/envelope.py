@@ -25,6 +25,7 @@ from profiles.problem import ProfileError
 AMPLITUDES_UM = (5.0, 16.5, 27.5, 50.0, 100.0, 200.0, 500.0, 1000.0)
 RESERVED_N = 100.0  # cutting force that is reserved
 _LEAST_HZ, _MOST_HZ, _GRID = 0.05, 1e5, 4000
+_REFINED, _PARTS = 7, 64  # a crossing is found to 64^-7 of a step of the grid
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,7 +126,7 @@ def speed_limits_rpm(
 def first_beyond(measure: Callable[[Floats], Floats], limit: float, top_hz: float) -> float | None:
     """Return the lowest frequency below `top_hz` at which `measure` exceeds a limit, None where it never does.
 
-    The crossing lies between two points of a grid and is refined by bisection.
+    The crossing lies between two points of a grid and is refined in parts of parts.
     """
     grid = np.geomspace(_LEAST_HZ, top_hz, _GRID)
     above = measure(grid) > limit
@@ -133,7 +134,11 @@ def first_beyond(measure: Callable[[Floats], Floats], limit: float, top_hz: floa
         return None
     place = int(np.argmax(above))
     low, high = float(grid[max(place - 1, 0)]), float(grid[place])
-    return _bisected(lambda hz: float(measure(np.array([hz]))[0]) <= limit, low, high, 40)[1]
+    for _ in range(_REFINED):
+        between = np.linspace(low, high, _PARTS + 1)
+        first = int(np.argmax(~(measure(between[1:]) <= limit))) + 1
+        low, high = float(between[first - 1]), float(between[first])
+    return high
 
 
 def nyquist_hz(machine: MachineProfile) -> float:

@@ -108,12 +108,12 @@ def _powers(angle_deg: Floats, left: Floats, highest: int) -> Floats:
 
 def _lines(powers: Floats) -> NDArray[np.bool_]:
     """Return which powers are far above their neighbours."""
-    found = np.zeros(powers.size, dtype=bool)
-    for place, power in enumerate(powers):
-        first = min(max(place - _NEIGHBOURS, 0), powers.size - 2 * _NEIGHBOURS - 1)
-        beside = np.delete(powers, place)[max(first, 0) : max(first, 0) + 2 * _NEIGHBOURS]
-        found[place] = power > _LINE * float(np.median(beside))
-    return found
+    places = np.arange(powers.size)
+    width = min(2 * _NEIGHBOURS + 1, powers.size)
+    firsts = np.clip(places - _NEIGHBOURS, 0, powers.size - width)
+    others = np.arange(width) != (places - firsts)[:, None]
+    beside = np.lib.stride_tricks.sliding_window_view(powers, width)[firsts][others].reshape(-1, width - 1)
+    return np.asarray(powers > _LINE * np.median(beside, axis=1))
 
 
 def _with_the_rest(

@@ -15,7 +15,7 @@ from console.cli.measured.comparison import head, rows
 from console.session.reproduction.numbers import NUMBERS
 from profiles.paper import acceptance
 from profiles.paper.experiments import Experiments, lee_2001
-from profiles.paper.record import Record, Relation
+from profiles.paper.record import Record, Relation, Section
 from tests.acceptance.document import TEXT, compare_block, table_lines
 
 pytestmark = pytest.mark.timeout(300)
@@ -74,13 +74,13 @@ def paper() -> Experiments:
 
 
 @cache
-def by_formula() -> tuple[Record, ...]:
-    return acceptance.section(paper()).records
+def by_formula() -> Section:
+    return acceptance.section(paper())
 
 
 @pytest.mark.parametrize("number", range(1, 13))
 def test_the_number_comes_out(number: int) -> None:
-    records = [record for record in by_formula() if record.number == number]
+    records = [record for record in by_formula().records if record.number == number]
     if number in NUMBERS:
         records += NUMBERS[number](paper())
     assert records
@@ -89,7 +89,7 @@ def test_the_number_comes_out(number: int) -> None:
     met = {f"{record.name} {record.at}": record.ours for record in records}
     for name, (expected, tolerance) in WANTED[number].items():
         assert met[name] == pytest.approx(expected, abs=tolerance), name
-    lines = table_lines(head(acceptance.section(paper()), TEXT), records)
+    lines = table_lines(head(by_formula(), TEXT), records)
     compare_block(f"number {number}", lines, measured=number in NUMBERS)
 
 

@@ -14,6 +14,7 @@ from drivers.pmac.trajectory.jog import JogSettings
 from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from tests.drivers.commissioned import Commissioned, commissioned
+from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine  # both families
 
 FRESH = {"pmac": set(), "turbo": {"watchdog"}}
@@ -37,6 +38,7 @@ def test_every_group_is_looked_at(machine: MachineProfile) -> None:
     assert list(dict.fromkeys(groups)) == [group for group in Group if group is not Group.PROOFS]
 
 
+@ON_ONE
 @pytest.mark.parametrize(
     ("line", "code", "variable", "value", "wanted"),
     [

@@ -35,7 +35,7 @@ def test_a_lobe_that_grows_leaves_the_ends_off_unless_the_path_grows_with_it(
     machine: MachineProfile, experiment: JobMaker
 ) -> None:
     """10 % a mm, 0.4 of the cut from its middle: a path of one size leaves that share of 55 um at either end."""
-    even = short(experiment)
+    even = replace(short(experiment), cut_length_mm=2.0)
     grown = replace(even, lobe_growth_percent_per_mm=GROWTH_PERCENT_PER_MM)
     end_mm = 0.4 * even.cut_length_mm
     left_um: dict[bool, list[float]] = {}

@@ -62,7 +62,7 @@ def told(machine: MachineProfile, dialect: Dialect, clients: int, program: tuple
     for line in ("OPEN PROG 1 CLEAR", *program, "CLOSE"):
         say(line)
     say("&1B1R")
-    for tick in range(200):
+    for tick in range(120):
         for place, port in enumerate(polling):
             port.receive(QUESTIONS[(tick + place) % len(QUESTIONS)])
             if place % 2:

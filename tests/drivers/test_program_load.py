@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import pytest
 
@@ -64,11 +64,19 @@ def test_a_program_is_loaded_with_its_subprogram_and_listed(bench: Recorded) -> 
     assert bench.client.faults.total == 0
 
 
-@pytest.mark.parametrize("place", range(15))
 @pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(
+    ("dialect", "places"), [(PMAC, range(15)), (TURBO, (0, 8))], ids=lambda each: getattr(each, "name", "")
+)
 def test_a_fault_at_any_line_leaves_no_buffer_open_and_no_line_is_sent_twice(
-    bench: Recorded, fault: str, place: int
+    machine: MachineProfile, dialect: Dialect, places: Iterable[int], fault: str
 ) -> None:
+    for place in places:
+        fault_at(place, fault, recorded(machine, dialect))
+
+
+def fault_at(place: int, fault: str, bench: Recorded) -> None:
+    """Load a program on a line with a fault in one place, and once more where the fault has passed."""
     program = read_program(TEXT)
 
     def lines() -> Iterator[str]:

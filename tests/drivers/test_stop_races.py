@@ -165,7 +165,7 @@ def test_a_spindle_that_runs_out_after_a_kill_is_proven_at_rest(bench: Bench) ->
     snapshot = lathe.wait_for_rest()
     assert snapshot.loops_open
     turned = bench.sim.controller.motors[2].actual
-    bench.sim.wait(10.0)
+    bench.sim.wait(3.0)
     assert bench.sim.controller.motors[2].actual == pytest.approx(turned, abs=50)
 
 

@@ -128,14 +128,14 @@ def test_with_noise_the_truth_is_within_the_confidence() -> None:
 
 
 def test_the_confidence_holds_where_the_scatter_grows_with_the_deflection() -> None:
-    """5 % of each deflection, 30 tables: with the same scatter everywhere three of four would hold it."""
+    """5 % of each deflection, 20 tables: with the same scatter everywhere three of four would hold it."""
     rng, true_um = np.random.default_rng(1), FEW["deflection_um"]
     held = []
-    for _ in range(30):
+    for _ in range(20):
         measured = true_um * (1.0 + 0.05 * rng.normal(0.0, 1.0, true_um.size))
         fit = fitted({**FEW, "deflection_um": measured}, LENGTH)
         held.append([abs(fit.stiffness_n_per_um - K) < fit.stiffness_ci, abs(fit.alpha - ALPHA) < fit.alpha_ci])
-    assert np.mean(held) > 0.866  # 95 %, less three sd of a share of 60
+    assert np.mean(held) > 0.846  # 95 %, less three sd of a share of 40
 
 
 def test_a_measurement_that_stands_off_is_named() -> None:

@@ -67,7 +67,7 @@ def test_without_noise_it_is_exact_at_any_angles(
 
 @pytest.mark.parametrize(
     ("points", "sigma", "sd_um", "sd_rad"),
-    [(360, 3.0, 0.2236, 0.00813), (72, 3.0, 0.5000, 0.0182), (360, 1.0, 0.0745, 0.00271)],
+    [(72, 3.0, 0.5000, 0.0182), (360, 1.0, 0.0745, 0.00271)],
 )
 def test_the_confidence_is_that_of_repeated_measurements(
     points: int, sigma: float, sd_um: float, sd_rad: float
@@ -87,7 +87,7 @@ def test_the_confidence_is_that_of_repeated_measurements(
     assert np.mean(aimed) == pytest.approx(0.95, abs=0.046)
 
 
-@pytest.mark.parametrize(("memory", "points"), [(0.9, 360), (0.9, 72), (0.9, 720), (0.95, 360), (0.5, 360)])
+@pytest.mark.parametrize(("memory", "points"), [(0.9, 72), (0.95, 360), (0.5, 360)])
 def test_the_confidence_holds_where_neighbouring_points_err_alike(memory: float, points: int) -> None:
     """AR(1) residuals of a known lobe, 150 traces: taken for white, 30 % of the half-widths hold it at 0.9."""
     rng, angle = np.random.default_rng(20), turn(points)

@@ -144,7 +144,7 @@ def test_later_parts_learn_half_of_the_noise_of_one() -> None:
     rng = np.random.default_rng(3)
     first = taught(CutWith(path=MODEL, share=1.0, version=None), part({3: 1.0 + 0j}, noise_um=1e-9)).next
     cut, off = CutWith(path=MODEL, share=1.0, version=first), []
-    for _ in range(150):
+    for _ in range(75):
         clamped = complex(rng.normal(), rng.normal())
         step = taught(cut, part({3: left(cut.path, 1.0, 1.0)[3] + clamped}, noise_um=1e-9))
         cut = CutWith(path=step.next.path, share=1.0, version=first)
