@@ -7,16 +7,19 @@ paper's; it stands in the records with its tolerance. Those of the lathe are rea
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import pytest
 
-from console.cli.measured.comparison import head, rows
+from console.cli.measured.comparison import ACCEPTANCE, head, rows
 from console.session.reproduction.numbers import NUMBERS
 from profiles.paper import acceptance
 from profiles.paper.experiments import Experiments, lee_2001
 from profiles.paper.record import Record, Relation, Section
 from tests.acceptance.document import TEXT, compare_block, table_lines
+from tests.compact import close_together
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -74,22 +77,46 @@ def paper() -> Experiments:
 
 
 @cache
+def close_by() -> Experiments:
+    """The same on a lathe with everything close together."""
+    return replace(paper(), machine=close_together(paper().machine))
+
+
+@cache
 def by_formula() -> Section:
     return acceptance.section(paper())
 
 
-@pytest.mark.parametrize("number", range(1, 13))
+BY_BOTH = 5
+"""The number that has formulas beside its cuts."""
+
+OF_THE_PATH = {6, 7, 8}
+"""Those that do not mind how the tool came to the part; what the way needed stays in the slow integrator."""
+
+
+def test_the_numbers_of_formulas_come_out() -> None:
+    of_cuts = NUMBERS.keys() - {BY_BOTH}
+    assert {record.number for record in by_formula().records} == set(range(1, 13)) - of_cuts
+    for number in sorted(set(range(1, 13)) - NUMBERS.keys()):
+        comes_out(number, [record for record in by_formula().records if record.number == number])
+
+
+@pytest.mark.parametrize("number", NUMBERS)
 def test_the_number_comes_out(number: int) -> None:
-    records = [record for record in by_formula().records if record.number == number]
-    if number in NUMBERS:
-        records += NUMBERS[number](paper())
+    formulas = by_formula().records if number == BY_BOTH else ()
+    cut = NUMBERS[number](close_by() if number in OF_THE_PATH else paper())
+    comes_out(number, [*(each for each in formulas if each.number == number), *cut])
+
+
+def comes_out(number: int, records: Sequence[Record]) -> None:
+    """Compare a number with what must come out, and with what is told of it."""
     assert records
     assert {record.number for record in records} == {number}
     assert [row for row, record in zip(rows(records, TEXT), records, strict=True) if record.holds is False] == []
     met = {f"{record.name} {record.at}": record.ours for record in records}
     for name, (expected, tolerance) in WANTED[number].items():
         assert met[name] == pytest.approx(expected, abs=tolerance), name
-    lines = table_lines(head(by_formula(), TEXT), records)
+    lines = table_lines(head(Section(ACCEPTANCE, ()), TEXT), records)
     compare_block(f"number {number}", lines, measured=number in NUMBERS)
 
 

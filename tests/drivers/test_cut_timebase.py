@@ -134,12 +134,11 @@ def test_a_hold_while_the_spindle_runs_down_still_ends_with_a_turn(
     assert track.tool_told[-1] == pytest.approx(floor.plan.setup.retracted, abs=1e-6)
 
 
-@FAMILIES
 def test_a_spindle_that_stands_freezes_the_tool_and_an_abort_with_a_jog_takes_it_out(
-    machine: MachineProfile, experiment: JobMaker, family: str
+    machine: MachineProfile, experiment: JobMaker
 ) -> None:
     """A hold is not seen, because no turn comes to its end; jogs are not on the spindle's time."""
-    floor = CutFloor(short(experiment), of_family(machine, family), Strategy.TIMEBASE)
+    floor = CutFloor(short(experiment), machine, Strategy.TIMEBASE)
     card, plan = floor.card, floor.plan
     floor.start()
     card.sim.wait(4.0)

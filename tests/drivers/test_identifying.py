@@ -37,6 +37,11 @@ SAMPLED = {10.0: (1.0215, -0.168), 30.0: (0.9811, -0.556), 50.0: (0.8850, -0.903
 GAINS = gains_from_variables(load_machine("lee-2001-lathe").machine)
 """As the card has them, in V/m: whatever the iron is."""
 
+FAMILY_AND_PATH = pytest.mark.parametrize(
+    ("machine", "path"), [("pmac", Strategy.PVT), ("turbo", Strategy.CAM)], indirect=["machine"]
+)
+"""Each family and each path: what is said of them is so of every pair."""
+
 CYCLE_S = 3_713_707 / 8_388_608_000
 DATE = "2001-11-30T14:05:00.000Z"
 
@@ -60,12 +65,15 @@ def late(response: complex, frequency_hz: float, cycles: int) -> complex:
 
 
 @pytest.mark.parametrize(
-    ("path", "cycles", "how", "frequencies_hz"),
+    ("machine", "path", "cycles", "how", "frequencies_hz"),
     [
-        (Strategy.PVT, 0, "measured", TABLE_5_HZ),
-        (Strategy.CAM, 1, "measured", (30.0, 70.0)),
-        (Strategy.TIMEBASE, 1, "composed", (30.0, 70.0)),
+        ("pmac", Strategy.PVT, 0, "measured", TABLE_5_HZ),
+        ("pmac", Strategy.CAM, 1, "measured", (30.0, 70.0)),
+        ("pmac", Strategy.TIMEBASE, 1, "composed", (30.0, 70.0)),
+        ("turbo", Strategy.PVT, 0, "measured", (30.0, 70.0)),
+        ("turbo", Strategy.CAM, 1, "measured", (30.0, 70.0)),
     ],
+    indirect=["machine"],
 )
 def test_the_nominal_loop_is_found_on_each_path_with_the_age_of_its_source(
     machine: MachineProfile, path: Strategy, cycles: int, how: str, frequencies_hz: tuple[float, ...]
@@ -160,7 +168,7 @@ def test_other_gains_are_another_origin_and_another_response(machine: MachinePro
     assert off_deg(point, target) < 0.2
 
 
-@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+@FAMILY_AND_PATH
 def test_the_card_is_as_before_and_the_machine_at_rest(machine: MachineProfile, path: Strategy) -> None:
     of = ready(machine)
     of.rig.lathe.program.tables_left()  # points a variable of the console at the correction
@@ -200,7 +208,7 @@ def _kept(positions: list[float], places: list[float]) -> list[float]:
     return positions
 
 
-@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+@FAMILY_AND_PATH
 def test_a_stop_ends_it_with_the_drives_off_and_nothing_left(machine: MachineProfile, path: Strategy) -> None:
     of = ready(machine)
     end = of.sim.now_s() + 1.5
@@ -305,7 +313,7 @@ def test_a_host_that_is_held_up_finds_the_motion_ended(machine: MachineProfile, 
     _left_safe(of)
 
 
-@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+@FAMILY_AND_PATH
 def test_without_its_host_the_tool_is_at_rest_within_a_second(machine: MachineProfile, path: Strategy) -> None:
     """The program looks at the lease of 0.3 s in each of its segments, and needs 0.4 s to fade."""
     of = ready(machine)
