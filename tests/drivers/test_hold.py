@@ -183,7 +183,7 @@ def test_a_hold_before_the_feed_ends_clear_of_the_part(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:
     """The paper program has begun its first turn by then: the controller calculates one move ahead."""
-    plan = aligned(bench, replace(experiment(1), cut_length_mm=1.0), machine, strategy)
+    plan = aligned(bench, replace(experiment(1), cut_length_mm=0.3), machine, strategy)
     found = run(bench, plan, 0.5 * RUN_UP_S)
     turns = 1 if strategy is Strategy.PAPER else 0
     assert found.carriage_command.max() <= plan.carriage_start + turns * plan.setup.carriage_per_turn + 1e-6
@@ -196,8 +196,8 @@ def test_a_hold_before_the_feed_ends_clear_of_the_part(
 def test_a_held_program_runs_from_its_beginning_the_next_time(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:
-    plan = aligned(bench, replace(experiment(1), cut_length_mm=1.0), machine, strategy)
-    assert run(bench, plan, 2.9).turns < plan.setup.turns - 5
+    plan = aligned(bench, replace(experiment(1), cut_length_mm=0.5), machine, strategy)
+    assert run(bench, plan, 2.4).turns < plan.setup.turns - 5
     bench.to_start(plan)
     assert run(bench, plan, None).turns == pytest.approx(np.ceil(plan.setup.turns - 1e-6), abs=0.05)
 
