@@ -149,7 +149,7 @@ def _pointers(judged: Judged) -> Iterator[Check]:
     timers = [f"{space}:${address:X}" for space, address in judged.dialect.timer_words]
     if timer is not None and timers and not any(timer.startswith(f"{word},") for word in timers):
         name, wanted = f"M{WATCHDOG_TIMER}->", ", ".join(timers)
-        yield Check(Group.PROGRAMS, "lease_timer", Severity.WARNING, variable=name, found=timer, wanted=wanted)
+        yield Check(Group.PROGRAMS, "heartbeat_timer", Severity.WARNING, variable=name, found=timer, wanted=wanted)
 
 
 def motor_rules(judged: Judged) -> list[Check]:

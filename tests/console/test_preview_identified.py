@@ -126,7 +126,7 @@ def test_what_may_be_friction_counts_where_the_cut_swings_further_than_what_was_
 
 
 @pytest.mark.parametrize("path", ["pvt", "cam"])
-def test_what_is_foreseen_is_of_the_strategy_whose_path_was_identified(
+def test_what_is_predicted_is_of_the_strategy_whose_path_was_identified(
     console: Console, tmp_path: Path, job_file: JobFile, path: str
 ) -> None:
     words = (str(job_file(cut_length_mm="1.0")), "--strategy", path, "--identified", str(file_of(tmp_path, path)))

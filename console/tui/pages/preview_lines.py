@@ -59,7 +59,7 @@ class Margin:
         return None if self.need is None or self.limit is None else 100.0 * self.need / self.limit
 
 
-def foreseen(seen: Underway, strategy: Strategy) -> Prediction | ClosedForm | None:
+def predicted(seen: Underway, strategy: Strategy) -> Prediction | ClosedForm | None:
     """Return the predicted result of a strategy's program; until that exists, its closed form, if any."""
     if strategy in seen.strategies:
         return seen.predictions.get(strategy)
@@ -172,7 +172,7 @@ def margins(seen: Underway, strategy: Strategy) -> tuple[Margin, ...]:
 
 
 def _needs(seen: Underway, strategy: Strategy) -> dict[str, float]:
-    made = foreseen(seen, strategy)
+    made = predicted(seen, strategy)
     if made is not None:
         stroke_um, lobe_hz, demands = made.stroke_um, made.lobe_frequency_hz, made.demands
     elif strategy in seen.strategies:  # there is no program: the needs of the inverse may explain why
@@ -247,7 +247,7 @@ def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int
     plan, prediction = seen.strategies.get(strategy), seen.predictions.get(strategy)
     if isinstance(plan, ProblemError):
         return []
-    made = foreseen(seen, strategy)
+    made = predicted(seen, strategy)
     depth = UNKNOWN if prediction is None else f"{prediction.mean_um:.1f}"
     speed = UNKNOWN if plan is None else f"{plan.spindle_speed_rpm:.0f}"
     frequency = UNKNOWN if made is None else f"{made.lobe_frequency_hz:.1f}"
