@@ -326,7 +326,7 @@ def _reasons(
     if not learned:
         return (Problem(code="learned.nothing", limit=f"{SIGNIFICANT:g} sd"),)
     return tuple(
-        Problem(code="learned.wave_diverges", key=back, value=f"{n}/rev: {factor}", limit="< 1")
+        Problem(code="learned.harmonic_diverges", key=back, value=f"{n}/rev: {factor}", limit="< 1")
         for n, factor in sorted(grows.items())
         if n in learned
     )

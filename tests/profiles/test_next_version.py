@@ -273,7 +273,7 @@ def test_an_overtone_that_the_axis_makes_too_much_of_is_no_lesson_but_with_a_sma
     """Well at the lobe and 2.5 times too much of 9/rev, |1 - 0.7 (2.5 + 0.3j)| = 0.78: then 3.2 + 0.3j, 1.26."""
     for arrives, gain, factor, told in (
         (2.5 + 0.3j, 0.7, 0.7784, []),
-        (3.2 + 0.3j, 0.7, 1.2576, ["learned.wave_diverges"]),
+        (3.2 + 0.3j, 0.7, 1.2576, ["learned.harmonic_diverges"]),
         (3.2 + 0.3j, 0.3, 0.0985, []),
     ):
         true, wants = {3: 0.9 + 0j, 6: 1 + 0j, 9: arrives}, {3: LOBE, 9: 4.0 + 1j}
@@ -297,7 +297,7 @@ def test_an_overtone_is_judged_by_what_half_a_part_has_taught_too() -> None:
     cut = CutWith(path=first.path, fraction=1.0, version=first, parent=MODEL)
     worse = taught(cut, part(overtaken(first.path, true, wants), noise_um=0.01))
     assert worse.contractions[9].arrives == pytest.approx(-0.5, abs=0.02)
-    assert [problem.code for problem in worse.reasons] == ["learned.wave_diverges"]
+    assert [problem.code for problem in worse.reasons] == ["learned.harmonic_diverges"]
     small = taught(CutWith(path=MODEL, fraction=1.0, version=None), part({9: 0.05 + 0j}, noise_um=0.01)).next
     cut = CutWith(path=small.path, fraction=1.0, version=small, parent=MODEL)
     again = taught(cut, part({3: 0.05 + 0j, 9: 0.1 + 0j}, noise_um=0.01), scatter_um=0.5)

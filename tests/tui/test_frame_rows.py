@@ -191,7 +191,7 @@ def test_the_number_of_alarms_is_that_of_those_that_come_to_the_row(language: st
     assert "!!!" in row, "what stands is still shown"
 
 
-DOING = ("look", "rest", "program", "home tool", "jog carriage", "arm", "identify")
+DOING = ("poll", "rest", "program", "home tool", "jog carriage", "arm", "identify")
 """In what a fault is met, as the code has it."""
 
 

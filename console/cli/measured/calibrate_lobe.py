@@ -94,7 +94,7 @@ def _fields(found: FoundLobe) -> dict[str, object]:
 
 def _lines(found: FoundLobe, text: Catalogue) -> list[str]:
     fit = found.fit
-    columns = ("n", "amplitude", "confidence", "crest", "confidence", "significant")
+    columns = ("n", "amplitude", "confidence", "phase", "confidence", "significant")
     harmonics = [tuple(text(f"calibrate.column.{name}") for name in columns)]
     harmonics += [
         (
@@ -109,7 +109,7 @@ def _lines(found: FoundLobe, text: Catalogue) -> list[str]:
     ]
     facts = [(text("calibrate.error"), f"{fit.error_um_pp:.3f}", f"± {2 * fit.lobe.ci_um:.3f} um p-p")]
     if found.phase_deg is not None:
-        facts.append((text("calibrate.crest"), f"{found.phase_deg:.2f}", f"± {fit.lobe.ci_deg:.2f} deg"))
+        facts.append((text("calibrate.phase"), f"{found.phase_deg:.2f}", f"± {fit.lobe.ci_deg:.2f} deg"))
     if found.past_jaw_deg is not None:
         facts.append((text("calibrate.past_jaw"), f"{found.past_jaw_deg:z.2f}", "deg"))
     facts.append((text("calibrate.noise"), f"{fit.noise_um:.3f}", "um"))

@@ -18,7 +18,7 @@ from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 
 _BORDER_ROWS = 2
-WORSE = ("learned.diverges", "learned.wave_diverges")  # reasons to revert
+WORSE = ("learned.diverges", "learned.harmonic_diverges")  # reasons to revert
 MADE_WORSE = "learned.worse"  # a reason to check the set-up: reverting would not help
 ELSEWHERE = "learned.lobe_elsewhere"  # a reason to check the set-up before anything is kept
 
