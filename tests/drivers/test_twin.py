@@ -320,7 +320,7 @@ def test_friction_is_held_against_the_damping_of_the_plant(machine: MachineProfi
     """20 N s/m are 1.57 N of friction at 0.1 m/s, whatever the profile says."""
     path = tmp_path / "plant.toml"
     path.write_text("damping_n_s_per_m = 20.0\ncoulomb_friction_n = 3.0\n", encoding="utf-8")
-    with pytest.raises(ProfileError, match=r"coulomb_friction_n.*met 3 N.*<= 1.571 N"):
+    with pytest.raises(ProfileError, match=r"coulomb_friction_n.*actual 3 N.*<= 1.571 N"):
         plant_named(str(path), machine, 1)
 
 
