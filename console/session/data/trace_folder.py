@@ -24,7 +24,7 @@ def trace_folder(data: Path) -> Path:
 def offered(folder: Path) -> tuple[Path, ...]:
     """Return the files in a folder, newest first by their date of change; hidden ones and folders are left out.
 
-    Raises ProfileError: `file.not_readable`, the folder cannot be read.
+    Raises ProfileError: `file.unreadable`, the folder cannot be read.
     """
     found: list[tuple[int, str, Path]] = []
     try:
@@ -34,7 +34,7 @@ def offered(folder: Path) -> tuple[Path, ...]:
                 if status is not None and not entry.name.startswith("."):
                     found.append((status.st_mtime_ns, entry.name, Path(entry.path)))
     except OSError as error:
-        raise file_error("file.not_readable", folder, error) from error
+        raise file_error("file.unreadable", folder, error) from error
     return tuple(path for *_, path in sorted(found, reverse=True)[:MOST_OFFERED])
 
 

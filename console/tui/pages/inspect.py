@@ -189,7 +189,9 @@ class InspectPage(ChartPage):
             self.ui.control.post(Measure())
 
     def paint(self, view: View) -> None:
-        """Show the last part that was measured."""
+        """Show the last part that was measured; not under the trace chooser, which may have opened since."""
+        if self._chooser.is_open:
+            return
         state = view.state
         self._compare(state)
         learning = state.measured is not None and state.measured.learning is not None

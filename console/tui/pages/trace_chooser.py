@@ -79,7 +79,7 @@ class TraceChooser(Horizontal):
         #trace-files { width: 50%; height: 1fr; }
         #trace-facts { width: 1fr; height: 1fr; }
         #trace-path {
-            layer: entry; position: absolute; display: none; width: 1fr; height: 1; offset: 2 1;
+            layer: entry; position: absolute; display: none; width: 46%; height: 1; offset: 2 1;
             background: $background; color: $foreground;
         }
     }

@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
+from console.session.cut.run import FILTER_UPR
 from console.session.data.made_parts import CutPart
 from console.session.learning.imported import QUESTIONS, ImportedTrace
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, dim, fitted, hanging, line, name_in, ranged, wrapped
+from console.tui.pages.learn_lines import made_words
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.problem import Problem
@@ -78,7 +80,7 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     rows += [BLANK, _row(text("trace_import.points"), str(points), width)]
     rows.append(_row(text("trace_import.turns"), str(turns), width))
     rows += [_stated_row(found, key, text, width) for key in QUESTIONS]
-    circle = text("trace_import.judged_by", upr=_upr(found))
+    circle = text("trace_import.judged_by", upr=f"{FILTER_UPR:g}")
     rows.append(_row(text("trace_import.circle"), circle, width))
     ront = NOTHING if found.result is None else f"{found.result.ront_um:.2f} um"
     rows.append(_row("RONt", ront, width, Token.STRONG))
@@ -106,8 +108,9 @@ def _part_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
         return wrapped(text("trace_import.part.in_chuck"), width)
     if choice.part is None:
         return wrapped(text("trace_import.part.none"), width, Token.WARNING)
-    at = _local(choice.part.at_utc)
-    rows = wrapped(text("trace_import.part.recorded", at=at, made=printable(str(choice.part.made))), width)
+    at, made = _local(choice.part.at_utc), choice.part.made
+    how = f"{made.strategy}, {made_words(text, made.version, made.stage)}"
+    rows = wrapped(text("trace_import.part.recorded", at=at, made=how), width)
     if choice.part.cut_since:
         rows += hanging(("! ", Token.WARNING), text("trace_import.part.cut_since"), width, Token.WARNING)
     return rows
@@ -158,10 +161,6 @@ def _said(found: ImportedTrace, key: str, text: Catalogue) -> str:
     if value in QUESTIONS[key]:
         return text(f"trace_import.{key}.{value.replace(' ', '_')}")
     return printable(str(value), 40)
-
-
-def _upr(found: ImportedTrace) -> str:
-    return NOTHING if found.result is None else f"{found.result.filter_upr:g}"
 
 
 def _warnings(found: ImportedTrace) -> tuple[Problem, ...]:
