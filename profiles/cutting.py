@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from profiles.materials import Material
 
-PASSIVE_SHARE = 0.4  # radial force over main cutting force: 0.3 to 0.5 for a sharp tool square to the axis
-FEED_SHARE = 0.4  # axial force over main cutting force; no better value is known for a finishing cut
+PASSIVE_FRACTION = 0.4  # radial force over main cutting force: 0.3 to 0.5 for a sharp tool square to the axis
+FEED_FRACTION = 0.4  # axial force over main cutting force; no better value is known for a finishing cut
 THIN_CHIP_MM = 0.02
 EDGE_N_PER_MM = 7.5  # edge force at zero chip thickness, per mm of width: the middle of 5 to 10
 NEAR_A_MODE = 0.10
@@ -40,7 +40,7 @@ def cutting_force(
     feed_mm_per_rev: float,
     *,
     lead_deg: float = 90.0,
-    passive_share: float = PASSIVE_SHARE,
+    passive_fraction: float = PASSIVE_FRACTION,
     edge_n_per_mm: float = EDGE_N_PER_MM,
 ) -> CuttingForce:
     """Return F_c = kc1.1 b h^(1 - mc), with b = ap / sin(kappa), h = f sin(kappa), and its components.
@@ -51,18 +51,22 @@ def cutting_force(
     width_mm, chip_mm = depth_mm / sine, feed_mm_per_rev * sine
     main_n: float = material.kc1_n_per_mm2 * width_mm * chip_mm ** (1 - material.chip_exponent)
     main_n += edge_n_per_mm * width_mm * max(0.0, 1 - chip_mm / THIN_CHIP_MM)
-    return CuttingForce(main_n=main_n, passive_n=passive_share * main_n, feed_n=FEED_SHARE * main_n)
+    return CuttingForce(main_n=main_n, passive_n=passive_fraction * main_n, feed_n=FEED_FRACTION * main_n)
 
 
 def radial_cutting_stiffness_n_per_mm2(
-    material: Material, feed_mm_per_rev: float, *, lead_deg: float = 90.0, passive_share: float = PASSIVE_SHARE
+    material: Material,
+    feed_mm_per_rev: float,
+    *,
+    lead_deg: float = 90.0,
+    passive_fraction: float = PASSIVE_FRACTION,
 ) -> float:
     """Return K_r: the additional passive force per mm of chip thickness and mm of width.
 
     Taken as the secant kc1.1 h^-mc of Kienzle's law, times the passive fraction.
     """
     chip_mm = feed_mm_per_rev * math.sin(math.radians(lead_deg))
-    return float(passive_share * material.kc1_n_per_mm2 * chip_mm**-material.chip_exponent)
+    return float(passive_fraction * material.kc1_n_per_mm2 * chip_mm**-material.chip_exponent)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +75,7 @@ class Copying:
 
     stiffness_ratio: float
 
-    def share_left(self, passes: int = 1) -> float:
+    def fraction_left(self, passes: int = 1) -> float:
         """Return the fraction of an earlier error left after this many passes: (mu / (1 + mu))^n."""
         return (self.stiffness_ratio / (1 + self.stiffness_ratio)) ** passes
 

@@ -38,7 +38,7 @@ _VARIABLE = re.compile(r"I(0|[1-9]\d{0,3})")
 _VARIABLE_FIELD = Field(key="", at_least=-(2.0**47), at_most=2.0**47)
 
 # Minimum ratio of a value above 0 to its maximum: smaller ones are a wrong unit, and break quotients.
-LEAST_SHARE = 1e-8
+LEAST_FRACTION = 1e-8
 _MOTOR = Field(key="motor", kind=Kind.WHOLE, at_least=1, at_most=8)
 
 TOP_FIELDS: tuple[Field, ...] = (
@@ -56,7 +56,7 @@ _DEFINED_MOTOR = re.compile(r"\s*#\s*(\d+)\s*->\s*(?!0\s*$)", re.ASCII)
 
 
 def _positive(key: str, unit: str, at_most: float, *, optional: bool = False) -> Field:
-    return Field(key=key, unit=unit, at_least=LEAST_SHARE * at_most, at_most=at_most, optional=optional)
+    return Field(key=key, unit=unit, at_least=LEAST_FRACTION * at_most, at_most=at_most, optional=optional)
 
 
 _known = partial(_positive, optional=True)

@@ -38,6 +38,15 @@ def from_json(content: str | bytes) -> Any:
     raise ValueError(f"> {DEPTH_CAP} levels")
 
 
+def renamed(value: Any, names: Mapping[str, str]) -> Any:
+    """Return plain values with the keys of all their tables renamed, for files that call things otherwise."""
+    if isinstance(value, dict):
+        return {names.get(key, key): renamed(each, names) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [renamed(each, names) for each in value]
+    return value
+
+
 def number(value: object) -> float:
     """Return a finite number as a float.
 

@@ -24,7 +24,7 @@ class Problem:
     @property
     def facts(self) -> str:
         """The code and the facts, for a log."""
-        facts = (("", self.where), ("", self.key), ("met ", self.value), ("allowed ", self.limit))
+        facts = (("", self.where), ("", self.key), ("actual ", self.value), ("allowed ", self.limit))
         return " · ".join([self.code, *(f"{label}{text}" for label, text in facts if text)])
 
     def __str__(self) -> str:

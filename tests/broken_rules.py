@@ -202,8 +202,8 @@ _SCIENCE: tuple[Mutation, ...] = (
     Mutation(
         rule="The command comes earlier by the lag of the axis.",
         file=PATH,
-        old="harmonic.crest_deg + math.degrees(cmath.phase(here)) / harmonic.lobes",
-        new="harmonic.crest_deg - math.degrees(cmath.phase(here)) / harmonic.lobes",
+        old="harmonic.phase_deg + math.degrees(cmath.phase(here)) / harmonic.lobes",
+        new="harmonic.phase_deg - math.degrees(cmath.phase(here)) / harmonic.lobes",
         test=f"{COMPENSATION}::test_an_axis_undoes_its_inverse",
     ),
     Mutation(

@@ -6,11 +6,13 @@ import json
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
 from io import TextIOWrapper
 from typing import Any, TextIO
 
 from console.text.catalogue import Catalogue
 from console.text.escaping import encodable, escaped
+from profiles.own_values import renamed
 from profiles.problem import Problem
 
 
@@ -57,6 +59,12 @@ def show(
 def fields_of(source: object, *names: str) -> dict[str, Any]:
     """Return attributes under their own names, for JSON."""
     return {name: getattr(source, name) for name in names}
+
+
+def harmonics_of(source: Any) -> dict[str, Any]:
+    """Return a record with harmonics in it as plain values; JSON calls their phase `crest_deg`."""
+    found: dict[str, Any] = renamed(asdict(source), {"phase_deg": "crest_deg"})
+    return found
 
 
 def print_json(value: Mapping[str, object]) -> None:

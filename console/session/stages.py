@@ -8,7 +8,7 @@ from console.session.errors import SessionError
 from drivers.cutting.planning import nominal_command
 from drivers.cutting.strategy import INVERTING, Strategy
 from profiles.axis.response import ServoResponse
-from profiles.compensations.path import PARTIAL_SHARE, CutPath, share_of, target_path
+from profiles.compensations.path import PARTIAL_FRACTION, CutPath, fraction_of, target_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -24,9 +24,9 @@ class Stage(StrEnum):
     FULL = "full"
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """Fraction of the compensation that the tool follows."""
-        return PARTIAL_SHARE if self is Stage.PARTIAL else 1.0
+        return PARTIAL_FRACTION if self is Stage.PARTIAL else 1.0
 
 
 def nominal_path(
@@ -44,7 +44,7 @@ def staged(
         return path
     if not strategy.traits.inverts:
         raise SessionError(not_staged(stage, strategy))
-    return share_of(path or nominal_path(job, machine, strategy), stage.share)
+    return fraction_of(path or nominal_path(job, machine, strategy), stage.fraction)
 
 
 def not_staged(stage: Stage, strategy: Strategy) -> Problem:

@@ -179,7 +179,7 @@ def _taught(work: Work, alignment: Alignment) -> ExpectedPart | None:
     stage = Stage(work.stage)
     if work.compensation is None or stage is Stage.AIR:
         return None
-    found = expected_part(work.compensation, stage.share)
+    found = expected_part(work.compensation, stage.fraction)
     turn_deg = aligned_job(work.job, alignment).lobe_phase_deg - work.job.lobe_phase_deg
     return None if found is None else found.turned(turn_deg)
 

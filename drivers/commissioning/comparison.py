@@ -52,7 +52,7 @@ def profile_problems(
     ]
     for index, value in active.items():
         text = format_number(value)
-        problems.append(Problem(code="controller.strange_motor", key=f"I{index}", value=text, limit="0"))
+        problems.append(Problem(code="controller.unexpected_motor", key=f"I{index}", value=text, limit="0"))
     return tuple(problems)
 
 

@@ -76,7 +76,7 @@ def _unexpected_motors(judged: Judged) -> Iterator[Check]:
     ours, dialect = {axis.motor for axis in judged.axes}, judged.dialect
     others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in ours]
     active = ", ".join(f"I{index}" for index in others if judged.value(index))
-    yield Check(Group.CARD, "strange_motors", severity(not active), found=active or "0", wanted="0")
+    yield Check(Group.CARD, "unexpected_motors", severity(not active), found=active or "0", wanted="0")
 
 
 def _axes(judged: Judged) -> Iterator[Check]:
@@ -149,7 +149,7 @@ def _pointers(judged: Judged) -> Iterator[Check]:
     timers = [f"{space}:${address:X}" for space, address in judged.dialect.timer_words]
     if timer is not None and timers and not any(timer.startswith(f"{word},") for word in timers):
         name, wanted = f"M{WATCHDOG_TIMER}->", ", ".join(timers)
-        yield Check(Group.PROGRAMS, "lease_timer", Severity.WARNING, variable=name, found=timer, wanted=wanted)
+        yield Check(Group.PROGRAMS, "heartbeat_timer", Severity.WARNING, variable=name, found=timer, wanted=wanted)
 
 
 def motor_rules(judged: Judged) -> list[Check]:

@@ -63,7 +63,7 @@ class PvtPath:
 
     def sweep(self, frequency_hz: float, periods: int) -> Sweep:
         """Return the program for one frequency."""
-        sine = LobedPath(mean_um=0.0, amplitude_um=self._amplitude_um, lobes=1, crest_deg=0.0)
+        sine = LobedPath(mean_um=0.0, amplitude_um=self._amplitude_um, lobes=1, phase_deg=0.0)
         segment_ms = longest_segment_ms(sine, frequency_hz)
         step_rad = 2.0 * math.pi * frequency_hz * segment_ms / 1000.0
         scales = point_scales(step_rad)

@@ -36,7 +36,7 @@ NOT_OURS = frozenset({"heartbeat.plc_missing", "heartbeat.plc_differs", "heartbe
 
 SHORTEST_WAIT_S = 0.001
 
-RATE = "heartbeat.lease_rate"
+RATE = "heartbeat.timer_rate"
 LAPSED = "heartbeat.lapsed"  # code: the controller has ended a motion because this host was silent
 RENEWAL_TIMEOUT_S = 0.17  # timeout for the reply to a renewal: it must leave time for another one
 PULSE_TIMEOUT_S, PULSE_POLL_S = 0.3, 0.01

@@ -18,7 +18,7 @@ from drivers.link.base import GONE, Link
 from drivers.pmac.checksums import LineCheck
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
 from drivers.pmac.exchange import Exchange
-from drivers.pmac.expected_replies import foresee, number_of
+from drivers.pmac.expected_replies import expected_replies, number_of
 from drivers.pmac.framing import LinkFaults
 from drivers.pmac.language.errors import ErrorCode
 from profiles.problem import Problem
@@ -168,7 +168,7 @@ class PmacClient:
     def reply(self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None) -> tuple[str, ...]:
         """Return the data of the reply to `line`, which was sent before; raises as `request` does."""
         if lines is None and not self._exchange.buffer_open:
-            lines = foresee(line).lines
+            lines = expected_replies(line).lines
         reply = self._exchange.reply(line, timeout_s, lines)
         if reply.error_number is None:
             return reply.lines
@@ -198,7 +198,7 @@ class PmacClient:
             ControllerError: the controller refused it.
             LinkError: the link is lost, or the fault occurred twice.
         """
-        if not foresee(line).reads_only:
+        if not expected_replies(line).reads_only:
             raise RefusedError(Problem(code="controller.not_a_question", where=self.link.address, value=line[:40]))
         try:
             return self.request(line, timeout_s, lines=lines)
@@ -230,7 +230,7 @@ class PmacClient:
         try:
             for line in lines:
                 # A stored line gets no data in reply, whatever it would reply on-line.
-                expected = 0 if self._exchange.buffer_open else foresee(line).lines or 0
+                expected = 0 if self._exchange.buffer_open else expected_replies(line).lines or 0
                 self.request(line, lines=expected)
         except DriverError as error:
             self._close_after(error)

@@ -15,7 +15,7 @@ from drivers.controller import REPLY_TIMEOUT_S
 from drivers.errors import LinkError, LinkTimeoutError, RefusedError
 from drivers.link.base import Link
 from drivers.pmac.checksums import ASK, PROBE, ChecksumForm, form_of, like_an_answer, shown, unmistakable
-from drivers.pmac.expected_replies import foresee, opens_buffer
+from drivers.pmac.expected_replies import expected_replies, opens_buffer
 from drivers.pmac.framing import (
     QUIET_S,
     FaultError,
@@ -357,13 +357,13 @@ class Exchange:
             return self._lost(line, error)
         where, unknown = self.link.address, self._outcome(line, fault.kind)
         if fault.kind in (FaultKind.SILENT, FaultKind.UNFINISHED):
-            silent = Problem(code="link.silent", where=where, key=line, value=fault.met)
+            silent = Problem(code="link.silent", where=where, key=line, value=fault.actual)
             return LinkTimeoutError(silent, *unknown)
-        met = Problem(code="link.out_of_step", where=where, key=line, value=fault.met, limit=fault.allowed)
-        return LinkError(met, *unknown)
+        problem = Problem(code="link.out_of_step", where=where, key=line, value=fault.actual, limit=fault.allowed)
+        return LinkError(problem, *unknown)
 
     def _outcome(self, line: str, kind: FaultKind) -> tuple[Problem, ...]:
         """Return the problem of a line whose reply did not come: none, if it is a query."""
-        if foresee(line).reads_only:
+        if expected_replies(line).reads_only:
             return ()
         return (Problem(code="link.outcome_unknown", where=self.link.address, key=line, value=kind),)

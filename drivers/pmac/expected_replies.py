@@ -76,7 +76,7 @@ _BUFFERS = re.compile(r"OPEN(?=\s*[A-Z])|CLOSE|CLS")
 
 
 @lru_cache(maxsize=512)
-def foresee(line: str) -> ExpectedReplies:
+def expected_replies(line: str) -> ExpectedReplies:
     """Return what is certain about the reply to an on-line command line."""
     text, place = line.upper(), 0
     lines: int | None = 0

@@ -221,9 +221,9 @@ def _part(buffer: bytes, start: int) -> tuple[_Part, str, int] | None:
 class FaultError(Exception):
     """Something other than a reply: its kind, the actual value (of a silence: its duration), and the limit."""
 
-    def __init__(self, kind: FaultKind, met: str = "", allowed: str = "") -> None:
+    def __init__(self, kind: FaultKind, actual: str = "", allowed: str = "") -> None:
         super().__init__(kind)
-        self.kind, self.met, self.allowed = kind, met, allowed
+        self.kind, self.actual, self.allowed = kind, actual, allowed
 
 
 def awaited(reader: ReplyReader, link: Link, clock: Clock, timeout_s: float) -> Reply:

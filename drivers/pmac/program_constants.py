@@ -107,8 +107,8 @@ def _differing(planned: Mapping[str, float], actual: Mapping[str, float]) -> Ite
     """Yield the problem of each actual value that is not as planned."""
     for name, value in actual.items():
         if not math.isclose(value, planned[name], rel_tol=RELATIVE, abs_tol=RELATIVE):
-            met, limit = format_number(value), format_number(planned[name])
-            yield Problem(code="controller.constant_differs", key=name, value=met, limit=limit)
+            found, limit = format_number(value), format_number(planned[name])
+            yield Problem(code="controller.constant_differs", key=name, value=found, limit=limit)
 
 
 def _values(constants: Iterable[Constant], copied: Mapping[str, float]) -> dict[str, float]:
@@ -133,9 +133,9 @@ def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Probl
         return
     reported = client.query(*(f"{name}->" for name in planned), again=True)
     for (name, text), reply in zip(planned.items(), reported, strict=True):
-        met = reply.strip().rpartition("->")[2]  # in any form of I9 (`M169->D:$46`)
-        if _pointer(met) != _pointer(text):
-            yield Problem(code="controller.constant_differs", key=f"{name}->", value=met, limit=text)
+        actual = reply.strip().rpartition("->")[2]  # in any form of I9 (`M169->D:$46`)
+        if _pointer(actual) != _pointer(text):
+            yield Problem(code="controller.constant_differs", key=f"{name}->", value=actual, limit=text)
 
 
 def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
@@ -146,10 +146,10 @@ def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]
             continue
         planned = [int(number_of(word)) for word in found[3].split(",")]
         place = f"{found[1].upper()}:${found[2].upper()}"
-        (met,) = client.query(f"RH{place},{len(planned)}", again=True)
-        if _hexadecimal(met) != planned:
+        (actual,) = client.query(f"RH{place},{len(planned)}", again=True)
+        if _hexadecimal(actual) != planned:
             limit = " ".join(f"{word:X}" for word in planned)
-            yield Problem(code="controller.constant_differs", key=place, value=met.strip(), limit=limit)
+            yield Problem(code="controller.constant_differs", key=place, value=actual.strip(), limit=limit)
 
 
 def _pointer(text: str) -> Pointer | str | None:

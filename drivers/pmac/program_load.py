@@ -119,15 +119,17 @@ def _compare(client: Controller, number: int, lines: Program) -> None:
     if found != target:
         # The number of lines of a listing is not known before: an extra empty line does not make it differ.
         found = _listing(client, number, target)
-    for place, met, sent in _differences(found, target):
+    for place, actual, sent in _differences(found, target):
         where, key = f"PROG {number}", f"line {place}"
-        raise DriverError(Problem(code="controller.program_differs", where=where, key=key, value=met, limit=sent))
+        raise DriverError(
+            Problem(code="controller.program_differs", where=where, key=key, value=actual, limit=sent)
+        )
 
 
 def _differences(found: Iterable[str], target: Iterable[str]) -> Iterator[tuple[int, str, str]]:
     """Yield the places, from 1, at which two listings differ, with both texts."""
     pairs = enumerate(zip_longest(found, target, fillvalue=""), start=1)
-    return ((place, met, sent) for place, (met, sent) in pairs if met != sent)
+    return ((place, actual, sent) for place, (actual, sent) in pairs if actual != sent)
 
 
 def _listing_timeout_s(target: Iterable[str]) -> float:
@@ -161,9 +163,11 @@ def _compare_table(client: Controller, table: TextTable, dialect: Dialect) -> No
             Problem(code="controller.table_differs", where=where, key="DEFINE COMP", value=defined, limit=planned)
         )
     found = " ".join(client.question(f"#{motor}LIST COMP", _listing_timeout_s(sent))).split()
-    for place, met, entry in _differences(found, sent):
+    for place, actual, entry in _differences(found, sent):
         key = f"entry {place}"
-        raise DriverError(Problem(code="controller.table_differs", where=where, key=key, value=met, limit=entry))
+        raise DriverError(
+            Problem(code="controller.table_differs", where=where, key=key, value=actual, limit=entry)
+        )
 
 
 def _same_definition(reported: str, planned: str, motor: int, motor_count: int) -> bool:
@@ -171,8 +175,8 @@ def _same_definition(reported: str, planned: str, motor: int, motor_count: int) 
     if reported.strip() == planned:
         return True
     with suppress(PmacError):
-        met, expected = (
+        actual, expected = (
             scan_definition(Scanner(text), motor, motor_count) for text in (reported.strip(), planned)
         )
-        return met == expected
+        return actual == expected
     return False

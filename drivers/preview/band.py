@@ -82,7 +82,7 @@ def predicted_band(seen: Underway, strategy: Strategy) -> Band | None:
     path = strategy if inverting else DEFAULT_STRATEGY
     response = seen.response if strategy is seen.strategy else path_response(path, machine)
     holding = holding_of(machine)
-    scatter_um = lobe_um_per_n(job, machine) * holding.force_sd_share * job.chucking_force_n
+    scatter_um = lobe_um_per_n(job, machine) * holding.force_sd_fraction * job.chucking_force_n
     frequency_hz = job.lobe_frequency_hz if inverting else made.lobe_frequency_hz
     return Band(
         after_um=made.ront_um,

@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.cutting.strategy import Strategy
 from drivers.identification.nominal import loop_response, nominal_response
-from drivers.preview.outlook import Outlook, Response, Share, response_of, shares_of
+from drivers.preview.outlook import Demand, Outlook, Response, demands_of, response_of
 from drivers.preview.program_prediction import TURN_POINTS, FloatArray, left_by
 from profiles.axis.response import Source
 from profiles.axis.servo import drive_need
@@ -24,7 +24,7 @@ class ClosedForm:
     The arrays have the shape (TURN_POINTS,), as those of a program, so that plots of both look alike.
     `angle_deg` are spindle angles, `command_um` is the commanded infeed there, `residual_um` the
     deviation of the released part, positive where it is high, mean 0. `response` is that of the loop at
-    `lobe_frequency_hz`, `shares` are the needs of a sine with the amplitude of the command.
+    `lobe_frequency_hz`, `demands` are the needs of a sine with the amplitude of the command.
     """
 
     angle_deg: FloatArray
@@ -32,7 +32,7 @@ class ClosedForm:
     residual_um: FloatArray
     lobe_frequency_hz: float
     response: Response
-    shares: dict[str, Share]
+    demands: dict[str, Demand]
 
     @property
     def stroke_um(self) -> float:
@@ -75,5 +75,5 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
         residual_um=left_by(job, _TURN_DEG, path_um),
         lobe_frequency_hz=job.lobe_frequency_hz,
         response=response,
-        shares=shares_of(machine, drive_need(machine, command.amplitude_um, job.lobe_frequency_hz)),
+        demands=demands_of(machine, drive_need(machine, command.amplitude_um, job.lobe_frequency_hz)),
     )

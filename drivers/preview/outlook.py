@@ -31,7 +31,7 @@ class Response:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Share:
+class Demand:
     """A demand against the machine's capability, both in the same unit, both peak or both rms."""
 
     need: float
@@ -48,7 +48,7 @@ class Outlook:
     """A job on a machine as far as it needs no program: fast enough to update at every key.
 
     `strategy` is the chosen one, `response` what it inverts, and `command` the result for `target`; for a
-    strategy that inverts nothing these are of the default one. `shares` are those of the sine of the command,
+    strategy that inverts nothing these are of the default one. `demands` are those of the sine of the command,
     at the speed of the job. `taught` is the result that a measured part predicts for a cut with the path
     learned from it: the model does not include learned corrections. None means the model's prediction.
     """
@@ -62,7 +62,7 @@ class Outlook:
     eq9: Response
     sampled: Response
     need: DriveNeed
-    shares: dict[str, Share]
+    demands: dict[str, Demand]
     grip_margin_n: float
     findings: tuple[Finding, ...]
     taught: ExpectedPart | None = None
@@ -101,7 +101,7 @@ def outlook(
         eq9=response_of(job, complex(eq9_response(machine, frequency_hz))),
         sampled=response_of(job, complex(sampled_response(machine, frequency_hz))),
         need=need,
-        shares=shares_of(machine, need),
+        demands=demands_of(machine, need),
         grip_margin_n=grip_margin_n(job, machine),
         findings=check(job, machine),
         taught=taught,
@@ -117,7 +117,7 @@ def response_of(job: Job, response: complex) -> Response:
     )
 
 
-def shares_of(machine: MachineProfile, need: DriveNeed) -> dict[str, Share]:
+def demands_of(machine: MachineProfile, need: DriveNeed) -> dict[str, Demand]:
     """The demands of the sine, by name. All are peak values but `force_rms_n`, which heats the motor.
 
     The velocity is set against Ix16 of the tool motor, which a program must not exceed (`cut.too_fast`); the
@@ -125,21 +125,21 @@ def shares_of(machine: MachineProfile, need: DriveNeed) -> dict[str, Share]:
     """
     tool = machine.tool
     fastest_mm_per_s = MotorSettings(machine, tool.motor).program_speed
-    shares = {
-        "velocity_mm_per_s": Share(need=need.velocity_mm_per_s, limit=fastest_mm_per_s),
-        "acceleration_m_per_s2": Share(
+    demands = {
+        "velocity_mm_per_s": Demand(need=need.velocity_mm_per_s, limit=fastest_mm_per_s),
+        "acceleration_m_per_s2": Demand(
             need=need.acceleration_m_per_s2, limit=tool.encoder_max_acceleration_m_per_s2
         ),
-        "force_n": Share(need=need.force_n, limit=tool.peak_force_n),
-        "force_rms_n": Share(need=need.force_n / math.sqrt(2.0), limit=tool.continuous_force_n),
-        "current_a": Share(need=need.current_a, limit=tool.peak_current_a),
+        "force_n": Demand(need=need.force_n, limit=tool.peak_force_n),
+        "force_rms_n": Demand(need=need.force_n / math.sqrt(2.0), limit=tool.continuous_force_n),
+        "current_a": Demand(need=need.current_a, limit=tool.peak_current_a),
     }
     if tool.bus_voltage_v is not None:
-        shares["voltage_v"] = Share(need=need.voltage_v, limit=tool.bus_voltage_v)
-    return shares
+        demands["voltage_v"] = Demand(need=need.voltage_v, limit=tool.bus_voltage_v)
+    return demands
 
 
-def grip_share(job: Job, machine: MachineProfile) -> Share:
+def grip_demand(job: Job, machine: MachineProfile) -> Demand:
     """Return the centrifugal loss and cutting demand against the usable chucking force at rest, N."""
     taken_n = centrifugal_loss_n(job, machine) + needed_grip_n(job, machine)
-    return Share(need=taken_n, limit=job.chucking_force_n / machine.chuck.safety_factor)
+    return Demand(need=taken_n, limit=job.chucking_force_n / machine.chuck.safety_factor)

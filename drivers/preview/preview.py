@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 
 from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
-from drivers.preview.outlook import Outlook, Response, Share, outlook
+from drivers.preview.outlook import Demand, Outlook, Response, outlook
 from drivers.preview.program_prediction import Prediction, predict
 from profiles.axis.response import ServoResponse
 from profiles.axis.servo import Eq9Summary, eq9_summary
@@ -17,7 +17,7 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
 
-__all__ = ["Prediction", "Response", "Share"]  # beside what is defined here
+__all__ = ["Demand", "Prediction", "Response"]  # beside what is defined here
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

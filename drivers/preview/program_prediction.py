@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from drivers.cutting.planning import CutPlan
 from drivers.identification.nominal import loop_response
 from drivers.pmac.trajectory.pieces import position_at
-from drivers.preview.outlook import Response, Share, response_of, shares_of
+from drivers.preview.outlook import Demand, Response, demands_of, response_of
 from profiles.axis.response import ServoResponse, Source
 from profiles.axis.servo import drive_need, sampled_response
 from profiles.compensations.path import free_state_lobe
@@ -33,7 +33,7 @@ class Prediction:
     `angle_deg` are spindle angles, rising in [0, 360). `command_um` is the programmed tool path, `path_um` the
     servo's actual path, both um of infeed from the surface of the blank. `residual_um` is the deviation of the
     released part, positive where it is high, mean 0; the clamped blank is taken as round. The arrays are read
-    only. `response` is that of the loop at `lobe_frequency_hz`, `shares` are the needs of a sine with the
+    only. `response` is that of the loop at `lobe_frequency_hz`, `demands` are the needs of a sine with the
     stroke of the program, both at the actual speed of the program.
     """
 
@@ -43,7 +43,7 @@ class Prediction:
     residual_um: FloatArray
     lobe_frequency_hz: float
     response: Response
-    shares: dict[str, Share]
+    demands: dict[str, Demand]
 
     @property
     def ront_um(self) -> float:
@@ -83,7 +83,7 @@ def predict(job: Job, machine: MachineProfile, plan: CutPlan, response: ServoRes
         residual_um=_kept(left_by(job, angle_deg, path_um)[order]),
         lobe_frequency_hz=frequency_hz,
         response=response_of(job, known.get(job.jaws, complex(sampled_response(machine, frequency_hz)))),
-        shares=shares_of(machine, need),
+        demands=demands_of(machine, need),
     )
 
 

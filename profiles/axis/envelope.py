@@ -70,8 +70,8 @@ def envelope(
     rows = tuple(envelope_row(machine, each, job.jaws, reserved_n=reserved_n) for each in amplitudes_um)
     # A job without a lobe has no limit; nor has a hundredth of a micrometre.
     at_job = envelope_row(machine, max(job.lobe_amplitude_um, 0.01), job.jaws, reserved_n=reserved_n)
-    share = job.roundness_tolerance_um / job.lobe_error_um_pp if job.lobe_error_um_pp > 0 else math.inf
-    plain_hz = first_beyond(lambda f: np.abs(1 - sampled_response(machine, f)), share, nyquist_hz(machine))
+    fraction = job.roundness_tolerance_um / job.lobe_error_um_pp if job.lobe_error_um_pp > 0 else math.inf
+    plain_hz = first_beyond(lambda f: np.abs(1 - sampled_response(machine, f)), fraction, nyquist_hz(machine))
     return Envelope(
         rows=rows,
         at_job=at_job,

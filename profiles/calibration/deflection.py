@@ -196,9 +196,9 @@ def contact_um(
     k, force, load, angle, overhang = np.broadcast_arrays(*map(floats, each))
     lever = overhang / jaw_length_mm
     give_um = force / k / (1.0 - alpha)
-    share = 2.0 * load / force  # each ring carries half of the force
-    front = _ring(share * (1.0 + lever), angle, alpha, jaws)
-    rear = _ring(-share * lever, angle, alpha, jaws)
+    ratio = 2.0 * load / force  # each ring carries half of the force
+    front = _ring(ratio * (1.0 + lever), angle, alpha, jaws)
+    rear = _ring(-ratio * lever, angle, alpha, jaws)
     return floats(give_um * (front * (1.0 + lever) - rear * lever))
 
 
@@ -209,10 +209,10 @@ def bending_um(load_n: ArrayLike, overhang_mm: ArrayLike, diameter_mm: ArrayLike
     return floats(load * a**3 / (3 * youngs_gpa * inertia_mm4))  # N mm^3 / (GPa mm^4) is um
 
 
-def _ring(share: Floats, angle_deg: Floats, alpha: float, jaws: int) -> Floats:
-    """Return the deflection of one ring along its load in units of x0; `share` is the load over a jaw's force."""
+def _ring(ratio: Floats, angle_deg: Floats, alpha: float, jaws: int) -> Floats:
+    """Return the deflection of one ring along its load in units of x0; `ratio` is the load over a jaw's force."""
     unit = Contact(jaws=jaws, stiffness_n_per_um=1.0 / (1.0 - alpha), force_per_jaw_n=1.0, alpha=alpha)
-    return deflection(unit, share, angle_deg).along_um
+    return deflection(unit, ratio, angle_deg).along_um
 
 
 class _Model:

@@ -35,7 +35,7 @@ UNDECLARED = 3.0  # multiple of the noise floor above which a harmonic outside t
 class FoundLobe:
     """The lobe of a part: the fit, and what it means for the job.
 
-    `crest_deg` is where the released part is high, in spindle degrees in [0, 360), None where unknown.
+    `phase_deg` is where the released part is high, in spindle degrees in [0, 360), None where unknown.
     `past_jaw_deg` is the angle from jaw 1 to the nearest maximum, positive in the direction of the cut, None where
     the angle of jaw 1 is unknown; so is then `diagnosis`, the cause that its position at the jaws suggests.
     `phase_assumed`: the phase is relative to jaw 1, whose angle the job assumes. `simulated`: the trace was not
@@ -43,7 +43,7 @@ class FoundLobe:
     """
 
     fit: LobeFit
-    crest_deg: float | None
+    phase_deg: float | None
     past_jaw_deg: float | None
     diagnosis: Diagnosis | None
     simulated: bool
@@ -63,19 +63,19 @@ def find_lobe(
     fit = fit_lobe(trace.angle_deg, trace.deviation_um, job.jaws, extra=extra, robust=robust)
     from_index = trace.meta.get("start_mark") == INDEX
     simulated = trace.meta.get("simulated") == "yes"
-    crest_deg, past_deg = _on_the_spindle(fit, header, job, from_index)
+    phase_deg, past_deg = _on_the_spindle(fit, header, job, from_index)
     seen = None
     if past_deg is not None and fit.lobe.significant:
         thin = is_thin(job.wall_thickness_mm, job.radius_mm)
-        seen = diagnose(crest_deg=past_deg, jaw_1_deg=0.0, jaws=job.jaws, thin=thin)
+        seen = diagnose(phase_deg=past_deg, jaw_1_deg=0.0, jaws=job.jaws, thin=thin)
     return FoundLobe(
         fit=fit,
-        crest_deg=crest_deg,
+        phase_deg=phase_deg,
         past_jaw_deg=past_deg,
         diagnosis=seen,
         simulated=simulated,
-        phase_assumed=crest_deg is not None and not from_index and not _jaw_known(job),
-        reasons=(*_of_cut(trace.meta, simulated and not practice), *_reasons(fit, header, crest_deg)),
+        phase_assumed=phase_deg is not None and not from_index and not _jaw_known(job),
+        reasons=(*_of_cut(trace.meta, simulated and not practice), *_reasons(fit, header, phase_deg)),
         warnings=(*unusable, *_warnings(fit, header, job)),
     )
 
@@ -86,7 +86,7 @@ def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
     `chuck` and `tool` are their names in the machine, "" where they have none. `found` must have no reasons.
     A condition that the job only assumes stays assumed. The source says whether the part was a simulated one.
     """
-    if found.crest_deg is None or found.reasons:
+    if found.phase_deg is None or found.reasons:
         raise ValueError(found.reasons)
     assumed = {name for name in job.assumed if not name.startswith("lobe_")}
     assumed |= {lobe for lobe, own in CONDITIONS.items() if own in assumed}
@@ -96,7 +96,7 @@ def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
     return replace(
         job,
         lobe_error_um_pp=found.fit.error_um_pp,
-        lobe_phase_deg=found.crest_deg,
+        lobe_phase_deg=found.phase_deg,
         lobe_past_jaw_deg=found.past_jaw_deg,
         lobe_error_source="fitted",
         lobe_chuck=chuck or None,
@@ -109,8 +109,8 @@ def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
 
 def _jaw_known(job: Job) -> bool:
     """Whether the job has the spindle angle of jaw 1: a phase found from the index alone is none."""
-    at_crest = job.lobe_past_jaw_deg is None and job.lobe_error_source == "fitted"
-    return "lobe_phase_deg" not in job.assumed and not at_crest
+    fitted_only = job.lobe_past_jaw_deg is None and job.lobe_error_source == "fitted"
+    return "lobe_phase_deg" not in job.assumed and not fitted_only
 
 
 def _on_the_spindle(
@@ -120,14 +120,14 @@ def _on_the_spindle(
     if header.direction is None or not (from_index or header.phase_known):
         return None, None
     sign = -1.0 if header.against_spindle else 1.0
-    crest_deg = sign * fit.lobe.crest_deg
+    phase_deg = sign * fit.lobe.phase_deg
     jaw_deg = None if header.jaw_1_deg is None else sign * header.jaw_1_deg
     if jaw_deg is None and _jaw_known(job):
         jaw_deg = job.jaw_1_deg
     if jaw_deg is None:
-        return crest_deg % 360.0, None
+        return phase_deg % 360.0, None
     lobe_deg = 360.0 / job.jaws
-    past_deg = (crest_deg - jaw_deg + 0.5 * lobe_deg) % lobe_deg - 0.5 * lobe_deg
+    past_deg = (phase_deg - jaw_deg + 0.5 * lobe_deg) % lobe_deg - 0.5 * lobe_deg
     return ((jaw_deg if from_index else job.jaw_1_deg) + past_deg) % 360.0, past_deg
 
 
@@ -141,7 +141,7 @@ def _of_cut(meta: Mapping[str, str], simulated: bool) -> Iterable[Problem]:
         yield Problem(code="lobe.simulated", key="simulated", value="yes", limit="--sim")
 
 
-def _reasons(fit: LobeFit, header: TraceHeader, crest_deg: float | None) -> Iterable[Problem]:
+def _reasons(fit: LobeFit, header: TraceHeader, phase_deg: float | None) -> Iterable[Problem]:
     if header.state == "clamped":
         yield Problem(code="lobe.not_free", key="state", value=header.state, limit="free")
     if header.method not in (None, "radial"):
@@ -149,7 +149,7 @@ def _reasons(fit: LobeFit, header: TraceHeader, crest_deg: float | None) -> Iter
     if not fit.lobe.significant:
         value, limit = f"{fit.lobe.amplitude_um:.3g} um", f"{fit.lobe.sd_um:.3g} um"
         yield Problem(code="lobe.not_significant", value=value, limit=limit)
-    if crest_deg is None:
+    if phase_deg is None:
         yield Problem(code="lobe.phase_unknown", limit="direction, jaw_1_deg")
 
 

@@ -64,7 +64,7 @@ class WrenchFit:
 
     `covariance` holds the cofactors of (1, Tq), under the name that they have in kept calibrations. `sd_n` is the
     scatter of one clamping in the middle of what was measured, `freedom` its degrees of freedom, `growing` the
-    share w of its variance that grows with the torque. `as_likely` are the lines of other shares that the
+    fraction w of its variance that grows with the torque. `as_likely` are the lines of other fractions that the
     measurements do not rule out, each as (w, intercept, slope, sd, cofactors): every limit is the widest of all.
     `lack_of_fit_chance` is how often chance alone misses a true line by so much; None where that cannot be told.
     `outliers` are places in the measurements. It holds from `lowest_n_m` to `highest_n_m`.

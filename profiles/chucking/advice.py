@@ -155,7 +155,7 @@ def _limits(job: Job, machine: MachineProfile) -> dict[str, float]:
     limits_n = {"chuck": machine.chuck.max_force_n}
     um_per_n = lobe_um_per_n(job, machine)
     if um_per_n > 0:
-        limits_n["scatter"] = job.roundness_tolerance_um / (um_per_n * holding_of(machine).force_sd_share)
+        limits_n["scatter"] = job.roundness_tolerance_um / (um_per_n * holding_of(machine).force_sd_fraction)
     material, stress_mpa = material_or_none(job.material), wall_stress_mpa(job, machine, 1 / job.jaws)
     if material is not None and stress_mpa is not None:
         limits_n["wall"] = material.yield_mpa / stress_mpa

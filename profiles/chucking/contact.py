@@ -105,19 +105,19 @@ def _balance(contact: Contact, push: Floats) -> tuple[Floats, Floats]:
             break
         curvature = m * np.einsum("cj,jx,jy->cxy", closed ** (m - 1), normal, normal) + sideways
         step = np.linalg.solve(curvature, missing[..., None])[..., 0]
-        moved = moved + _downhill_share(energy, moved, step)[:, None] * step
+        moved = moved + _downhill_fraction(energy, moved, step)[:, None] * step
     return moved, 1 + moved @ normal.T
 
 
-def _downhill_share(energy: Callable[[Floats], Floats], moved: Floats, step: Floats) -> Floats:
-    share = np.ones(len(moved))
+def _downhill_fraction(energy: Callable[[Floats], Floats], moved: Floats, step: Floats) -> Floats:
+    fraction = np.ones(len(moved))
     before = energy(moved)
     for _ in range(_HALVINGS):
-        worse = energy(moved + share[:, None] * step) > before + _EXACT
+        worse = energy(moved + fraction[:, None] * step) > before + _EXACT
         if not worse.any():
             break
-        share = np.where(worse, share / 2, share)
-    return share
+        fraction = np.where(worse, fraction / 2, fraction)
+    return fraction
 
 
 def overhung_deflection(

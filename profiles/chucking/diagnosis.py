@@ -30,7 +30,7 @@ class Diagnosis:
     mechanism: Mechanism | None
 
 
-def diagnose(*, crest_deg: float, jaw_1_deg: float, jaws: int, thin: bool) -> Diagnosis:
+def diagnose(*, phase_deg: float, jaw_1_deg: float, jaws: int, thin: bool) -> Diagnosis:
     """Return the cause that a measured lobe suggests; angles are spindle angles in degrees.
 
     A thin part that was deformed by clamping and turned round is HIGH at the jaws after release. A wall that
@@ -38,12 +38,12 @@ def diagnose(*, crest_deg: float, jaw_1_deg: float, jaws: int, thin: bool) -> Di
     opposite to the force (Fig 3), and the tool pushes from the other side: HIGH at the jaws with an odd number
     of jaws, LOW with an even one.
     """
-    phase_deg = (jaws * (crest_deg - jaw_1_deg) + 180) % 360 - 180
-    high = abs(phase_deg) <= CLEAR_DEG
-    if not high and abs(phase_deg) < 180 - CLEAR_DEG:
-        return Diagnosis(lobe_phase_deg=phase_deg, high_at_jaws=None, mechanism=None)
+    lobe_phase_deg = (jaws * (phase_deg - jaw_1_deg) + 180) % 360 - 180
+    high = abs(lobe_phase_deg) <= CLEAR_DEG
+    if not high and abs(lobe_phase_deg) < 180 - CLEAR_DEG:
+        return Diagnosis(lobe_phase_deg=lobe_phase_deg, high_at_jaws=None, mechanism=None)
     if thin:
         mechanism: Mechanism | None = Mechanism.SPRING_BACK if high else Mechanism.WALL
     else:
         mechanism = Mechanism.CONTACT if high == (jaws % 2 == 1) else None
-    return Diagnosis(lobe_phase_deg=phase_deg, high_at_jaws=high, mechanism=mechanism)
+    return Diagnosis(lobe_phase_deg=lobe_phase_deg, high_at_jaws=high, mechanism=mechanism)

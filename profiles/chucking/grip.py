@@ -98,7 +98,7 @@ def lobe_um_per_n(job: Job, machine: MachineProfile) -> float:
 
 def force_sd_n(job: Job, machine: MachineProfile) -> float:
     """Return the scatter of the chucking force at rest between clampings, one standard deviation."""
-    return holding_of(machine).force_sd_share * job.chucking_force_n
+    return holding_of(machine).force_sd_fraction * job.chucking_force_n
 
 
 def line_sd_n(job: Job, machine: MachineProfile) -> float:

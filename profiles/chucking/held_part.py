@@ -27,7 +27,7 @@ from profiles.chucking.holding import REFERENCE_FORCE_N, Holding, holding_of
 from profiles.chucking.ring import is_thin
 from profiles.chucking.tube import (
     Tube,
-    axial_share,
+    axial_fraction,
     half_lobe_compliance,
     half_lobe_deg,
     spring_back_um,
@@ -99,7 +99,7 @@ class HeldPart:
         tube, jaws = self.tube, self.job.jaws
         sprung = spring_back_um(tube, jaws, self.per_jaw_n, angle_from_jaw_deg=angle_deg, z_mm=z_mm)
         wall = self.force.passive_n * wall_compliance_um_per_n(tube.bent(jaws), jaws, angle_deg)
-        along = axial_share(tube, jaws, z_mm)
+        along = axial_fraction(tube, jaws, z_mm)
         return {Mechanism.SPRING_BACK: sprung, Mechanism.WALL: _levelled(np.outer(along, wall))}
 
     def error_um_pp(self, z_mm: float) -> float:
@@ -110,7 +110,7 @@ class HeldPart:
         tube, jaws = self.tube, self.job.jaws
         sprung = spring_back_um(tube, jaws, self.per_jaw_n, angle_from_jaw_deg=angle_deg, z_mm=z)[0]
         wall = self.force.passive_n * tube.bent(jaws).scale_um_per_n * half_lobe_compliance(jaws)
-        return float(np.ptp(sprung + float(axial_share(tube, jaws, z_mm)) * wall))
+        return float(np.ptp(sprung + float(axial_fraction(tube, jaws, z_mm)) * wall))
 
     def size_um(self, z_mm: Floats) -> Floats:
         """Return how much too large the radius is, shape (Z,): what deflects is not cut."""

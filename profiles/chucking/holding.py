@@ -67,7 +67,7 @@ class Holding:
     stiffness_n_per_um: float
     contact_exponent: float
     friction: float
-    force_sd_share: float
+    force_sd_fraction: float
     wrench: Wrench | None
     assumed: tuple[str, ...]
 
@@ -89,7 +89,7 @@ def holding_of(machine: MachineProfile) -> Holding:
         stiffness_n_per_um=used["jaw_stiffness_n_per_um"],
         contact_exponent=used["jaw_contact_exponent"],
         friction=used["jaw_friction"],
-        force_sd_share=used["force_sd_percent"] / 100,
+        force_sd_fraction=used["force_sd_percent"] / 100,
         wrench=None
         if slope is None
         else Wrench(

@@ -40,7 +40,7 @@ class Tube:
     def bent(self, harmonic: int) -> Ring:
         """Return the ring that bends as the tube does at the jaws: the grip and the length bent with it.
 
-        That is the integral of the f of `axial_share`, about 1/beta.
+        That is the integral of the f of `axial_fraction`, about 1/beta.
         """
         beta = decay_per_mm(self.gripped, harmonic)
         x = beta * self.overhang_mm
@@ -50,7 +50,7 @@ class Tube:
         return Ring(outside_mm=self.outside_mm, wall_mm=self.wall_mm, length_mm=length_mm, material=self.material)
 
 
-def axial_share(tube: Tube, harmonic: int, z_mm: ArrayLike) -> Floats:
+def axial_fraction(tube: Tube, harmonic: int, z_mm: ArrayLike) -> Floats:
     """Return f(z), the lobe relative to that at the jaws, in the shape of `z_mm`; 1 between the jaws.
 
     f = exp(-beta z) (cos beta z + sin beta z): straight at the jaws, and nothing far away.
@@ -71,7 +71,7 @@ def spring_back_um(
     total = np.zeros((np.size(z_mm), angle.size))
     for n in (jaws * multiple for multiple in range(1, MULTIPLES + 1)):
         amplitude_um = fourier_coefficient(jaws, n) * tube.bent(n).scale_um_per_n * force_per_jaw_n
-        total += amplitude_um * np.outer(axial_share(tube, n, z_mm), np.cos(n * angle))
+        total += amplitude_um * np.outer(axial_fraction(tube, n, z_mm), np.cos(n * angle))
     return total
 
 

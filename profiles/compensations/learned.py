@@ -6,11 +6,11 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from profiles.compensations.path import CutPath, PathHarmonic
-from profiles.own_values import read_own
+from profiles.own_values import read_own, renamed
 from profiles.problem import Problem
 
 SCHEMA = 1
-FILED_TARGET = "wanted"  # what files call the target path
+FILED = {"target": "wanted", "phase_deg": "crest_deg", "fraction": "share"}  # what files call these fields
 MODEL = 0  # the version without learning: the lobe of the job through the response of the machine profile
 
 
@@ -33,13 +33,13 @@ class HoldsFor:
 class PartRead:
     """The part that a version was learned from: how it was cut, and what was left on it.
 
-    It was cut with the fraction `share` of `version` (0: of the model, nothing learned); `target` is the lobe
+    It was cut with `fraction` of `version` (0: of the model, nothing learned); `target` is the lobe
     of that path, tool into the work, `lobe` that of the released part, outwards, with the standard error of its
     amplitude.
     """
 
     version: int
-    share: float
+    fraction: float
     target: PathHarmonic
     lobe: PathHarmonic
     lobe_sd_um: float
@@ -86,8 +86,8 @@ class ExpectedPart:
         return replace(self, lobe=self.lobe.turned(by_deg))
 
 
-def expected_part(learned: LearnedCompensation, share: float = 1.0) -> ExpectedPart | None:
-    """Return the prediction for a part cut with the fraction `share` of a version.
+def expected_part(learned: LearnedCompensation, fraction: float = 1.0) -> ExpectedPart | None:
+    """Return the prediction for a part cut with `fraction` of a version.
 
     None for the model, which was not learned from a part. For less than all of it only the lobe is given, which
     dominates.
@@ -95,9 +95,11 @@ def expected_part(learned: LearnedCompensation, share: float = 1.0) -> ExpectedP
     part = learned.part
     if part is None or learned.is_model:
         return None
-    taken_um = share * learned.path.target.harmonics[0].coefficient
+    taken_um = fraction * learned.path.target.harmonics[0].coefficient
     left = PathHarmonic.of(part.lobe.lobes, part.lobe.coefficient + part.target.coefficient - taken_um)
-    return ExpectedPart(ront_um=learned.expected_ront_um if share == 1.0 else 2.0 * left.amplitude_um, lobe=left)
+    return ExpectedPart(
+        ront_um=learned.expected_ront_um if fraction == 1.0 else 2.0 * left.amplitude_um, lobe=left
+    )
 
 
 def again(older: LearnedCompensation, number: int, date: str) -> LearnedCompensation:
@@ -134,7 +136,7 @@ def _side(holds: HoldsFor) -> str:
 
 def as_table(learned: LearnedCompensation) -> dict[str, Any]:
     """Return the compensation as plain values for a file."""
-    table: dict[str, Any] = _renamed(asdict(learned), "target", FILED_TARGET)
+    table: dict[str, Any] = renamed(asdict(learned), FILED)
     return {"schema": SCHEMA, **table}
 
 
@@ -143,16 +145,8 @@ def from_table(table: Any, where: str = "") -> LearnedCompensation:
 
     Raises `ProfileError`: `schema.unsupported`; `learned.file`, anything else.
     """
-    table = _renamed(table, FILED_TARGET, "target")
+    table = renamed(table, {filed: name for name, filed in FILED.items()})
     return read_own(LearnedCompensation, table, schema=SCHEMA, code="learned.file", where=where, judge=_judge)
-
-
-def _renamed(value: Any, old: str, new: str) -> Any:
-    if isinstance(value, dict):
-        return {new if key == old else key: _renamed(each, old, new) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_renamed(each, old, new) for each in value]
-    return value
 
 
 def _judge(learned: LearnedCompensation) -> None:

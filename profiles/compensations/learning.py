@@ -31,7 +31,7 @@ Value = TypeVar("Value")
 
 # Standard deviations above which a harmonic is significant: 95 %, chi-square with two degrees of freedom.
 SIGNIFICANT = 2.45
-STEADY_SHARE = 0.02  # below this reciprocal condition number the angles cannot separate the harmonics
+STEADY_FRACTION = 0.02  # below this reciprocal condition number the angles cannot separate the harmonics
 
 
 REPEATS_SD_UM = 0.1
@@ -80,7 +80,7 @@ def fit_harmonics(angle_deg: ArrayLike, values_um: ArrayLike, orders: Sequence[i
     if values.size <= 2 * unknowns:
         raise refused("learning.few_samples", value=str(values.size), limit=f"> {2 * unknowns}")
     found = fit(harmonic_columns(angle, orders), values)
-    if found.condition * STEADY_SHARE > 1.0:
+    if found.condition * STEADY_FRACTION > 1.0:
         gap = f"{math.degrees(float(np.ptp(angle))):.3g} deg"
         raise refused("learning.few_samples", key="angle_deg", value=gap, limit=">= 360 deg")
     return HarmonicFit(

@@ -30,7 +30,7 @@ from profiles.compensations.learning import (
     learned_part,
 )
 from profiles.compensations.part_harmonics import PartHarmonics
-from profiles.compensations.path import CutPath, PathHarmonic, free_state_lobe, share_of
+from profiles.compensations.path import CutPath, PathHarmonic, fraction_of, free_state_lobe
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.problem import Problem, refused
@@ -82,7 +82,7 @@ class CutWith:
     """
 
     path: CutPath
-    share: float
+    fraction: float
     version: LearnedCompensation | None
     parent: CutPath | None = None
 
@@ -95,7 +95,7 @@ class CutWith:
     def spared_um(self) -> dict[int, complex]:
         """The harmonics of the path that were not commanded and should remain on the part."""
         return {
-            harmonic.lobes: (1.0 - self.share) * harmonic.coefficient for harmonic in self.path.target.harmonics
+            harmonic.lobes: (1.0 - self.fraction) * harmonic.coefficient for harmonic in self.path.target.harmonics
         }
 
 
@@ -153,7 +153,7 @@ def next_version(
     learned = {n: e for n, e in off.items() if abs(e) > SIGNIFICANT * part.sd_um[n]}
     path = learned_part(cut.path, Deviation(coefficients_um=learned), _NONE, response, used_gain)
     read, path_um = _read(cut, part, job.jaws), cut.path.target.harmonics[0].coefficient
-    plain = uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.share, job)
+    plain = uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.fraction, job)
     contractions = _of_lobe(cut, read, job, used_gain, scatter_um) | _of_others(cut, part, orders, used_gain)
     # The next part is lower by the additional depth of the tool.
     deeper = {n: cut.spared_um.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*cut.spared_um, *learned}}
@@ -234,9 +234,9 @@ class Uncompensated:
         return min(abs(self.without_um - self.whole_um), self.plain_um) <= 2.0 * self._noise_um
 
 
-def uncompensated(left_um: complex, sd_um: float, path_um: complex, share: float, job: Job) -> Uncompensated:
-    """Compare a part that has `left_um` of its lobe, cut with the fraction `share` of `path_um`."""
-    without_um = left_um + share * path_um
+def uncompensated(left_um: complex, sd_um: float, path_um: complex, fraction: float, job: Job) -> Uncompensated:
+    """Compare a part that has `left_um` of its lobe, cut with `fraction` of `path_um`."""
+    without_um = left_um + fraction * path_um
     return Uncompensated(
         whole_um=without_um - path_um,
         without_um=without_um,
@@ -256,10 +256,10 @@ def _gain(gain: float | None, version: LearnedCompensation | None) -> float:
 
 
 def _read(cut: CutWith, part: PartHarmonics, lobes: int) -> PartRead:
-    target = share_of(cut.path, cut.share).target.harmonics[0]
+    target = fraction_of(cut.path, cut.fraction).target.harmonics[0]
     return PartRead(
         version=cut.number,
-        share=cut.share,
+        fraction=cut.fraction,
         target=target,
         lobe=PathHarmonic.of(lobes, part.coefficients_um[lobes]),
         lobe_sd_um=part.sd_um[lobes],
@@ -291,10 +291,10 @@ def _of_others(cut: CutWith, part: PartHarmonics, orders: Sequence[int], gain: f
     before = version.part
     for n in orders:
         then, now = coefficient_of(cut.parent.target, n), coefficient_of(cut.path.target, n)
-        changed = cut.share * now - before.share * then
+        changed = cut.fraction * now - before.fraction * then
         if n == cut.path.target.lobes or min(abs(now - then), abs(changed)) < ROUNDING_UM:
             continue
-        left = (now - then) / version.gain + (1.0 - before.share) * then
+        left = (now - then) / version.gain + (1.0 - before.fraction) * then
         # A fit over whole turns is equally sure of every harmonic.
         sd_um = math.hypot(before.lobe_sd_um, part.sd_um[n], REPEATS_SD_UM, REPEATS_SD_UM)
         found[n] = _contraction(left - part.coefficients_um[n], changed, sd_um, gain)
@@ -326,7 +326,7 @@ def _reasons(
     if not learned:
         return (Problem(code="learned.nothing", limit=f"{SIGNIFICANT:g} sd"),)
     return tuple(
-        Problem(code="learned.wave_diverges", key=back, value=f"{n}/rev: {factor}", limit="< 1")
+        Problem(code="learned.harmonic_diverges", key=back, value=f"{n}/rev: {factor}", limit="< 1")
         for n, factor in sorted(grows.items())
         if n in learned
     )

@@ -28,57 +28,57 @@ from profiles.axis.response import AMPLIFICATION_LIMIT
 from profiles.job import Job
 from profiles.problem import Problem, refused
 
-PARTIAL_SHARE = 0.5
+PARTIAL_FRACTION = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathHarmonic:
-    """amplitude cos(lobes (angle - crest)): order `lobes`, a maximum at `crest_deg`."""
+    """amplitude cos(lobes (angle - phase)): order `lobes`, a maximum at the spindle angle `phase_deg`."""
 
     lobes: int
     amplitude_um: float
-    crest_deg: float
+    phase_deg: float
 
     @classmethod
     def of(cls, lobes: int, coefficient: complex) -> PathHarmonic:
         """Return Re(c exp(j lobes angle)), c in um, as a wave."""
-        crest_deg = -math.degrees(cmath.phase(coefficient)) / lobes
-        return cls(lobes=lobes, amplitude_um=abs(coefficient), crest_deg=crest_deg)
+        phase_deg = -math.degrees(cmath.phase(coefficient)) / lobes
+        return cls(lobes=lobes, amplitude_um=abs(coefficient), phase_deg=phase_deg)
 
     @property
     def coefficient(self) -> complex:
         """The c of Re(c exp(j lobes angle)), in um."""
-        return self.amplitude_um * cmath.exp(-1j * self.lobes * math.radians(self.crest_deg))
+        return self.amplitude_um * cmath.exp(-1j * self.lobes * math.radians(self.phase_deg))
 
     def at_um(self, angle_deg: ArrayLike) -> Floats:
         """Return the values at spindle angles, in the shape of `angle_deg`."""
         angle = floats(angle_deg)
-        return floats(self.amplitude_um * np.cos(self.lobes * np.radians(angle - self.crest_deg)))
+        return floats(self.amplitude_um * np.cos(self.lobes * np.radians(angle - self.phase_deg)))
 
     def turned(self, by_deg: float) -> PathHarmonic:
         """Return the wave so many degrees of spindle further on: at angle + by_deg it has its value at angle."""
-        return replace(self, crest_deg=self.crest_deg + by_deg)
+        return replace(self, phase_deg=self.phase_deg + by_deg)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LobedPath:
-    """mean + amplitude cos(lobes (angle - crest)) + overtones, by the angle of the spindle.
+    """mean + amplitude cos(lobes (angle - phase)) + overtones, by the angle of the spindle.
 
-    Order `lobes`, with a maximum at `crest_deg`, is the lobe itself; `overtones` have other orders. All
+    Order `lobes`, with a maximum at `phase_deg`, is the lobe itself; `overtones` have other orders. All
     grow by the fraction `growth_per_mm` with each mm from the middle of the cut towards the jaws.
     """
 
     mean_um: float
     amplitude_um: float
     lobes: int
-    crest_deg: float
+    phase_deg: float
     overtones: tuple[PathHarmonic, ...] = ()
     growth_per_mm: float = 0.0
 
     @property
     def harmonics(self) -> tuple[PathHarmonic, ...]:
         """The lobe and the overtones."""
-        lobe = PathHarmonic(lobes=self.lobes, amplitude_um=self.amplitude_um, crest_deg=self.crest_deg)
+        lobe = PathHarmonic(lobes=self.lobes, amplitude_um=self.amplitude_um, phase_deg=self.phase_deg)
         return (lobe, *self.overtones)
 
     def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> Floats:
@@ -95,7 +95,7 @@ class LobedPath:
         The phase of order n is later by n times that.
         """
         overtones = tuple(harmonic.turned(by_deg) for harmonic in self.overtones)
-        return replace(self, crest_deg=self.crest_deg + by_deg, overtones=overtones)
+        return replace(self, phase_deg=self.phase_deg + by_deg, overtones=overtones)
 
     def plus(self, coefficients: Mapping[int, complex], mean_um: float = 0.0) -> LobedPath:
         """Return this path with Re(c exp(j n angle)) added for each n, and an addition to its mean, in um."""
@@ -107,7 +107,7 @@ class LobedPath:
             mean_um=self.mean_um + mean_um,
             amplitude_um=lobe.amplitude_um,
             lobes=self.lobes,
-            crest_deg=lobe.crest_deg if lobe.amplitude_um else self.crest_deg,
+            phase_deg=lobe.phase_deg if lobe.amplitude_um else self.phase_deg,
             overtones=tuple(PathHarmonic.of(n, sums[n]) for n in sorted(sums)),
             growth_per_mm=self.growth_per_mm,
         )
@@ -159,7 +159,7 @@ def free_state_lobe(job: Job) -> LobedPath:
         mean_um=0.0,
         amplitude_um=job.lobe_amplitude_um,
         lobes=job.jaws,
-        crest_deg=job.lobe_phase_deg,
+        phase_deg=job.lobe_phase_deg,
         growth_per_mm=(job.lobe_growth_percent_per_mm or 0.0) / 100.0,
     )
 
@@ -178,7 +178,7 @@ def invert(target: LobedPath, response: complex | Callable[[int], complex]) -> L
     command would be more than `AMPLIFICATION_LIMIT` times the motion.
     """
     lobe, *overtones = (_inverted(harmonic, response) for harmonic in target.harmonics)
-    return replace(target, amplitude_um=lobe.amplitude_um, crest_deg=lobe.crest_deg, overtones=tuple(overtones))
+    return replace(target, amplitude_um=lobe.amplitude_um, phase_deg=lobe.phase_deg, overtones=tuple(overtones))
 
 
 def _inverted(harmonic: PathHarmonic, response: complex | Callable[[int], complex]) -> PathHarmonic:
@@ -187,8 +187,8 @@ def _inverted(harmonic: PathHarmonic, response: complex | Callable[[int], comple
     if not math.isfinite(gain) or gain * AMPLIFICATION_LIMIT < 1.0:
         limit = f">= {1.0 / AMPLIFICATION_LIMIT:g}"
         raise refused("response.too_small", value=f"{gain:.3g}", limit=limit)
-    crest_deg = harmonic.crest_deg + math.degrees(cmath.phase(here)) / harmonic.lobes
-    return replace(harmonic, amplitude_um=harmonic.amplitude_um / gain, crest_deg=crest_deg)
+    phase_deg = harmonic.phase_deg + math.degrees(cmath.phase(here)) / harmonic.lobes
+    return replace(harmonic, amplitude_um=harmonic.amplitude_um / gain, phase_deg=phase_deg)
 
 
 def residual_um_pp(error_um_pp: float, compensation: complex) -> float:
@@ -232,24 +232,28 @@ class Expected:
     wrong_um_pp: float
 
 
-def share_of(path: CutPath, share: float) -> CutPath:
+def fraction_of(path: CutPath, fraction: float) -> CutPath:
     """Return a path with this fraction of its harmonics, at the same mean; axes respond linearly."""
-    return CutPath(target=_shared(path.target, share), command=_shared(path.command, share))
+    return CutPath(target=_scaled(path.target, fraction), command=_scaled(path.command, fraction))
 
 
-def expected(lobe_um_pp: float, share: float) -> Expected:
+def expected(lobe_um_pp: float, fraction: float) -> Expected:
     """Return what a fraction of the compensation leaves of a lobe of `lobe_um_pp`."""
-    return Expected(right_um_pp=residual_um_pp(lobe_um_pp, share), wrong_um_pp=residual_um_pp(lobe_um_pp, -share))
+    return Expected(
+        right_um_pp=residual_um_pp(lobe_um_pp, fraction), wrong_um_pp=residual_um_pp(lobe_um_pp, -fraction)
+    )
 
 
-def _shared(path: LobedPath, share: float) -> LobedPath:
-    overtones = tuple(replace(harmonic, amplitude_um=share * harmonic.amplitude_um) for harmonic in path.overtones)
-    return replace(path, amplitude_um=share * path.amplitude_um, overtones=overtones)
+def _scaled(path: LobedPath, fraction: float) -> LobedPath:
+    overtones = tuple(
+        replace(harmonic, amplitude_um=fraction * harmonic.amplitude_um) for harmonic in path.overtones
+    )
+    return replace(path, amplitude_um=fraction * path.amplitude_um, overtones=overtones)
 
 
 MOST_MEAN_UM = 60.0  # tolerance of the mean: a soft servo under a fine cut is held back by some tens of um
 # Tolerance of the lobe, relative and in um; for a command plus what friction may hold back.
-MOST_SHARE, MOST_HARMONIC_UM = 0.6, 10.0
+MOST_FRACTION, MOST_HARMONIC_UM = 0.6, 10.0
 MOST_HARMONICS = 50  # highest order of an overtone
 
 
@@ -268,7 +272,7 @@ def path_problems(
     if shapes:
         return shapes
     target, command, lobe = path.target.harmonics[0], path.command.harmonics[0], job_wants.harmonics[0]
-    most_um = MOST_SHARE * lobe.amplitude_um + MOST_HARMONIC_UM
+    most_um = MOST_FRACTION * lobe.amplitude_um + MOST_HARMONIC_UM
     off_and_most_um = {
         "wanted": (abs(target.coefficient - lobe.coefficient), most_um),
         "command": (

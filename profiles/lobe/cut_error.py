@@ -13,7 +13,7 @@ import numpy as np
 
 from profiles.chucking.diagnosis import Diagnosis, Mechanism, diagnose
 from profiles.chucking.held_part import HeldPart, held_part
-from profiles.chucking.tube import HALF_LOBE_ANGLES, axial_share
+from profiles.chucking.tube import HALF_LOBE_ANGLES, axial_fraction
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import as_found, found_on_a_part
 from profiles.machine import MachineProfile
@@ -23,7 +23,7 @@ _ANGLES = 2 * (HALF_LOBE_ANGLES - 1)  # over one lobe: those of `HeldPart.error_
 
 # Peak to peak below which a lobe is invisible: a tenth of the resolution of a good roundness gauge.
 LEAST_SEEN_UM = 0.01
-LEAST_AXIAL_SHARE = 0.05
+LEAST_AXIAL_FRACTION = 0.05
 """Fraction of its height at the jaws that a lobe needs to be scaled: near its sign change any height fits."""
 
 
@@ -56,7 +56,7 @@ def lobe_scale(job: Job, machine: MachineProfile) -> LobeScale | None:
     z_mm = middle_mm(part.job)
     if part.per_jaw_n <= 0 or z_mm < 0:
         return None
-    if part.thin and abs(float(axial_share(part.tube, part.job.jaws, z_mm))) < LEAST_AXIAL_SHARE:
+    if part.thin and abs(float(axial_fraction(part.tube, part.job.jaws, z_mm))) < LEAST_AXIAL_FRACTION:
         return None
     model_um_pp = part.error_um_pp(z_mm)
     if model_um_pp < LEAST_SEEN_UM:
@@ -93,7 +93,7 @@ def middle_mm(job: Job) -> float:
 class CutError:
     """The error of the released part `z_mm` in front of the jaws.
 
-    `mechanism` is its main cause, `spring_back_um_pp` that contribution alone. `amplitude_um` and `crest_deg`
+    `mechanism` is its main cause, `spring_back_um_pp` that contribution alone. `amplitude_um` and `phase_deg`
     (spindle angle, None below `LEAST_SEEN_UM`) are those of order N. `sd_um_pp` is the effect of the scatter of
     the chucking force. `measured_um_pp` is the job's own error where it was found on a part, and `diagnosis`
     the cause that its position suggests, where its angle past the jaws is known. `matching_force_n` is the
@@ -106,7 +106,7 @@ class CutError:
     mechanism: Mechanism
     spring_back_um_pp: float
     amplitude_um: float
-    crest_deg: float | None
+    phase_deg: float | None
     sd_um_pp: float
     measured_um_pp: float | None
     diagnosis: Diagnosis | None
@@ -123,13 +123,13 @@ def cut_error(part: HeldPart, loss_n: float) -> CutError:
     sprung = parts.get(Mechanism.SPRING_BACK)
     sprung_um = 0.0 if sprung is None else float(np.ptp(sprung))
     wave = complex(2 / _ANGLES * np.sum(turn * np.exp(-1j * jaws * np.radians(lobe_deg))))
-    crest_deg = job.jaw_1_deg - float(np.degrees(np.angle(wave))) / jaws
+    phase_deg = job.jaw_1_deg - float(np.degrees(np.angle(wave))) / jaws
     largest = max(parts, key=lambda which: float(np.ptp(parts[which])))
     at_speed_n = part.per_jaw_n * jaws
     measured = job.lobe_error_um_pp if found_on_a_part(job) else None
     seen, past_deg, matching = None, job.lobe_past_jaw_deg, None
     if measured and past_deg is not None:
-        seen = diagnose(crest_deg=past_deg, jaw_1_deg=0.0, jaws=jaws, thin=part.thin)
+        seen = diagnose(phase_deg=past_deg, jaw_1_deg=0.0, jaws=jaws, thin=part.thin)
     sprung_back = seen is None or seen.mechanism is Mechanism.SPRING_BACK
     if measured is not None and largest is Mechanism.SPRING_BACK and sprung_back:
         # The spring-back grows with the force; the wall's deflection does not.
@@ -140,15 +140,15 @@ def cut_error(part: HeldPart, loss_n: float) -> CutError:
         mechanism=largest,
         spring_back_um_pp=sprung_um,
         amplitude_um=abs(wave),
-        crest_deg=crest_deg if um_pp >= LEAST_SEEN_UM else None,
-        sd_um_pp=sprung_um * part.holding.force_sd_share * job.chucking_force_n / at_speed_n,
+        phase_deg=phase_deg if um_pp >= LEAST_SEEN_UM else None,
+        sd_um_pp=sprung_um * part.holding.force_sd_fraction * job.chucking_force_n / at_speed_n,
         measured_um_pp=measured,
         diagnosis=seen,
         matching_force_n=matching,
     )
 
 
-def scaled_cut(cut: CutError, factor: float, crest_deg: float) -> CutError:
+def scaled_cut(cut: CutError, factor: float, phase_deg: float) -> CutError:
     """Return the error scaled to the lobe that was found, and its angle; no force belongs to it."""
     um_pp = factor * cut.um_pp
     return replace(
@@ -156,7 +156,7 @@ def scaled_cut(cut: CutError, factor: float, crest_deg: float) -> CutError:
         um_pp=um_pp,
         spring_back_um_pp=factor * cut.spring_back_um_pp,
         amplitude_um=factor * cut.amplitude_um,
-        crest_deg=crest_deg if um_pp >= LEAST_SEEN_UM else None,
+        phase_deg=phase_deg if um_pp >= LEAST_SEEN_UM else None,
         sd_um_pp=factor * cut.sd_um_pp,
         matching_force_n=None,
     )

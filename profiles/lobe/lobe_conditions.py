@@ -17,12 +17,12 @@ from profiles.job import Job
 from profiles.materials import material_or_none
 from profiles.problem import Problem
 
-FORCE_SHARE = 0.05  # relative tolerance of the force: the scatter of a good wrench between clampings
-SPEED_SHARE = 0.02
-WALL_SHARE = 0.015
+FORCE_TOLERANCE = 0.05  # relative tolerance of the force: the scatter of a good wrench between clampings
+SPEED_TOLERANCE = 0.02
+WALL_TOLERANCE = 0.015
 LENGTH_MM = 0.1
 
-_SHARES = (("spindle_speed_rpm", "rpm", SPEED_SHARE), ("wall_thickness_mm", "mm", WALL_SHARE))
+_TOLERANCES = (("spindle_speed_rpm", "rpm", SPEED_TOLERANCE), ("wall_thickness_mm", "mm", WALL_TOLERANCE))
 _LENGTHS = ("overhang_mm", "diameter_mm")
 
 CONDITIONS = {
@@ -71,7 +71,7 @@ def changed_conditions(job: Job) -> dict[str, Any]:
 
 def force_as_found(job: Job) -> bool:
     """Whether the chucking force is that of the calibration cut."""
-    return abs(job.chucking_force_n - job.error_force_n) <= FORCE_SHARE * job.error_force_n
+    return abs(job.chucking_force_n - job.error_force_n) <= FORCE_TOLERANCE * job.error_force_n
 
 
 def lobe_differences(job: Job, *, chuck: str, tool: str) -> tuple[Problem, ...]:
@@ -89,10 +89,10 @@ def lobe_differences(job: Job, *, chuck: str, tool: str) -> tuple[Problem, ...]:
 def _of_conditions(job: Job) -> list[Problem]:
     """Return the differences in numbers and material, except the force."""
     found: list[Problem] = []
-    for key, unit, share in _SHARES:
+    for key, unit, fraction in _TOLERANCES:
         actual, then = getattr(job, key), getattr(job, f"lobe_{key}")
         # To a millionth, so that a value at the limit passes.
-        if then is not None and round(abs(actual - then) / then, 6) > share:
+        if then is not None and round(abs(actual - then) / then, 6) > fraction:
             found.append(_differs(key, f"{actual:.6g} {unit}", f"{then:.6g} {unit}"))
     for key in _LENGTHS:
         actual, then = getattr(job, key), getattr(job, f"lobe_{key}")

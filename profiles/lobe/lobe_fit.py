@@ -3,14 +3,14 @@
 Model of M deviations r_i (um, positive outwards) at spindle angles theta_i, with the orders n of eccentricity,
 ovality and the jaws, n in {1, 2, N, 2N, 3N} and any that are declared:
 
-r_i = c + sum_n (p_n cos n theta_i + q_n sin n theta_i) + noise,    p cos + q sin = A cos(n (theta - crest))
+r_i = c + sum_n (p_n cos n theta_i + q_n sin n theta_i) + noise,    p cos + q sin = A cos(n (theta - phase))
 
 Weighted least squares with W = diag(1 / sigma_i^2), after C. F. Gauss:
 
 beta = (X' W X)^-1 X' W r,    cov = s^2 (X' W X)^-1,    s^2 = sum W e^2 / (M - k)
 
 A = hypot(p, q),           sd(A) = sqrt(J C J'),              J = (p, q) / A
-    crest = atan2(q, p) / n,   sd(crest) = sqrt(K C K') / n,      K = (-q, p) / A^2
+    phase = atan2(q, p) / n,   sd(phase) = sqrt(K C K') / n,      K = (-q, p) / A^2
 
 so that white noise at equal angles gives sd(A) = sigma sqrt(2 / M). The residual of a real part is not white:
 its form error falls with the order, so that the lobe has more of it than the average order. For each harmonic
@@ -51,9 +51,9 @@ _LEAST_UM = 1e-6  # an amplitude up to this is none, however regular a trace wit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedHarmonic:
-    """amplitude cos(n (angle - crest)): one harmonic; crest in [0, 360/n) deg of the angle of the trace.
+    """amplitude cos(n (angle - phase)): one harmonic; phase in [0, 360/n) deg of the angle of the trace.
 
-    `cos_um` and `sin_um` are p and q. `sd_um` and `sd_deg` are standard errors of amplitude and crest, `ci_um`
+    `cos_um` and `sin_um` are p and q. `sd_um` and `sd_deg` are standard errors of amplitude and phase, `ci_um`
     and `ci_deg` half-widths for 95 % by Student's t. `sd_deg` is at most 360 / (n sqrt 12), the sd of an
     entirely unknown phase, and `ci_deg` at most 180 / n.
     """
@@ -62,7 +62,7 @@ class FittedHarmonic:
     cos_um: float
     sin_um: float
     amplitude_um: float
-    crest_deg: float
+    phase_deg: float
     sd_um: float
     sd_deg: float
     ci_um: float
@@ -247,7 +247,7 @@ def _harmonic(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, 
         cos_um=p,
         sin_um=q,
         amplitude_um=amplitude,
-        crest_deg=math.degrees(math.atan2(q, p)) / n % (360.0 / n),
+        phase_deg=math.degrees(math.atan2(q, p)) / n % (360.0 / n),
         sd_um=radial[0],
         sd_deg=min(tangential[0] * to_deg, unknown_deg) if amplitude else unknown_deg,
         ci_um=student(radial[1]) * radial[0],

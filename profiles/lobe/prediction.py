@@ -98,9 +98,9 @@ def predict(
     stock_mm = np.linspace(0.0, job.depth_of_cut_mm, STOCK_STEPS)
     stock = [cut_error(part.turned_down(float(depth)), loss_n) for depth in stock_mm]
     from_jaw_deg = angle - job.jaw_1_deg
-    if scale is not None and stock[0].crest_deg is not None:
+    if scale is not None and stock[0].phase_deg is not None:
         # By how far the maximum that was found is past that of the model.
-        from_jaw_deg = from_jaw_deg - round(job.lobe_phase_deg - stock[0].crest_deg, 6)
+        from_jaw_deg = from_jaw_deg - round(job.lobe_phase_deg - stock[0].phase_deg, 6)
     bare = part.error_parts_um(from_jaw_deg, z)
     parts = {name: read_only(factor * each) for name, each in bare.items()}
     cut = stock[0] if scale is None else scaled_cut(stock[0], factor, job.lobe_phase_deg)

@@ -124,8 +124,8 @@ def _descended(kind: str, x: Floats, y: Floats, start: tuple[float, float]) -> R
         step = (circle.centre_x_um - centre[0], circle.centre_y_um - centre[1])
         if math.hypot(*step) <= _STILL * abs(circle.deviation_um):
             break
-        shares = (0.5**k for k in range(_MOST_HALVINGS))
-        tried = ((centre[0] + share * step[0], centre[1] + share * step[1]) for share in shares)
+        fractions = (0.5**k for k in range(_MOST_HALVINGS))
+        tried = ((centre[0] + fraction * step[0], centre[1] + fraction * step[1]) for fraction in fractions)
         judged = ((_objective(kind, x, y, each), each) for each in tried)
         value, place = next(((v, p) for v, p in judged if v < reached), (reached, centre))
         if value >= reached:

@@ -57,15 +57,15 @@ def harmonic(n: int, cosine_um: float, sine_um: float) -> Harmonic:
     return Harmonic(n=n, amplitude_um=math.hypot(cosine_um, sine_um), phase_deg=phase_deg)
 
 
-def _first_deg(crest_deg: float, n: int) -> float:
-    first_deg = crest_deg % (360 / n)
+def _first_deg(phase_deg: float, n: int) -> float:
+    first_deg = phase_deg % (360 / n)
     # The remainder of a tiny negative number rounds up to the divisor.
     return 0.0 if first_deg >= 360 / n else first_deg
 
 
 FAR_SIGMA = 4.5
 """A harmonic between the fitted ones has its maxima at 1 sigma / 0.95; of 3600 Gaussian points 0.02 lie beyond."""
-LARGEST_SHARE = 0.1
+LARGEST_FRACTION = 0.1
 _SETTLED = 1e-3
 _ROUNDING = 1e-9  # fraction of the peak-to-peak value below which a residual is arithmetic rounding
 
@@ -73,15 +73,15 @@ _ROUNDING = 1e-9  # fraction of the peak-to-peak value below which a residual is
 def suspects(angle_deg: Floats, deviation_um: Floats) -> NDArray[np.bool_]:
     """Return which points are suspect; shape (M,).
 
-    Raises `ProfileError`: `trace.outliers`, they are more than `LARGEST_SHARE` of all: then the part is rough, not
-    dirty.
+    Raises `ProfileError`: `trace.outliers`, they are more than `LARGEST_FRACTION` of all: then the part is rough,
+    not dirty.
     """
     orders = range(1, min(HIGHEST_HARMONIC, (angle_deg.size - 1) // 4) + 1)
     columns = harmonic_columns(np.radians(angle_deg), orders)
     least_um = _ROUNDING * float(np.ptp(deviation_um))
     found = huber_distances(columns, deviation_um, np.ones_like(deviation_um), least_um, _SETTLED) > FAR_SIGMA
-    if found.mean() > LARGEST_SHARE:
-        value, limit = f"{100 * found.mean():.0f} %", f"<= {100 * LARGEST_SHARE:g} %"
+    if found.mean() > LARGEST_FRACTION:
+        value, limit = f"{100 * found.mean():.0f} %", f"<= {100 * LARGEST_FRACTION:g} %"
         raise refused("trace.outliers", value=value, limit=limit)
     return found
 

@@ -159,5 +159,5 @@ def _shape(orders: Floats, hump: float, corner: float, steepness: float) -> tupl
     square = (orders / corner) ** 2
     own = hump / (1.0 + square) ** steepness
     shape = 1.0 + own
-    share = own / shape
-    return shape, np.stack([np.ones_like(shape), share, share * 2.0 * steepness * square / (1.0 + square)])
+    fraction = own / shape
+    return shape, np.stack([np.ones_like(shape), fraction, fraction * 2.0 * steepness * square / (1.0 + square)])

@@ -15,12 +15,12 @@ from profiles.paper.residual import (
     SINE,
     Ramps,
     Servo,
-    fundamental_share,
+    fundamental_fraction,
     ideal_servo,
     left_by_compliance_um_pp,
     left_um,
     left_um_pp,
-    stroke_share,
+    stroke_fraction,
     zigzag,
 )
 from profiles.paper.table_5 import measured_response
@@ -83,9 +83,9 @@ def _prog_1(paper: Experiments) -> tuple[Record, ...]:
     mean = partial(Record, "prog1.mean", unit="um", why="mean")
     depths_um = [1000 * job.depth_of_cut_mm for job in paper.jobs]
     return (
-        *(stroke(error_um * stroke_share(*each), at=name) for name, each in ramps.items()),
+        *(stroke(error_um * stroke_fraction(*each), at=name) for name, each in ramps.items()),
         *(
-            Record("prog1.fundamental", 100 * fundamental_share(zigzag(*each)), "%", at=name)
+            Record("prog1.fundamental", 100 * fundamental_fraction(zigzag(*each)), "%", at=name)
             for name, each in blends.items()
         ),
         *(
@@ -106,7 +106,7 @@ def _fig_14(paper: Experiments) -> tuple[Record, ...]:
 
 def _fig_16(paper: Experiments) -> tuple[Record, ...]:
     first, second = (left_um_pp(error, *models(paper)["s_curve_measured"]) for error in paper.errors_um_pp)
-    lost_percent = 100 * (1 - stroke_share(Ramps.S_CURVE, FULL_BLEND))
+    lost_percent = 100 * (1 - stroke_fraction(Ramps.S_CURVE, FULL_BLEND))
     facts = {"lost_percent": lost_percent, "first_um": first, "second_um": second}
     part = partial(Record, unit="um", tolerance=WITHIN_UM, why="blend_and_lag", facts=facts)
     return (

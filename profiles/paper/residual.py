@@ -35,22 +35,22 @@ class Ramps(StrEnum):
 SINE: Mapping[int, float] = {1: 0.5}  # the target path: its swing is P
 
 
-def zigzag(ramps: Ramps, blend_share: float) -> dict[int, float]:
-    """Return the c_k of a zigzag that blends over `blend_share` = TA / TM (0 to 1) of each move."""
+def zigzag(ramps: Ramps, blend_fraction: float) -> dict[int, float]:
+    """Return the c_k of a zigzag that blends over `blend_fraction` = TA / TM (0 to 1) of each move."""
     harmonics = {}
     for k in range(1, HARMONICS, 2):
-        x = k * blend_share / 2  # numpy's sinc includes pi
+        x = k * blend_fraction / 2  # numpy's sinc includes pi
         blend = np.sinc(x) if ramps is Ramps.LINEAR else np.sinc(x / 2) ** 2
         harmonics[k] = float(4 / (np.pi * k) ** 2 * blend)
     return harmonics
 
 
-def stroke_share(ramps: Ramps, blend_share: float) -> float:
+def stroke_fraction(ramps: Ramps, blend_fraction: float) -> float:
     """Return the swing over P: 1 - TA/(2 TM) with linear ramps, 1 - TA/(3 TM) with full S-curves."""
-    return 1 - blend_share / (2 if ramps is Ramps.LINEAR else 3)
+    return 1 - blend_fraction / (2 if ramps is Ramps.LINEAR else 3)
 
 
-def fundamental_share(harmonics: Mapping[int, float]) -> float:
+def fundamental_fraction(harmonics: Mapping[int, float]) -> float:
     """Return the swing of the first harmonic over P."""
     return 2 * harmonics[1]
 

@@ -59,13 +59,13 @@ def _fig_11(machine: MachineProfile) -> tuple[Record, ...]:
 def _table_5(machine: MachineProfile) -> tuple[Record, ...]:
     actual = eq9_response(machine, table_5.FREQUENCIES_HZ)
     fit = table_5.fitted_feedforward(machine)
-    fitted = table_5.feedforward_response(machine, table_5.FREQUENCIES_HZ, fit.acceleration_share, fit.delay_s)
+    fitted = table_5.feedforward_response(machine, table_5.FREQUENCIES_HZ, fit.acceleration_fraction, fit.delay_s)
     lobe = table_5.FREQUENCIES_HZ.index(_LOBE_HZ)
     facts = {
         "lobe_hz": _LOBE_HZ,
         "times": -float(np.angle(actual[lobe])) / table_5.PHASE_ERROR_RAD[lobe],
         "gain": table_5.fitted_gain(machine),
-        "share_percent": 100 * fit.acceleration_share,
+        "share_percent": 100 * fit.acceleration_fraction,
         "delay_ms": 1000 * fit.delay_s,
     }
     return (
@@ -116,7 +116,7 @@ def _fits(machine: MachineProfile) -> tuple[Record, ...]:
     facts = {"cycles": 1000 * delay_s / cycle_ms, "cycle_ms": cycle_ms}
     return (
         Record("table5.delay", 1000 * delay_s, "ms", why="delay", facts=facts),
-        Record("table5.acceleration", 100 * fit.acceleration_share, "%"),
+        Record("table5.acceleration", 100 * fit.acceleration_fraction, "%"),
         Record("table5.fitted_delay", 1000 * fit.delay_s, "ms"),
         Record("table5.misfit", table_5.misfit_of_eq9(machine), "rad"),
     )

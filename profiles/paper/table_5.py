@@ -42,7 +42,7 @@ class Feedforward:
     `chi2` is the sum over gains and phases of (misfit / `WEIGHT`)^2: eight data, two unknowns.
     """
 
-    acceleration_share: float
+    acceleration_fraction: float
     delay_s: float
     chi2: float
 
@@ -73,13 +73,13 @@ def pure_delay_s() -> tuple[float, float]:
 
 
 def feedforward_response(
-    machine: MachineProfile, frequency_hz: ArrayLike, acceleration_share: float, delay_s: float
+    machine: MachineProfile, frequency_hz: ArrayLike, acceleration_fraction: float, delay_s: float
 ) -> Complexes:
     """Return (K C + a M s^2) exp(-s d) / (M s^2 + B s + K C): Eq 9 with acceleration feedforward, delayed."""
     s = 2j * np.pi * floats(frequency_hz)
     tool, gains = machine.tool, eq9_gains(machine)
     control = gains.kp_v_per_m + gains.ki_v_per_m_s / s + gains.kd_v_s_per_m * s
-    added = acceleration_share * tool.moving_mass_kg * s**2 / (tool.loop_gain_n_per_v * control)
+    added = acceleration_fraction * tool.moving_mass_kg * s**2 / (tool.loop_gain_n_per_v * control)
     return complexes(eq9_response(machine, frequency_hz) * (1 + added) * np.exp(-s * delay_s))
 
 
@@ -92,8 +92,8 @@ def fitted_feedforward(machine: MachineProfile, reading: Reading = Reading.LOSS_
         return _misfit(actual, reading)
 
     found = least_squares(misfit, (0.5, 0.5), xtol=1e-12)
-    share, delay_ms = (float(each) for each in found.x)
-    return Feedforward(acceleration_share=share, delay_s=delay_ms / 1000.0, chi2=float(2.0 * found.cost))
+    fraction, delay_ms = (float(each) for each in found.x)
+    return Feedforward(acceleration_fraction=fraction, delay_s=delay_ms / 1000.0, chi2=float(2.0 * found.cost))
 
 
 def fitted_gain(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> float:

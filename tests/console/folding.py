@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from itertools import groupby
 
-LOOK = re.compile(r"(?P<lease>(?:M\d+|I\d+)=\d+ )?#\d+P F \? .*")
+LOOK = re.compile(r"(?P<renewal>(?:M\d+|I\d+)=\d+ )?#\d+P F \? .*")
 WATCHDOG = re.compile(r"(?:M\d+|I\d+)=\d+(?: P1002)?")
 CONSTANTS = re.compile(r"(?:M\d+|I\d+)=\d+(?: P\d+)+")
 """Some constants of the program that runs, read between two looks."""
@@ -32,7 +32,7 @@ class Exchange:
 
     @property
     def waits(self) -> bool:
-        """Whether somebody only looks on, or renews the lease."""
+        """Whether somebody only looks on, or renews the watchdog timer."""
         return any(each.fullmatch(self.said) is not None for each in (LOOK, WATCHDOG, CONSTANTS))
 
 
@@ -88,6 +88,6 @@ def _folded(group: Sequence[Exchange]) -> Iterator[str]:
         yield from each.lines
     between = group[first + 1 : last]
     renewals = sum(WATCHDOG.match(each.said) is not None for each in between)
-    yield f"# {len(looks) - 2} more looks like this, the lease renewed {renewals} times"
+    yield f"# {len(looks) - 2} more polls like this, the watchdog timer renewed {renewals} times"
     for each in group[last:]:
         yield from each.lines

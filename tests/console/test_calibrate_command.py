@@ -34,9 +34,9 @@ def wrench(tmp_path: Path) -> Path:
     return path
 
 
-def trace(tmp_path: Path, *head: str, crest_deg: float = 92.0) -> Path:
+def trace(tmp_path: Path, *head: str, phase_deg: float = 92.0) -> Path:
     angle = np.arange(360.0)
-    deviation = 27.5 * np.cos(3 * np.radians(angle - crest_deg)) + np.random.default_rng(1).normal(0.0, 0.3, 360)
+    deviation = 27.5 * np.cos(3 * np.radians(angle - phase_deg)) + np.random.default_rng(1).normal(0.0, 0.3, 360)
     rows = [f"{a:g},{d:.4f}" for a, d in zip(angle, deviation, strict=True)]
     path = tmp_path / "trace.csv"
     path.write_text("\n".join([*head, "angle_deg,deviation_um", *rows]), encoding="utf-8")
@@ -160,8 +160,8 @@ def test_a_simulated_part_is_kept_for_practice_only(console: Console, tmp_path: 
 def test_the_sign_at_the_jaws_names_the_mechanism(
     console: Console, tmp_path: Path, language: str, high: str, low: str
 ) -> None:
-    for crest_deg, words in ((2.0, high), (62.0, low)):
-        path = trace(tmp_path, "# direction: cw", "# jaw_1_deg: 0", crest_deg=crest_deg)
+    for phase_deg, words in ((2.0, high), (62.0, low)):
+        path = trace(tmp_path, "# direction: cw", "# jaw_1_deg: 0", phase_deg=phase_deg)
         said = console("calibrate", "lobe", str(path), "--job", JOB, "--lang", language)
         assert said.code == 0 and words in said.out
 

@@ -47,7 +47,7 @@ def test_the_closed_form_says_what_the_program_says_afterwards(strategy: Strateg
     assert np.abs(early.command_um - command_um).max() < 0.5
     assert early.lobe_frequency_hz == pytest.approx(made.lobe_frequency_hz)
     assert early.response.gain == pytest.approx(made.response.gain)
-    assert early.shares["force_n"].percent == pytest.approx(made.shares["force_n"].percent, rel=0.01)
+    assert early.demands["force_n"].percent == pytest.approx(made.demands["force_n"].percent, rel=0.01)
 
 
 def test_an_inverse_of_another_axis_leaves_what_the_two_responses_are_apart() -> None:

@@ -327,8 +327,8 @@ def test_everything_that_can_be_said_has_words(language: str) -> None:
         f"check.{name}" for name in said if f"check.{name}" not in words and f"check.{name}.holds" not in words
     }
     missing |= {f"setting.{key}{kind}" for key in keys() for kind in ("", ".effect")} - words
-    missing |= {f"remedy.{nature}" for nature in Nature} | {f"card.group.{group}" for group in Group}
-    missing |= {f"card.subject.{device}" for device in SAFETY_DEVICES}
+    missing |= {f"remedy.{nature}" for nature in Nature} | {f"configuration.group.{group}" for group in Group}
+    missing |= {f"configuration.subject.{device}" for device in SAFETY_DEVICES}
     assert sorted(missing - words) == []
     assert len(said) > 40
 

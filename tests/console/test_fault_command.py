@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 Console = Callable[..., Any]
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 
 
 @contextmanager
@@ -23,12 +23,12 @@ def answering(path: Path, said: bytes) -> Iterator[list[bytes]]:
     with closing(socket.socket(socket.AF_UNIX)) as listening:
         listening.bind(str(path))
         listening.listen()
-        listening.settimeout(PATIENCE_S)
+        listening.settimeout(TIMEOUT_S)
 
         def serve() -> None:
             host, _ = listening.accept()
             with closing(host):
-                host.settimeout(PATIENCE_S)
+                host.settimeout(TIMEOUT_S)
                 with host.makefile("rb") as reading:
                     lines.append(reading.readline())
                 host.sendall(said)
@@ -36,7 +36,7 @@ def answering(path: Path, said: bytes) -> Iterator[list[bytes]]:
         serving = threading.Thread(target=serve)
         serving.start()
         yield lines
-        serving.join(PATIENCE_S)
+        serving.join(TIMEOUT_S)
 
 
 def test_the_words_are_one_line_and_the_answer_is_printed_without_its_verdict(

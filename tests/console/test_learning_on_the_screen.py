@@ -131,7 +131,7 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     assert lobe_um_pp(second) < 3.5 < 7.0 < lobe_um_pp(first)
     two = accept(lesson(second), shop.data)
     assert (two.version, two.parent, two.gain) == (2, 1, 0.7)
-    assert two.path.target.crest_deg == pytest.approx(one.path.target.crest_deg, abs=1.0)
+    assert two.path.target.phase_deg == pytest.approx(one.path.target.phase_deg, abs=1.0)
 
     # The commands learn the same of it, by what the record says of a cut on the screen.
     trace = tmp_path / "second.csv"
@@ -140,7 +140,7 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     said = console("learn", str(trace), *of_job, "--json").json
     made = {"compensation": "1", "strategy": "cam", "stage": "full", "inverted": "model"}
     assert said["cut_with"] == {**made, "cut_jaw_1_deg": str(second.jaw_1_deg)}
-    assert said["next"]["path"]["wanted"]["crest_deg"] == pytest.approx(two.path.target.crest_deg, abs=1e-3)
+    assert said["next"]["path"]["wanted"]["crest_deg"] == pytest.approx(two.path.target.phase_deg, abs=1e-3)
 
     # Back, step by step, as the commands go: to the first version, then to the model.
     three = revert(two, shop.job, shop.machine, shop.data, simulated=True)

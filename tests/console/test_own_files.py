@@ -24,15 +24,15 @@ from tests.console.test_identified_store import RESPONSE
 
 MACHINE = load_machine("lee-2001-lathe").machine
 HOLDS = HoldsFor(job="j", job_sha256="a", machine="m", machine_sha256="b", simulated=True, strategy="pvt")
-WAVE = PathHarmonic(lobes=3, amplitude_um=27.5, crest_deg=10.0)
-PATH = LobedPath(mean_um=50.0, amplitude_um=27.5, lobes=3, crest_deg=10.0, overtones=(WAVE,))
+WAVE = PathHarmonic(lobes=3, amplitude_um=27.5, phase_deg=10.0)
+PATH = LobedPath(mean_um=50.0, amplitude_um=27.5, lobes=3, phase_deg=10.0, overtones=(WAVE,))
 LEARNED = LearnedCompensation(
     holds_for=HOLDS,
     version=1,
     parent=0,
     gain=0.5,
     path=CutPath(target=PATH, command=PATH),
-    part=PartRead(version=0, share=1.0, target=WAVE, lobe=WAVE, lobe_sd_um=0.1, ront_um=5.0),
+    part=PartRead(version=0, fraction=1.0, target=WAVE, lobe=WAVE, lobe_sd_um=0.1, ront_um=5.0),
     date="2001-11-30T14:05:00Z",
 )
 CALIBRATION = calibrations.Calibration(

@@ -20,7 +20,7 @@ from tests.console.floor import Floor, experiment_1, open_floor
 
 
 def path(lobe_um_pp: float, lobes: int = 3) -> LobedPath:
-    return LobedPath(mean_um=100.0, amplitude_um=lobe_um_pp / 2.0, lobes=lobes, crest_deg=40.0)
+    return LobedPath(mean_um=100.0, amplitude_um=lobe_um_pp / 2.0, lobes=lobes, phase_deg=40.0)
 
 
 def left_um(lobe_um_pp: float, lobes: int, late_deg: float) -> float:

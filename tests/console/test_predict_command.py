@@ -52,7 +52,7 @@ def test_people_read_the_same_numbers(console: Console, language: str, words: st
     ("changes", "said"),
     [
         ({"material": '"cheese"'}, "cheese"),
-        ({"chucking_force_n": "344.0"}, "hold"),
+        ({"chucking_force_n": "344.0"}, "grip margin"),
     ],
 )
 def test_what_cannot_be_predicted_is_refused(

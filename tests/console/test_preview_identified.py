@@ -126,7 +126,7 @@ def test_what_may_be_friction_counts_where_the_cut_swings_further_than_what_was_
 
 
 @pytest.mark.parametrize("path", ["pvt", "cam"])
-def test_what_is_foreseen_is_of_the_strategy_whose_path_was_identified(
+def test_what_is_predicted_is_of_the_strategy_whose_path_was_identified(
     console: Console, tmp_path: Path, job_file: JobFile, path: str
 ) -> None:
     words = (str(job_file(cut_length_mm="1.0")), "--strategy", path, "--identified", str(file_of(tmp_path, path)))
@@ -172,9 +172,9 @@ def test_the_highest_safe_speed_is_where_the_first_limit_is_reached(console: Con
 @pytest.mark.parametrize(
     ("origin", "said"),
     [
-        ({"machine": "another"}, "identified with machine another, here it is lee-2001-lathe"),
-        ({"gains": {"I130": 400.0}}, "identified with I130 400, here it is 528"),
-        ({"kind": "TURBO PMAC2"}, "identified with controller TURBO PMAC2, here it is pmac"),
+        ({"machine": "another"}, "identified with machine another, but here it is lee-2001-lathe"),
+        ({"gains": {"I130": 400.0}}, "identified with I130 400, but here it is 528"),
+        ({"kind": "TURBO PMAC2"}, "identified with controller TURBO PMAC2, but here it is pmac"),
     ],
 )
 def test_a_response_of_another_machine_is_refused(
@@ -200,7 +200,7 @@ def test_people_are_told_what_is_inverted_what_is_left_and_how_fast_it_may_turn(
 def test_a_response_of_another_path_or_band_is_refused(console: Console, tmp_path: Path) -> None:
     file = str(file_of(tmp_path))
     refused = console("preview", EXPERIMENT, "--identified", file, "--strategy", "none")
-    assert (refused.code, "identified with strategy pvt, here it is none" in refused.err) == (1, True)
+    assert (refused.code, "identified with strategy pvt, but here it is none" in refused.err) == (1, True)
     away = str(file_of(tmp_path, "pvt", 10.0, 20.0, 30.0))
     refused = console("preview", EXPERIMENT, "--identified", away)
     assert (refused.code, "50 Hz was not identified (identified: 10 … 30 Hz)" in refused.err) == (1, True)

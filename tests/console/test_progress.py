@@ -16,7 +16,7 @@ from console.session.station.progress import CutProgress, CutStage
 from profiles.compensations.path import LobedPath
 from tests.console.floor import experiment_1, open_floor
 
-WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=40.0)
+WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, phase_deg=40.0)
 
 
 @given(st.floats(-20.0, 20.0), st.floats(0.5, 1.5), st.integers(0, 1000))
@@ -45,7 +45,7 @@ def test_a_phase_is_known_to_what_is_told_of_it() -> None:
 def test_without_a_lobe_there_is_no_phase() -> None:
     looks = np.stack([np.linspace(0.0, 360.0, 60), np.full(60, 100.0)], axis=1)
     assert phase_of(looks, WANTED) is None
-    flat = LobedPath(mean_um=100.0, amplitude_um=0.0, lobes=3, crest_deg=0.0)
+    flat = LobedPath(mean_um=100.0, amplitude_um=0.0, lobes=3, phase_deg=0.0)
     assert phase_of(looks, flat) is None
 
 

@@ -37,7 +37,7 @@ def refused(said: Any, *words: str, code: int = 1) -> None:
         ({"material": "7"}, ("material", "7")),
         ({"lobe_error_source": '"guessed"'}, ("lobe_error_source", "guessed", "measured")),
         ({"overhang_mm": "30.0\ncolour = 3"}, ("colour",)),
-        ({"chucking_force_n": "344.0", "lobe_force_n": "344.0"}, ("hold", "0 N")),
+        ({"chucking_force_n": "344.0", "lobe_force_n": "344.0"}, ("grip margin", "0 N")),
         (
             {
                 "spindle_speed_rpm": "3500.0",

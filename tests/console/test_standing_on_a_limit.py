@@ -58,7 +58,7 @@ def told(floor: Floor) -> list[tuple[str, str, int, bool]]:
 def test_a_limit_that_was_acknowledged_stays_so_until_it_is_left(standing: Floor) -> None:
     """The way back from the stop makes no new alarm of it: the machine still stands on the switch."""
     assert standing.station.post(Acknowledge())
-    known = [("look", "carriage: positive_limit", 1, True)]
+    known = [("poll", "carriage: positive_limit", 1, True)]
     assert told(standing) == known
     standing.do(Recover())
     for _ in range(3):

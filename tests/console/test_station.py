@@ -479,7 +479,7 @@ def test_a_tool_out_of_phase_is_an_alarm(aligned: Floor) -> None:
     state = aligned.arm(experiment_1())
     armed = state.armed
     assert armed is not None
-    target = replace(armed.plan.target, crest_deg=armed.plan.target.crest_deg + 5.0)
+    target = replace(armed.plan.target, phase_deg=armed.plan.target.phase_deg + 5.0)
     aligned.context.tell(armed=replace(armed, plan=replace(armed.plan, target=target)))
     state = aligned.do(Start())
     assert "cut.out_of_phase" in [alarm.problem.code for alarm in state.alarms]

@@ -176,7 +176,7 @@ def test_settings_that_differ_refuse_the_cut_and_leave_the_machine_alone(
     simulated.controller.variables.replace_i({**_settings(simulated), 115: 0.25, 500: 1.0})
     with pytest.raises(SessionError) as refused:
         cut_part(opened, JOB, plan, lambda step, detail: None)
-    assert codes(refused) == ["controller.setting", "controller.strange_motor"]
+    assert codes(refused) == ["controller.setting", "controller.unexpected_motor"]
     assert [problem.key for problem in refused.value.problems] == ["I115", "I500"]
     assert opened.lathe.stop.reason is None
 

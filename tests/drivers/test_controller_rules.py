@@ -65,7 +65,7 @@ def test_every_group_is_looked_at(machine: MachineProfile) -> None:
         ("&1#1->2X", "axis", "#1->", "2X", "X"),
         ("#3->0", "axis", "#3->", "0", "Z"),
         ("&2#4->A", "axis", "#4->", "&2 A", "0"),
-        ("I400=1", "strange_motors", "", "I400", "0"),
+        ("I400=1", "unexpected_motors", "", "I400", "0"),
     ],
 )
 def test_what_breaks_a_rule_fails_by_name(

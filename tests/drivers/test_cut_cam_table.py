@@ -41,8 +41,8 @@ def cam(command: LobedPath, overhang_mm: float = JOB.overhang_mm) -> Cam:
     return make_cam(MACHINE, cut_setup(replace(JOB, overhang_mm=overhang_mm), MACHINE), command)
 
 
-def sine(amplitude_um: float = 31.0, lobes: int = 3, crest_deg: float = 17.0) -> LobedPath:
-    return LobedPath(mean_um=100.0, amplitude_um=amplitude_um, lobes=lobes, crest_deg=crest_deg)
+def sine(amplitude_um: float = 31.0, lobes: int = 3, phase_deg: float = 17.0) -> LobedPath:
+    return LobedPath(mean_um=100.0, amplitude_um=amplitude_um, lobes=lobes, phase_deg=phase_deg)
 
 
 @given(amplitude=st.floats(0.5, 200.0), lobes=st.integers(2, 12), crest=angles_deg)
@@ -61,7 +61,7 @@ def test_the_tool_is_on_the_sinusoid_wherever_the_spindle_is(amplitude: float, l
 
 @given(overhang=st.floats(10.0, 190.0), crest=angles_deg)
 def test_the_rows_are_zero_where_it_is_switched_and_whole_over_the_part(overhang: float, crest: float) -> None:
-    made = cam(sine(crest_deg=crest), overhang)
+    made = cam(sine(phase_deg=crest), overhang)
     setup = cut_setup(replace(JOB, overhang_mm=overhang), MACHINE)
     table = made.table
     rows = np.array(table.grid)
@@ -84,7 +84,7 @@ def test_from_the_end_of_the_travel_through_home_to_the_part_the_table_adds_noth
 def test_at_the_zero_of_the_spindle_the_table_is_zero_and_the_program_carries_the_rest(
     machine: MachineProfile, experiment: JobMaker
 ) -> None:
-    made = cam(sine(crest_deg=40.0))
+    made = cam(sine(phase_deg=40.0))
     assert [row[0] for row in made.table.grid] == [0.0] * len(made.table.grid)
     setup = cut_setup(JOB, MACHINE)
     constant = made.mean - setup.surface - 500.0
@@ -160,5 +160,5 @@ def test_the_amplitude_of_the_command_is_that_of_the_servo_with_the_delay_of_the
     tool = np.array([plan.table.correction(float(angle), z) for angle in spindle]) * 0.2
     lobe = 2.0 * np.mean(tool * np.exp(-1j * 3.0 * spindle * 2.0 * np.pi / TURN))
     assert abs(lobe) == pytest.approx(27.5 / 0.885, rel=2e-3)
-    ahead = (math.radians(3 * target_path(experiment(1)).crest_deg) + np.angle(lobe)) % (2 * math.pi)
+    ahead = (math.radians(3 * target_path(experiment(1)).phase_deg) + np.angle(lobe)) % (2 * math.pi)
     assert ahead == pytest.approx(0.903 + 0.1391, abs=0.003)

@@ -60,7 +60,7 @@ def test_the_command_is_divided_by_the_gain_and_leads_by_the_phase(
     job = experiment(1)
     command = nominal_command(job, machine, Strategy.PVT, as_response(found, "there"))
     assert command.amplitude_um == pytest.approx(55.0)
-    assert command.crest_deg == pytest.approx(job.lobe_phase_deg - 20.0)
+    assert command.phase_deg == pytest.approx(job.lobe_phase_deg - 20.0)
     assert command.mean_um == pytest.approx(100.0)
 
 
@@ -74,7 +74,7 @@ def test_what_the_model_would_have_answered_makes_the_command_of_the_model(
         nominal_command(experiment(1), machine, path, response) for response in (as_response(found, "there"), None)
     )
     assert command.amplitude_um == pytest.approx(model.amplitude_um, rel=1e-9)
-    assert command.crest_deg == pytest.approx(model.crest_deg, abs=1e-9)
+    assert command.phase_deg == pytest.approx(model.phase_deg, abs=1e-9)
 
 
 @pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])

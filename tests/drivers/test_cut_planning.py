@@ -76,7 +76,7 @@ def deviation_in_um(moves: list[CheckedMove], plan: CutPlan, job: Job, machine: 
     tool, spindle = sampled(moves, 0), sampled(moves, 1)
     response = complex(sampled_response(machine, job.lobe_frequency_hz))
     target = target_path(job)
-    harmonic = np.exp(1j * job.jaws * (2 * np.pi * spindle / 10_000 - np.radians(target.crest_deg)))
+    harmonic = np.exp(1j * job.jaws * (2 * np.pi * spindle / 10_000 - np.radians(target.phase_deg)))
     path = target.mean_um + target.amplitude_um * np.real(harmonic / response)
     return np.asarray((tool - plan.setup.surface) * 0.2 - path)
 
@@ -262,7 +262,7 @@ def test_a_learned_path_is_judged_by_its_own_waves_at_the_depth_of_the_job(
     for depth_mm, refused in ((0.0334, True), (0.0336, False)):
         job = replace(short(experiment), depth_of_cut_mm=depth_mm)
         # The mean that was learned is 20 um deeper, for a tool that gives way; the part is not.
-        oval = PathHarmonic(lobes=4, amplitude_um=6.0, crest_deg=15.0)
+        oval = PathHarmonic(lobes=4, amplitude_um=6.0, phase_deg=15.0)
         harmonics = replace(lobe, mean_um=1000 * depth_mm + 20.0, overtones=(oval,))
         plan = plan_cut(job, machine, Strategy.CAM, path=CutPath(target=harmonics, command=harmonics))
         assert ("cut.leaves_part" in codes(plan, Severity.REFUSAL)) is refused

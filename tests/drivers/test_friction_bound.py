@@ -1,4 +1,4 @@
-"""What dry friction is foreseen to leave, against the simulated tool that has it."""
+"""What dry friction is predicted to leave, against the simulated tool that has it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_force_pushes_the_sampled_loop_as_far_as_the_simulated_one(
     ("frequency_hz", "path_um_pp", "friction_n"),
     [(50.0, 55.0, 3.0), (50.0, 55.0, 5.0), (50.0, 33.0, 3.0), (30.0, 28.4, 3.0), (20.0, 10.4, 3.0)],
 )
-def test_a_dry_tool_is_off_by_no_more_than_was_foreseen_and_not_by_much_less(
+def test_a_dry_tool_is_off_by_no_more_than_was_predicted_and_not_by_much_less(
     machine: MachineProfile, frequency_hz: float, path_um_pp: float, friction_n: float
 ) -> None:
     """By the inverse of the nominal loop, in air. At 20 Hz it does not come loose: all of its path is left."""

@@ -136,7 +136,7 @@ def test_a_plc_that_is_off_does_not_echo(machine: MachineProfile, dialect: Diale
 def test_a_lease_that_is_no_timer_stands(machine: MachineProfile) -> None:
     host = Host(machine, PMAC)
     host.tell("M70->*")
-    assert host.codes() == ["heartbeat.definition_differs", "heartbeat.lease_stands"]
+    assert host.codes() == ["heartbeat.definition_differs", "heartbeat.timer_stands"]
 
 
 @FAMILIES
@@ -146,9 +146,9 @@ def test_a_lease_that_counts_at_another_rate_than_i10_says_is_refused(
     """The hardware keeps its 442 us; a lease that is reckoned with half of that would last 600 ms."""
     host = Host(machine, dialect)
     host.tell(f"I10={3_713_707 // 2}")
-    assert "heartbeat.lease_rate" in host.codes()
+    assert "heartbeat.timer_rate" in host.codes()
     host.tell(f"I10={3_713_707 * 2}")
-    assert "heartbeat.lease_rate" in host.codes()
+    assert "heartbeat.timer_rate" in host.codes()
     host.tell("I10=3713707")
     assert host.codes() == []
 

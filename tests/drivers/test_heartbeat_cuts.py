@@ -229,7 +229,7 @@ def test_the_pvt_cut_is_retracted_and_at_rest_within_2_s(
 ) -> None:
     job = experiment(1)
     setup = cut_setup(job, machine, watchdog=watchdog_condition(dialect))
-    command = LobedPath(mean_um=100.0, amplitude_um=27.5, crest_deg=0.0, lobes=3)
+    command = LobedPath(mean_um=100.0, amplitude_um=27.5, phase_deg=0.0, lobes=3)
     program = read_program(pvt_program(job, setup, command))
     host = host_of(machine, dialect)
     host.card.tell(f"#1J={setup.retracted}", f"#3J={setup.carriage_start}")

@@ -162,8 +162,8 @@ def test_a_part_that_springs_back_otherwise_than_its_job_says_shows_it(
     job = experiment(1)
     plain = measured_after(bench_with(true), job, machine, Strategy.NONE)
     assert plain.ront_um == pytest.approx(66.0, abs=0.3)
-    crest_deg = next(h.phase_deg for h in plain.harmonics if h.n == 3)
-    assert crest_deg == pytest.approx(job.lobe_phase_deg + 10.0, abs=0.1)
+    phase_deg = next(h.phase_deg for h in plain.harmonics if h.n == 3)
+    assert phase_deg == pytest.approx(job.lobe_phase_deg + 10.0, abs=0.1)
     left = abs(66.0 * complex(0.8660254, -0.5) - 55.0)
     assert measured_after(bench_with(true), job, machine, Strategy.PVT).ront_um == pytest.approx(left, abs=0.5)
 

@@ -65,7 +65,7 @@ def test_every_stop_is_entered_with_what_the_ramps_make_of_it(machine: MachinePr
     # 166.67 counts/ms down at I215 = 0.5: 27778 counts, which are 1000 deg, in a third of a second.
     assert spindle.distance_deg is not None and 1000.0 <= spindle.distance_deg <= 1000.0 + 600.0
     assert 1.0 / 3.0 <= spindle.time_s <= 0.5
-    (watchdog,) = [check for check in found.checks if check.code == "proof_lease"]
+    (watchdog,) = [check for check in found.checks if check.code == "proof_heartbeat"]
     assert 0.28 <= float(watchdog.found.split()[0]) <= 0.3
     silent = entry(found, Way.WATCHDOG, Origin.JOG, "carriage")
     # 300 ms at 10 mm/s less the margin of the PLC, and half of a ramp of 0.1 s.
@@ -92,7 +92,7 @@ def test_nothing_moves_where_no_plc_may_run(machine: MachineProfile) -> None:
     made = card.bench()
     card.tell("I5=0")
     (check,) = prove_stops(made).checks
-    assert (check.code, check.severity) == ("proof_lease", Severity.REFUSAL)
+    assert (check.code, check.severity) == ("proof_heartbeat", Severity.REFUSAL)
     assert "heartbeat.plcs_forbidden" in check.found
     assert not any(motor.amplifier_enabled for motor in card.sim.controller.motors.values())
 

@@ -50,7 +50,7 @@ class Cutting:
                 radius_mm=RADIUS_MM,
                 ends_mm=(170.0, 200.0),
                 material=ALUMINIUM,
-                share=share,
+                fraction=share,
                 edge_n_per_mm=edge_n_per_mm,
             )
         )
@@ -104,7 +104,7 @@ def test_the_edge_comes_in_on_a_thin_chip_as_it_is_predicted(feed_mm: float, edg
     """7 N/mm on a chip of no thickness, half of it at 0.01 mm, where Kienzle has 700 x 0.1 x 0.01^0.75 N."""
     _, forces = Cutting(0.4, 7.0, feed_mm).passes(lambda _: 0.1, 4.0)
     assert forces == pytest.approx(0.4 * (700.0 * 0.1 * feed_mm**0.75 + 7.0 * 0.1 * edge), abs=0.005)
-    predicted = cutting_force(material_named("Al"), 0.1, feed_mm, passive_share=0.4, edge_n_per_mm=7.0)
+    predicted = cutting_force(material_named("Al"), 0.1, feed_mm, passive_fraction=0.4, edge_n_per_mm=7.0)
     assert forces == pytest.approx(predicted.passive_n, abs=1e-6)
 
 

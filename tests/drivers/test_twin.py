@@ -267,7 +267,7 @@ def test_the_pinned_lathe_is_off_by_what_was_pinned(machine: MachineProfile) -> 
     assert true.moving_mass_kg / nominal.moving_mass_kg == pytest.approx(1.05)
     assert (true.coulomb_friction_n, true.current_lag_s, true.encoder_noise_um) == (3.0, 0.0002, 0.3)
     assert true.viscous_n_s_per_m == pytest.approx(201.6 - 38.2, abs=0.05)
-    assert (true.speed_ripple, true.radial_error_um_pp, true.passive_share) == (0.002, 1.2, 0.4)
+    assert (true.speed_ripple, true.radial_error_um_pp, true.passive_fraction) == (0.002, 1.2, 0.4)
     # What a machine run knows: where the tip is, and jaw 1.
     assert (true.home_radius_mm, true.jaw_1_deg, true.clamping_force_spread) == (76.0, None, 0.0)
     by_hand = plant_named("realistic", machine, 1, mounted_by_hand=True)
@@ -320,7 +320,7 @@ def test_friction_is_held_against_the_damping_of_the_plant(machine: MachineProfi
     """20 N s/m are 1.57 N of friction at 0.1 m/s, whatever the profile says."""
     path = tmp_path / "plant.toml"
     path.write_text("damping_n_s_per_m = 20.0\ncoulomb_friction_n = 3.0\n", encoding="utf-8")
-    with pytest.raises(ProfileError, match=r"coulomb_friction_n.*met 3 N.*<= 1.571 N"):
+    with pytest.raises(ProfileError, match=r"coulomb_friction_n.*actual 3 N.*<= 1.571 N"):
         plant_named(str(path), machine, 1)
 
 
@@ -371,8 +371,8 @@ def test_the_lobe_may_be_what_it_is_whatever_the_job_believes(
         lathe.mount(job)
         harmonic = np.fft.rfft(lathe.measure().deviation_um)[3] / 1800
         assert abs(harmonic) == pytest.approx(amplitude_um, abs=1e-3)
-        crest_deg = -math.degrees(cmath.phase(harmonic)) / 3.0
-        assert math.remainder(crest_deg - job.jaw_1_deg - 4.0, 120.0) == pytest.approx(0.0, abs=1e-6)
+        phase_deg = -math.degrees(cmath.phase(harmonic)) / 3.0
+        assert math.remainder(phase_deg - job.jaw_1_deg - 4.0, 120.0) == pytest.approx(0.0, abs=1e-6)
     lathe.mount(replace(experiment(1), lobe_error_um_pp=0.0))
     assert roundness_um(lathe.measure()) < 1e-6
 

@@ -162,8 +162,8 @@ def test_a_part_is_high_where_the_jaws_really_are(
     bench.sim.mount(experiment(1))
     trace = bench.sim.measure()
     result = evaluate(trace.angle_deg, trace.deviation_um, None)
-    crest_deg = next(h.phase_deg for h in result.harmonics if h.n == 3)
-    assert np.cos(np.radians(3 * (crest_deg - 47.0))) == pytest.approx(1)
+    phase_deg = next(h.phase_deg for h in result.harmonics if h.n == 3)
+    assert np.cos(np.radians(3 * (phase_deg - 47.0))) == pytest.approx(1)
 
 
 def test_a_lathe_set_up_by_hand_is_off_in_chuck_angle_and_tool_tip_and_its_spindle_has_inertia(

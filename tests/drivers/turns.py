@@ -7,7 +7,7 @@ from threading import Semaphore, Thread
 
 from drivers.link.base import Link, StopWay
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 
 
 class TurnLink:
@@ -25,7 +25,7 @@ class TurnLink:
     def send(self, data: bytes) -> None:
         if self.gated and data.endswith(b"\r"):
             self._waits.release()
-            assert self._may_go.acquire(timeout=PATIENCE_S)
+            assert self._may_go.acquire(timeout=TIMEOUT_S)
         self._link.send(data)
 
     def send_urgent(self, data: bytes) -> None:
@@ -43,7 +43,7 @@ class TurnLink:
         self.wait()
 
     def wait(self) -> None:
-        assert self._waits.acquire(timeout=PATIENCE_S)
+        assert self._waits.acquire(timeout=TIMEOUT_S)
 
     def ended(self) -> None:
         self.over = True
@@ -71,7 +71,7 @@ class Turns:
             if not link.over:
                 link.next_line()
         for link, thread in zip(self._links, threads, strict=True):
-            thread.join(PATIENCE_S)
+            thread.join(TIMEOUT_S)
             link.gated = False
 
     @staticmethod

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from console.session.station.state import STALE_S
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.pmac.expected_replies import foresee
+from drivers.pmac.expected_replies import expected_replies
 from tests.matrix.faults import Row
 from tests.matrix.rig import Watched
 from tests.matrix.truth import MOTORS, Moment, Sent
@@ -50,9 +50,9 @@ def kind_of(sent: Sent) -> Kind | None:
     rest = _LEASE.sub("", line)
     if line == "\x18" or _WAY_BACK.fullmatch(line):
         return None
-    if line == _GUARD_ENDED or (rest != line and (not rest or foresee(rest).reads_only)):
+    if line == _GUARD_ENDED or (rest != line and (not rest or expected_replies(rest).reads_only)):
         return Kind.RENEWAL
-    return None if foresee(line).reads_only else Kind.LINE
+    return None if expected_replies(line).reads_only else Kind.LINE
 
 
 def restless(watched: Watched, row: Row, *, lost: bool, idle: bool) -> list[str]:

@@ -28,7 +28,7 @@ from tests.matrix.situations import Situation
 PAGE = Path(__file__).parents[2] / "docs" / "fault-matrix.md"
 
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 """A spindle at 1000 rpm runs out in 16 s; a machine that does not answer is given up then."""
 
 
@@ -37,8 +37,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan once for all cells, wait no longer than that for spindle or zero, and keep records nowhere."""
     monkeypatch.setattr(run, "plan_cut", planned_once)
     monkeypatch.setattr(records, "opened", record_in_memory)
-    monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", PATIENCE_S)
-    monkeypatch.setattr(Jogs.home, "__defaults__", (PATIENCE_S,))
+    monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", TIMEOUT_S)
+    monkeypatch.setattr(Jogs.home, "__defaults__", (TIMEOUT_S,))
 
 
 CELLS = [(row, situation) for row in ROWS for situation in Situation if tried(row.name, situation)]

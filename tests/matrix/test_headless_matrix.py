@@ -16,14 +16,14 @@ from tests.matrix.faults import NO_FAULT, ROWS
 from tests.matrix.headless import INTERRUPT, Moment, Part, make
 from tests.matrix.headless_expected import HEADLESS, KNOWN, TRIED, right_of
 from tests.matrix.judging import sent_fits, strongest, told_fits
-from tests.matrix.test_fault_matrix import PATIENCE_S
+from tests.matrix.test_fault_matrix import TIMEOUT_S
 
 BY_NAME = {row.name: row for row in (*ROWS, INTERRUPT)}
 
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", PATIENCE_S)
+    monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", TIMEOUT_S)
 
 
 _USUAL: list[tuple[str, ...]] = []

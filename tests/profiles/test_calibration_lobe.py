@@ -22,8 +22,8 @@ INDEX = {"direction": "spindle", "start_mark": "spindle index"}
 SIMULATED = {**INDEX, "simulated": "yes", "strategy": "none"}
 
 
-def found(crest_deg: float, meta: dict[str, str], job: Job = JOB, amplitude: float = 27.5) -> FoundLobe:
-    deviation = amplitude * np.cos(3 * np.radians(ANGLE - crest_deg)) + 3.0 * np.cos(np.radians(ANGLE))
+def found(phase_deg: float, meta: dict[str, str], job: Job = JOB, amplitude: float = 27.5) -> FoundLobe:
+    deviation = amplitude * np.cos(3 * np.radians(ANGLE - phase_deg)) + 3.0 * np.cos(np.radians(ANGLE))
     noise = np.random.default_rng(1).normal(0.0, 0.02, ANGLE.size)
     return find_lobe(Trace(angle_deg=ANGLE, deviation_um=deviation + noise, meta=meta), job)
 
@@ -33,7 +33,7 @@ def codes(lobe: FoundLobe) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("crest_deg", "meta", "crest", "past"),
+    ("phase_deg", "meta", "expected", "past"),
     [
         (92.0, INDEX, 92.0, 2.0),
         (212.0, INDEX, 92.0, 2.0),
@@ -44,11 +44,11 @@ def codes(lobe: FoundLobe) -> list[str]:
         (72.0, {**INDEX, "jaw_1_deg": "70"}, 72.0, 2.0),
     ],
 )
-def test_the_crest_is_brought_to_the_spindle(
-    crest_deg: float, meta: dict[str, str], crest: float, past: float
+def test_the_phase_is_brought_to_the_spindle(
+    phase_deg: float, meta: dict[str, str], expected: float, past: float
 ) -> None:
-    lobe = found(crest_deg, meta)
-    assert (lobe.crest_deg, lobe.past_jaw_deg) == pytest.approx((crest, past), abs=0.01)
+    lobe = found(phase_deg, meta)
+    assert (lobe.phase_deg, lobe.past_jaw_deg) == pytest.approx((expected, past), abs=0.01)
     assert codes(lobe) == []
 
 
@@ -61,7 +61,7 @@ def test_a_trace_of_unknown_phase_has_an_amplitude_only() -> None:
     )
     for meta in metas:
         lobe = found(92.0, meta)
-        assert (codes(lobe), lobe.crest_deg) == (["lobe.phase_unknown"], None)
+        assert (codes(lobe), lobe.phase_deg) == (["lobe.phase_unknown"], None)
         assert lobe.fit.error_um_pp == pytest.approx(55.0, abs=0.02)
         with pytest.raises(ValueError):
             with_lobe(JOB, lobe, chuck="", tool="")

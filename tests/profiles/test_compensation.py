@@ -87,19 +87,19 @@ def test_the_command_of_experiment_1(
 ) -> None:
     command = invert(target_path(ONE), cmath.rect(gain, phase_rad))
     assert command.amplitude_um == pytest.approx(amplitude_um, abs=0.005)
-    assert command.crest_deg == pytest.approx(ONE.lobe_phase_deg - lobe_lead_deg / 3, abs=0.005)
+    assert command.phase_deg == pytest.approx(ONE.lobe_phase_deg - lobe_lead_deg / 3, abs=0.005)
     assert command.mean_um == 100
 
 
 @given(st.floats(0.125, 20), st.floats(-math.pi, math.pi), st.integers(2, 12), st.floats(-360, 360))
 def test_an_axis_undoes_its_inverse(gain: float, phase: float, lobes: int, crest: float) -> None:
-    target = LobedPath(mean_um=100, amplitude_um=20, lobes=lobes, crest_deg=crest)
+    target = LobedPath(mean_um=100, amplitude_um=20, lobes=lobes, phase_deg=crest)
     command = invert(target, cmath.rect(gain * 1.0001, phase))
     # The axis makes the sine larger by its gain and later by its lag.
     moved = replace(
         command,
         amplitude_um=command.amplitude_um * gain * 1.0001,
-        crest_deg=command.crest_deg - math.degrees(phase) / lobes,
+        phase_deg=command.phase_deg - math.degrees(phase) / lobes,
     )
     np.testing.assert_allclose(moved.at_um(TURN_DEG), target.at_um(TURN_DEG), atol=1e-6)
 
@@ -165,13 +165,13 @@ def test_a_turned_path_has_at_the_turned_angle_what_it_had_before(
     mean_um: float, harmonics: list[tuple[float, float]], growth: float, by_deg: float, past_middle_mm: float
 ) -> None:
     lobe, *others = (
-        PathHarmonic(lobes=n, amplitude_um=a, crest_deg=c) for n, (a, c) in zip((3, 6, 9), harmonics, strict=True)
+        PathHarmonic(lobes=n, amplitude_um=a, phase_deg=c) for n, (a, c) in zip((3, 6, 9), harmonics, strict=True)
     )
     path = LobedPath(
         mean_um=mean_um,
         amplitude_um=lobe.amplitude_um,
         lobes=3,
-        crest_deg=lobe.crest_deg,
+        phase_deg=lobe.phase_deg,
         overtones=tuple(others),
         growth_per_mm=growth,
     )

@@ -39,8 +39,8 @@ def test_the_edge_comes_in_below_a_fiftieth_of_a_millimetre() -> None:
 @pytest.mark.parametrize(("cut", "loop", "left"), [(0.1, 1.2, 0.0769), (0.05, 0.5, 0.0909), (1.0, 20.0, 0.0476)])
 def test_copying(cut: float, loop: float, left: float) -> None:
     found = copying(cut, loop)
-    assert found.share_left() == pytest.approx(left, abs=5e-5)
-    assert found.share_left(3) == pytest.approx(left**3, rel=3e-3)
+    assert found.fraction_left() == pytest.approx(left, abs=5e-5)
+    assert found.fraction_left(3) == pytest.approx(left**3, rel=3e-3)
 
 
 @pytest.mark.parametrize(

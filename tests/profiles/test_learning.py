@@ -19,14 +19,14 @@ from profiles.compensations.learning import (
 from profiles.compensations.path import CutPath, LobedPath, PathHarmonic, invert
 from profiles.problem import ProfileError
 
-WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=90.0)
+WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, phase_deg=90.0)
 LAG = cmath.rect(0.884, -0.241)
 """Table 5 of the paper at 50 Hz, as a loss of the peak-to-peak value."""
 
 
 def untouched() -> CutPath:
     """A cut that knows nothing yet."""
-    return CutPath(target=WANTED, command=LobedPath(mean_um=100.0, amplitude_um=0.0, lobes=3, crest_deg=0.0))
+    return CutPath(target=WANTED, command=LobedPath(mean_um=100.0, amplitude_um=0.0, lobes=3, phase_deg=0.0))
 
 
 def passes_um_pp(true: complex, nominal: complex, gain: float, count: int) -> list[float]:
@@ -72,7 +72,7 @@ def test_at_full_gain_sixty_degrees_of_phase_are_the_limit() -> None:
 def test_the_fit_of_one_turn_is_as_uncertain_as_the_noise_makes_it() -> None:
     """360 points of 3 um: sd of the amplitude 0.224 um in theory, 0.222 in a simulation of 2000 runs."""
     random, angle = np.random.default_rng(7), np.arange(360.0)
-    true = PathHarmonic(lobes=3, amplitude_um=27.5, crest_deg=17.0)
+    true = PathHarmonic(lobes=3, amplitude_um=27.5, phase_deg=17.0)
     fits = [
         fit_harmonics(angle, 5.0 + true.at_um(angle) + random.normal(0.0, 3.0, 360), (1, 2, 3, 6, 9))
         for _ in range(300)

@@ -20,7 +20,7 @@ from profiles.compensations.learning import (
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.path import CutPath, LobedPath
 
-WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=90.0)
+WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, phase_deg=90.0)
 RESPONSES = st.builds(cmath.rect, st.floats(0.0, 4.0), st.floats(-cmath.pi, cmath.pi))
 WRONG = st.builds(cmath.rect, st.floats(2.0, 30.0), st.floats(-cmath.pi, cmath.pi))
 

@@ -9,7 +9,7 @@ import pytest
 
 from profiles.findings import Severity
 from profiles.lobe.lobe_conditions import (
-    FORCE_SHARE,
+    FORCE_TOLERANCE,
     OTHER_CUT,
     changed_conditions,
     force_as_found,
@@ -69,7 +69,7 @@ def test_a_wall_within_its_limit_changes_the_lobe_by_no_more_than_the_force() ->
     limits = [replace(ring, wall_thickness_mm=wall_mm) for wall_mm in (2.5375, 2.4625)]
     for job in (*limits, replace(ring, diameter_mm=52.1)):
         changed = predict(job, LATHE).model.spring_back_um_pp / predict(ring, LATHE).model.spring_back_um_pp
-        assert abs(changed - 1.0) < FORCE_SHARE
+        assert abs(changed - 1.0) < FORCE_TOLERANCE
 
 
 def test_a_difference_is_a_warning_of_the_job() -> None:

@@ -21,8 +21,8 @@ def turn(points: int, turns: int = 1) -> Floats:
     return np.arange(points * turns) * 360.0 / points
 
 
-def harmonic(angle_deg: Floats, n: int, amplitude: float, crest_deg: float) -> Floats:
-    return np.asarray(amplitude * np.cos(n * np.radians(angle_deg - crest_deg)))
+def harmonic(angle_deg: Floats, n: int, amplitude: float, phase_deg: float) -> Floats:
+    return np.asarray(amplitude * np.cos(n * np.radians(angle_deg - phase_deg)))
 
 
 def part(angle_deg: Floats) -> Floats:
@@ -61,7 +61,7 @@ def test_without_noise_it_is_exact_at_any_angles(
     if jaws == 2:  # the ovality is the lobe
         assert fit.lobe is fit.harmonic(2)
     assert fit.error_um_pp == pytest.approx(2 * amplitude, rel=1e-6)
-    assert math.remainder(fit.lobe.crest_deg - crest, 360.0 / jaws) == pytest.approx(0.0, abs=1e-6)
+    assert math.remainder(fit.lobe.phase_deg - crest, 360.0 / jaws) == pytest.approx(0.0, abs=1e-6)
     assert fit.noise_um == pytest.approx(0.0, abs=1e-9)
 
 
@@ -76,13 +76,13 @@ def test_the_confidence_is_that_of_repeated_measurements(
     rng, angle = np.random.default_rng(11), turn(points)
     lobes = [fit_lobe(angle, part(angle) + rng.normal(0.0, sigma, points), 3).lobe for _ in range(200)]
     amplitude = np.array([lobe.amplitude_um for lobe in lobes])
-    crest = np.array([lobe.crest_deg for lobe in lobes])
+    crest = np.array([lobe.phase_deg for lobe in lobes])
     assert amplitude.std() == pytest.approx(sd_um, rel=0.15)
     assert np.mean([lobe.sd_um for lobe in lobes]) == pytest.approx(sd_um, rel=0.02)
     assert np.radians(crest.std() * 3) == pytest.approx(sd_rad, rel=0.15)
     assert np.radians(np.mean([lobe.sd_deg for lobe in lobes]) * 3) == pytest.approx(sd_rad, rel=0.02)
     within = [abs(lobe.amplitude_um - 27.5) < lobe.ci_um for lobe in lobes]
-    aimed = [abs(lobe.crest_deg - 30.0) < lobe.ci_deg for lobe in lobes]
+    aimed = [abs(lobe.phase_deg - 30.0) < lobe.ci_deg for lobe in lobes]
     assert np.mean(within) == pytest.approx(0.95, abs=0.046)  # three sd of a share of 200
     assert np.mean(aimed) == pytest.approx(0.95, abs=0.046)
 
@@ -94,7 +94,7 @@ def test_the_confidence_holds_where_neighbouring_points_err_alike(memory: float,
     drawn = lfilter([1.0], [1.0, -memory], rng.normal(0.0, 1.0, (150, points + 400)), axis=1)[:, 400:]
     fits = [fit_lobe(angle, part(angle) + each, 3) for each in drawn]
     within = [abs(fit.lobe.amplitude_um - 27.5) < fit.lobe.ci_um for fit in fits]
-    aimed = [abs(fit.lobe.crest_deg - 30.0) < fit.lobe.ci_deg for fit in fits]
+    aimed = [abs(fit.lobe.phase_deg - 30.0) < fit.lobe.ci_deg for fit in fits]
     assert np.mean(within) > 0.88  # 95 %, less four sd of a share of 150
     assert np.mean(aimed) > 0.88
     told = np.mean([fit.left_um > 3.0 * fit.floor_um for fit in fits])
@@ -162,7 +162,7 @@ def test_a_wave_that_was_not_declared_is_named() -> None:
     assert fit.left_n == 5
     assert fit.left_um == pytest.approx(2.0, abs=1e-9)
     declared = fit_lobe(angle, part(angle) + harmonic(angle, 5, 2.0, 20.0), 3, extra=(5,))
-    assert declared.harmonic(5).crest_deg == pytest.approx(20.0)
+    assert declared.harmonic(5).phase_deg == pytest.approx(20.0)
     assert declared.left_um == pytest.approx(0.0, abs=1e-9)
 
 

@@ -15,7 +15,7 @@ from profiles.paper import chuck, servo_figures
 from profiles.paper.experiments import lee_2001
 from profiles.paper.parts import models
 from profiles.paper.record import Basis
-from profiles.paper.residual import Ramps, fundamental_share, left_um_pp, stroke_share, zigzag
+from profiles.paper.residual import Ramps, fundamental_fraction, left_um_pp, stroke_fraction, zigzag
 from profiles.paper.table_5 import (
     Reading,
     feedforward_response,
@@ -45,7 +45,7 @@ def test_the_waves_of_a_blended_zigzag(
     ramps: Ramps, share: float, fundamental: float, third: float | None
 ) -> None:
     harmonics = zigzag(ramps, share)
-    assert fundamental_share(harmonics) == pytest.approx(fundamental, abs=1e-5)
+    assert fundamental_fraction(harmonics) == pytest.approx(fundamental, abs=1e-5)
     if third is not None:
         assert 2 * abs(harmonics[3]) == pytest.approx(third, abs=1e-4)
 
@@ -54,11 +54,11 @@ def test_the_waves_of_a_blended_zigzag(
 @pytest.mark.parametrize("share", [0.2, 0.5, 1.0])
 def test_the_waves_make_the_stroke_of_the_rule(ramps: Ramps, share: float) -> None:
     """1 - TA/(2 TM) and 1 - TA/(3 TM), here summed at the crest; the series ends at the 200th wave."""
-    assert 2 * sum(zigzag(ramps, share).values()) == pytest.approx(stroke_share(ramps, share), abs=2e-3)
+    assert 2 * sum(zigzag(ramps, share).values()) == pytest.approx(stroke_fraction(ramps, share), abs=2e-3)
 
 
 def test_a_triangle_is_the_chord_of_two_points_a_wave() -> None:
-    assert 1 / chord_scale(2.0) * 2 == pytest.approx(fundamental_share(zigzag(Ramps.LINEAR, 0.0)))
+    assert 1 / chord_scale(2.0) * 2 == pytest.approx(fundamental_fraction(zigzag(Ramps.LINEAR, 0.0)))
 
 
 @pytest.mark.parametrize(
@@ -101,11 +101,11 @@ def test_the_fit_of_feedforward_and_delay() -> None:
     assert (1000 * delay_s, rms_rad) == pytest.approx((0.665, 0.028), abs=5e-4)
     assert misfit_of_eq9(PAPER.machine) == pytest.approx(0.485, abs=5e-4)
     fit = fitted_feedforward(PAPER.machine)
-    assert (fit.acceleration_share, 1000 * fit.delay_s) == pytest.approx((0.879, 0.600), abs=0.005)
+    assert (fit.acceleration_fraction, 1000 * fit.delay_s) == pytest.approx((0.879, 0.600), abs=0.005)
     assert fit.chi2 == pytest.approx(18.5, abs=0.1)
     assert fitted_gain(PAPER.machine) == pytest.approx(4.12, abs=0.005)
     assert fitted_feedforward(PAPER.machine, Reading.LOSS_OF_AMPLITUDE).chi2 == pytest.approx(72.4, abs=0.5)
-    met = feedforward_response(PAPER.machine, [10.0, 30.0, 50.0, 70.0], fit.acceleration_share, fit.delay_s)
+    met = feedforward_response(PAPER.machine, [10.0, 30.0, 50.0, 70.0], fit.acceleration_fraction, fit.delay_s)
     assert np.abs(met) == pytest.approx([0.932, 0.878, 0.874, 0.875], abs=1e-3)
     assert np.angle(met) == pytest.approx([-0.110, -0.150, -0.207, -0.274], abs=1e-3)
 

@@ -10,7 +10,7 @@ from profiles.compensations.path import CutPath, LobedPath, PathHarmonic, invert
 from profiles.job import Job
 from profiles.store import load_job, load_machine
 
-WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=90.0)
+WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, phase_deg=90.0)
 LAG = cmath.rect(0.885, -0.9)
 PATH = CutPath(target=WANTED, command=invert(WANTED, LAG))
 
@@ -27,7 +27,7 @@ def codes(path: CutPath, job: Job = RING) -> list[str]:
 
 def test_what_learning_does_is_let_through() -> None:
     """As on the realistic lathe: friction asks for a fifth more, the cut for 25 um of mean, overtones for one."""
-    nine = PathHarmonic(lobes=9, amplitude_um=0.9, crest_deg=5.0)
+    nine = PathHarmonic(lobes=9, amplitude_um=0.9, phase_deg=5.0)
     command = replace(PATH.command, amplitude_um=36.7, mean_um=125.0, overtones=(nine,))
     assert codes(CutPath(target=replace(WANTED, amplitude_um=28.9), command=command)) == []
     half = CutPath(target=replace(WANTED, amplitude_um=13.75), command=replace(PATH.command, amplitude_um=15.5))
@@ -39,11 +39,11 @@ def test_what_learning_does_is_let_through() -> None:
     [
         {"mean_um": 500.0},
         {"amplitude_um": 1000.0},
-        {"crest_deg": 30.0},
+        {"phase_deg": 30.0},
         {"lobes": 4},
         {"growth_per_mm": 0.5},
-        {"overtones": (PathHarmonic(lobes=6, amplitude_um=100.0, crest_deg=0.0),)},
-        {"overtones": (PathHarmonic(lobes=3, amplitude_um=100.0, crest_deg=0.0),)},
+        {"overtones": (PathHarmonic(lobes=6, amplitude_um=100.0, phase_deg=0.0),)},
+        {"overtones": (PathHarmonic(lobes=3, amplitude_um=100.0, phase_deg=0.0),)},
         {"mean_um": float("nan")},
     ],
 )

@@ -49,7 +49,7 @@ def test_a_ring_without_overhang_springs_back_by_55_um_high_at_the_jaws() -> Non
     assert found.cut.mechanism is Mechanism.SPRING_BACK
     assert (found.angle_deg[sprung[0].argmax()] - job.jaw_1_deg) % 120 == 0
     assert found.error_um == pytest.approx(sprung + found.parts_um[Mechanism.WALL])
-    assert found.cut.crest_deg == pytest.approx(job.jaw_1_deg)
+    assert found.cut.phase_deg == pytest.approx(job.jaw_1_deg)
 
 
 @pytest.mark.parametrize("job", [ONE, TWO])
@@ -90,7 +90,7 @@ def test_the_lobe_of_the_model_stands_at_jaw_1() -> None:
     job = replace(MODEL, lobe_phase_deg=105.0, lobe_past_jaw_deg=15.0)
     found = predict(job, LATHE)
     assert found.angle_deg[found.error_um[0].argmax()] % 120 == 90
-    assert found.cut.crest_deg == pytest.approx(90.0)
+    assert found.cut.phase_deg == pytest.approx(90.0)
 
 
 @pytest.mark.parametrize("source", ["measured", "fitted"])
@@ -143,7 +143,7 @@ def test_the_lobe_stands_where_it_was_found() -> None:
     """Low at the jaws, as a wall that gives way leaves it; the model alone has it high there."""
     found = predict(replace(ONE, lobe_phase_deg=150.0, lobe_past_jaw_deg=60.0), LATHE)
     assert found.angle_deg[found.error_um[0].argmax()] % 120 == 30
-    assert (found.cut.crest_deg, found.model.crest_deg) == pytest.approx((150.0, 90.0))
+    assert (found.cut.phase_deg, found.model.phase_deg) == pytest.approx((150.0, 90.0))
 
 
 def test_where_the_model_has_no_lobe_nothing_is_scaled() -> None:
@@ -239,7 +239,7 @@ def test_tool_and_part_give_way_to_an_earlier_error_together() -> None:
         # The mean radius comes out too large by what the part gives way.
         part_um_per_n = found.size_um[0] / found.process.force.passive_n
         mu = k * (1.4951 + part_um_per_n)
-        assert found.process.copying.share_left() == pytest.approx(mu / (1 + mu), rel=1e-3)
+        assert found.process.copying.fraction_left() == pytest.approx(mu / (1 + mu), rel=1e-3)
 
 
 def test_angles_and_places_may_be_asked_for() -> None:
@@ -275,7 +275,7 @@ def test_what_no_profile_says_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("crest_deg", "jaws", "thin", "high", "mechanism"),
+    ("phase_deg", "jaws", "thin", "high", "mechanism"),
     [
         (90.0, 3, True, True, Mechanism.SPRING_BACK),
         (210.0 + 5.0, 3, True, True, Mechanism.SPRING_BACK),
@@ -289,16 +289,16 @@ def test_what_no_profile_says_is_named() -> None:
     ],
 )
 def test_the_sign_at_the_jaws_tells_clamping_from_compliance(
-    crest_deg: float, jaws: int, thin: bool, high: bool | None, mechanism: Mechanism | None
+    phase_deg: float, jaws: int, thin: bool, high: bool | None, mechanism: Mechanism | None
 ) -> None:
-    found = diagnose(crest_deg=crest_deg, jaw_1_deg=90.0, jaws=jaws, thin=thin)
+    found = diagnose(phase_deg=phase_deg, jaw_1_deg=90.0, jaws=jaws, thin=thin)
     assert (found.high_at_jaws, found.mechanism) == (high, mechanism)
 
 
 def test_what_the_model_predicts_is_what_its_sign_is_taken_for() -> None:
     for job in (MODEL, replace(BAR, depth_of_cut_mm=0.5)):
         cut = predict(job, LATHE).cut
-        assert cut.crest_deg is not None
+        assert cut.phase_deg is not None
         thin = job is MODEL
-        seen = diagnose(crest_deg=cut.crest_deg, jaw_1_deg=job.jaw_1_deg, jaws=3, thin=thin)
+        seen = diagnose(phase_deg=cut.phase_deg, jaw_1_deg=job.jaw_1_deg, jaws=3, thin=thin)
         assert seen.mechanism is cut.mechanism

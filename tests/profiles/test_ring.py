@@ -13,7 +13,7 @@ from profiles.chucking.ring import (
     ring_coefficients,
     spring_back_um_pp,
 )
-from profiles.chucking.tube import Tube, axial_share, spring_back_um, wall_compliance_um_per_n
+from profiles.chucking.tube import Tube, axial_fraction, spring_back_um, wall_compliance_um_per_n
 from profiles.materials import material_named
 
 AL = material_named("Al")
@@ -80,8 +80,8 @@ def test_a_thinner_wall_springs_back_further() -> None:
 def test_decay_along_a_tube() -> None:
     assert (1 / decay_per_mm(ONE, 3), 1 / decay_per_mm(TWO, 3)) == pytest.approx((23.47, 16.87), abs=0.005)
     small = replace(TUBE, outside_mm=35, wall_mm=1.5)
-    assert axial_share(TUBE, 3, 30.0) == pytest.approx(0.347, abs=5e-4)
-    assert axial_share(small, 3, 30.0) == pytest.approx(0.130, abs=5e-4)
+    assert axial_fraction(TUBE, 3, 30.0) == pytest.approx(0.347, abs=5e-4)
+    assert axial_fraction(small, 3, 30.0) == pytest.approx(0.130, abs=5e-4)
     # A load at one place bends 1/beta to either side: 46.9 mm far from an end, so 23.5 mm with one side alone.
     assert replace(TUBE, grip_mm=1e-6, overhang_mm=1000).bent(3).length_mm == pytest.approx(46.94 / 2, abs=0.01)
 
@@ -89,7 +89,7 @@ def test_decay_along_a_tube() -> None:
 def test_the_force_for_55_um_in_front_of_the_jaws() -> None:
     """1481 N on each jaw where 2/beta is bent: the paper's chucking forces are 3.1 to 6.6 kN in all."""
     both_sides = ring(52, 2.5, 2 / decay_per_mm(ONE, 3))
-    here_um = spring_back_um_pp(both_sides, 3, 1481.0) * float(axial_share(TUBE, 3, 30.0))
+    here_um = spring_back_um_pp(both_sides, 3, 1481.0) * float(axial_fraction(TUBE, 3, 30.0))
     assert here_um == pytest.approx(55.0, abs=0.1)
 
 

@@ -28,7 +28,7 @@ def test_every_problem_is_told_and_its_code_stands_in_the_traceback() -> None:
     both = Problem(code="file.exists", where="b.json"), Problem(code="no.such_code", value="3 mm")
     error = ProblemError(*both)
     assert all(str(problem) in str(error) for problem in both)
-    assert error.__notes__ == ["file.exists · b.json; no.such_code · met 3 mm"]
+    assert error.__notes__ == ["file.exists · b.json; no.such_code · actual 3 mm"]
     assert str(both[1]) == both[1].facts, "better an ugly line than none"
 
 

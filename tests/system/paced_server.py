@@ -32,7 +32,7 @@ STEP_S = 0.005
 SILENCE_S = 0.3
 """Real time without a byte after which there is none: the system takes its time to carry one."""
 
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 TURNS = 3
 """Turns of the event loop in which everything that has come is taken: heard of, read, carried out."""
 
@@ -50,7 +50,7 @@ class PacedServer:
         return self.lathe.now_s()
 
     def wait(self, seconds: float) -> None:
-        asyncio.run_coroutine_threadsafe(self._advance(seconds), self.loop).result(PATIENCE_S)
+        asyncio.run_coroutine_threadsafe(self._advance(seconds), self.loop).result(TIMEOUT_S)
 
     async def _advance(self, seconds: float) -> None:
         while seconds > 0.0:
@@ -113,10 +113,10 @@ def served(lathe: SimulatedLathe, kind: str) -> Iterator[PacedServer]:
         opened.close()
 
     try:
-        (address,) = asyncio.run_coroutine_threadsafe(begin(), loop).result(PATIENCE_S)
+        (address,) = asyncio.run_coroutine_threadsafe(begin(), loop).result(TIMEOUT_S)
         yield PacedServer(address=address, lathe=lathe, hosts=hosts, loop=loop)
-        asyncio.run_coroutine_threadsafe(end(), loop).result(PATIENCE_S)
+        asyncio.run_coroutine_threadsafe(end(), loop).result(TIMEOUT_S)
     finally:
         loop.call_soon_threadsafe(loop.stop)
-        thread.join(PATIENCE_S)
+        thread.join(TIMEOUT_S)
         loop.close()

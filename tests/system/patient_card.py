@@ -25,7 +25,7 @@ from drivers.simulator.hosts.connection import Connection, PlainStream
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.hosts.real_time import SLICE_S
 from drivers.simulator.machine import SimulatedLathe
-from tests.system.paced_server import PATIENCE_S, PacedLink, PacedServer, served
+from tests.system.paced_server import TIMEOUT_S, PacedLink, PacedServer, served
 
 HEARD_S = 0.15
 """How far time runs on without a word: a lease that was just renewed, 50 ms late, holds beyond that."""
@@ -157,7 +157,7 @@ class PatientCard:
             self._stops_at, self._reached, self._stands_then = reached, asyncio.Event(), stands_then
             await asyncio.wait_for(self._reached.wait(), UNTIL_S)
 
-        self._in_loop(wait(), UNTIL_S + PATIENCE_S)
+        self._in_loop(wait(), UNTIL_S + TIMEOUT_S)
 
     def will_not_hear(self, text: bytes) -> None:
         """Keep this, and what comes after it, from the card until `run_on`."""
@@ -165,7 +165,7 @@ class PatientCard:
         async def hold() -> None:
             self.words.holds = text
 
-        self._in_loop(hold(), PATIENCE_S)
+        self._in_loop(hold(), TIMEOUT_S)
 
     def until_it_is_said(self) -> None:
         """Let time run until the console says what the card will not hear."""
@@ -181,7 +181,7 @@ class PatientCard:
             self.words.said.append((self.lathe.now_s(), b""))
             self._runs = True
 
-        self._in_loop(run(), PATIENCE_S)
+        self._in_loop(run(), TIMEOUT_S)
 
     @contextmanager
     def hanging(self) -> Iterator[None]:
@@ -193,11 +193,11 @@ class PatientCard:
         async def end() -> None:
             self.lathe.faults.clear()
 
-        self._in_loop(begin(), PATIENCE_S)
+        self._in_loop(begin(), TIMEOUT_S)
         try:
             yield
         finally:
-            self._in_loop(end(), PATIENCE_S)
+            self._in_loop(end(), TIMEOUT_S)
             self.server.wait(TICK_S)
 
     def slow_background(self, cycle_ms: float) -> None:
@@ -206,7 +206,7 @@ class PatientCard:
         async def begin() -> None:
             self.lathe.faults.inject("slow-background", cycle_ms=cycle_ms)
 
-        self._in_loop(begin(), PATIENCE_S)
+        self._in_loop(begin(), TIMEOUT_S)
 
     def cut_cable(self, for_s: float) -> None:
         """Cut every connection, and let nobody connect for a while."""
@@ -214,7 +214,7 @@ class PatientCard:
         async def begin() -> None:
             self.lathe.faults.inject("cut-cable", for_s=for_s)
 
-        self._in_loop(begin(), PATIENCE_S)
+        self._in_loop(begin(), TIMEOUT_S)
 
     def _in_loop(self, work: object, timeout_s: float) -> None:
         assert asyncio.iscoroutine(work)
@@ -231,7 +231,7 @@ class PatientCard:
         async def stand_still() -> None:
             self._runs = False
 
-        self._in_loop(stand_still(), PATIENCE_S)
+        self._in_loop(stand_still(), TIMEOUT_S)
         address = self.server.address.removeprefix("tcp:").split(":")
         with closing(open_link(TcpAddress(host=address[0], port=int(address[1])))) as link:
             client = PmacClient(PacedLink(link, self.server), self.server)
@@ -244,11 +244,11 @@ def patient_card(lathe: SimulatedLathe) -> Iterator[PatientCard]:
     """Serve a lathe to one console and to those who watch."""
     with served(lathe, "tcp") as server:
         card = PatientCard(server)
-        listener = asyncio.run_coroutine_threadsafe(card.begin(), server.loop).result(PATIENCE_S)
+        listener = asyncio.run_coroutine_threadsafe(card.begin(), server.loop).result(TIMEOUT_S)
         pace = asyncio.run_coroutine_threadsafe(card.keep_time(), server.loop)
         try:
             yield card
         finally:
             card.end()
-            pace.result(PATIENCE_S)
+            pace.result(TIMEOUT_S)
             server.loop.call_soon_threadsafe(listener.close)

@@ -166,7 +166,7 @@ def test_a_cut_that_another_host_ends_is_told_with_its_turn_and_never_called_don
     shed.sees(shed.in_the_part)
     shed.another_host_sends("M26=1\r")
     err = is_not_called_good(shed)
-    assert "another host requested the end of the program (M26)" in err and ended_at_a_turn(err)
+    assert "another host, not this console, requested the end of the program (M26)" in err and ended_at_a_turn(err)
     assert shed.deepest_um > DEEPEST_UM
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 ABORT, KILL, FLUSH = b"\x01", b"\x0b", b"\x18"
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 OPTIONS = ("--tcp", "127.0.0.1:0", "--ethernet", "127.0.0.1:0", "--pty", "--control", "tcp:127.0.0.1:0")
 WIRED = ("serial", "tcp", "ethernet", "ethernet with a connection for stops")
 SPINDLE = b"#2"
@@ -102,7 +102,7 @@ def wired(served: Served, kind: str) -> Site:
 
 def tell(served: Served, line: str) -> None:
     host, _, port = served.control.removeprefix("tcp:").rpartition(":")
-    with closing(socket.create_connection((host, int(port)), timeout=PATIENCE_S)) as control:
+    with closing(socket.create_connection((host, int(port)), timeout=TIMEOUT_S)) as control:
         control.sendall(f"{line}\n".encode())
         control.shutdown(socket.SHUT_WR)
         said = b"".join(iter(lambda: control.recv(4096), b""))
@@ -133,7 +133,7 @@ def resynchronise(link: Link) -> None:
 
 def reply(link: Link, clock: Clock) -> bytes:
     """Read up to the end of a reply, and no further."""
-    said, deadline = b"", clock.now_s() + PATIENCE_S
+    said, deadline = b"", clock.now_s() + TIMEOUT_S
     while not (said.endswith(b"\x06") or (b"\x07" in said and said.endswith(b"\r"))):
         assert clock.now_s() < deadline, said
         said += link.receive(0.5)
@@ -156,7 +156,7 @@ def turn_the_spindle(link: Link, site: Site) -> None:
 
 
 def wait_until(site: Site, condition: Callable[[], bool]) -> None:
-    deadline = site.clock.now_s() + PATIENCE_S
+    deadline = site.clock.now_s() + TIMEOUT_S
     while not condition():
         assert site.clock.now_s() < deadline
 
@@ -175,7 +175,7 @@ def test_an_answer_of_thousands_of_bytes_is_whole(link: Link, site: Site) -> Non
 
 def test_two_lines_in_one_go_are_answered_in_their_order(link: Link, site: Site) -> None:
     link.send(b"P1=1 P1\rP1=2 P1\r")
-    said, deadline = b"", site.clock.now_s() + PATIENCE_S
+    said, deadline = b"", site.clock.now_s() + TIMEOUT_S
     while said.count(b"\x06") < 2:
         assert site.clock.now_s() < deadline
         said += link.receive(0.5)
@@ -269,7 +269,7 @@ def connects(site: Site) -> bool:
 
 def test_a_cut_cable_is_a_link_that_is_gone_until_it_is_made_anew(link: Link, site: Site) -> None:
     site.fault("inject cut-cable for=0.3")
-    deadline = site.clock.now_s() + PATIENCE_S
+    deadline = site.clock.now_s() + TIMEOUT_S
     with pytest.raises(LinkError) as lost:
         while site.clock.now_s() < deadline:
             link.send(b"P1\r")
@@ -308,7 +308,7 @@ def test_stops_of_another_thread_leave_every_answer_right(real: Site) -> None:
                     assert ask(link, real, b"P2..1000") == b"42\r" * 999 + b"\x06"
         finally:
             ended.set()
-            stops.join(PATIENCE_S)
+            stops.join(TIMEOUT_S)
         assert ask(link, real, b"P1") == b"99\r\x06"
 
 
@@ -335,7 +335,7 @@ def test_stops_from_a_signal_handler_leave_every_answer_right(real: Site) -> Non
                 assert ask(link, real, b"P1=%d P1" % number) == b"%d\r\x06" % number
         finally:
             ended.set()
-            signals.join(PATIENCE_S)
+            signals.join(TIMEOUT_S)
             signal.signal(signal.SIGUSR1, previous)
         assert ask(link, real, b"P1") == b"%d\r\x06" % number
 

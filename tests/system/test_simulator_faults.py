@@ -32,14 +32,14 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 LOOPBACK = "tcp:127.0.0.1:0"
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 MACHINE = BUNDLED_MACHINES / "lee-2001-lathe.toml"
 
 
 def tell(served: Served, *lines: str) -> list[str]:
     """Type lines on the control socket; return the verdict of each."""
     host, _, port = served.control.removeprefix("tcp:").rpartition(":")
-    with closing(socket.create_connection((host, int(port)), timeout=PATIENCE_S)) as control:
+    with closing(socket.create_connection((host, int(port)), timeout=TIMEOUT_S)) as control:
         control.sendall("".join(f"{line}\n" for line in lines).encode())
         control.shutdown(socket.SHUT_WR)
         said = b"".join(iter(lambda: control.recv(4096), b"")).decode()
@@ -47,7 +47,7 @@ def tell(served: Served, *lines: str) -> list[str]:
 
 
 def console(*words: str) -> subprocess.CompletedProcess[str]:
-    return completed(words, PATIENCE_S)
+    return completed(words, TIMEOUT_S)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def served(module_served: Served) -> Iterator[Served]:
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -72,7 +72,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
 
 def tcp_is_open(served: Served) -> bool:
     """Whether a connection is not reset at once."""
-    with closing(socket.create_connection(served.tcp, timeout=PATIENCE_S)) as host:
+    with closing(socket.create_connection(served.tcp, timeout=TIMEOUT_S)) as host:
         try:
             host.sendall(b"I3=2\r")
             return bool(host.recv(1))
@@ -112,7 +112,7 @@ def test_the_control_socket_is_told_like_the_other_addresses(served: Served) -> 
 
 def test_a_line_without_an_end_is_not_read_for_ever(served: Served) -> None:
     host, _, port = served.control.removeprefix("tcp:").rpartition(":")
-    with closing(socket.create_connection((host, int(port)), timeout=PATIENCE_S)) as control:
+    with closing(socket.create_connection((host, int(port)), timeout=TIMEOUT_S)) as control:
         control.sendall(b"x" * 4096)
         control.sendall(b"x")
         with suppress(ConnectionResetError):
@@ -150,7 +150,7 @@ def test_a_tcp_client_meets_pieces_a_nul_and_a_cut(served: Served) -> None:
 
 
 def test_segments_leave_one_by_one(served: Served) -> None:
-    with closing(socket.create_connection(served.tcp, timeout=PATIENCE_S)) as host:
+    with closing(socket.create_connection(served.tcp, timeout=TIMEOUT_S)) as host:
         host.sendall(b"I3=2 P1=25 P2=50\r")
         assert host.recv(4096) == b"\x06"
         tell(served, "inject split-segments pieces=2 gap_ms=500")
@@ -159,7 +159,7 @@ def test_segments_leave_one_by_one(served: Served) -> None:
 
 
 def test_a_board_is_silent_while_it_hangs_and_answers_afterwards(served: Served) -> None:
-    with closing(socket.create_connection(served.ethernet, timeout=PATIENCE_S)) as host:
+    with closing(socket.create_connection(served.ethernet, timeout=TIMEOUT_S)) as host:
         tell(served, "inject hang for=0.3")
         before = time.monotonic()
         host.sendall(bytes.fromhex("40bf00000000000d") + b"i6=1 i3=2 ver")
@@ -222,7 +222,7 @@ def test_a_socket_that_a_dead_simulator_left_is_taken_over_and_a_file_is_not(ser
     path = tmp_path / "faults"
     with serve("--tcp", "127.0.0.1:0", "--control", f"unix:{path}") as running:
         running.process.kill()
-        running.process.wait(PATIENCE_S)
+        running.process.wait(TIMEOUT_S)
     assert path.is_socket()
     with serve("--tcp", "127.0.0.1:0", "--control", f"unix:{path}") as running:
         assert console("fault", f"unix:{path}", "active").returncode == 0

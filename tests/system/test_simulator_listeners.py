@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 ALL = ("--tcp", "127.0.0.1:0", "--ethernet", "127.0.0.1:0", "--pty")
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 FETCH = bytes((0xC0, 0xC5, 0, 0, 0, 0, 0x08, 0))
 
 
 @contextmanager
 def connected(address: tuple[str, int]) -> Iterator[socket.socket]:
-    with socket.create_connection(address, timeout=PATIENCE_S) as host:
+    with socket.create_connection(address, timeout=TIMEOUT_S) as host:
         yield host
 
 
@@ -121,12 +121,12 @@ def test_clients_that_rave_stall_or_die_harm_nobody(served: Served) -> None:
                     pass  # its connection is closed
             garbled.sendall(bytes(range(256)) * 200 + b"\rOPEN PROG 9\rX1")
             assert typed(stream, b"P7=1 P7") == b"1\r\x06"
-        stalled = socket.create_connection(served.ethernet, timeout=PATIENCE_S)
-        half = socket.create_connection(served.ethernet, timeout=PATIENCE_S)
+        stalled = socket.create_connection(served.ethernet, timeout=TIMEOUT_S)
+        half = socket.create_connection(served.ethernet, timeout=TIMEOUT_S)
         half.sendall(get_response(b"P0..1000")[:11])
         never = threading.Thread(target=_ask_for_ever, args=(stalled,))
         never.start()
-        died = socket.create_connection(served.ethernet, timeout=PATIENCE_S)
+        died = socket.create_connection(served.ethernet, timeout=TIMEOUT_S)
         assert ask(died, b"#2 OPEN PROG 9") in (b"\x06", b"\x07ERR007\r")
         died.sendall(get_response(b"P0..1000") * 20)
         died.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
@@ -134,14 +134,14 @@ def test_clients_that_rave_stall_or_die_harm_nobody(served: Served) -> None:
         for number in range(60):
             assert ask(good, b"P8=%d P8" % number) == b"%d\r\x06" % number
             assert typed(stream, b"P8") == b"%d\r\x06" % number
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while ask(good, b"OPEN PROG 9") != b"\x06":
             assert time.monotonic() < deadline
         assert ask(good, b"CLOSE") == b"\x06"
         half.close()
         with suppress(OSError):
             stalled.shutdown(socket.SHUT_RDWR)  # unless it has been cut off
-        never.join(PATIENCE_S)
+        never.join(TIMEOUT_S)
         stalled.close()
 
 
@@ -224,7 +224,7 @@ def test_people_read_a_line_for_each_address() -> None:
         assert process.stdout is not None
         lines = [process.stdout.readline() for _ in range(2)]
         process.terminate()
-        assert process.wait(PATIENCE_S) == 0
+        assert process.wait(TIMEOUT_S) == 0
     assert re.fullmatch(r"SIM  lee-2001-lathe .* ethernet:127\.0\.0\.1:\d+\n", lines[0])
     assert re.fullmatch(r"SIM  lee-2001-lathe .* serial:/\S+/trilobe-\w+/pmac\n", lines[1])
 
@@ -238,7 +238,7 @@ def test_what_was_saved_outlives_the_power(serve: Serve, tmp_path: Path) -> None
         assert typed(host, b"SAVE") == b"\x06"
         assert typed(host, b"I122=78") == b"\x06"
         running.process.kill()
-        running.process.wait(PATIENCE_S)
+        running.process.wait(TIMEOUT_S)
     with serve(*words) as running, connected(running.tcp) as host:
         assert typed(host, b"I3 I6 I122 P7") == b"2\r1\r77\r0\r\x06"
         assert running.end() == (0, "", "")

@@ -119,8 +119,8 @@ def test_a_blank_is_clamped_seen_and_measured(simulator: SimulatorProcess) -> No
     assert result.amplitude_um(4) == pytest.approx(10.5, abs=0.001)
     # Left at 0.3456 turns: the crest of the part and the jaw that is seen tell the same angle.
     jaw_1_deg = 0.3456 * 360 - before.jaw_1_past_mark_deg
-    crest_deg = next(h.phase_deg for h in result.harmonics if h.n == 4)
-    assert np.cos(np.radians(4 * (crest_deg - jaw_1_deg))) == pytest.approx(1, abs=1e-6)
+    phase_deg = next(h.phase_deg for h in result.harmonics if h.n == 4)
+    assert np.cos(np.radians(4 * (phase_deg - jaw_1_deg))) == pytest.approx(1, abs=1e-6)
 
 
 def test_two_lathes_are_set_up_differently_unless_they_have_the_same_seed() -> None:

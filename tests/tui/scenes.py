@@ -166,8 +166,8 @@ def part(strategy: Strategy, harmonics: tuple[tuple[int, float, float], ...]) ->
     """A part that was measured off centre, by 4.3 um."""
     angle_deg = np.arange(3600) / 10.0
     deviation_um = 2.7 + 4.3 * np.cos(np.radians(angle_deg - 57.0))
-    for n, amplitude_um, crest_deg in harmonics:
-        deviation_um = deviation_um + amplitude_um * np.cos(n * np.radians(angle_deg - crest_deg))
+    for n, amplitude_um, phase_deg in harmonics:
+        deviation_um = deviation_um + amplitude_um * np.cos(n * np.radians(angle_deg - phase_deg))
     return MeasuredPart(
         job=aligned_job(signed().job, ALIGNED),
         strategy=strategy,

@@ -187,7 +187,7 @@ def test_the_preview_is_asked_for_with_what_the_part_says_turned_to_where_jaw_1_
     seen = Previewer().refreshed(work, jaw, path=path).outlook
     assert path is not None and seen is not None and seen.taught is not None and told is not None
     assert seen.taught.ront_um == told.ront_um
-    turned_deg = seen.taught.lobe.crest_deg - told.lobe.crest_deg
+    turned_deg = seen.taught.lobe.phase_deg - told.lobe.phase_deg
     assert turned_deg % 120.0 == pytest.approx((12.63 - work.job.jaw_1_deg) % 120.0)
     in_air = Previewer().refreshed(replace(work, stage="air"), jaw, path=path).outlook
     by_model = Previewer().refreshed(replace(work, compensation=None), jaw).outlook

@@ -112,7 +112,7 @@ def test_an_alarm_stays_before_everything_else_until_it_was_seen() -> None:
     refused = (Problem(code="screen.moving"),)
     assert "!!!" in plain(alarm_row(frame(ALARM, said=refused), 80))
     seen = replace(ALARM, alarms=acknowledged(ALARM.alarms))
-    assert "not while something moves" in plain(alarm_row(frame(seen, said=refused), 80))
+    assert "the machine is moving" in plain(alarm_row(frame(seen, said=refused), 80))
     assert "!!!" in plain(alarm_row(frame(seen), 80))
 
 
@@ -191,7 +191,7 @@ def test_the_number_of_alarms_is_that_of_those_that_come_to_the_row(language: st
     assert "!!!" in row, "what stands is still shown"
 
 
-DOING = ("look", "rest", "program", "home tool", "jog carriage", "arm", "identify")
+DOING = ("poll", "rest", "program", "home tool", "jog carriage", "arm", "identify")
 """In what a fault is met, as the code has it."""
 
 

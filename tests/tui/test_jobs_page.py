@@ -134,7 +134,7 @@ def test_a_job_that_cannot_be_read_is_listed_with_the_reason(own: Path, tmp_path
     async def scene(stage: Stage) -> None:
         assert "a [bold]" in stage.text
         assert "cannot be read" in stage.text
-        assert "name = 3 is not a text" in stage.text
+        assert "name = 3 is not text" in stage.text
         assert r"b\udcff" in stage.text
         await stage.act("jobs.open")
         assert "value.not_text" in stage.codes

@@ -233,7 +233,7 @@ def test_the_preview_is_of_the_path_that_is_cut_turned_to_jaw_1() -> None:
     path = chosen.of(work, JAW, simulated=True)
     assert path is not None and path is chosen.of(replace(work), JAW, simulated=True)
     turn_deg = (12.63 - work.job.jaw_1_deg) % 120.0
-    assert (path.target.crest_deg - one.path.target.crest_deg) % 120.0 == pytest.approx(turn_deg)
+    assert (path.target.phase_deg - one.path.target.phase_deg) % 120.0 == pytest.approx(turn_deg)
     half = chosen.of(replace(work, stage="partial"), JAW, simulated=True)
     assert half is not None and half.target.amplitude_um == pytest.approx(0.5 * path.target.amplitude_um)
     assert chosen.of(cam(), JAW, simulated=True) is None

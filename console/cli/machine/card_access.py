@@ -40,7 +40,7 @@ def card_line(card: Card, text: Catalogue) -> str:
     """Return the line that identifies the controller."""
     mark = f"{text('sim')}  " if card.simulated else ""
     return mark + text(
-        "card.head", machine=card.machine.name, address=card.address, kind=card.kind, version=card.version
+        "configuration.head", machine=card.machine.name, address=card.address, kind=card.kind, version=card.version
     )
 
 

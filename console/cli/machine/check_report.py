@@ -38,7 +38,7 @@ def check_lines(checks: Iterable[Check], text: Catalogue) -> list[str]:
     """Return the checks by group, each with a mark; long lines continue below."""
     lines: list[str] = []
     for group, members in groupby(checks, key=lambda check: check.group):
-        lines += ["", text(f"card.group.{group}")]
+        lines += ["", text(f"configuration.group.{group}")]
         for check in members:
             first, *others = broken(_sentence(check, text), WIDTH - 4)
             lines += [f"  {MARKS[check.severity]} {first}", *(f"    {line}" for line in others)]
@@ -49,7 +49,7 @@ def summary_line(checks: Iterable[Check], text: Catalogue) -> str:
     """Return the number of checks of each severity."""
     counts = Counter(check.severity for check in checks)
     return text(
-        "card.summary",
+        "configuration.summary",
         holds=counts[Severity.OK],
         failed=counts[Severity.REFUSAL],
         count=counts[Severity.WARNING],
@@ -59,7 +59,7 @@ def summary_line(checks: Iterable[Check], text: Catalogue) -> str:
 
 def _sentence(check: Check, text: Catalogue) -> str:
     kind, _, number = check.subject.partition(" ")
-    subject = text(f"card.subject.{kind}", number=number) if kind else ""  # `motor 5` keeps its number
+    subject = text(f"configuration.subject.{kind}", number=number) if kind else ""  # `motor 5` keeps its number
     facts = {
         "what": _what(check, subject, text),
         "subject": subject,
@@ -79,5 +79,5 @@ def _what(check: Check, subject: str, text: Catalogue) -> str:
         return check.variable
     setting = text(f"setting.{check.setting}")
     if not subject:
-        return text("card.what_alone", setting=setting, variable=check.variable)
-    return text("card.what", setting=setting, subject=subject, variable=check.variable)
+        return text("configuration.what_alone", setting=setting, variable=check.variable)
+    return text("configuration.what", setting=setting, subject=subject, variable=check.variable)

@@ -33,7 +33,7 @@ BACKUP_FOLDER = "backups"
 def _backup(options: Namespace, card: Card, text: Catalogue) -> int:
     found = _written(card, Path(options.file))
     counts = {name: len(getattr(found, name)) for name in ("settings", "axes", "plcs", "programs")}
-    done = text("card.backup_done", **counts, count=counts["settings"], file=printable(options.file))
+    done = text("configuration.backup_done", **counts, count=counts["settings"], file=printable(options.file))
     show(
         options,
         lambda: {**card_fields(card), "file": options.file, **counts, "fingerprint": found.fingerprint},
@@ -63,7 +63,11 @@ def _diff(options: Namespace, card: Card, text: Catalogue) -> int:
         raise RefusedError(Problem(code="controller.backup_family", where=where, value=family, limit=dialect.name))
     now = read_configuration(card.client, dialect, whole_card(dialect))
     checks = in_order(differences(backup.configuration, now, card.machine))
-    verdict = text("card.differs_from" if checks else "card.no_difference", count=len(checks), date=backup.date)
+    verdict = text(
+        "configuration.differs_from" if checks else "configuration.no_difference",
+        count=len(checks),
+        date=backup.date,
+    )
     show(
         options,
         lambda: {**card_fields(card), "date": backup.date, "differences": check_fields(checks, text)},
@@ -114,12 +118,12 @@ def _apply_whole(card: Card, writes: tuple[Write, ...]) -> None:
 
 def _applied(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) -> list[str]:
     if not writes:
-        return [text("card.nothing_to_apply")]
-    lines = [f"  {text('card.line', line=write.line, found=write.found)}" for write in writes]
+        return [text("configuration.nothing_to_apply")]
+    lines = [f"  {text('configuration.line', line=write.line, found=write.found)}" for write in writes]
     if backup is None:
-        return [text("card.dry_run"), *lines]
-    first = text("card.backup_first", file=printable(str(backup)))
-    return [first, *lines, text("card.applied", count=len(writes))]
+        return [text("configuration.dry_run"), *lines]
+    first = text("configuration.backup_first", file=printable(str(backup)))
+    return [first, *lines, text("configuration.applied", count=len(writes))]
 
 
 def _written(card: Card, path: Path, *, private: bool = False) -> Configuration:

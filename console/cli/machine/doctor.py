@@ -40,7 +40,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         stops = doctor_checks.stop_checks(options, card, date.today())
     arrival = doctor_checks.arrival_check(card.client.line_check)
     checks = in_order([*verification.checks, arrival, *unsigned, *stops, *proofs, *doctor_checks.command_checks()])
-    head = [card_line(card, text), text("card.marks")]
+    head = [card_line(card, text), text("configuration.marks")]
     show(
         options,
         lambda: {**card_fields(card), "checks": check_fields(checks, text)},

@@ -27,7 +27,7 @@ from profiles.findings import Severity
 from profiles.machine import real_machine_problems
 from profiles.problem import Problem, ProfileError
 
-STOPS = ("proof_lease", "proof_stop_")
+STOPS = ("proof_heartbeat", "proof_stop_")
 """Codes of the commissioning tests that a record rests on."""
 
 DISTRIBUTION = "trilobe"

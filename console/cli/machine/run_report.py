@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
 
 from console.cli.judgement import span_fields
 from console.cli.measured.roundness_report import roundness_fields
-from console.cli.output import fields_of
+from console.cli.output import fields_of, harmonics_of
 from console.session.cut.run import RunResult
 from console.session.learning.learning import LearnedPart, LearnResult
 from console.session.stages import Stage
@@ -39,7 +38,7 @@ def _run_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "stage": plan.stage.value,
         "compensation": plan.compensation,
         "inverted": plan.inverted or "model",
-        "expected": None if plan.expected is None else asdict(plan.expected),
+        "expected": None if plan.expected is None else harmonics_of(plan.expected),
         "clamping": span_fields(plan.job, plan.machine),
         "spindle_rpm": figures.spindle_speed_rpm,
         "lobe_frequency_hz": result.lobe_frequency_hz,
@@ -81,7 +80,7 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
 
 
 def _harmonic_fields(harmonics: Iterable[PathHarmonic]) -> list[dict[str, object]]:
-    return [{"n": h.lobes, "amplitude_um": h.amplitude_um, "crest_deg": h.crest_deg} for h in harmonics]
+    return [{"n": h.lobes, "amplitude_um": h.amplitude_um, "crest_deg": h.phase_deg} for h in harmonics]
 
 
 def result_lines(result: RunResult | LearnResult, text: Catalogue) -> list[str]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from argparse import Namespace
-from dataclasses import asdict
 from pathlib import Path
 
 from console.cli.judgement import lobe_place_line
 from console.cli.library import data_of, job_of, machine_of, named, naming
-from console.cli.output import show, tell
+from console.cli.output import harmonics_of, show, tell
 from console.session.data.calibrations import Calibration, keep_job, store
 from console.session.data.kept_files import utc_now
 from console.text.catalogue import Catalogue
@@ -81,13 +80,13 @@ def _fields(found: FoundLobe) -> dict[str, object]:
     return {
         "error_um_pp": fit.error_um_pp,
         "error_ci_um_pp": 2 * fit.lobe.ci_um,
-        "crest_deg": found.crest_deg,
+        "crest_deg": found.phase_deg,
         "past_jaw_deg": found.past_jaw_deg,
         "crest_ci_deg": fit.lobe.ci_deg,
         "simulated": found.simulated,
         "high_at_jaws": seen and seen.high_at_jaws,
         "mechanism": seen and seen.mechanism,
-        **asdict(fit),
+        **harmonics_of(fit),
         "floor_um": fit.floor_um,
         "bias_um": fit.lobe.bias_um,
     }
@@ -95,22 +94,22 @@ def _fields(found: FoundLobe) -> dict[str, object]:
 
 def _lines(found: FoundLobe, text: Catalogue) -> list[str]:
     fit = found.fit
-    columns = ("n", "amplitude", "confidence", "crest", "confidence", "significant")
+    columns = ("n", "amplitude", "confidence", "phase", "confidence", "significant")
     harmonics = [tuple(text(f"calibrate.column.{name}") for name in columns)]
     harmonics += [
         (
             str(each.n),
             f"{each.amplitude_um:.3f} um",
             f"{each.ci_um:.3f}",
-            f"{each.crest_deg:.2f} deg",
+            f"{each.phase_deg:.2f} deg",
             f"{each.ci_deg:.2f}",
             text("calibrate.yes" if each.significant else "calibrate.no"),
         )
         for each in fit.harmonics
     ]
     facts = [(text("calibrate.error"), f"{fit.error_um_pp:.3f}", f"± {2 * fit.lobe.ci_um:.3f} um p-p")]
-    if found.crest_deg is not None:
-        facts.append((text("calibrate.crest"), f"{found.crest_deg:.2f}", f"± {fit.lobe.ci_deg:.2f} deg"))
+    if found.phase_deg is not None:
+        facts.append((text("calibrate.phase"), f"{found.phase_deg:.2f}", f"± {fit.lobe.ci_deg:.2f} deg"))
     if found.past_jaw_deg is not None:
         facts.append((text("calibrate.past_jaw"), f"{found.past_jaw_deg:z.2f}", "deg"))
     facts.append((text("calibrate.noise"), f"{fit.noise_um:.3f}", "um"))

@@ -121,7 +121,7 @@ def state_line(result: RoundnessResult, text: Catalogue) -> str:
 
 
 def _harmonics(measured: MeasuredTrace, text: Catalogue) -> list[str]:
-    rows = [(text("roundness.n"), text("roundness.amplitude"), text("roundness.crest"))]
+    rows = [(text("roundness.n"), text("roundness.amplitude"), text("roundness.phase"))]
     shown = [h for h in measured.result.harmonics if h.n in SHOWN_HARMONICS]
     rows += [(str(h.n), f"{h.amplitude_um:z.3f} um", f"{h.phase_deg:z.2f} deg") for h in shown]
     past = [deg for h in shown if (deg := measured.past_jaw_1_deg(h)) is not None]

@@ -89,7 +89,7 @@ def v_block_lines(seen: VBlockLobe, text: Catalogue) -> list[str]:
         (text("v_block.factor"), f"{seen.factor:z.3f}", ""),
         (text("v_block.passed"), f"{100.0 * seen.passed:z.2f}", "%"),
         (text("v_block.lobe", n=seen.lobe.n), f"{2.0 * seen.lobe.amplitude_um:z.3f}", "um p-p"),
-        (text("roundness.crest"), f"{seen.lobe.phase_deg:z.2f}", "deg"),
+        (text("roundness.phase"), f"{seen.lobe.phase_deg:z.2f}", "deg"),
     ]
     head = text("v_block.head", angle=f"{seen.included_deg:g}", filter=filter_line(seen.reading, text))
     return [head, text("roundness.state", state=state_line(seen.reading, text)), "", *table(rows, numeric=(1,))]

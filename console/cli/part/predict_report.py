@@ -8,6 +8,7 @@ from dataclasses import asdict
 import numpy as np
 
 from console.cli.judgement import finding_fields, finding_lines, lobe_place_line
+from console.cli.output import harmonics_of
 from console.session.data.calibrated_chuck import CalibratedMachine
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -38,11 +39,11 @@ def prediction_fields(
         "model_um_pp": seen.model_um_pp.tolist(),
         "parts_um_pp": {name.value: np.ptp(part, axis=1).tolist() for name, part in seen.parts_um.items()},
         "size_um": seen.size_um.tolist(),
-        "cut": {**asdict(seen.cut), "high_at_jaws": _high_at_jaws(job, seen.cut)},
-        "model": {**asdict(seen.model), "high_at_jaws": _high_at_jaws(job, seen.model)},
+        "cut": {**harmonics_of(seen.cut), "high_at_jaws": _high_at_jaws(job, seen.cut)},
+        "model": {**harmonics_of(seen.model), "high_at_jaws": _high_at_jaws(job, seen.model)},
         "stock_mm": seen.stock_mm.tolist(),
         "stock_um_pp": seen.stock_um_pp.tolist(),
-        "process": {**asdict(process), "share_left_by_a_pass": process.copying.share_left()},
+        "process": {**asdict(process), "share_left_by_a_pass": process.copying.fraction_left()},
         "clamping": {
             "minimum_n": advice.span.least_n,
             "maximum_n": advice.span.most_n,
@@ -71,10 +72,10 @@ def _beyond_spindle(seen: Envelope, machine: MachineProfile) -> list[str]:
 
 def _high_at_jaws(job: Job, cut: CutError) -> bool | None:
     """Whether the part is high where the jaws were; None without a lobe, or between."""
-    if cut.crest_deg is None:
+    if cut.phase_deg is None:
         return None
     thin = is_thin(job.wall_thickness_mm, job.radius_mm)
-    return diagnose(crest_deg=cut.crest_deg, jaw_1_deg=job.jaw_1_deg, jaws=job.jaws, thin=thin).high_at_jaws
+    return diagnose(phase_deg=cut.phase_deg, jaw_1_deg=job.jaw_1_deg, jaws=job.jaws, thin=thin).high_at_jaws
 
 
 def prediction_lines(job: Job, calibrated: CalibratedMachine, seen: Prediction, text: Catalogue) -> list[str]:
@@ -185,7 +186,7 @@ def _process(seen: Prediction, text: Catalogue) -> list[tuple[str, str]]:
     process, force = seen.process, seen.process.force
     return [
         (text("predict.cutting"), f"{force.main_n:.2f} / {force.passive_n:.2f} N"),
-        (text("predict.copying"), f"{100 * process.copying.share_left():.2f} %"),
+        (text("predict.copying"), f"{100 * process.copying.fraction_left():.2f} %"),
         (text("predict.lobed"), f"± {process.lobed_force_n:.2f} N, ± {process.lobed_motion_um:.2f} um"),
         (text("predict.chatter"), f"{process.chatter_limit_mm:.3f} mm"),
     ]

@@ -7,11 +7,12 @@ import math
 from dataclasses import asdict
 
 from console.cli.judgement import MARKS, finding_fields, finding_lines, span_fields, span_line
+from console.cli.output import harmonics_of
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from drivers.cutting.planning import CutPlan
 from drivers.preview.band import Band, predicted_band
-from drivers.preview.outlook import grip_share
+from drivers.preview.outlook import grip_demand
 from drivers.preview.preview import Preview, Response
 from profiles.axis.envelope import envelope, speed_limits_rpm
 from profiles.findings import Severity
@@ -32,8 +33,8 @@ def preview_fields(seen: Preview, text: Catalogue) -> dict[str, object]:
         "lobe_error_source": _source(seen),
         "predicted": _predicted(seen, text),
         "response": _response(seen),
-        "wanted_path": asdict(seen.target),
-        "command": asdict(seen.command),
+        "wanted_path": harmonics_of(seen.target),
+        "command": harmonics_of(seen.command),
         "trajectory": None if made is None else {name: getattr(made, name).tolist() for name in columns},
         "eq9": {**asdict(seen.eq9), **asdict(seen.eq9_loop), "gain_margin": _finite(seen.eq9_loop.gain_margin)},
         "sampled_loop": asdict(seen.sampled),
@@ -95,12 +96,12 @@ def _response(seen: Preview) -> dict[str, object]:
 
 
 def _drive(seen: Preview) -> dict[str, float]:
-    shares = seen.shares.items()
+    demands = seen.demands.items()
     return {
         **asdict(seen.need),
-        **{key: share.need for key, share in shares},
-        **{f"{key}_limit": share.limit for key, share in shares},
-        **{f"{key}_percent": share.percent for key, share in shares},
+        **{key: each.need for key, each in demands},
+        **{f"{key}_limit": each.limit for key, each in demands},
+        **{f"{key}_percent": each.percent for key, each in demands},
     }
 
 
@@ -110,8 +111,8 @@ def _margins(seen: Preview) -> dict[str, float | str | None]:
     Included are the static forces between which the part is held without bending too far.
     """
     made = seen.predictions.get(seen.strategy)
-    shares = {**(seen.shares if made is None else made.shares), "grip_n": grip_share(seen.job, seen.machine)}
-    percents = {f"{name}_percent": share.percent for name, share in shares.items()}
+    demands = {**(seen.demands if made is None else made.demands), "grip_n": grip_demand(seen.job, seen.machine)}
+    percents = {f"{name}_percent": each.percent for name, each in demands.items()}
     return {"voltage_v_percent": None, **percents, **span_fields(seen.job, seen.machine)}
 
 
@@ -157,8 +158,8 @@ def preview_lines(seen: Preview, text: Catalogue) -> list[str]:
     ]
     needs = [(text("preview.need"), "", "%")]
     needs += [
-        (text(f"need.{key}"), f"{share.need:.3g} / {share.limit:.4g}", f"{share.percent:.1f}")
-        for key, share in seen.shares.items()
+        (text(f"need.{key}"), f"{each.need:.3g} / {each.limit:.4g}", f"{each.percent:.1f}")
+        for key, each in seen.demands.items()
     ]
     return [
         f"{seen.job.name} · {seen.machine.name}",
@@ -193,7 +194,7 @@ def _facts(seen: Preview, band: Band | None, text: Catalogue) -> list[tuple[str,
         (text("preview.wanted"), f"{seen.target.mean_um:.1f} ± {seen.target.amplitude_um:.2f} um"),
         (
             text("preview.command"),
-            f"± {command.amplitude_um:.2f} um, {job.lobe_phase_deg - command.crest_deg:+z.2f} deg",
+            f"± {command.amplitude_um:.2f} um, {job.lobe_phase_deg - command.phase_deg:+z.2f} deg",
         ),
         (text("preview.inverts"), inverted),
     ]

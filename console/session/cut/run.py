@@ -57,8 +57,8 @@ class RunPlan:
     @property
     def expected(self) -> Expected | None:
         """Expected remaining lobe of a part cut with a fraction of its compensation; None otherwise."""
-        whole_um_pp = 2.0 * self.cut.target.amplitude_um / self.stage.share
-        return expected(whole_um_pp, self.stage.share) if self.stage is Stage.PARTIAL else None
+        whole_um_pp = 2.0 * self.cut.target.amplitude_um / self.stage.fraction
+        return expected(whole_um_pp, self.stage.fraction) if self.stage is Stage.PARTIAL else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -138,7 +138,7 @@ def phase_of(samples: Floats, target: LobedPath) -> Phase | None:
     amplitude_um = abs(coefficient)
     if amplitude_um < 0.1 * target.amplitude_um:
         return None
-    behind_deg = math.degrees(-cmath.phase(coefficient)) / target.lobes - target.crest_deg
+    behind_deg = math.degrees(-cmath.phase(coefficient)) / target.lobes - target.phase_deg
     across = np.array([0.0, coefficient.imag, coefficient.real]) / amplitude_um**2
     return Phase(
         error_deg=math.remainder(behind_deg, 360.0 / target.lobes),

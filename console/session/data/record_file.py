@@ -60,9 +60,9 @@ def opened(folder: Path, until_s: float) -> sqlite3.Connection:
     except (OSError, sqlite3.Error) as error:
         raise record_error("record.unwritable", path, error) from error
     try:
-        patiently(lambda: _made_ready(database, path), until_s)
+        retrying(lambda: _made_ready(database, path), until_s)
         # Records need the journal: a kill at any instant leaves them whole.
-        patiently(lambda: database.execute("PRAGMA journal_mode=WAL"), until_s)
+        retrying(lambda: database.execute("PRAGMA journal_mode=WAL"), until_s)
     except sqlite3.Error as error:
         database.close()
         code = "record.damaged" if is_damage(error) else "record.unwritable"
@@ -84,7 +84,7 @@ def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -
         return database.execute(query, keys).fetchall()
 
 
-def patiently(work: Callable[[], Result], until_s: float) -> Result:
+def retrying(work: Callable[[], Result], until_s: float) -> Result:
     """Run a database operation; wait for other writers until the deadline, also where SQLite would not."""
     while True:
         try:

@@ -17,7 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from console.session.data.kept_files import utc_now
-from console.session.data.record_file import FILE_NAME, is_damage, opened, patiently, record_error
+from console.session.data.record_file import FILE_NAME, is_damage, opened, record_error, retrying
 from console.session.errors import SessionError
 from drivers.cutting.plan import CutPlan
 from profiles.files import PRIVATE_FILE, made_locked, make_private_folder, printable, taken_if_left
@@ -121,7 +121,7 @@ class RunRecord:
         self._mark.close()
 
     def _insert(self, line: str, row: tuple[object, ...], until_s: float) -> None:
-        patiently(lambda: self._database.execute(line, row), until_s)
+        retrying(lambda: self._database.execute(line, row), until_s)
 
     def _on_disk(self) -> tuple[tuple[int, int] | None, ...]:
         """Return device and inode of the database and of its journal, which holds the last lines."""
@@ -144,7 +144,7 @@ def add_to_run(folder: Path, run_id: str, kind: str, data: Mapping[str, object])
     with closing(opened(folder, until_s)) as database:
         row = (run_id, utc_now(), kind, json.dumps(data), run_id)
         try:
-            patiently(lambda: database.execute(_LATER, row), until_s)
+            retrying(lambda: database.execute(_LATER, row), until_s)
         except sqlite3.Error as error:
             raise record_error("record.unwritable", folder / FILE_NAME, error) from error
 
@@ -237,7 +237,7 @@ def _ended(database: sqlite3.Connection, mark: Path, machine: str, *, simulated:
     kinds = {kind for (kind,) in database.execute(_KINDS, (run_id,))}
     if not kinds & _ENDED:
         end = (run_id, utc_now(), json.dumps({"reason": "killed"}), run_id)
-        patiently(lambda: database.execute(_END, end), time.monotonic() + TIMEOUT_S)
+        retrying(lambda: database.execute(_END, end), time.monotonic() + TIMEOUT_S)
     mark.unlink(missing_ok=True)
     if kinds & _ENDED or not kinds & _BEGUN:
         return []

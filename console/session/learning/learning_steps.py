@@ -128,7 +128,7 @@ def taught_by(
 
     orders = _orders(filed, strategy, extra, response)
     step = next_version(
-        CutWith(path=path, share=stage.share, version=version, parent=_parent(version, known, filed)),
+        CutWith(path=path, fraction=stage.fraction, version=version, parent=_parent(version, known, filed)),
         part,
         asked,
         filed,
@@ -174,7 +174,7 @@ def as_cut(job: Job, made: MadeWith) -> Job:
 def _left(n: int, part: PartHarmonics, step: LearningStep, path: CutPath, stage: Stage) -> LeftHarmonic:
     """Return a harmonic of the part, whose height falls by as much as the tool goes deeper."""
     left = part.coefficients_um[n]
-    deeper = coefficient_of(step.next.path.target, n) - stage.share * coefficient_of(path.target, n)
+    deeper = coefficient_of(step.next.path.target, n) - stage.fraction * coefficient_of(path.target, n)
     expected_um_pp = 2.0 * abs(left - deeper)
     return LeftHarmonic(
         order=n, left_um_pp=2.0 * abs(left), expected_um_pp=expected_um_pp, learned=n in step.learned

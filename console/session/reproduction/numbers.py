@@ -105,7 +105,7 @@ def friction(paper: Experiments) -> tuple[Record, ...]:
         moving_mass_kg=1.05 * as_said.moving_mass_kg,
         coulomb_friction_n=3.0,
         encoder_noise_um=0.3,
-        passive_share=CUT_N / main_n,
+        passive_fraction=CUT_N / main_n,
     )
     (unlearned,) = learned_passes(job, machine, true, [PART])
     *_, first, second, third = learned_passes(job, machine, true, [AIR] * 3 + [PART] * 3)

@@ -216,7 +216,7 @@ class Station:
             context.tell(armed=None)
         if faults and on and self.state.controls:
             context.lathe.stop.stop(faults[0])
-            raise DriverError(Problem(code="machine.fault", key="look", value=", ".join(faults)))
+            raise DriverError(Problem(code="machine.fault", key="poll", value=", ".join(faults)))
         context.end_alarms("link.silent")
         watch_axes(context, snapshot)
 

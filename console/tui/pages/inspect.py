@@ -25,7 +25,7 @@ from profiles.problem import Problem
 
 _BORDER_ROWS = 2
 STEPS = {"inspect.up": -1, "inspect.down": 1}
-WORSE = ("learned.diverges", "learned.wave_diverges")  # reasons to revert
+WORSE = ("learned.diverges", "learned.harmonic_diverges")  # reasons to revert
 MADE_WORSE = "learned.worse"  # a reason to check the set-up: reverting would not help
 ELSEWHERE = "learned.lobe_elsewhere"  # a reason to check the set-up before anything is kept
 

@@ -28,7 +28,7 @@ _SEEN_TO_DEG = 0.01  # rounding of the visible angle of jaw 1
 LEAST_ROWS, LEAST_COLUMNS = 4, 9
 
 _RIM, _JAW, _JAW_1 = 0, 1, 2
-_JAW_SHARE = 0.5  # fraction of the radius to which a jaw reaches from the rim
+_JAW_FRACTION = 0.5  # fraction of the radius to which a jaw reaches from the rim
 _BESIDE = 3  # columns to the right of the rim, for the mark
 
 
@@ -162,7 +162,7 @@ def chuck_lines(columns: int, rows: int, jaws: int, jaw_1_past_mark_deg: float) 
     canvas.polyline(centre_x + radius * np.cos(turn), centre_y - radius * np.sin(turn), _RIM)
     for jaw in reversed(range(jaws)):
         angle = math.radians(jaw_1_past_mark_deg + 360.0 * jaw / jaws)
-        reach = np.array([_JAW_SHARE * radius, radius - 1.0])
+        reach = np.array([_JAW_FRACTION * radius, radius - 1.0])
         layer = _JAW_1 if jaw == 0 else _JAW
         for shift in (-1.0, 0.0, 1.0):
             x = centre_x + reach * math.cos(angle) - shift * math.sin(angle)

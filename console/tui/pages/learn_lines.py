@@ -79,8 +79,8 @@ def chosen_words(text: Catalogue, work: Work) -> str:
 
 def _half_words(taught: Taught, text: Catalogue) -> str:
     part = taught.step.next.part
-    whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.share
-    left = expected(whole_um_pp, taught.stage.share)
+    whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.fraction
+    left = expected(whole_um_pp, taught.stage.fraction)
     return text("inspect_page.half_left", right=f"{left.right_um_pp:.1f}", wrong=f"{left.wrong_um_pp:.1f}")
 
 

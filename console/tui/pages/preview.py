@@ -45,7 +45,7 @@ def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
     """
     traces = []
     for which, token in ((UNCOMPENSATED, Token.BEFORE), (strategy, Token.AFTER)):
-        made = preview_lines.foreseen(seen, which)
+        made = preview_lines.predicted(seen, which)
         if made is None or (token is Token.AFTER and not strategy.traits.follows_lobe):
             continue
         angle_deg, left_um = made.angle_deg, made.residual_um
@@ -60,7 +60,7 @@ def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
 def path_series(seen: Underway, strategy: Strategy) -> list[Series]:
     """Return the target path of the tool tip, and the command of this strategy, um of infeed."""
     series = [Series(x=_TURN_DEG, y=seen.target.at_um(_TURN_DEG), token=Token.WANTED)]
-    made = preview_lines.foreseen(seen, strategy)
+    made = preview_lines.predicted(seen, strategy)
     if made is not None:
         series.append(Series(x=made.angle_deg, y=made.command_um, token=Token.COMMAND, dashed=True))
     return series

@@ -59,7 +59,7 @@ class Margin:
         return None if self.need is None or self.limit is None else 100.0 * self.need / self.limit
 
 
-def foreseen(seen: Underway, strategy: Strategy) -> Prediction | ClosedForm | None:
+def predicted(seen: Underway, strategy: Strategy) -> Prediction | ClosedForm | None:
     """Return the predicted result of a strategy's program; until that exists, its closed form, if any."""
     if strategy in seen.strategies:
         return seen.predictions.get(strategy)
@@ -154,7 +154,7 @@ def strategy_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: i
 def margins(seen: Underway, strategy: Strategy) -> tuple[Margin, ...]:
     """Return what the chosen strategy needs of the drive, against the machine's limits."""
     tool, needs = seen.machine.tool, _needs(seen, strategy)
-    limits: dict[str, float | None] = {key: drive.limit for key, drive in seen.shares.items()}
+    limits: dict[str, float | None] = {key: drive.limit for key, drive in seen.demands.items()}
     limits["stroke_mm"] = tool.travel_max_mm - tool.travel_min_mm
     limits["lobe_hz"] = None if seen.eq9_loop is None else seen.eq9_loop.bandwidth_hz
     rows = (
@@ -172,14 +172,14 @@ def margins(seen: Underway, strategy: Strategy) -> tuple[Margin, ...]:
 
 
 def _needs(seen: Underway, strategy: Strategy) -> dict[str, float]:
-    made = foreseen(seen, strategy)
+    made = predicted(seen, strategy)
     if made is not None:
-        stroke_um, lobe_hz, shares = made.stroke_um, made.lobe_frequency_hz, made.shares
+        stroke_um, lobe_hz, demands = made.stroke_um, made.lobe_frequency_hz, made.demands
     elif strategy in seen.strategies:  # there is no program: the needs of the inverse may explain why
-        stroke_um, lobe_hz, shares = 2.0 * seen.command.amplitude_um, seen.job.lobe_frequency_hz, seen.shares
+        stroke_um, lobe_hz, demands = 2.0 * seen.command.amplitude_um, seen.job.lobe_frequency_hz, seen.demands
     else:
         return {}
-    of_drive = {name: drive.need for name, drive in shares.items()}
+    of_drive = {name: drive.need for name, drive in demands.items()}
     return {"stroke_mm": stroke_um / 1000.0, "lobe_hz": lobe_hz, **of_drive}
 
 
@@ -247,7 +247,7 @@ def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int
     plan, prediction = seen.strategies.get(strategy), seen.predictions.get(strategy)
     if isinstance(plan, ProblemError):
         return []
-    made = foreseen(seen, strategy)
+    made = predicted(seen, strategy)
     depth = UNKNOWN if prediction is None else f"{prediction.mean_um:.1f}"
     speed = UNKNOWN if plan is None else f"{plan.spindle_speed_rpm:.0f}"
     frequency = UNKNOWN if made is None else f"{made.lobe_frequency_hz:.1f}"
@@ -269,7 +269,7 @@ def _inverse(seen: Underway, strategy: Strategy, text: Catalogue) -> str:
     if strategy is not seen.strategy:
         return UNKNOWN
     factor = seen.command.amplitude_um / seen.target.amplitude_um
-    lead_deg = seen.target.crest_deg - seen.command.crest_deg
+    lead_deg = seen.target.phase_deg - seen.command.phase_deg
     return text("preview_page.inverted", factor=f"{factor:.3f}", lead=f"{lead_deg:.1f}")
 
 

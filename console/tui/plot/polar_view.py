@@ -17,7 +17,7 @@ from console.tui.plot.frame import FRAMES_KEPT, step_125
 from console.tui.theme import Token
 
 DIVISIONS = 2  # divisions between the reference ring and the largest deviation shown, on either side
-_REFERENCE_SHARE = 0.6
+_REFERENCE_FRACTION = 0.6
 """Radius of the reference ring as a fraction of the largest radius: equal room within and without."""
 _LEAST_DOTS_PER_DIVISION = 4.0  # distance below which rings blur
 _LEAST_UM_PER_DIVISION = 0.1  # smallest division: a part is not shown rounder than it can be measured
@@ -75,7 +75,7 @@ def dial(columns: int, rows: int) -> Dial:
     width, height = columns * DOTS_ACROSS, rows * DOTS_DOWN
     rim = (min(width, height) - 1) / 2.0
     # The middle lies between dots: with half a dot over, the four outermost dots of the ring are exact.
-    reference = math.floor(_REFERENCE_SHARE * rim) + 0.5
+    reference = math.floor(_REFERENCE_FRACTION * rim) + 0.5
     return Dial(
         x=(width - 1) / 2.0,
         y=(height - 1) / 2.0,

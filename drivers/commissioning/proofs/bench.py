@@ -33,7 +33,7 @@ RULES = (  # what can be tested on the controller alone
     "source_delay",
     "roll_over",
     "pvt_rounding",
-    "lease",
+    "heartbeat",
 )
 SETTLE_S = 0.05  # some background cycles, after which settings take effect
 POLL_S = 0.01

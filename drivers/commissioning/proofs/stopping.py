@@ -97,7 +97,7 @@ def stop_checks(judged: Judged, seen: SeenStop) -> Iterator[Check]:
     if seen.watchdog is not None and seen.origin is Origin.JOG:
         ended = "-" if seen.watchdog.ended_s is None else f"{digits(seen.watchdog.ended_s)} s"
         holds = not proof_problems(seen.watchdog)
-        yield proof("lease", holds=holds, found=ended, wanted=f"<= {WATCHDOG_MS / 1000.0:g} s")
+        yield proof("heartbeat", holds=holds, found=ended, wanted=f"<= {WATCHDOG_MS / 1000.0:g} s")
     machine, found, wanted, holds = judged.machine, [], [], seen.as_meant
     for axis in judged.driven_axes:
         counts = seen.counts(axis)
@@ -196,7 +196,7 @@ def prove_stops(bench: ProofRig) -> MeasuredStops:
         heartbeat.prepare()
     except RefusedError as refused:
         found = "; ".join(problem.facts for problem in refused.problems)
-        failed = Check(Group.PROOFS, "proof_lease", Severity.REFUSAL, found=found, wanted="-")
+        failed = Check(Group.PROOFS, "proof_heartbeat", Severity.REFUSAL, found=found, wanted="-")
         return MeasuredStops(checks=(failed,))
     (i10,) = bench.client.numbers(f"I{SERVO_PERIOD}", again=True)
     axes = Guarded(bench=bench, i10=i10)

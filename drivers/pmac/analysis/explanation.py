@@ -20,7 +20,7 @@ from profiles.axis.servo import sampled_response
 
 KEPT_ENOUGH = 0.98  # A stroke that keeps this fraction does not count as lost
 FEWEST_MOVES = 4  # Least number of moves to and fro that make a zig-zag
-WANTED_SHARE = 0.95  # The fraction of the stroke for which times are searched
+TARGET_FRACTION = 0.95  # The fraction of the stroke for which times are searched
 
 _WORTH_SAYING = 0.01
 _SAMPLES = 720
@@ -177,7 +177,7 @@ def _advice(subject: Subject, zigzag: ZigZag, stretched: bool) -> list[Sentence]
 
 def _best_times(subject: Subject, zigzag: ZigZag, tm_ms: float) -> Timing | None:
     """Return the longest whole TA, without TS, that keeps the fraction, or the Ix17 limit; None: no better."""
-    ta_ms = float(max(1, math.floor(2.0 * (1.0 - WANTED_SHARE) * tm_ms + 1e-9)))
+    ta_ms = float(max(1, math.floor(2.0 * (1.0 - TARGET_FRACTION) * tm_ms + 1e-9)))
     way = tuple(motor.commanded for motor in zigzag.move.motors)
     velocity, acceleration = (
         tuple(subject.setting(motor, number) for motor in subject.walk.motors) for number in (16, 17)

@@ -202,7 +202,7 @@ def _refuse_behind(motor: int, tables: Collection[int], buffers: Collection[str]
     if lower:
         numbers = ", ".join(map(str, lower))
         raise TableOrderError(motor, numbers)
-    met = [name for name in BEHIND_TABLES if name in buffers]
-    if met:
-        detail = f"table of motor {motor}: {', '.join(met)} behind it; DELETE {met[0]} first"
+    after = [name for name in BEHIND_TABLES if name in buffers]
+    if after:
+        detail = f"table of motor {motor}: {', '.join(after)} behind it; DELETE {after[0]} first"
         raise PmacError(ErrorCode.DATA_ERROR, detail)

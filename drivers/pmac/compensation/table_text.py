@@ -92,8 +92,8 @@ def read_table(lines: Iterable[str], motor_count: int) -> CompensationTable:
         raise scanner.refusal("expected the end of the line")
     entries = [entry for line in rest for entry in scan_entries(Scanner(line))]
     if len(entries) != definition.entry_count:
-        met = f"{len(entries)} entries; DEFINE COMP asks for {definition.entry_count}"
-        raise PmacError(ErrorCode.DATA_ERROR, met)
+        detail = f"{len(entries)} entries; DEFINE COMP asks for {definition.entry_count}"
+        raise PmacError(ErrorCode.DATA_ERROR, detail)
     return definition.filled(entries)
 
 
@@ -124,7 +124,7 @@ def _definition(
     named = (*motors, *[(addressed, False)] * (len(spans) + 1 - len(motors)))
     *sources, (target, desired) = named
     if len(sources) != len(spans) or desired:
-        raise scanner.refusal(f"expected {len(spans)} sources and a target without D, met {len(named)} motors")
+        raise scanner.refusal(f"expected {len(spans)} sources and a target without D, found {len(named)} motors")
     return TableDefinition(
         motor=addressed,
         sources=tuple(TableSource(motor, span, by) for (motor, by), span in zip(sources, spans, strict=True)),

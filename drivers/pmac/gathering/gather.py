@@ -76,8 +76,8 @@ def gather_settings(sources: Sequence[Pointer], period_cycles: int, dialect: Dia
     """
     places = dialect.gathering
     if not 1 <= len(sources) <= places.source_count or period_cycles < 0:
-        met = f"{len(sources)} sources every {period_cycles} servo cycles"
-        raise GatherError(f"{met}; 1 to {places.source_count} sources, a period from 0")
+        detail = f"{len(sources)} sources every {period_cycles} servo cycles"
+        raise GatherError(f"{detail}; 1 to {places.source_count} sources, a period from 0")
     mask = (1 << len(sources)) - 1
     masks = {index: mask >> WORD_BITS * place & _WORD for place, index in enumerate(places.masks)}
     addresses = enumerate((setting_of(source, dialect) for source in sources), places.first_source)
@@ -139,7 +139,7 @@ def listed_words(lines: Iterable[str]) -> list[int]:
     found = [text for line in lines for text in line.split()]
     for place, text in enumerate(found):
         if _LONG_WORD.fullmatch(text) is None:
-            raise GatherError(f"long word {place}: twelve hexadecimal digits, met {text!r}; list once more")
+            raise GatherError(f"long word {place}: twelve hexadecimal digits, found {text!r}; list once more")
     return [int(text, 16) for text in found]
 
 

@@ -174,8 +174,8 @@ class DataGathering:
         for it; settings that the controller does not keep.
         """
         if samples < 1 or not 1 <= period_cycles <= LONGEST_PERIOD_CYCLES:
-            met = f"{samples} samples every {period_cycles} servo cycles"
-            raise GatherError(f"{met}; from 1 sample on, 1 to {LONGEST_PERIOD_CYCLES} cycles")
+            detail = f"{samples} samples every {period_cycles} servo cycles"
+            raise GatherError(f"{detail}; from 1 sample on, 1 to {LONGEST_PERIOD_CYCLES} cycles")
         settings = gather_settings([channel.source for channel in channels], period_cycles, self.dialect)
         status = self._status()
         if "gathering" in status:
@@ -246,15 +246,17 @@ class DataGathering:
         found = self._read([*target, _SERVO_TIME])
         for index, value in target.items():
             if found[index] != value:
-                met = f"{self._where}: I{index} is {found[index]:g}, {value} was set"
-                raise GatherError(f"{met}; somebody else sets up gathering: begin anew when it is done")
+                detail = f"{self._where}: I{index} is {found[index]:g}, {value} was set"
+                raise GatherError(f"{detail}; somebody else sets up gathering: begin anew when it is done")
         if servo_cycle_ms(found[_SERVO_TIME]) != plan.cycle_ms:
             raise GatherError(f"{self._where}: I10 is {found[_SERVO_TIME]:g}, it was changed; begin anew")
         scaled = [channel for channel in plan.channels if _CHANNEL.fullmatch(channel.name)]
         for channel, now in zip(scaled, self.motor_channels(*(each.name for each in scaled)), strict=True):
             if now.scale != channel.scale:
-                met = f"{self._where}: {channel.name} has {1 / now.scale:g} steps a {now.unit.split('/')[0]} now"
-                raise GatherError(f"{met}, {1 / channel.scale:g} before; Ix08 or Ix09 was changed: begin anew")
+                detail = (
+                    f"{self._where}: {channel.name} has {1 / now.scale:g} steps a {now.unit.split('/')[0]} now"
+                )
+                raise GatherError(f"{detail}, {1 / channel.scale:g} before; Ix08 or Ix09 was changed: begin anew")
 
     def _reserve(self, plan: GatherPlan) -> None:
         long_words = plan.long_words + SPARE_LONG_WORDS
@@ -263,8 +265,8 @@ class DataGathering:
         except ControllerError as error:
             if error.error_number != ErrorCode.NO_ROOM:
                 raise
-            met = f"{self._where}: no room for {long_words} long words (SIZE tells how many there are)"
-            raise GatherError(f"{met}; fewer channels, or fewer samples at a longer period") from error
+            detail = f"{self._where}: no room for {long_words} long words (SIZE tells how many there are)"
+            raise GatherError(f"{detail}; fewer channels, or fewer samples at a longer period") from error
 
     def _read(self, indices: Iterable[int]) -> Mapping[int, float]:
         """Return I-variables, parsed in any form of I9."""

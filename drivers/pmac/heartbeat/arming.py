@@ -163,9 +163,9 @@ def _text(
     except PmacError as unreadable:
         yield Problem(code="heartbeat.plc_differs", key=PLC, value=unreadable.detail, limit=policy)
         return
-    for place, (met, expected) in enumerate(zip_longest(found, target), start=1):
-        if met != expected:
-            value, limit = (format_plc_line((each,)) if each else "-" for each in (met, expected))
+    for place, (actual, expected) in enumerate(zip_longest(found, target), start=1):
+        if actual != expected:
+            value, limit = (format_plc_line((each,)) if each else "-" for each in (actual, expected))
             yield Problem(code="heartbeat.plc_differs", key=f"{PLC}:{place}", value=value, limit=limit)
             return
 
@@ -195,7 +195,7 @@ def _timer(look: HeartbeatLook, dialect: Dialect) -> Iterator[Problem]:
     counted, name = before.watchdog - after.watchdog, watchdog_timer(dialect).name
     if counted <= 0.0:
         value, limit = format_number(after.watchdog), f"< {format_number(before.watchdog)}"
-        yield Problem(code="heartbeat.lease_stands", key=name, value=value, limit=limit)
+        yield Problem(code="heartbeat.timer_stands", key=name, value=value, limit=limit)
         return
     cycle_s = servo_cycle_ms(look.i10) / 1000.0
     least = (1.0 - RATE_TOLERANCE) * (after.asked_s - before.answered_s) / cycle_s
@@ -203,7 +203,7 @@ def _timer(look: HeartbeatLook, dialect: Dialect) -> Iterator[Problem]:
     slow = counted < least and after.watchdog > 0.0  # at 0 it stops counting
     if slow or counted > most:
         value, limit = f"{format_number(counted)} cycles", f"{least:.0f}..{most:.0f} cycles"
-        yield Problem(code="heartbeat.lease_rate", key=name, value=value, limit=limit)
+        yield Problem(code="heartbeat.timer_rate", key=name, value=value, limit=limit)
 
 
 def _state(look: HeartbeatLook) -> Iterator[Problem]:

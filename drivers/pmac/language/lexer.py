@@ -120,8 +120,8 @@ class Scanner:
 
     def refusal(self, reason: str) -> PmacError:
         """Return an ERR003 that names the place, for the caller to raise."""
-        met = self.rest[:20] or "the end of the line"
-        return PmacError(ErrorCode.DATA_ERROR, f"column {self.position + 1}: {reason}, met {met}")
+        found = self.rest[:20] or "the end of the line"
+        return PmacError(ErrorCode.DATA_ERROR, f"column {self.position + 1}: {reason}, found {found}")
 
     def _match(self, pattern: re.Pattern[str]) -> str | None:
         """Consume a match that ends at white space at the latest."""

@@ -26,7 +26,7 @@ SMOOTHED_MS = 40.0  # Time constant with which the effective harmonic follows th
 
 def trim_segment_ms(job: Job) -> int:
     """Return the longest segment in which cubics reproduce the largest harmonic."""
-    largest = LobedPath(mean_um=0.0, amplitude_um=MOST_TRIM_UM, lobes=job.jaws, crest_deg=0.0)
+    largest = LobedPath(mean_um=0.0, amplitude_um=MOST_TRIM_UM, lobes=job.jaws, phase_deg=0.0)
     return longest_segment_ms(largest, job.lobe_frequency_hz)
 
 
@@ -52,7 +52,7 @@ def trim_values(job: Job, setup: CutSetup, segment_ms: int, first_spindle: float
         "start_deg": format_number(math.fmod(lobe_deg * first_spindle / setup.counts_per_turn, 360.0)),
         "slope": format_number(scales.velocity * 2.0 * math.pi * job.lobe_frequency_hz),
         "most": format_number((MOST_TRIM_UM / setup.tool_count_um + ROUNDING_COUNTS) ** 2),
-        "share": format_number(round(-math.expm1(-segment_ms / SMOOTHED_MS), 6)),
+        "fraction": format_number(round(-math.expm1(-segment_ms / SMOOTHED_MS), 6)),
     }
 
 
@@ -83,8 +83,8 @@ IF(P39*P39+P40*P40>{most}) ; no cutting force asks for so much: it stays as it i
 P39=P36
 P40=P37
 ENDIF
-P36=P36+(P39-P36)*{share}
-P37=P37+(P40-P37)*{share}
+P36=P36+(P39-P36)*{fraction}
+P37=P37+(P40-P37)*{fraction}
 P38=P15*(P37*COS(P41)-P36*SIN(P41))
 X(P11+P12*(P36*COS(P41)+P37*SIN(P41))):(P38) Y(P28+P16*P25):(P17) Z(P21+P18*P25):(P19)
 ENDWHILE

@@ -243,7 +243,7 @@ def path_values(
         "mean": number(setup.surface + command.mean_um / setup.tool_count_um),
         "amplitude": number(amplitude * scales.position),
         "step_deg": number(lobe_deg * turns_per_ms * timing.segment_ms),
-        "start_deg": number(math.fmod(lobe_deg * first_turns - command.lobes * command.crest_deg, 360.0)),
+        "start_deg": number(math.fmod(lobe_deg * first_turns - command.lobes * command.phase_deg, 360.0)),
         "slope": number(amplitude * scales.velocity * 2.0 * math.pi * job.lobe_frequency_hz),
         "feed_step": number(setup.carriage_per_turn * turns_per_ms * timing.segment_ms),
         "feed_speed": number(1000.0 * setup.carriage_per_turn * turns_per_ms),

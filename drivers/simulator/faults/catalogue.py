@@ -133,7 +133,7 @@ FOR = Parameter(
 )
 SEED = Parameter("seed", "seed of its random numbers", default=0.0, least=0.0, most=1e9, whole=True)
 
-_SHARE = Parameter(
+_FRACTION = Parameter(
     "share", "fraction of the replies that is affected", default=1.0, least=0.0, above_least=True, most=1.0
 )
 _REPLIES = Parameter(
@@ -143,7 +143,7 @@ _REPLIES = Parameter(
     most=1e6,
     whole=True,
 )
-_HIT = (_SHARE, _REPLIES)
+_HIT = (_FRACTION, _REPLIES)
 
 
 def _motor(default: str) -> Parameter:

@@ -78,14 +78,14 @@ class Effect:
 def effect_of(name: str, values: _Values, random: Random, site: FaultTarget) -> Effect:
     """Return the effect of the named fault, with a value for each of its parameters."""
     lines = site.lines
-    share, left = float(values.get("share", 1.0)), float(values.get("replies", math.inf))
+    fraction, left = float(values.get("share", 1.0)), float(values.get("replies", math.inf))
     if name in SPOILERS:
-        spoiler = Spoiler(spoil=SPOILERS[name], random=random, share=share, left=left)
+        spoiler = Spoiler(spoil=SPOILERS[name], random=random, fraction=fraction, left=left)
         return _listed(spoiler, lines.spoilers, lambda: spoiler.left <= 0)
     if name in CARRIERS:
         # The line itself works both ways; the other faults affect the controller's output.
         both_ways, carry = "baud" in values, CARRIERS[name](values)
-        carrier = Carrier(carry=carry, both_ways=both_ways, random=random, share=share, left=left)
+        carrier = Carrier(carry=carry, both_ways=both_ways, random=random, fraction=fraction, left=left)
         return _listed(carrier, lines.carriers, lambda: carrier.left <= 0)
     return _EFFECTS[name](values, site)
 

@@ -16,15 +16,15 @@ from drivers.simulator.faults.line_effects import Carry, Piece, Reply, Spoil, co
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class Chance:
-    """Random selection of the replies that a fault changes: the fraction `share`, in order, and `left` in all."""
+    """Random selection of the replies that a fault changes: a `fraction` of them, in order, and `left` in all."""
 
     random: Random
-    share: float = 1.0
+    fraction: float = 1.0
     left: float = math.inf
 
     def hits(self) -> bool:
         """Draw whether the next one is hit."""
-        return self.left > 0 and self.random.random() < self.share
+        return self.left > 0 and self.random.random() < self.fraction
 
 
 @dataclass(slots=True, eq=False, kw_only=True)

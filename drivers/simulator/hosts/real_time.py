@@ -17,7 +17,7 @@ TICK_S = 0.005
 MOST_CATCH_UP_S = 0.1  # most real time made up for in one tick; a suspended process loses the rest
 SLICE_S = 0.01  # simulated time advanced in one go: in between, hosts and signals are served
 HEARD_S = 0.18  # how far time runs without input: shorter than a watchdog timeout just renewed
-PATIENCE_S = 2.0  # how long a silence is attributed to the computer
+TIMEOUT_S = 2.0  # how long a silence is attributed to the computer
 
 
 Advance = Callable[[float], None]  # advances the time of a lathe by so many seconds
@@ -97,7 +97,7 @@ def patient(advance: Advance, heard_s: Callable[[], float | None], now_s: Callab
 
     def wait(seconds: float) -> None:
         last_s = heard_s()
-        if last_s is None or not HEARD_S < now_s() - last_s < PATIENCE_S:
+        if last_s is None or not HEARD_S < now_s() - last_s < TIMEOUT_S:
             advance(seconds)
 
     return wait

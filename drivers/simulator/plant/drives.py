@@ -65,7 +65,7 @@ def build_drives(machine: MachineProfile, true: TrueParameters, settings: dict[i
     start_counts = true.carriage_start_mm * per_mm
     pp_um = true.radial_error_um_pp
     wander = RadialError(pp_um, true.chance("radial error")) if pp_um else None
-    load = _load(machine, true, wander) if true.passive_share else None
+    load = _load(machine, true, wander) if true.passive_fraction else None
     return Drives(
         tool=_tool(machine, true, setting, load),
         spindle=_spindle(machine, true, spindle),

@@ -159,7 +159,7 @@ def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParamete
         lobe_growth_per_mm=None if growth_percent is None else growth_percent / 100.0,
         jaw_offset_deg=values["jaw_offset_deg"],
         jaw_1_harder=values["jaw_1_harder"],
-        passive_share=values["passive_force_share"],
+        passive_fraction=values["passive_force_share"],
         edge_n_per_mm=values["edge_force_n_per_mm"],
         gauge_eccentricity_um=values["eccentricity_um"],
         gauge_noise_um=values["noise_um"],

@@ -58,19 +58,19 @@ class TipGeometry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stock:
-    """A clamped blank: `ends_mm` is its range along Z, `share` the passive force over the main one."""
+    """A clamped blank: `ends_mm` is its range along Z, `fraction` the passive force over the main one."""
 
     radius_mm: float
     ends_mm: tuple[float, float]
     material: Material
-    share: float
+    fraction: float
     edge_n_per_mm: float
 
     def passive_n_per_mm(self, feed_mm_per_turn: float) -> float:
-        """Return the force on the tool for each mm of depth, N: `share` times the main one; none without feed."""
+        """Return the force on the tool per mm of depth, N: a `fraction` of the main one; none without feed."""
         if feed_mm_per_turn <= 0.0:
             return 0.0
-        return self.share * cutting_force_n(1.0, feed_mm_per_turn, self.material, self.edge_n_per_mm)
+        return self.fraction * cutting_force_n(1.0, feed_mm_per_turn, self.material, self.edge_n_per_mm)
 
 
 class TipLoad:

@@ -41,8 +41,8 @@ class TrueParameters:
     scale of the tool reads up to `scale_error_um` wrong, once in each `scale_period_um`, and with a noise of
     `encoder_noise_um` (rms, Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`.
 
-    The cut deflects the tool with `passive_share` of the main cutting force, with `edge_n_per_mm` along the edge
-    on a chip of no thickness (`profiles.cutting.cutting_force`); 0 is a cut without force on the tool.
+    The cut deflects the tool with `passive_fraction` of the main cutting force, with `edge_n_per_mm` along the
+    edge on a chip of no thickness (`profiles.cutting.cutting_force`); 0 is a cut without force on the tool.
 
     `jaw_1_deg` is the spindle angle, from the index, at which jaw 1 of the chuck meets the mark at the tool; None
     is a chuck that was mounted as each job says, with jaw 1 at `jaw_offset_deg` after the angle of the job. A part
@@ -96,7 +96,7 @@ class TrueParameters:
     coulomb_friction_n: float = 0.0
     current_lag_s: float = 0.0
     encoder_noise_um: float = 0.0
-    passive_share: float = 0.0
+    passive_fraction: float = 0.0
     edge_n_per_mm: float = 0.0
     speed_ripple: float = 0.0
     ripple_per_turn: int = 2
@@ -168,7 +168,7 @@ class TrueParameters:
             jaw_1_deg=said_deg if self.jaw_1_deg is None else self.jaw_1_deg,
             lobe_past_jaw_deg=past_deg or 0.0,
             shift_um=jaws.shift_um,
-            oval_um=jaws.oval_share * 0.5 * lobe_um_pp,
+            oval_um=jaws.oval_fraction * 0.5 * lobe_um_pp,
         )
 
     def _lobe_um_pp(self, job: Job, force_n: float) -> float:
@@ -247,7 +247,7 @@ class Jaws:
     first_harder: float
 
     @property
-    def oval_share(self) -> float:
+    def oval_fraction(self) -> float:
         """Amplitude of the second harmonic over that of the lobe; two jaws make their lobe of it."""
         if self.count == OVAL:
             return 0.0

@@ -91,7 +91,7 @@ class SimulatedWorkshop:
         blank = replace(
             true.blank(job, true.force_factor(self._clampings)), middle_mm=middle_mm, growth_per_mm=growth_per_mm
         )
-        self._past_middle_mm = tuple(share * job.cut_length_mm for share in SECTIONS)
+        self._past_middle_mm = tuple(fraction * job.cut_length_mm for fraction in SECTIONS)
         sections_mm = [middle_mm + past_mm for past_mm in self._past_middle_mm]
         self._part = Workpiece(blank, sections_mm, true.wiper_land_mm)
         self._nominal_radius_mm = job.finished_radius_mm
@@ -103,7 +103,7 @@ class SimulatedWorkshop:
                     radius_mm=blank.radius_mm,
                     ends_mm=(self._free_end_mm, true.jaw_face_mm),
                     material=material_of(job),
-                    share=true.passive_share,
+                    fraction=true.passive_fraction,
                     edge_n_per_mm=true.edge_n_per_mm,
                 )
             )

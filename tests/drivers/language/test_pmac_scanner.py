@@ -122,5 +122,5 @@ def test_the_position_is_the_column_as_it_was_typed() -> None:
 
 def test_a_refusal_names_the_column() -> None:
     error = Scanner("  X1").refusal("no")
-    assert str(error) == "ERR003: column 3: no, met X1"
+    assert str(error) == "ERR003: column 3: no, found X1"
     assert str(PmacError(5)) == "ERR005"

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.expected_replies import ExpectedReplies, foresee, number_of, opens_buffer
+from drivers.pmac.expected_replies import ExpectedReplies, expected_replies, number_of, opens_buffer
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
 
@@ -70,7 +70,7 @@ def asked(machine: MachineProfile) -> Wire:
 def test_a_question_has_as_many_lines_as_the_card_answers_and_changes_nothing(
     card: Wire, line: str, lines: int
 ) -> None:
-    assert foresee(line) == ExpectedReplies(lines, reads_only=True)
+    assert expected_replies(line) == ExpectedReplies(lines, reads_only=True)
     assert len(card.ask(line)) == lines
 
 
@@ -78,20 +78,20 @@ def test_a_question_has_as_many_lines_as_the_card_answers_and_changes_nothing(
 def test_a_command_has_as_many_lines_as_the_card_answers_and_is_never_taken_for_a_question(
     card: Wire, line: str, lines: int
 ) -> None:
-    assert foresee(line) == ExpectedReplies(lines, reads_only=False)
+    assert expected_replies(line) == ExpectedReplies(lines, reads_only=False)
     assert len(card.ask(line)) == lines
 
 
 @pytest.mark.parametrize("line", UNCERTAIN)
 def test_of_what_is_not_certain_nothing_is_said(line: str) -> None:
-    assert foresee(line) == ExpectedReplies(None, reads_only=False)
+    assert expected_replies(line) == ExpectedReplies(None, reads_only=False)
 
 
 @pytest.mark.parametrize(
     "line", ["P1,5", "LIST PROG 3", "LIST PROG1,0,5", "LIST PLC 20", "LIST GATHER 0,256", "#1LIST COMP"]
 )
 def test_what_lists_may_have_any_length_and_may_be_asked_again(line: str) -> None:
-    assert foresee(line) == ExpectedReplies(None, reads_only=True)
+    assert expected_replies(line) == ExpectedReplies(None, reads_only=True)
 
 
 MOVES = st.sampled_from(
@@ -108,7 +108,7 @@ MOVES = st.sampled_from(
 def test_a_line_with_a_command_anywhere_in_it_is_never_asked_twice(
     before: list[str], move: str, after: list[str], gap: str
 ) -> None:
-    assert not foresee(gap.join([*before, move, *after])).reads_only
+    assert not expected_replies(gap.join([*before, move, *after])).reads_only
 
 
 PIECES: tuple[str, ...] = (
@@ -168,14 +168,14 @@ def state_of(card: Wire) -> object:
 def test_what_is_called_a_question_changes_nothing_on_the_card_and_has_as_many_lines_as_were_foreseen(
     asked: Wire, line: str
 ) -> None:
-    foreseen = foresee(line)
-    if not foreseen.reads_only:
+    expected = expected_replies(line)
+    if not expected.reads_only:
         return
     before = state_of(asked)
     said = asked.raw(line + "\r")
     assert state_of(asked) == before
-    if foreseen.lines is not None and said.endswith(b"\x06"):
-        assert said.count(b"\r") == foreseen.lines
+    if expected.lines is not None and said.endswith(b"\x06"):
+        assert said.count(b"\r") == expected.lines
 
 
 @pytest.mark.parametrize(
