@@ -233,11 +233,11 @@ def test_an_angle_of_the_gauge_is_an_angle_of_the_spindle(
     at_zero_deg = (
         0.0 if mark.get("start_mark") == "spindle index" else 77.0 + way * float(mark.get("jaw_1_deg", 0)) * -1.0
     )
-    crest_deg = (at_zero_deg + way * 20.0) % 120.0
+    phase_deg = (at_zero_deg + way * 20.0) % 120.0
     assert found.result is not None
     seen = np.radians(found.turn.angle_deg)
     phase = np.angle(np.sum(found.turn.deviation_um * np.exp(-3j * seen)))
-    assert (-np.degrees(phase) / 3.0 - crest_deg + 60.0) % 120.0 - 60.0 == pytest.approx(0.0, abs=1e-6)
+    assert (-np.degrees(phase) / 3.0 - phase_deg + 60.0) % 120.0 - 60.0 == pytest.approx(0.0, abs=1e-6)
     assert np.all(np.diff(found.turn.angle_deg) > 0.0)
 
 

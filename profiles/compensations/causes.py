@@ -1,0 +1,157 @@
+"""Why a compensated part is not round: what the harmonics of its residual say, largest first.
+
+With the lobe L that a part would have without compensation, the path P and the fraction s of it in the cut, the part
+has r = L - s c P, where c is what arrives of the path: 1 if the tool follows it. The intention is L = P and c = 1.
+The residual beyond the intended (1 - s) P is e. One number each explains it where:
+
+- the lobe stands elsewhere, by d of spindle: L = P exp(-j N d), so that |L| = |P|;
+- the tool moves the wrong way: c = -1, e = 2 s P;
+- the lobe has another height, or the path arrives by a fraction only: e / P is real. A trace alone cannot tell
+  these two apart; a force is off by a quarter at most, so beyond that the path is named.
+
+Of the orders that are no multiple of the jaws the chuck makes none if its jaws press alike. A harder jaw
+adds w_n exp(-j n angle of the jaw) to each order, most of it to two undulations per revolution, with a maximum at
+that jaw; an oval blank has its maximum anywhere.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT, fit_harmonics
+from profiles.compensations.next_version import CutWith
+from profiles.compensations.part_harmonics import PartHarmonics
+from profiles.compensations.path import PathHarmonic
+from profiles.job import Job
+
+MOST_ORDER = 15
+LEAST_OF_RONT = 0.15
+"""Fraction of RONt, peak to peak, from which a harmonic is worth naming."""
+
+SAME_HEIGHT = 0.2
+"""Relative difference of height up to which a lobe that stands elsewhere is the same lobe."""
+
+IN_LINE_DEG = 12.0
+"""Phase of e / P, in degrees of the harmonic, up to which it is real: 4 degrees of spindle with three jaws."""
+
+MOST_OF_FORCE = 0.25
+WRONG_WAY = 2.0
+"""e / (s P) of a tool that moves the wrong way; anything nearer to it than to 1 counts."""
+
+AT_JAW_DEG = 10.0
+OVAL = 2
+
+
+class CauseKind(StrEnum):
+    """What a part of the residual most likely comes from."""
+
+    ANGLE = "angle"
+    SIGN = "sign"
+    ARRIVES = "arrives"
+    FORCE = "force"
+    LOBE = "lobe"
+    OVERTONE = "overtone"
+    JAW = "jaw"
+    OVAL = "oval"
+    HARMONIC = "harmonic"
+    NOISE = "noise"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cause:
+    """One cause, and how much of the residual it explains, um p-p.
+
+    `value` is for an angle degrees of spindle (the lobe is so far past the expected position, `sd` its standard
+    deviation), for a path the fraction of it that arrives, for a force the relative difference of the lobe, for a
+    jaw or an oval how far past the nearest jaw, `jaw`, its maximum is, deg. `order` is that of the harmonic.
+    """
+
+    kind: CauseKind
+    um_pp: float
+    order: int = 0
+    value: float = 0.0
+    sd: float = 0.0
+    jaw: int = 0
+
+
+def causes(part: PartHarmonics, cut: CutWith, job: Job, *, scatter_um: float) -> tuple[Cause, ...]:
+    """Return why a part of this job, cut in this way, is not round, the largest first; at least one.
+
+    `scatter_um` is the standard deviation of the lobe's amplitude from one clamping to the next.
+    """
+    ront_um, seen = part.ront_um(), _coefficients(part)
+    found = [each for each in (_of_lobe(part, cut, job, scatter_um), *_of_others(part, job, seen)) if each]
+    standing = [each for each in found if each.um_pp >= LEAST_OF_RONT * ront_um]
+    if not standing:
+        return (Cause(kind=CauseKind.NOISE, um_pp=ront_um),)
+    return tuple(sorted(standing, key=lambda each: each.um_pp, reverse=True))
+
+
+def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, scatter_um: float) -> Cause | None:
+    """Return the cause of what is left of the lobe, None where it is within noise and clamping scatter."""
+    lobes, path_um = job.jaws, cut.path.target.harmonics[0].coefficient
+    off_um = part.coefficients_um[lobes] - (1.0 - cut.fraction) * path_um
+    sd_um = math.hypot(part.sd_um[lobes], REPEATS_SD_UM, scatter_um)
+    um_pp = 2.0 * abs(off_um)
+    if abs(off_um) <= SIGNIFICANT * math.hypot(part.sd_um[lobes], REPEATS_SD_UM) or not path_um:
+        return None
+    whole_um, ratio = path_um + off_um, off_um / path_um
+    in_line = abs(math.remainder(math.degrees(cmath.phase(ratio)), 180.0)) <= IN_LINE_DEG
+    if in_line:
+        return _in_line(ratio.real, cut.fraction, lobes, um_pp)
+    if abs(abs(whole_um / path_um) - 1.0) <= SAME_HEIGHT:
+        deg = -math.degrees(cmath.phase(whole_um / path_um)) / lobes
+        sd_deg = math.degrees(sd_um / abs(whole_um)) / lobes
+        return Cause(kind=CauseKind.ANGLE, um_pp=um_pp, order=lobes, value=deg, sd=sd_deg)
+    return Cause(kind=CauseKind.LOBE, um_pp=um_pp, order=lobes)
+
+
+def _in_line(ratio: float, fraction: float, lobes: int, um_pp: float) -> Cause:
+    """Return the cause of a residual that is `ratio` of the path, in phase with it or against."""
+    if ratio < -1.0:  # the lobe itself is inverted: it stands half a period further on
+        return Cause(kind=CauseKind.ANGLE, um_pp=um_pp, order=lobes, value=180.0 / lobes)
+    if ratio > (1.0 + WRONG_WAY) / 2.0 * fraction:
+        return Cause(kind=CauseKind.SIGN, um_pp=um_pp, order=lobes)
+    if ratio > MOST_OF_FORCE * fraction:
+        return Cause(kind=CauseKind.ARRIVES, um_pp=um_pp, order=lobes, value=1.0 - ratio / fraction)
+    return Cause(kind=CauseKind.FORCE, um_pp=um_pp, order=lobes, value=ratio)
+
+
+def _of_others(part: PartHarmonics, job: Job, seen: Mapping[int, complex]) -> list[Cause]:
+    return [
+        _of_order(n, coefficient, job)
+        for n, coefficient in seen.items()
+        if n not in (1, job.jaws) and abs(coefficient) > SIGNIFICANT * part.sd_um[job.jaws]
+    ]
+
+
+def _of_order(n: int, coefficient: complex, job: Job) -> Cause:
+    um_pp = 2.0 * abs(coefficient)
+    if n % job.jaws == 0:
+        return Cause(kind=CauseKind.OVERTONE, um_pp=um_pp, order=n)
+    if n != OVAL:
+        return Cause(kind=CauseKind.HARMONIC, um_pp=um_pp, order=n)
+    jaw, off_deg = _nearest_jaw(PathHarmonic.of(n, coefficient).phase_deg, job)
+    kind = CauseKind.JAW if abs(off_deg) <= AT_JAW_DEG else CauseKind.OVAL
+    return Cause(kind=kind, um_pp=um_pp, order=n, value=off_deg, jaw=jaw)
+
+
+def _nearest_jaw(phase_deg: float, job: Job) -> tuple[int, float]:
+    """Return the jaw next to a maximum of an oval, which has two, and how far past it that is, deg."""
+    period_deg = 360.0 / OVAL
+    off_deg = {
+        jaw: math.remainder(phase_deg - job.jaw_1_deg - (jaw - 1) * 360.0 / job.jaws, period_deg)
+        for jaw in range(1, job.jaws + 1)
+    }
+    jaw = min(off_deg, key=lambda each: abs(off_deg[each]))
+    return jaw, off_deg[jaw]
+
+
+def _coefficients(part: PartHarmonics) -> Mapping[int, complex]:
+    """Return the harmonics of the part up to `MOST_ORDER`, at spindle angles."""
+    spindle_deg = (-1.0 if part.against_spindle else 1.0) * part.angle_deg + part.begins_deg
+    return fit_harmonics(spindle_deg, part.deviation_um, range(1, MOST_ORDER + 1)).coefficients_um
