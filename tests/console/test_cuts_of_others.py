@@ -19,7 +19,7 @@ LONG_MM = 1.0
 
 @pytest.fixture
 def floor(tmp_path: Path, in_copies: None) -> Floor:
-    return set_up_once(tmp_path, LONG_MM)
+    return set_up_once(tmp_path)
 
 
 def told(state: StationState) -> list[str]:

@@ -16,7 +16,7 @@ from console.session.station.progress import CutProgress, CutStage, CutWatch, Sy
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.snapshot import driven_axes
 from profiles.store import load_machine
-from tests.console.floor import experiment_1, open_floor
+from tests.console.floor import experiment_1, set_up_once
 from tests.drivers.cut_floor import with_inverter
 from tests.tui.machine_states import ON, look_at
 
@@ -109,13 +109,12 @@ def told_in(seen: Sequence[CutProgress], *stages: CutStage) -> list[Synchronisat
 )
 def test_a_cut_is_queued_and_then_in_sync_or_lost(
     tmp_path: Path,
+    in_copies: None,
     strategy: Strategy,
     before: list[Synchronisation | None],
     inside: list[Synchronisation | None],
 ) -> None:
-    floor = open_floor(tmp_path)
-    job = replace(experiment_1(), cut_length_mm=2.0)
-    floor.set_up(job)
+    floor, job = set_up_once(tmp_path), experiment_1()
     floor.arm(job, strategy)
     seen: list[CutProgress] = []
     floor.looks.append(lambda _: seen.append(floor.state.cut) if floor.state.cut else None)
