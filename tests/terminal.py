@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from tests.preloaded import is_preloaded, start
 from tests.terminal_screen import Cell, Emulation
 
 KEYS = {
@@ -92,7 +93,11 @@ class Terminal:
         termios.tcsetwinsize(self._master, (rows, columns))
         self.started_s = self._read_s = time.perf_counter()
         self._line = os.ttyname(slave)
-        self.pid = _spawn(command, self._line, {**_clean_environment(), **(environment or {})})
+        changed = {**_clean_environment(), **(environment or {})}
+        preloaded = is_preloaded(command) and not environment
+        self.pid = (
+            start(command, changed, terminal=self._line) if preloaded else _spawn(command, self._line, changed)
+        )
         os.close(slave)
         self._reader = threading.Thread(target=self._read, name="terminal", daemon=True)
         self._reader.start()

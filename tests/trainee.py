@@ -14,7 +14,8 @@ from console.text.catalogue import load
 from console.tui.pace import QUIET_S
 from profiles.store import load_job
 from tests.compact import save_compact
-from tests.terminal import Terminal, _command_line
+from tests.preloaded import is_simulator
+from tests.terminal import Terminal
 
 FIRST_JOB = "lee-2001-experiment-1"
 A_NUMBER = r"([+-]?\d+(?:\.\d+)?)[^\n]*?"
@@ -58,7 +59,7 @@ def console_at(terminal: Terminal, language: str = "en") -> Trainee:
 
 def simulator_of(terminal: Terminal) -> int:
     """The process number of the simulated lathe behind the console."""
-    (number,) = [pid for pid in terminal.children() if "drivers.simulator" in _command_line(pid)]
+    (number,) = [pid for pid in terminal.children() if is_simulator(pid)]
     return number
 
 

@@ -6,6 +6,7 @@ import json
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping
+from io import TextIOWrapper
 from typing import Any, TextIO
 
 from console.text.catalogue import Catalogue
@@ -34,10 +35,12 @@ class EscapedOutput:
 
 
 def escape_streams() -> None:
-    """Wrap both output streams, once."""
+    """Wrap both output streams, once, and pass each line on at once: somebody may follow a cut through a pipe."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if not isinstance(stream, EscapedOutput):
+            if isinstance(stream, TextIOWrapper):
+                stream.reconfigure(line_buffering=True)
             setattr(sys, name, EscapedOutput(stream))
 
 

@@ -115,7 +115,15 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="inspect.measure", keys=("m", "ㅡ"), shown="m"),
     Action(id="inspect.accept", keys=("a", "ㅁ"), shown="a", once=True),
     Action(id="inspect.revert", keys=("v", "ㅍ"), shown="v", once=True),
+    Action(id="inspect.import", keys=("i", "ㅑ"), shown="i"),
+    Action(id="inspect.export", keys=("x", "ㅌ"), shown="x", row=""),
     Action(id="inspect.next", keys=("enter",), shown="Enter"),
+    Action(id="inspect.up", keys=("up", "pageup"), shown="↑", row="", stops=Stops.MOTION),
+    Action(id="inspect.down", keys=("down", "pagedown"), shown="↓", row="", stops=Stops.MOTION),
+    Action(id="inspect.path", keys=("p", "ㅔ"), shown="p", row="", stops=Stops.MOTION),
+    Action(id="inspect.state", keys=("s", "ㄴ"), shown="s", row="", stops=Stops.MOTION),
+    Action(id="inspect.direction", keys=("d", "ㅇ"), shown="d", row="", stops=Stops.MOTION),
+    Action(id="inspect.mark", keys=("j", "ㅓ"), shown="j", row="", stops=Stops.MOTION),
 )
 
 READING = (

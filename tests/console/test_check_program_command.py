@@ -59,7 +59,7 @@ def test_the_papers_program_is_explained_in_plain_sentences(console: Console, me
         "an acceleration time of 20 ms",
         "TM 10 becomes 20 ms",
         "The zig-zag therefore runs at 25 Hz instead of 50, and the spindle at 500 rpm instead of 1000",
-        "of 55 um only 36.67 is travelled (66.7 %)",
+        "only 36.67 of 55 um is travelled (66.7 %)",
         "leaves 18.3 of 55 um",
         "27.8 of 55 um (51 %)",
         "2 mm toward the part",

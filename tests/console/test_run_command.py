@@ -166,7 +166,7 @@ def test_people_are_told_in_korean(console: Console, close: tuple[str, str], job
     job = str(job_file(cut_length_mm=SHORT_MM))
     said = console("run", job, "--sim", *close, "--lang", "ko", "--strategy", "paper")
     assert "보상 전" in said.out
-    assert "주의" in said.err
+    assert "경고" in said.err
 
 
 def test_the_same_command_gives_the_same_numbers_and_every_run_is_recorded_so_that_no_line_can_be_changed(

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import pytest
 
+from tests.preloaded import Preloaded
+
 ANYWHERE = "127.0.0.1:0"
 LISTENERS = ("--tcp", "--ethernet", "--pty", "--control")
 END_TIMEOUT_S = 10.0
@@ -63,7 +65,7 @@ Serve = Callable[..., AbstractContextManager[Served]]
 
 @contextmanager
 def _served(*options: str) -> Iterator[Served]:
-    with subprocess.Popen(
+    with Preloaded(
         [sys.executable, "-m", "console", "simulator", *options, "--json"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

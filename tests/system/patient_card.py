@@ -159,13 +159,16 @@ class PatientCard:
 
         self._in_loop(wait(), UNTIL_S + PATIENCE_S)
 
-    def until_it_says(self, text: bytes) -> None:
-        """Let time run until the console says something, which the card does not hear before `run_on`."""
+    def will_not_hear(self, text: bytes) -> None:
+        """Keep this, and what comes after it, from the card until `run_on`."""
 
         async def hold() -> None:
             self.words.holds = text
 
         self._in_loop(hold(), PATIENCE_S)
+
+    def until_it_is_said(self) -> None:
+        """Let time run until the console says what the card will not hear."""
         self.until(lambda: bool(self.words.held))
 
     def run_on(self) -> None:

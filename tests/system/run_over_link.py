@@ -18,6 +18,7 @@ from drivers.pmac.dialect import DIALECTS
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
+from tests.preloaded import Preloaded
 from tests.signed_profile import signed
 from tests.system.lathe_sites import compact_text
 
@@ -54,7 +55,7 @@ class Order:
     def running(self, address: str) -> Iterator[subprocess.Popen[str]]:
         """Cut, with the agreement of whoever has typed --yes."""
         words = self.command(address, "--yes", "--json")
-        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        with Preloaded(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             try:
                 yield process
             finally:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from profiles.store import list_machines
+from tests.preloaded import completed
 from tests.signed_profile import signed_copy
 
 if TYPE_CHECKING:
@@ -24,8 +24,7 @@ every_machine = pytest.mark.parametrize("machine", [entry.name for entry in list
 
 
 def run(*words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "console", *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, stdin=subprocess.DEVNULL)
+    return completed(words, TIMEOUT_S)
 
 
 def addresses(served: Served) -> list[str]:

@@ -23,6 +23,7 @@ from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine
+from tests.preloaded import Preloaded
 from tests.signed_profile import signed_copy
 from tests.system.patient_card import PatientCard, patient_card
 from tests.system.run_over_link import Order, order
@@ -73,9 +74,12 @@ def heard(card: PatientCard) -> bytes:
 
 
 @contextmanager
-def console(*words: str) -> Iterator[subprocess.Popen[str]]:
+def console(*words: str, unheard: tuple[PatientCard, bytes] | None = None) -> Iterator[subprocess.Popen[str]]:
+    """Start the console, with a word of it that the card will not hear."""
+    if unheard is not None and unheard[1]:
+        unheard[0].will_not_hear(unheard[1])
     command = [sys.executable, "-m", "console", *words]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with Preloaded(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             yield process
         finally:
@@ -107,11 +111,14 @@ def test_a_run_that_ends_before_it_has_the_machine_stops_nobody(
     lathe: SimulatedLathe, made: Order, phase: str, number: signal.Signals
 ) -> None:
     turned_by_another(lathe)
-    with patient_card(lathe) as card, console(*proven(made, card.console)) as process:
+    with (
+        patient_card(lathe) as card,
+        console(*proven(made, card.console), unheard=(card, PHASES[phase])) as process,
+    ):
         assert process.stderr is not None
         process.stderr.readline()  # what the cut rests on: the signals are in hand by then
         if PHASES[phase]:
-            card.until_it_says(PHASES[phase])
+            card.until_it_is_said()
         err = ended(card, process, number)
         assert STOPS.search(heard(card)) is None, err
         assert is_another_s_and_turns(card)
@@ -134,8 +141,11 @@ def test_an_identification_that_ends_before_it_has_the_machine_stops_nobody(
     lathe = SimulatedLathe(load_machine(str(machine)).machine)
     turned_by_another(lathe)
     words = ("identify", "--machine", str(machine), "--data", str(tmp_path), "--yes")
-    with patient_card(lathe) as card, console(*words, "--link", card.console) as process:
-        card.until_it_says(b"P1000")
+    with (
+        patient_card(lathe) as card,
+        console(*words, "--link", card.console, unheard=(card, b"P1000")) as process,
+    ):
+        card.until_it_is_said()
         ended(card, process, signal.SIGINT)
         assert STOPS.search(heard(card)) is None
         assert is_another_s_and_turns(card)
@@ -144,8 +154,8 @@ def test_an_identification_that_ends_before_it_has_the_machine_stops_nobody(
 def test_a_signal_in_the_middle_of_the_claim_is_a_stop_as_soon_as_it_is_answered(
     lathe: SimulatedLathe, made: Order
 ) -> None:
-    with patient_card(lathe) as card, console(*proven(made, card.console)) as process:
-        card.until_it_says(b"P1000=")
+    with patient_card(lathe) as card, console(*proven(made, card.console), unheard=(card, b"P1000=")) as process:
+        card.until_it_is_said()
         err = ended(card, process, signal.SIGTERM)
         assert "stopped (SIGTERM); the machine is at rest" in err
         assert owner(card.lathe) == NOBODY

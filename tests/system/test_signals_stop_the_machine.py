@@ -14,6 +14,7 @@ import pytest
 
 import profiles.store
 from tests.compact import save_compact
+from tests.preloaded import Preloaded
 
 pytestmark = pytest.mark.system
 
@@ -45,7 +46,7 @@ def last_event(data: Path) -> tuple[str, str]:
 def test_a_signal_in_mid_cut_stops_the_machine_and_is_told(
     long_job: Path, tmp_path: Path, number: signal.Signals
 ) -> None:
-    with subprocess.Popen(
+    with Preloaded(
         command(long_job, tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
@@ -69,9 +70,7 @@ def test_a_signal_in_mid_cut_stops_the_machine_and_is_told(
 
 def test_a_signal_before_anything_moves_ends_with_one_line(tmp_path: Path) -> None:
     job = profiles.store.BUNDLED_JOBS / "lee-2001-experiment-1.toml"
-    with subprocess.Popen(
-        command(job, tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    with Preloaded(command(job, tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         process.stdout.readline()
         process.send_signal(signal.SIGTERM)
@@ -100,7 +99,7 @@ def test_a_terminal_that_is_closed_stops_the_machine(long_job: Path, tmp_path: P
 
 def test_a_reader_that_goes_away_stops_the_machine(long_job: Path, tmp_path: Path) -> None:
     """`console run ... | head`: nobody can see the machine any more."""
-    with subprocess.Popen(
+    with Preloaded(
         command(long_job, tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None

@@ -8,7 +8,6 @@ import signal
 import socket
 import stat
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -25,6 +24,7 @@ from drivers.link.tcp import TcpLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
 from profiles.store import BUNDLED_MACHINES
+from tests.preloaded import completed
 
 if TYPE_CHECKING:
     from tests.system.conftest import Serve, Served
@@ -47,8 +47,7 @@ def tell(served: Served, *lines: str) -> list[str]:
 
 
 def console(*words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "console", *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    return completed(words, PATIENCE_S)
 
 
 @pytest.fixture(scope="module")

@@ -21,6 +21,7 @@ from drivers.clock import RealClock
 from drivers.link.address import SerialAddress
 from drivers.link.serial import SerialLink
 from drivers.pmac.client import PmacClient
+from tests.preloaded import Preloaded, completed
 
 if TYPE_CHECKING:
     from tests.system.conftest import Serve, Served
@@ -208,19 +209,14 @@ def test_the_controller_is_of_the_family_that_is_asked_for(serve: Serve, dialect
 def test_an_address_in_use_is_refused_and_nothing_listens(kind: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"127.0.0.1:{taken.getsockname()[1]}"
-        done = subprocess.run(
-            [sys.executable, "-m", "console", "simulator", "--pty", f"--{kind}", where],
-            capture_output=True,
-            text=True,
-            timeout=30,
-        )
+        done = completed(["simulator", "--pty", f"--{kind}", where], 30.0)
     assert (done.returncode, done.stdout) == (1, "")
     assert f"{kind}:{where}" in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
 def test_people_read_a_line_for_each_address() -> None:
-    with subprocess.Popen(
+    with Preloaded(
         [sys.executable, "-m", "console", "simulator", "--pty", "--ethernet", "127.0.0.1:0"],
         stdout=subprocess.PIPE,
         text=True,

@@ -307,9 +307,9 @@ def test_an_open_entry_is_dropped_when_the_machine_begins_to_move(tmp_path: Path
 @pytest.mark.parametrize(
     ("place", "typed", "beside", "below"),
     [
-        (0, "steel", "lobe: Al", "lobe measured at Al: not for this value"),
-        (1, "53", "lobe: D 52.000 mm", "lobe measured at D 52.000 mm: not for this"),
-        (4, "6", "lobe: 3", "lobe measured at 3: not for this"),
+        (0, "steel", "lobe: Al", "lobe measured at Al, not at this value"),
+        (1, "53", "lobe: D 52.000 mm", "lobe measured at D 52.000 mm, not at this"),
+        (4, "6", "lobe: 3", "lobe measured at 3, not at this"),
     ],
 )
 def test_a_changed_condition_of_the_measured_lobe_says_so_at_its_field(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from console.session.data.kept_files import ahead_problems
 from console.session.data.learned_store import NONE
@@ -22,6 +23,17 @@ WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha25
 ORDER BY events.rowid DESC
 """
 """By row, the order in which they were added: a clock may have been set back meanwhile."""
+
+_NEWEST = """
+SELECT events.kind, events.data, events.at_utc, events.run_id, EXISTS (
+    SELECT 1 FROM events AS later JOIN runs AS other ON other.run_id = later.run_id
+    WHERE later.kind = 'started' AND later.rowid > events.rowid
+    AND other.machine = runs.machine AND other.simulated = runs.simulated
+)
+FROM events JOIN runs USING (run_id)
+WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha256 = ? AND runs.machine_sha256 = ?
+ORDER BY events.rowid DESC LIMIT 20
+"""
 
 Cut = tuple[str, str, str]
 """Kind, data and date of a cut, as in the run record."""
@@ -108,12 +120,36 @@ def date_problems(cuts: Sequence[Cut], job: str) -> tuple[Problem, ...]:
 
 def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
     """Return the cuts of this job on this machine, newest first; refuses an unreadable record."""
+    return _rows(folder, _QUERY, asked)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutPart:
+    """A part in the run record: run, how it was made, when its cut ended, and whether another was begun since."""
+
+    run_id: str
+    made: MadeWith
+    at_utc: str
+    cut_since: bool
+
+
+def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
+    """Return the newest part of this job on this machine, None without one; refuses an unreadable record."""
+    for kind, data, at_utc, run_id, cut_since in _rows(folder, _NEWEST, asked):
+        for made in _made(kind, data):
+            if made is None:
+                return None
+            return CutPart(run_id=run_id, made=made, at_utc=at_utc, cut_since=bool(cut_since))
+    return None
+
+
+def _rows(folder: Path, query: str, asked: HoldsFor) -> list[Any]:
     import sqlite3
 
     from console.session.data.record_file import FILE_NAME, record_error, rows
 
     try:
-        return rows(folder, _QUERY, (int(asked.simulated), asked.job_sha256, asked.machine_sha256), LOCK_TIMEOUT_S)
+        return rows(folder, query, (int(asked.simulated), asked.job_sha256, asked.machine_sha256), LOCK_TIMEOUT_S)
     except sqlite3.Error as error:
         raise record_error("record.unreadable", folder / FILE_NAME, error) from error
 

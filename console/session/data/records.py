@@ -135,6 +135,20 @@ class RunRecord:
         return tuple(found)
 
 
+def add_to_run(folder: Path, run_id: str, kind: str, data: Mapping[str, object]) -> None:
+    """Add an event to a run that has ended, such as a measurement of its part.
+
+    Raises SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`.
+    """
+    until_s = time.monotonic() + TIMEOUT_S
+    with closing(opened(folder, until_s)) as database:
+        row = (run_id, utc_now(), kind, json.dumps(data), run_id)
+        try:
+            patiently(lambda: database.execute(_LATER, row), until_s)
+        except sqlite3.Error as error:
+            raise record_error("record.unwritable", folder / FILE_NAME, error) from error
+
+
 FOLDER = "running"
 TIMEOUT_S = 5.0
 
@@ -143,6 +157,7 @@ _BEGUN, _ENDED = {"planned", "started"}, {"result", "cut", "held", "ended", "end
 _RUN = "SELECT started_utc, job FROM runs WHERE run_id = ? AND machine = ? AND simulated = ?"
 _ANY = "SELECT count(*) FROM runs WHERE run_id = ?"
 _KINDS = "SELECT kind FROM events WHERE run_id = ?"
+_LATER = "INSERT INTO events SELECT ?, 1 + coalesce(max(number), 0), ?, ?, ? FROM events WHERE run_id = ?"
 _END = "INSERT INTO events SELECT ?, 1 + coalesce(max(number), 0), ?, 'ended', ? FROM events WHERE run_id = ?"
 
 

@@ -85,7 +85,7 @@ def taught(
             cut (`learned.extra`); the version of the cut is missing, or for another job or machine; what the trace
             or the fit refuses.
     """
-    asked = asked_for(job, machine, "", simulated=_simulated(trace))
+    asked = asked_for(job, machine, "", simulated=is_simulated(trace))
     known = versions(data, asked)
     if said.get("compensation") == NEWEST and known:
         said = {**said, "compensation": str(known[-1].version)}
@@ -116,7 +116,7 @@ def taught_by(
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
     """
     filed, (strategy, stage) = job.job, _followed(made)
-    asked = asked_for(job, machine, strategy, simulated=_simulated(trace))
+    asked = asked_for(job, machine, strategy, simulated=is_simulated(trace))
     known = versions(data, asked)
     inverted = _inverted(made, machine.machine, identified, simulated=asked.simulated)
     version = chosen(made.compensation, known, asked)
@@ -144,18 +144,19 @@ def taught_by(
     return Taught(step=step, made=made, stage=stage, warnings=warnings, harmonics=harmonics)
 
 
-def _simulated(trace: Trace) -> bool:
+def is_simulated(trace: Trace) -> bool:
+    """Whether a trace is of a simulated part."""
     return trace.meta.get(SIMULATED[0]) == SIMULATED[1]
 
 
 def _part(trace: Trace, job: Job, made: MadeWith, extra: tuple[int, ...], *, robust: bool) -> PartHarmonics:
     """Return the harmonics of a part, turned to where the file of its job has jaw 1."""
-    as_cut = _as_cut(job, made)
-    part = part_harmonics(trace, as_cut, filter_upr=FILTER_UPR, extra=extra, robust=robust)
-    return part.turned(job.lobe_phase_deg - as_cut.lobe_phase_deg)
+    cut = as_cut(job, made)
+    part = part_harmonics(trace, cut, filter_upr=FILTER_UPR, extra=extra, robust=robust)
+    return part.turned(job.lobe_phase_deg - cut.lobe_phase_deg)
 
 
-def _as_cut(job: Job, made: MadeWith) -> Job:
+def as_cut(job: Job, made: MadeWith) -> Job:
     """Return the job with jaw 1 where it was found for its cut; `learned.bad_stage` where that is no angle."""
     if made.cut_jaw_1_deg == AS_FILED:
         return job

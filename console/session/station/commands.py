@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Protocol
 from drivers.lathe.snapshot import AxisName
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
     from console.session.station.state import StationState
     from drivers.cutting.strategy import Strategy
     from profiles.compensations.learned import LearnedCompensation
@@ -112,6 +115,19 @@ class Recover(Command):
 
 class TakeControl(Command):
     """Take control from the console that has it, at rest. Nothing moves."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakeTrace(Command):
+    """Judge a part by the trace in a file: the part in the chuck, or else the newest of this job in the record.
+
+    `answers` are for the header keys that the file does not state.
+    """
+
+    path: Path
+    job: Job
+    loaded: LoadedJob | None
+    answers: Mapping[str, str]
 
 
 class Measure(Command):

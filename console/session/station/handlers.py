@@ -10,17 +10,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from console.session.cut.alignment import TouchOff, clamped, force_problems, jaw_found, unclamped
+from console.session.cut.alignment import TouchOff, clamped, force_problems, jaw_found
 from console.session.cut.engine import tool_clear
 from console.session.cut.interlocks import of_job
-from console.session.cut.run import roundness_of
 from console.session.errors import SessionError, refuse
-from console.session.learning.learning_steps import learning_of
 from console.session.station import commands, jogging
 from console.session.station.alarms import recovered
 from console.session.station.context import StationContext
 from console.session.station.cutting import arm, disarm, retract, start
-from console.session.station.state import Activity, MeasuredPart
+from console.session.station.measuring import measure_simulated, take_trace
+from console.session.station.state import Activity
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
@@ -176,8 +175,8 @@ def measure(context: StationContext, _: commands.Measure) -> None:
     """Disable the drives, open the chuck, and measure the part on the gauge."""
     if context.shop is None:
         raise SessionError(Problem(code="session.no_gauge"))
-    started, plan = context.started, context.plan
-    if plan is None or started is None or not context.state.cut_done:
+    plan = context.plan
+    if plan is None or context.started is None or not context.state.cut_done:
         raise SessionError(Problem(code="session.nothing_cut"))
     snapshot = context.lathe.snapshot()
     _require(snapshot.at_rest, "machine.moving")
@@ -185,24 +184,7 @@ def measure(context: StationContext, _: commands.Measure) -> None:
     if not snapshot.loops_open:
         context.lathe.switch_off()
     _refuse_unless_still(context)
-    trace = context.shop.measure()
-    result = roundness_of(trace)
-    loaded, made = started.loaded, started.made
-    part = MeasuredPart(
-        job=started.job,
-        strategy=started.strategy,
-        trace=trace,
-        result=result,
-        jaw_1_deg=started.job.jaw_1_deg,
-        marks_mm=context.state.marks_mm,
-        learning=learning_of(loaded, started.job.name, made, trace, context.loaded_machine, context.records),
-    )
-    context.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)
-    context.end_record()
-    context.tell(measured=part, cut_done=False, armed=None)
-    if not part.strategy.traits.follows_lobe:
-        context.tell(uncompensated=part)
-    context.tell(alignment=unclamped(context.state.alignment, context.local_time()))
+    measure_simulated(context)
 
 
 def _require(holds: bool, code: str) -> None:
@@ -246,5 +228,6 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.Recover: (Activity.STOPPED, recover),
     commands.TakeControl: (Activity.VERIFYING, take_control),
     commands.Measure: (Activity.MEASURING, measure),
+    commands.TakeTrace: (Activity.MEASURING, take_trace),
 }
 """Activity shown and handler for each command. Hold and Acknowledge do not wait their turn."""

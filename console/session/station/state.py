@@ -111,7 +111,8 @@ class Armed:
 class MeasuredPart:
     """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and the result.
 
-    `marks_mm` is where a stop left the tool in it, mm behind its face. `learning` is its learning step.
+    `marks_mm` is where a stop left the tool in it, mm behind its face. `learning` is its learning step. Where not
+    `phase_known`, nobody knows where jaw 1 is in the trace.
     """
 
     job: Job
@@ -119,6 +120,7 @@ class MeasuredPart:
     trace: Trace
     result: RoundnessResult
     jaw_1_deg: float
+    phase_known: bool = True
     marks_mm: tuple[float, ...] = ()
     learning: PartLearning | None = None
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from textual.containers import Horizontal, Vertical
 
+from console.session.data.trace_folder import export_trace
+from console.session.errors import SessionError
 from console.session.station.commands import Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
+from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, line, wrapped
 from console.tui.page import ChartPage
@@ -13,11 +16,15 @@ from console.tui.pages import inspect_lines
 from console.tui.pages.learn_lines import in_scatter, is_kept, learn_lines, learn_title, reason_lines
 from console.tui.pages.learning_keys import accept_lesson, revert_version
 from console.tui.pages.stop_lines import mark_lines
+from console.tui.pages.trace_chooser import ANSWERS, TraceChooser
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
+from profiles.files import printable
+from profiles.problem import Problem
 
 _BORDER_ROWS = 2
+STEPS = {"inspect.up": -1, "inspect.down": 1}
 WORSE = ("learned.diverges", "learned.wave_diverges")  # reasons to revert
 MADE_WORSE = "learned.worse"  # a reason to check the set-up: reverting would not help
 ELSEWHERE = "learned.lobe_elsewhere"  # a reason to check the set-up before anything is kept
@@ -65,7 +72,8 @@ class InspectPage(ChartPage):
         self._charts = Horizontal(self._roundness, numbers, id="inspect-charts")
         self._learn = Sheet(palette, id="inspect-learn", classes="panel")
         self._message = Sheet(palette, id="inspect-message")
-        self.panels = (self._charts, self._learn, self._message)
+        self._chooser = TraceChooser(ui)
+        self.panels = (self._charts, self._learn, self._message, self._chooser)
         self.texts = (self._caption, self._result, self._harmonics, self._learn, self._message)
         self._seen: inspect_lines.Comparison | None = None
         self._parts: tuple[MeasuredPart | None, MeasuredPart | None] = (None, None)
@@ -79,8 +87,17 @@ class InspectPage(ChartPage):
 
     def act(self, action: str) -> None:
         """Measure the part, keep its learning step or revert, or continue with the next one."""
-        if action == "inspect.measure":
+        if self._chooser.is_open:
+            with self.ui.answering():
+                self._choose(action)
+        elif action == "inspect.measure":
             self._measure()
+        elif action == "inspect.import":
+            with self.ui.answering():
+                self._import()
+        elif action == "inspect.export":
+            with self.ui.answering():
+                self._export()
         elif action == "inspect.accept":
             with self.ui.answering():
                 accept_lesson(self.ui)
@@ -90,18 +107,74 @@ class InspectPage(ChartPage):
         elif action == "inspect.next":
             self.ui.go(PageName.ALIGN)
 
+    def show(self, view: View) -> None:
+        """Show the newest state; also the trace chooser, in the place of everything else."""
+        opened = self._chooser.is_open
+        if self._chooser.display is not opened:
+            self._chooser.display = opened
+            self._charts.display = self._learn.display = self._message.display = False
+            self._painted_for = []
+        if opened:
+            self._chooser.refresh_choice(view)
+        else:
+            super().show(view)
+
+    @property
+    def field(self) -> FieldKind:
+        """Free text while a path is typed."""
+        return FieldKind.TEXT if self._chooser.is_typing else FieldKind.NONE
+
+    def leave(self) -> None:
+        """Close the trace chooser."""
+        self._chooser.close()
+
     def next_step(self, view: View) -> Line:
         """Return what comes next: cut, measure, or the next part."""
+        if self._chooser.is_open:
+            return self._chooser.next_step()
         return line((self.ui.text(f"inspect_page.{_next_word(view)}"), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return what is wrong with the last part, and its learning step or why none; or how to get a part."""
         text, part = self.ui.text, view.state.measured
+        if self._chooser.is_open:
+            return self._chooser.in_full(width)
         if part is None:
             return self._message_lines(view.state, width)
         learning = part.learning
         taught = [] if learning is None else learn_lines(learning, view.work, text, width, failed=_fails(part))
         return [*inspect_lines.wrong_lines(part, text, width), *taught]
+
+    def _import(self) -> None:
+        """Open the trace chooser, at rest and with a job."""
+        if self.ui.work is None:
+            self.ui.say("screen.nothing_to_cut")
+        elif self.ui.control.state.moving:
+            self.ui.say("machine.moving")
+        else:
+            self._chooser.open()
+
+    def _choose(self, action: str) -> None:
+        if action == "inspect.import":
+            self._chooser.close()
+        elif action in STEPS:
+            self._chooser.step(STEPS[action])
+        elif action in ANSWERS:
+            self._chooser.answer(action)
+        elif action == "inspect.path":
+            self._chooser.type_path()
+        elif action == "inspect.next":
+            self._chooser.take()
+        else:
+            self.ui.say("screen.close_traces")
+
+    def _export(self) -> None:
+        """Write the trace of the part to a file of its own."""
+        part = self.ui.control.state.measured
+        if part is None:
+            raise SessionError(Problem(code="learned.no_part"))
+        path = export_trace(self.ui.data, part.trace, job=part.job.name)
+        self.ui.say("trace.exported", value=printable(str(path)))
 
     def _measure(self) -> None:
         """Measure the part, or show why not: the station refuses for the same reasons."""
@@ -164,7 +237,8 @@ class InspectPage(ChartPage):
             for side, token, dashed in sides
             if side is not None
         ]
-        self._polar.show(traces, marks=[Mark(angle_deg=seen.part.jaw_1_deg, label="1")])
+        marks = [Mark(angle_deg=seen.part.jaw_1_deg, label="1")] if seen.part.phase_known else []
+        self._polar.show(traces, marks=marks)
 
     def _message_lines(self, state: StationState, width: int) -> list[Line]:
         text = self.ui.text

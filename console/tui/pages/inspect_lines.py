@@ -32,7 +32,7 @@ class Side:
     profile_um: FloatArray
     ront_um: float
     result: RoundnessResult | None
-    jaw_1_deg: float
+    jaw_1_deg: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,7 +73,8 @@ def caption_lines(seen: Comparison, um_per_division: float, text: Catalogue, wid
     if after is not None:
         how = text("inspect_page.measured_after", strategy=seen.part.strategy.value)
         lines.append(_trace_words((AFTER_KEY, Token.AFTER), how, after.ront_um, width))
-    jaw = text("inspect_page.jaw", angle=f"{seen.part.jaw_1_deg:.1f}")
+    angle = f"{seen.part.jaw_1_deg:.1f}"
+    jaw = text("inspect_page.jaw", angle=angle) if seen.part.phase_known else text("inspect_page.jaw_unknown")
     scale = text("inspect_page.scale", value=f"{um_per_division:g}")
     lines.append(ranged(line(dim(jaw)), line(dim(" " + scale)), width))
     return lines
@@ -124,7 +125,7 @@ def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -
 
 def phase_from_jaw_deg(side: Side, n: int) -> float | None:
     """Return the phase of harmonic `n` from jaw 1, signed; None where it is not meaningful."""
-    if side.result is None:
+    if side.result is None or side.jaw_1_deg is None:
         return None
     found = next((harmonic for harmonic in side.result.harmonics if harmonic.n == n), None)
     if found is None or 2.0 * found.amplitude_um < LEAST_PHASED_UM_PP:
@@ -140,7 +141,7 @@ def _measured(part: MeasuredPart, jaw_1_deg: float) -> Side:
         profile_um=centred_profile(trace.angle_deg, trace.deviation_um, result.filter_upr),
         ront_um=result.ront_um,
         result=result,
-        jaw_1_deg=part.jaw_1_deg,
+        jaw_1_deg=part.jaw_1_deg if part.phase_known else None,
     )
 
 

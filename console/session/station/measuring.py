@@ -1,0 +1,125 @@
+"""Measure a part: on the simulated gauge, or by the trace that a gauge elsewhere has written to a file."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+
+from console.session.cut.alignment import unclamped
+from console.session.cut.run import roundness_of
+from console.session.data.learned_store import asked_for
+from console.session.data.made_parts import MadeWith, newest_part
+from console.session.data.records import add_to_run
+from console.session.errors import SessionError
+from console.session.learning.imported import ImportedTrace, examined, refuse_unready
+from console.session.learning.learning_steps import as_cut, learning_of
+from console.session.station.commands import TakeTrace
+from console.session.station.context import StationContext
+from console.session.station.state import MeasuredPart
+from drivers.cutting.strategy import Strategy
+from profiles.files import printable
+from profiles.job import Job
+from profiles.problem import Problem
+from profiles.store import LoadedJob
+from profiles.traces import Trace
+
+
+def measure_simulated(context: StationContext) -> None:
+    """Take the part from the chuck and measure it on the simulated gauge; `session.no_gauge`."""
+    started = context.started
+    if context.shop is None or started is None:
+        raise SessionError(Problem(code="session.no_gauge"))
+    trace = context.shop.measure()
+    part = _judged(context, _Cut(job=started.job, loaded=started.loaded, made=started.made), trace)
+    context.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=part.result.ront_um)
+    context.end_record()
+    context.tell(cut_done=False, alignment=unclamped(context.state.alignment, context.local_time()))
+    _publish(context, part)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Cut:
+    """The cut of a measured part: its job with jaw 1 as found, and as saved; `run_id` of one that is not open."""
+
+    job: Job
+    loaded: LoadedJob | None
+    made: MadeWith
+    run_id: str | None = None
+
+
+def take_trace(context: StationContext, command: TakeTrace) -> None:
+    """Judge the part in the chuck, or else the newest one of the job in the record, by the trace in a file.
+
+    Nothing moves. The part is out of the chuck then, so that the clamping ends.
+
+    Raises:
+        SessionError: `machine.moving`; `session.nothing_cut`; `learned.edited_part`; as `refuse_unready`.
+        ProfileError: as `examined`.
+    """
+    if not context.lathe.snapshot().at_rest:
+        raise SessionError(Problem(code="machine.moving"))
+    in_chuck = context.state.cut_done
+    cut = _cut_of(context, command)
+    found = examined(command.path, cut.job, command.answers, simulated=context.shop is not None)
+    refuse_unready(found)
+    part = _judged(context, cut, found.trace, found)
+    measured = {**_event(part, found), **command.answers}
+    if cut.run_id is not None:
+        add_to_run(context.records, cut.run_id, "measured", measured)
+    else:
+        context.note("measured", **measured)
+        context.end_record()
+    if in_chuck:
+        context.tell(cut_done=False, alignment=unclamped(context.state.alignment, context.local_time()))
+    _publish(context, part)
+
+
+def _cut_of(context: StationContext, command: TakeTrace) -> _Cut:
+    """Return the cut of the part that a trace is taken for."""
+    started = context.started
+    if context.state.cut_done and started is not None:
+        return _Cut(job=started.job, loaded=started.loaded, made=started.made)
+    loaded = command.loaded
+    if loaded is None:
+        raise SessionError(Problem(code="learned.edited_part", key=command.job.name))
+    asked = asked_for(loaded, context.loaded_machine, "", simulated=context.shop is not None)
+    part = newest_part(context.records, asked)
+    if part is None:
+        raise SessionError(Problem(code="session.nothing_cut"))
+    return _Cut(job=as_cut(loaded.job, part.made), loaded=loaded, made=part.made, run_id=part.run_id)
+
+
+def _judged(context: StationContext, cut: _Cut, trace: Trace, found: ImportedTrace | None = None) -> MeasuredPart:
+    """Return a measured part with its learning step."""
+    machine, data = context.loaded_machine, context.records
+    result = roundness_of(trace) if found is None else found.result
+    assert result is not None
+    if found is not None:
+        result = replace(result, warnings=(*found.warnings, *result.warnings))
+    return MeasuredPart(
+        job=cut.job,
+        strategy=Strategy(cut.made.strategy),
+        trace=trace if found is None else found.turn,
+        result=result,
+        jaw_1_deg=cut.job.jaw_1_deg,
+        phase_known=found is None or found.phase_known,
+        marks_mm=context.state.marks_mm if cut.run_id is None else (),
+        learning=learning_of(cut.loaded, cut.job.name, cut.made, trace, machine, data),
+    )
+
+
+def _publish(context: StationContext, part: MeasuredPart) -> None:
+    context.tell(measured=part, armed=None)
+    if not part.strategy.traits.follows_lobe:
+        context.tell(uncompensated=part)
+
+
+def _event(part: MeasuredPart, found: ImportedTrace) -> dict[str, object]:
+    """Return what the run record keeps of a measurement."""
+    return {
+        "job": part.job.name,
+        "strategy": part.strategy.value,
+        "ront_um": part.result.ront_um,
+        "trace": printable(found.path.name),
+        "trace_sha256": hashlib.sha256(found.path.read_bytes()).hexdigest(),
+    }

@@ -1,0 +1,242 @@
+"""Trace chooser of the page Inspect: pick the file that a gauge has written, and answer what it does not state."""
+
+from __future__ import annotations
+
+import os
+import threading
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from textual.containers import Horizontal
+from textual.widgets import Input
+
+from console.session.data.learned_store import asked_for
+from console.session.data.made_parts import CutPart, newest_part
+from console.session.data.trace_folder import offered, trace_folder
+from console.session.learning.imported import QUESTIONS, ImportedTrace, examined
+from console.session.station.commands import TakeTrace
+from console.tui.lines import Line, Sheet, clipped, line, name_in
+from console.tui.pages.trace_lines import Choice, fact_lines, file_lines, next_words
+from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
+from profiles.fields import TEXT_CAP_CHARACTERS
+from profiles.files import printable
+from profiles.job import Job
+from profiles.problem import Problem, ProfileError
+
+Found = ImportedTrace | tuple[Problem, ...]
+ANSWERS = {"inspect.state": "state", "inspect.direction": "direction", "inspect.mark": "start_mark"}
+"""Question that an action answers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Question:
+    """A file as it was when it was asked for, and what is known besides."""
+
+    path: Path
+    changed: tuple[int, int]
+    job: Job
+    answers: tuple[tuple[str, str], ...]
+    simulated: bool
+
+
+class _Reader:
+    """Read trace files beside the screen, one at a time; a large one takes seconds."""
+
+    def __init__(self) -> None:
+        self._found: tuple[_Question, Found] | None = None
+        self._thread: threading.Thread | None = None
+
+    def answer(self, question: _Question) -> Found | None:
+        """Return what is known of a file, None while it is read."""
+        found = self._found
+        if found is not None and found[0] == question:
+            return found[1]
+        if self._thread is None or not self._thread.is_alive():
+            self._thread = threading.Thread(target=self._read, args=(question,), name="trace", daemon=True)
+            self._thread.start()
+        return None
+
+    def _read(self, question: _Question) -> None:
+        found: Found
+        try:
+            found = examined(question.path, question.job, dict(question.answers), simulated=question.simulated)
+        except ProfileError as error:
+            found = tuple(error.problems)
+        except Exception as fault:  # in a thread of its own: nobody else would hear of it
+            value = printable(f"{type(fault).__name__}: {fault}")
+            found = (Problem(code="session.fault", value=value),)
+        self._found = question, found
+
+
+class TraceChooser(Horizontal):
+    """The files on the left, the selected one on the right. Nothing of it moves anything."""
+
+    DEFAULT_CSS = """
+    TraceChooser {
+        height: 1fr;
+        layers: base entry;
+        #trace-files { width: 50%; height: 1fr; }
+        #trace-facts { width: 1fr; height: 1fr; }
+        #trace-path {
+            layer: entry; position: absolute; display: none; width: 1fr; height: 1; offset: 2 1;
+            background: $background; color: $foreground;
+        }
+    }
+    """
+
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(id="trace-chooser")
+        self._ui = ui
+        self._files = Sheet(ui.palette, id="trace-files", classes="panel")
+        self._facts = Sheet(ui.palette, id="trace-facts", classes="panel")
+        self._entry = Input(id="trace-path", compact=True, select_on_focus=False)
+        self._entry.cursor_blink = False
+        self._entry.max_length = TEXT_CAP_CHARACTERS
+        self._reader = _Reader()
+        self._typed: tuple[Path, ...] = ()
+        self._choice: Choice | None = None
+        self._shown: object = None
+        self.display = False
+
+    def compose(self) -> list[Sheet | Input]:
+        """Return the panels."""
+        return [self._files, self._facts, self._entry]
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the chooser is in the place of the page."""
+        return self._choice is not None
+
+    @property
+    def is_typing(self) -> bool:
+        """Whether a path is being typed."""
+        return bool(self._entry.display)
+
+    def open(self) -> None:
+        """Show the files as they are now. Raises ProfileError, SessionError: folder or record cannot be read."""
+        folder = trace_folder(self._ui.data)
+        self._choice = Choice(folder=folder, files=(*self._typed, *offered(folder)), part=self._part())
+        self._shown = None
+
+    def close(self) -> None:
+        """Show the page again."""
+        self._end_typing()
+        self._choice = None
+
+    def step(self, by: int) -> None:
+        """Select another file."""
+        if self._choice is not None and self._choice.files:
+            selected = min(max(self._choice.selected + by, 0), len(self._choice.files) - 1)
+            self._choice = replace(self._choice, selected=selected, answers={})
+
+    def answer(self, action: str) -> None:
+        """Step through the answers to a question that the file leaves open."""
+        choice, key = self._choice, ANSWERS[action]
+        if choice is None or not isinstance(choice.found, ImportedTrace):
+            return
+        if key not in choice.found.asked:
+            self._ui.say("trace.stated", key=self._ui.text(f"trace_import.{key}"))
+            return
+        answers = QUESTIONS[key]
+        given = choice.answers.get(key)
+        following = answers[0 if given is None else (answers.index(given) + 1) % len(answers)]
+        self._choice = replace(choice, answers={**choice.answers, key: following})
+
+    def type_path(self) -> None:
+        """Open the entry of a path."""
+        self._entry.value = ""
+        self._entry.display = True
+        self.screen.set_focus(self._entry, scroll_visible=False)
+
+    def take(self) -> None:
+        """Take the typed path among the files, or the selected trace for the part."""
+        choice = self._choice
+        if choice is None:
+            return
+        if self.is_typing:
+            self._take_path(choice)
+            return
+        work = self._ui.work
+        if work is None or choice.file is None or not choice.ready:
+            self._ui.say("trace.not_ready")
+            return
+        loaded = None if work.edited else work.loaded
+        command = TakeTrace(path=choice.file, job=work.job, loaded=loaded, answers=dict(choice.answers))
+        self._ui.control.post(command)
+        self.close()
+
+    def refresh_choice(self, view: View) -> None:
+        """Bring the choice up to date with the machine and the reader, and paint what changed."""
+        choice, work = self._choice, self._ui.work
+        if choice is None:
+            return
+        if self.is_typing and self.screen.focused is not self._entry:
+            self.screen.set_focus(self._entry, scroll_visible=False)
+        found = None if work is None else self._ask(choice, work.job, simulated=view.state.simulated)
+        self._choice = choice = replace(choice, found=found, in_chuck=view.state.cut_done)
+        shown = (choice, self.is_typing, self._files.size, self._facts.size)
+        if shown != self._shown:
+            self._shown = shown
+            self._paint(choice)
+
+    def next_step(self) -> Line:
+        """Return what to do next."""
+        assert self._choice is not None
+        words = (
+            self._ui.text("trace_import.next.path") if self.is_typing else next_words(self._choice, self._ui.text)
+        )
+        return line((words, Token.ACTION))
+
+    def in_full(self, width: int) -> list[Line]:
+        """Return all that is said of the selected file."""
+        return [] if self._choice is None else fact_lines(self._choice, self._ui.text, width)
+
+    def _part(self) -> CutPart | None:
+        """Return the newest part of the open job in the record; an edited job has none."""
+        work = self._ui.work
+        if work is None or work.edited:
+            return None
+        asked = asked_for(work.loaded, work.machine, "", simulated=self._ui.control.state.simulated)
+        return newest_part(self._ui.data, asked)
+
+    def _ask(self, choice: Choice, job: Job, *, simulated: bool) -> Found | None:
+        if choice.file is None:
+            return None
+        try:
+            status = os.stat(choice.file)
+            changed = status.st_mtime_ns, status.st_size
+        except OSError:
+            changed = 0, 0
+        answers = tuple(sorted(choice.answers.items()))
+        question = _Question(path=choice.file, changed=changed, job=job, answers=answers, simulated=simulated)
+        return self._reader.answer(question)
+
+    def _take_path(self, choice: Choice) -> None:
+        typed = self._entry.value.strip()
+        self._end_typing()
+        if not typed:
+            return
+        path = Path(typed).expanduser()
+        path = path if path.is_absolute() else choice.folder / path
+        if not path.is_file():
+            self._ui.say("trace.unreadable", value=printable(str(path), 60))
+            return
+        self._typed = (path, *(each for each in self._typed if each != path))
+        files = (path, *(each for each in choice.files if each != path))
+        self._choice = replace(choice, files=files, selected=0, answers={})
+
+    def _end_typing(self) -> None:
+        if self.is_typing:
+            self._entry.display = False
+            self.screen.set_focus(None)
+
+    def _paint(self, choice: Choice) -> None:
+        text, files, facts = self._ui.text, self._files.size, self._facts.size
+        rows = file_lines(choice, text, max(files.width, 1), max(files.height, 1))
+        if self.is_typing:
+            rows = [(), *rows]
+        self._files.show(rows[: max(files.height, 1)], text("trace_import.title", count=len(choice.files)))
+        name = "" if choice.file is None else name_in(printable(choice.file.name), max(facts.width - 4, 1))
+        rows = fact_lines(choice, text, max(facts.width, 1))
+        self._facts.show(clipped(rows, facts.height, text("panel.more")), name)

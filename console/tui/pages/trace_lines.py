@@ -1,0 +1,176 @@
+"""Text of the trace chooser: the files that a gauge has left, and what the selected one says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+
+from console.session.data.made_parts import CutPart
+from console.session.learning.imported import QUESTIONS, ImportedTrace
+from console.text.catalogue import Catalogue
+from console.tui.lines import BLANK, NOTHING, Line, dim, fitted, hanging, line, name_in, ranged, wrapped
+from console.tui.theme import Token
+from profiles.files import printable
+from profiles.problem import Problem
+
+KEYS = {"state": "s", "direction": "d", "start_mark": "j"}
+"""Key that steps through the answers to each question."""
+
+_DATE_CELLS = 12
+_LABEL_CELLS = 14
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """What the chooser shows: `found` is the trace of the selected file, or why it cannot be read; None: not yet.
+
+    `part` is the part in the record that a trace is taken for, None where it is the one in the chuck (`in_chuck`)
+    or there is none.
+    """
+
+    folder: Path
+    files: tuple[Path, ...] = ()
+    selected: int = 0
+    found: ImportedTrace | tuple[Problem, ...] | None = None
+    answers: Mapping[str, str] = field(default_factory=dict)
+    part: CutPart | None = None
+    in_chuck: bool = False
+
+    @property
+    def file(self) -> Path | None:
+        """The selected file."""
+        return self.files[self.selected] if self.files else None
+
+    @property
+    def ready(self) -> bool:
+        """Whether Enter takes the trace."""
+        known = self.in_chuck or self.part is not None
+        return known and isinstance(self.found, ImportedTrace) and self.found.ready
+
+
+def file_lines(choice: Choice, text: Catalogue, width: int, height: int) -> list[Line]:
+    """Return the list of files, newest first, around the selected one; or where to put them."""
+    where = wrapped(text("trace_import.folder", folder=printable(str(choice.folder))), width, Token.DIM)
+    if not choice.files:
+        return [*wrapped(text("trace_import.none"), width), BLANK, *where]
+    room = max(height - len(where) - 1, 1)
+    first = min(max(choice.selected - room // 2, 0), max(len(choice.files) - room, 0))
+    rows = [
+        _file_row(path, place == choice.selected, width)
+        for place, path in enumerate(choice.files[first : first + room], start=first)
+    ]
+    return [*rows, BLANK, *where]
+
+
+def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
+    """Return what the selected trace is, what it would be taken for, and what has to be answered."""
+    rows = _part_lines(choice, text, width)
+    if choice.file is None:
+        return rows
+    found = choice.found
+    if found is None:
+        return [*rows, BLANK, line(dim(text("trace_import.reading")))]
+    if not isinstance(found, ImportedTrace):
+        return [*rows, BLANK, *_problem_lines(found, text, width)]
+    points, turns = found.trace.angle_deg.size, found.header.turns
+    rows += [BLANK, _row(text("trace_import.points"), str(points), width)]
+    rows.append(_row(text("trace_import.turns"), str(turns), width))
+    rows += [_stated_row(found, key, text, width) for key in QUESTIONS]
+    circle = text("trace_import.judged_by", upr=_upr(found))
+    rows.append(_row(text("trace_import.circle"), circle, width))
+    ront = NOTHING if found.result is None else f"{found.result.ront_um:.2f} um"
+    rows.append(_row("RONt", ront, width, Token.STRONG))
+    return [*rows, *_problem_lines((*found.problems, *_warnings(found)), text, width)]
+
+
+def next_words(choice: Choice, text: Catalogue) -> str:
+    """Return what to do in the chooser."""
+    found = choice.found
+    if choice.file is None:
+        return text("trace_import.next.none")
+    if not choice.in_chuck and choice.part is None:
+        return text("trace_import.next.no_part")
+    if found is None:
+        return text("trace_import.next.reading")
+    if not isinstance(found, ImportedTrace) or found.problems:
+        return text("trace_import.next.refused")
+    if found.open:
+        return text("trace_import.next.answer", keys=", ".join(KEYS[key] for key in found.open))
+    return text("trace_import.next.take")
+
+
+def _part_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
+    if choice.in_chuck:
+        return wrapped(text("trace_import.part.in_chuck"), width)
+    if choice.part is None:
+        return wrapped(text("trace_import.part.none"), width, Token.WARNING)
+    at = _local(choice.part.at_utc)
+    rows = wrapped(text("trace_import.part.recorded", at=at, made=printable(str(choice.part.made))), width)
+    if choice.part.cut_since:
+        rows += hanging(("! ", Token.WARNING), text("trace_import.part.cut_since"), width, Token.WARNING)
+    return rows
+
+
+def _file_row(path: Path, selected: bool, width: int) -> Line:
+    mark, token = ("▸ ", Token.STRONG) if selected else ("  ", Token.TEXT)
+    name = name_in(printable(path.name), max(width - len(mark) - _DATE_CELLS - 1, 1))
+    return ranged(line((mark + name, token)), line(dim(f" {_changed(path)}")), width)
+
+
+def _changed(path: Path) -> str:
+    try:
+        return datetime.fromtimestamp(path.stat().st_mtime).strftime("%m-%d %H:%M")
+    except (OSError, OverflowError, ValueError):
+        return NOTHING
+
+
+def _local(at_utc: str) -> str:
+    try:
+        return datetime.fromisoformat(at_utc).astimezone().strftime("%Y-%m-%d %H:%M")
+    except (OverflowError, ValueError):
+        return printable(at_utc, 20)
+
+
+def _row(label: str, value: str, width: int, token: Token = Token.TEXT) -> Line:
+    return line(dim(fitted(label, _LABEL_CELLS)), (fitted(value, max(width - _LABEL_CELLS, 0)).rstrip(), token))
+
+
+def _stated_row(found: ImportedTrace, key: str, text: Catalogue, width: int) -> Line:
+    """Return a header key with its value; one that the file does not state with the key that answers it."""
+    label = text(f"trace_import.{key}")
+    value = _said(found, key, text)
+    if key not in found.asked:
+        return _row(label, value, width)
+    if key in found.open:
+        return _row(label, text("trace_import.unanswered", key=KEYS[key]), width, Token.WARNING)
+    return _row(label, text("trace_import.answered", value=value, key=KEYS[key]), width, Token.ACTION)
+
+
+def _said(found: ImportedTrace, key: str, text: Catalogue) -> str:
+    header = found.header
+    if key == "start_mark" and header.jaw_1_deg:
+        return text("trace_import.jaw_at", angle=f"{header.jaw_1_deg:g}")
+    value = getattr(header, key)
+    if value is None:
+        return NOTHING
+    if value in QUESTIONS[key]:
+        return text(f"trace_import.{key}.{value.replace(' ', '_')}")
+    return printable(str(value), 40)
+
+
+def _upr(found: ImportedTrace) -> str:
+    return NOTHING if found.result is None else f"{found.result.filter_upr:g}"
+
+
+def _warnings(found: ImportedTrace) -> tuple[Problem, ...]:
+    return found.warnings if found.result is None else (*found.warnings, *found.result.warnings)
+
+
+def _problem_lines(problems: Sequence[Problem], text: Catalogue, width: int) -> list[Line]:
+    return [
+        row
+        for problem in problems
+        for row in hanging(("! ", Token.WARNING), text.problem(problem), width, Token.WARNING)
+    ]

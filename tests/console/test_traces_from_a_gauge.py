@@ -1,0 +1,263 @@
+"""A machine without a gauge: parts are judged and learned from by the files that a gauge elsewhere has written."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from console.session.data.history import last_results
+from console.session.data.trace_folder import export_trace, offered, trace_folder
+from console.session.learning.imported import ImportedTrace, examined
+from console.session.learning.learning_steps import accept
+from console.session.station.commands import Arm, ConfirmClamping, DisableDrives, EnableDrives, Start, TakeTrace
+from console.session.station.state import MeasuredPart, StationState
+from drivers.cutting.strategy import Strategy
+from profiles.compensations.learned import LearnedCompensation
+from profiles.metrology.harmonics import Harmonic
+from profiles.roundness import evaluate
+from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
+from profiles.traces import Trace, read_trace, write_trace
+from tests.console.floor import Floor, open_floor
+from tests.system.lathe_sites import compact_text
+
+SEED = 11
+STATED = {"state": "free", "direction": "ccw", "start_mark": "jaw 1"}
+
+
+class Outside:
+    """A lathe without a gauge, its job, and a gauge in another room that writes what it is told to state."""
+
+    def __init__(self, data: Path, job: LoadedJob, machine: LoadedMachine) -> None:
+        self.data, self.job, self.machine = data, job, machine
+        self.floor: Floor = open_floor(data, SEED, "realistic", machine)
+        self.floor.set_up(job.job)
+        self.floor.context.shop = None
+        self.floor.context.tell(simulated=False)
+
+    def cut(self, compensation: LearnedCompensation | None = None) -> None:
+        """Clamp a blank and cut it to its end."""
+        floor = self.floor
+        floor.do(DisableDrives())
+        floor.sim.mount(self.job.job)
+        floor.do(ConfirmClamping(job=self.job.job))
+        floor.do(EnableDrives())
+        armed = floor.do(
+            Arm(
+                job=self.job.job,
+                job_sha256=self.job.sha256,
+                strategy=Strategy.CAM,
+                loaded=self.job,
+                compensation=compensation,
+            )
+        )
+        assert armed.armed is not None, armed.refusals
+        assert floor.do(Start()).cut_done, floor.state.refusals
+
+    def gauge(self, name: str = "part.csv", **stated: str) -> Path:
+        """Measure the part elsewhere: its angles counted from jaw 1, the other way round than the spindle."""
+        trace = self.floor.sim.measure()
+        jaw_1_deg = self.jaw_1_deg
+        angle_deg = np.mod(jaw_1_deg - trace.angle_deg, 360.0)
+        order = np.argsort(angle_deg)
+        path = trace_folder(self.data) / name
+        write_trace(
+            path,
+            Trace(angle_deg=angle_deg[order], deviation_um=trace.deviation_um[order], meta=dict(stated)),
+            overwrite=True,
+        )
+        return path
+
+    @property
+    def jaw_1_deg(self) -> float:
+        jaw = self.floor.state.alignment.jaw
+        assert jaw is not None
+        return jaw.angle_deg
+
+    def take(self, path: Path, **answers: str) -> StationState:
+        return self.floor.do(TakeTrace(path=path, job=self.job.job, loaded=self.job, answers=answers))
+
+    def taken(self, path: Path, **answers: str) -> MeasuredPart:
+        state = self.take(path, **answers)
+        assert state.measured is not None, state.refusals
+        return state.measured
+
+    def refused(self, path: Path, **answers: str) -> list[str]:
+        state = self.take(path, **answers)
+        assert state.measured is None
+        return [problem.code for problem in state.refusals]
+
+    def events(self, kind: str) -> list[dict[str, object]]:
+        database = sqlite3.connect(self.data / "records.sqlite3")
+        rows = database.execute("SELECT data FROM events WHERE kind = ? ORDER BY rowid", (kind,)).fetchall()
+        database.close()
+        return [json.loads(data) for (data,) in rows]
+
+
+def evaluated(trace: Trace) -> tuple[Harmonic, ...]:
+    return evaluate(trace.angle_deg, trace.deviation_um, 50.0, state="free").harmonics
+
+
+@pytest.fixture
+def outside(tmp_path: Path, job_file: Callable[..., Path], data_folder: Path) -> Outside:
+    lathe = tmp_path / "lathe.toml"
+    lathe.write_text(compact_text("pmac"), encoding="utf-8")
+    job = load_job(str(job_file(cut_length_mm="0.5", feed_mm_per_rev="0.1")))
+    return Outside(data_folder / "trilobe", job, load_machine(str(lathe)))
+
+
+def test_what_the_gauge_says_of_one_part_makes_the_next_rounder(outside: Outside) -> None:
+    outside.cut()
+    path = outside.gauge(**STATED)
+    first = outside.taken(path)
+    inside = outside.floor.sim.measure()  # the same part, by the gauge of the simulator
+    assert first.phase_known
+    assert first.jaw_1_deg == pytest.approx(outside.jaw_1_deg)
+    # At spindle angles again, whatever the gauge has counted from and in which direction.
+    np.testing.assert_allclose(first.trace.angle_deg, inside.angle_deg, atol=1e-9)
+    # Each chucking on the gauge is off centre in another way; the lobe is the part's own.
+    lobe, known = (
+        next(each for each in found if each.n == 3) for found in (evaluated(first.trace), evaluated(inside))
+    )
+    assert lobe.amplitude_um == pytest.approx(known.amplitude_um, abs=0.2)
+    assert lobe.phase_deg == pytest.approx(known.phase_deg, abs=0.5)
+    learning = first.learning
+    assert learning is not None and learning.taught is not None, learning
+    assert not learning.reasons
+    version = accept(learning, outside.data)
+    assert (version.version, version.holds_for.simulated) == (1, False)
+    state = outside.floor.state
+    assert not state.cut_done
+    assert state.alignment.clamping is None, "the part is out of the chuck"
+    assert outside.events("measured")[-1]["trace"] == "part.csv"
+    assert last_results(outside.data, simulated=False)[outside.job.job.name].ront_um == first.result.ront_um
+
+    outside.cut(version)
+    second = outside.taken(outside.gauge("second.csv", **STATED))
+    assert second.result.amplitude_um(3) < 0.5 * first.result.amplitude_um(3)
+
+
+def test_what_the_file_does_not_state_is_asked_and_the_answer_recorded(outside: Outside) -> None:
+    outside.cut()
+    path = outside.gauge()
+    assert outside.refused(path) == ["trace.unanswered"]
+    assert outside.floor.state.cut_done, "nothing is lost"
+    assert outside.refused(path, state="clamped", direction="ccw", start_mark="jaw 1") == ["trace.not_released"]
+    part = outside.taken(path, **STATED)
+    assert part.learning is not None and not part.learning.reasons
+    assert STATED.items() <= outside.events("measured")[-1].items()
+
+
+def test_without_a_mark_a_part_is_judged_and_teaches_nothing(outside: Outside) -> None:
+    outside.cut()
+    part = outside.taken(outside.gauge(state="free"), start_mark="unknown")
+    assert not part.phase_known
+    assert part.result.ront_um > 0.0
+    assert part.learning is not None and part.learning.reasons
+
+
+def test_a_part_cut_before_the_console_was_restarted_is_judged_by_the_record(outside: Outside) -> None:
+    outside.cut()
+    path = outside.gauge(**STATED)
+    before = outside.taken(path)
+    again = open_floor(outside.data, SEED, "realistic", outside.machine)
+    again.context.shop = None
+    again.context.tell(simulated=False)
+    state = again.do(TakeTrace(path=path, job=outside.job.job, loaded=outside.job, answers={}))
+    assert state.measured is not None, state.refusals
+    assert state.measured.learning == before.learning or (
+        before.learning is not None
+        and state.measured.learning is not None
+        and state.measured.learning.made == before.learning.made
+    )
+    assert state.measured.result.ront_um == pytest.approx(before.result.ront_um)
+    assert len(outside.events("measured")) == 2
+
+
+def test_no_part_in_the_record_is_no_part(outside: Outside) -> None:
+    path = trace_folder(outside.data) / "found.csv"
+    write_trace(path, Trace(angle_deg=np.arange(360.0), deviation_um=np.cos(np.arange(360.0)), meta=STATED))
+    assert outside.refused(path) == ["session.nothing_cut"]
+    state = outside.floor.do(TakeTrace(path=path, job=outside.job.job, loaded=None, answers={}))
+    assert [problem.code for problem in state.refusals] == ["learned.edited_part"]
+
+
+@pytest.mark.parametrize(
+    ("stated", "code"),
+    [
+        ({"simulated": "yes"}, "trace.simulated_part"),
+        ({"method": "two_point"}, "trace.two_point"),
+        ({"method": "v_block"}, "trace.v_block_part"),
+        ({"state": "clamped"}, "trace.not_released"),
+    ],
+)
+def test_what_is_not_the_shape_of_this_part_is_refused(
+    stated: dict[str, str], code: str, tmp_path: Path, outside_job: LoadedJob
+) -> None:
+    found = written(tmp_path, outside_job, **{**STATED, **stated})
+    assert [problem.code for problem in found.problems] == [code]
+    assert not found.ready
+
+
+@pytest.fixture(scope="session")
+def outside_job() -> LoadedJob:
+    return load_job("lee-2001-experiment-1")
+
+
+def written(folder: Path, job: LoadedJob, **stated: str) -> ImportedTrace:
+    """A made-up part with its lobe 20 deg past jaw 1, in a file that states this."""
+    angle_deg = np.arange(720) / 2.0
+    path = folder / "made.csv"
+    deviation_um = 5.0 * np.cos(3.0 * np.radians(angle_deg - 20.0))
+    write_trace(path, Trace(angle_deg=angle_deg, deviation_um=deviation_um, meta=stated), overwrite=True)
+    return examined(path, job.job, {}, simulated=False)
+
+
+@pytest.mark.parametrize("direction", ["cw", "ccw", "spindle"])
+@pytest.mark.parametrize(
+    "mark", [{"start_mark": "jaw 1"}, {"start_mark": "spindle index"}, {"jaw_1_deg": "-33.5"}]
+)
+def test_an_angle_of_the_gauge_is_an_angle_of_the_spindle(
+    direction: str, mark: dict[str, str], tmp_path: Path, outside_job: LoadedJob
+) -> None:
+    """By hand: the crest is 20 deg of the file past angle 0, and jaw 1 where the header says."""
+    job = replace(outside_job.job, lobe_phase_deg=77.0, lobe_past_jaw_deg=0.0)
+    found = written(tmp_path, replace(outside_job, job=job), state="free", direction=direction, **mark)
+    way = -1.0 if direction == "ccw" else 1.0
+    at_zero_deg = (
+        0.0 if mark.get("start_mark") == "spindle index" else 77.0 + way * float(mark.get("jaw_1_deg", 0)) * -1.0
+    )
+    crest_deg = (at_zero_deg + way * 20.0) % 120.0
+    assert found.result is not None
+    seen = np.radians(found.turn.angle_deg)
+    phase = np.angle(np.sum(found.turn.deviation_um * np.exp(-3j * seen)))
+    assert (-np.degrees(phase) / 3.0 - crest_deg + 60.0) % 120.0 - 60.0 == pytest.approx(0.0, abs=1e-6)
+    assert np.all(np.diff(found.turn.angle_deg) > 0.0)
+
+
+def test_the_folder_offers_the_newest_file_first_and_nothing_else(tmp_path: Path) -> None:
+    folder = trace_folder(tmp_path / "data")
+    assert offered(folder) == ()
+    for age, name in enumerate(("new.csv", "old.x3p", ".hidden", "older.txt")):
+        file = folder / name
+        file.write_text("", encoding="utf-8")
+        os.utime(file, ns=(10**18 - age * 10**9,) * 2)
+    (folder / "folder").mkdir()
+    (folder / "nowhere").symlink_to(folder / "gone")
+    os.mkfifo(folder / "pipe")
+    assert [path.name for path in offered(folder)] == ["new.csv", "old.x3p", "older.txt"]
+
+
+def test_an_exported_trace_reads_as_it_was(tmp_path: Path, outside_job: LoadedJob) -> None:
+    found = written(tmp_path, outside_job, **STATED)
+    first, second = (export_trace(tmp_path / "data", found.turn, job="a/b.c") for _ in range(2))
+    assert first != second and first.parent == second.parent
+    again = read_trace(first)
+    np.testing.assert_array_equal(again.deviation_um, found.turn.deviation_um)
+    assert again.meta["start_mark"] == "spindle index"
