@@ -32,4 +32,4 @@ def parse_rules_once(
     return _read[asked]
 
 
-Stylesheet._parse_rules = parse_rules_once  # type: ignore[method-assign]
+Stylesheet._parse_rules = parse_rules_once  # type: ignore[method-assign, assignment]

@@ -16,7 +16,7 @@ from console.session.station.state import Activity, StationState
 from console.session.work import Work
 from console.tui.keymap import PageName
 from console.tui.page import Page
-from console.tui.ui_context import View
+from console.tui.ui_context import UiContext, View
 from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, experiment, grid, ui_for
 
 READY = StationState(activity=Activity.READY)
@@ -113,11 +113,15 @@ def shown_in_turn(
                     page.show(view)
                     await pilot.pause()
                 next_step = "".join(words for words, _ in page.next_step(view))
-                said = [problem.code for problem in ui.said]
+                said = _codes(ui)
                 seen[name] = Shown(grid(app), next_step, control.orders, control.stops, said)
 
     asyncio.run(run())
     return seen
+
+
+def _codes(ui: UiContext) -> list[str]:
+    return [problem.code for problem in ui.said]
 
 
 def too_wide(shown: Mapping[str, Shown], size: tuple[int, int], texts: str) -> list[str]:
