@@ -107,7 +107,7 @@ def told_in(seen: Sequence[CutProgress], *stages: CutStage) -> list[Synchronisat
         (Strategy.PAPER, [QUEUED], [None, LOST]),
     ],
 )
-def test_a_cut_is_queued_and_then_in_sync_or_lost(
+def test_an_undisturbed_cut_is_queued_then_in_sync_or_lost_and_done(
     tmp_path: Path,
     in_copies: None,
     strategy: Strategy,
@@ -124,3 +124,5 @@ def test_a_cut_is_queued_and_then_in_sync_or_lost(
     assert told_in(seen, CutStage.CUT) == inside
     assert told_in(seen, CutStage.POSITION, CutStage.RETRACT) == [None]
     assert floor.state.cut is not None and floor.state.cut.synchronisation is None
+    alarms = [alarm.problem.code for alarm in floor.state.alarms]
+    assert floor.state.cut_done and alarms == (["cut.out_of_phase"] if LOST in inside else [])
