@@ -1,6 +1,6 @@
 """Why a compensated part is not round: what the harmonics of its residual say, largest first.
 
-With the lobe L that a part would have without compensation, the path P and the fraction s of it in the cut, the part
+With the lobe L that a part would have without compensation, the path P and the fraction s of it in the cut, it
 has r = L - s c P, where c is what arrives of the path: 1 if the tool follows it. The intention is L = P and c = 1.
 The residual beyond the intended (1 - s) P is e. One number each explains it where:
 

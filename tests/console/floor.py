@@ -143,23 +143,23 @@ def open_floor(
     return floor
 
 
-def experiment_1(cut_length_mm: float = 3.0) -> Job:
+def experiment_1(cut_length_mm: float = 1.5) -> Job:
     """The first job of the paper, with a shorter cut: what it takes to plan and to cut goes with its turns."""
     return replace(load_job("lee-2001-experiment-1").job, cut_length_mm=cut_length_mm)
 
 
-_SET_UP: dict[float, Floor] = {}
+_SET_UP: dict[tuple[str, int], Floor] = {}
 
 
-def set_up_once(records: Path, cut_length_mm: float = 3.0) -> Floor:
-    """A floor set up for experiment 1, the same for all who ask: work it in a copy of the process alone.
+def set_up_once(records: Path, plant: str = "mounted", seed: int = 1) -> Floor:
+    """A floor set up for experiment 1 of any length, the same for all who ask: work it in a copy of the process.
 
     What is written in its records is taken away.
     """
-    if cut_length_mm not in _SET_UP:
-        _SET_UP[cut_length_mm] = open_floor(records)
-        _SET_UP[cut_length_mm].set_up(experiment_1(cut_length_mm))
-    floor = _SET_UP[cut_length_mm]
+    if (plant, seed) not in _SET_UP:
+        _SET_UP[plant, seed] = open_floor(records, seed, plant)
+        _SET_UP[plant, seed].set_up(experiment_1())
+    floor = _SET_UP[plant, seed]
     shutil.rmtree(floor.context.records)
     floor.context.records.mkdir()
     return floor

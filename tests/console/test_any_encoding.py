@@ -10,6 +10,7 @@ import subprocess
 import sys
 import unicodedata
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from console.text.columns import cell_width
 from console.text.escaping import encodable, escaped, escaped_line
 from console.tui.lines import Sheet, plain
 from console.tui.theme import MONO, Token
+from profiles.store import load_job, save_job
 from tests.compact import save_compact
 
 Console = Callable[..., Any]
@@ -96,7 +98,9 @@ def test_no_encoding_and_no_name_ends_a_command_or_steers_the_terminal(
 
 
 def test_a_run_of_the_real_program_survives_an_encoding_without_its_signs(tmp_path: Path) -> None:
-    words = ("run", JOB, "--sim", "--data", str(tmp_path), *save_compact(tmp_path))
+    job = tmp_path / "short.toml"
+    save_job(replace(load_job(JOB).job, cut_length_mm=0.5), job)
+    words = ("run", str(job), "--sim", "--data", str(tmp_path), *save_compact(tmp_path))
     done = subprocess.run(
         [sys.executable, "-m", "console", *words],
         capture_output=True,
@@ -173,4 +177,5 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
         "plot/cell_view.py Segment",
         "lines.py to_strip",
         "pages/setup.py Input",
+        "pages/trace_chooser.py Input",
     }

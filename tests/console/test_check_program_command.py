@@ -149,8 +149,14 @@ def test_rounding_does_not_unfold_what_repeats(console: Console, program: Callab
     assert max(int(found[1]) for row in asked if (found := re.search(r"x (\d+) ", row))) > 500
 
 
-@pytest.mark.parametrize("job", ["lee-2001-experiment-1", "lee-2001-experiment-2"])
-@pytest.mark.parametrize("strategy", ["pvt", "paper", "none"])
+@pytest.mark.parametrize(
+    ("job", "strategy"),
+    [
+        ("lee-2001-experiment-1", "pvt"),
+        ("lee-2001-experiment-2", "paper"),
+        ("lee-2001-experiment-1", "none"),
+    ],
+)
 def test_what_console_program_prints_has_no_fault(
     console: Console, program: Callable[[str], str], job: str, strategy: str
 ) -> None:

@@ -88,11 +88,12 @@ def test_a_new_blank_has_met_nothing_and_can_meet_again(aligned: Floor) -> None:
 
 
 def test_a_collision_in_a_cut_is_told_before_its_end_and_kept_in_the_record(
-    floor: Floor, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """A tool that takes nothing, put to an ordinary cut."""
+    floor, job = open_floor(tmp_path), experiment_1(6.0)
     monkeypatch.setattr("drivers.simulator.plant.collision.TOOL_TAKES_MM", -0.05)
-    floor.set_up(experiment_1(8.0))
+    floor.set_up(job)
     late_s: list[float] = []
 
     def look(_: object) -> None:
@@ -100,7 +101,7 @@ def test_a_collision_in_a_cut_is_told_before_its_end_and_kept_in_the_record(
             late_s.append(floor.sim.now_s() - floor.sim.collisions[0].time_ms / 1000.0)
 
     floor.looks.append(look)
-    floor.arm(experiment_1(8.0))
+    floor.arm(job)
     state = floor.do(Start())
     assert max(late_s) < 1.1
     assert floor.sim.now_s() - floor.sim.collisions[0].time_ms / 1000.0 > 5.0

@@ -143,11 +143,14 @@ def test_doctor_writes_nothing_without_prove(console: Console, card: Commissione
     assert [line for line in written if not allowed.fullmatch(line.strip("\x18\n "))] == []
 
 
-def test_doctor_proves_when_asked(console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_proves_when_asked_and_a_simulated_machine_leaves_no_record(
+    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+) -> None:
     """On a link that checks no bytes, so that the checksum of each line that moves comes first."""
     monkeypatch.setattr(card.link, "checks_bytes", False)
     said = console("doctor", "--prove", "--json")
-    assert said.code == 0
+    assert (said.code, stop_lines(said)) == (0, {})
+    assert not (data_folder / "trilobe" / "stops").exists()
     proofs = {c["code"]: c["outcome"] for c in said.json["checks"] if c["group"] == "proofs"}
     assert proofs == {f"proof_{name}": "holds" for name in names_of(card.machine)}
 
@@ -167,18 +170,6 @@ def test_iron_is_not_moved_without_its_name(
     assert not any("J" in line or "OPEN" in line or "DEFINE" in line for line in card.lines)
 
 
-@on_one
-def test_iron_is_moved_when_its_name_is_typed(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    real(card, monkeypatch)
-    terminal = io.StringIO("lee-2001-lathe\n")
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr("sys.stdin", terminal)
-    assert console("doctor", "--prove").code == 0
-    assert "#2J/" in card.lines
-
-
 def stop_lines(said: Any) -> dict[str, str]:
     """What is said of the stop record, by its code."""
     codes = {c["code"]: c["outcome"] for c in said.json["checks"]}
@@ -186,12 +177,16 @@ def stop_lines(said: Any) -> dict[str, str]:
 
 
 @on_one
-def test_a_proven_machine_of_iron_has_a_stop_record_until_it_stops_otherwise(
+def test_iron_is_moved_when_its_name_is_typed_and_has_a_stop_record_until_it_stops_otherwise(
     console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, data_folder: Path
 ) -> None:
     real(card, monkeypatch)
     assert stop_lines(console("doctor", "--json")) == {"stops_no_record": "warned"}
-    proven = console("doctor", "--prove", "--yes", "--json")
+    terminal = io.StringIO("lee-2001-lathe\n")
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stdin", terminal)
+    proven = console("doctor", "--prove", "--json")
+    assert "#2J/" in card.lines
     assert (proven.code, stop_lines(proven)) == (0, {"stop_record": "holds"})
     assert card.client.numbers("P1000") == (0.0,)  # nobody is left to own the machine
     (file,) = (data_folder / "trilobe" / "stops").iterdir()
@@ -205,13 +200,6 @@ def test_a_proven_machine_of_iron_has_a_stop_record_until_it_stops_otherwise(
     monkeypatch.setattr(bounds, lambda speed, rate, late_ms: StoppingDistance(0.0, 0.0))
     assert console("doctor", "--prove", "--yes").code == 1
     assert not file.exists()
-
-
-@on_one
-def test_a_simulated_machine_leaves_no_record(console: Console, card: Commissioned, data_folder: Path) -> None:
-    said = console("doctor", "--prove", "--json")
-    assert (said.code, stop_lines(said)) == (0, {})
-    assert not (data_folder / "trilobe" / "stops").exists()
 
 
 @on_one

@@ -26,6 +26,7 @@ from profiles.machine import MachineProfile
 from profiles.roundness import evaluate
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
+from tests.compact import CLOSE_TOGETHER, close_together
 from tests.drivers.cut_floor import with_inverter
 
 Console = Callable[..., Any]
@@ -34,7 +35,7 @@ JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.6)
 
 @pytest.fixture(scope="module")
 def machine() -> MachineProfile:
-    return with_inverter(load_machine("lee-2001-lathe").machine)
+    return close_together(with_inverter(load_machine("lee-2001-lathe").machine))
 
 
 class Floor:
@@ -110,15 +111,19 @@ def test_jaw_1_is_known_from_the_zero_of_the_strategy(
     assert [problem.code for problem in of_zero(machine, strategy, jaw_found=jaw_found)] == code
 
 
-def test_the_command_cuts_without_a_part_to_compare_with(console: Console, tmp_path: Path) -> None:
+def test_the_command_cuts_without_a_part_to_compare_with(
+    console: Console, tmp_path: Path, job_file: Callable[..., Path]
+) -> None:
     text = load_machine("lee-2001-lathe").path.read_text(encoding="utf-8")
     drive = 'drive = "inverter"\nramp_rpm_per_s = 500.0\nslip_rpm = 60.0\npeak_torque_n_m = 50.0'
     text = text.replace('["#1->X", "#2->Y", "#3->Z"]', '["#1->X", "#3->Z"]').replace(
         "peak_torque_n_m = 50.0", drive
     )
+    for usual, near in CLOSE_TOGETHER.items():
+        text = text.replace(usual, near)
     file = tmp_path / "inverter.toml"
     file.write_text(text, encoding="utf-8")
-    words = ("run", "lee-2001-experiment-1", "--sim", "--machine", str(file), "--strategy", "timebase", "--json")
-    result = console(*words).json
+    words = ("--sim", "--machine", str(file), "--strategy", "timebase", "--json")
+    result = console("run", str(job_file(cut_length_mm="0.6")), *words).json
     assert result["before"] is None and result["improvement_percent"] is None
     assert result["after"]["RONt_um"] < 1.0

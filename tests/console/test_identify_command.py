@@ -60,8 +60,7 @@ def typed(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", terminal)
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("strategy", ["pvt", "cam", "timebase"])
+@pytest.mark.parametrize(("strategy", "language"), [("pvt", "en"), ("cam", "ko"), ("timebase", "en")])
 def test_the_table_is_printed_and_kept(console: Console, data_folder: Path, strategy: str, language: str) -> None:
     said = console("identify", "--sim", "--strategy", strategy, "--lang", language, *SHORT)
     assert (said.code, said.err) == (0, "")

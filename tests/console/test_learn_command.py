@@ -29,7 +29,7 @@ PLAIN = ("--sim", "--json")
 @pytest.fixture
 def ring(job_file: JobFile) -> str:
     """Experiment 1 over a few turns."""
-    return str(job_file(cut_length_mm="1.0", feed_mm_per_rev="0.1"))
+    return str(job_file(cut_length_mm="0.8", feed_mm_per_rev="0.1"))
 
 
 @pytest.fixture

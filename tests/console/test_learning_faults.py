@@ -30,7 +30,7 @@ from profiles.store import load_job
 from tests.compact import compact_machine
 
 MACHINE = compact_machine().machine
-JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=3.0)
+JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=2.0)
 IN_CUT_S = 4.5
 """Behind the start of the cut of a part: its way to the row of zeros takes 2.4 s, its run-up 0.8 s."""
 

@@ -21,8 +21,8 @@ JobFile = Callable[..., Path]
 
 pytestmark = pytest.mark.timeout(300)
 
-HALF_MM = "4.0"
-"""Half the cut of the paper's jobs: there is less of it to learn from, and the limits are the same."""
+HALF_MM, QUARTER_MM = "4.0", "2.0"
+"""Half and a quarter of the cut of the paper's jobs: there is less to learn from, and the limits are the same."""
 
 
 def test_the_first_part_is_round_within_5_um_and_the_third_as_round_as_the_machine(
@@ -65,7 +65,7 @@ def test_the_first_part_is_round_within_5_um_and_the_third_as_round_as_the_machi
 def test_a_gain_that_is_wrong_by_a_tenth_is_learned_in_air(
     console: Console, close: tuple[str, str], tmp_path: Path, job_file: JobFile
 ) -> None:
-    job = str(job_file(lobe_error_um_pp="33.0", cut_length_mm=HALF_MM))
+    job = str(job_file(lobe_error_um_pp="33.0", cut_length_mm=QUARTER_MM))
     plant = tmp_path / "weak.toml"
     plant.write_text(OFF, encoding="utf-8")
     words = (*close, "--sim", "--plant", str(plant), "--seed", "5", "--strategy", "cam", "--learn", "1", "--json")

@@ -28,6 +28,7 @@ from console.session.station.commands import (
     TakeControl,
     TakeJaw,
     TakeTouchOff,
+    TakeTrace,
     Verify,
 )
 from console.session.station.handlers import HANDLERS
@@ -59,6 +60,7 @@ REFUSED: tuple[Command, ...] = (
     Start(),
     Retract(),
     Measure(),
+    TakeTrace(path=Path("part.csv"), job=JOB, loaded=None, answers={}),
 )
 
 

@@ -16,7 +16,7 @@ from console.session.station.progress import CutStage
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import Snapshot
 from profiles.compensations.path import LobedPath
-from tests.console.floor import Floor, experiment_1, open_floor
+from tests.console.floor import Floor, experiment_1, open_floor, set_up_once
 
 
 def path(lobe_um_pp: float, lobes: int = 3) -> LobedPath:
@@ -95,11 +95,9 @@ def test_realistic_cuts_by_the_model_do_not_cry_wolf(tmp_path: Path, seed: int, 
     assert floor.state.alarms == ()
 
 
-def test_out_of_phase_is_over_with_its_cut_and_leaves_when_it_was_seen(tmp_path: Path) -> None:
+def test_out_of_phase_is_over_with_its_cut_and_leaves_when_it_was_seen(tmp_path: Path, in_copies: None) -> None:
     """Half the gain of the tool is a lag. After the cut the operator acknowledges, and cuts a good part."""
-    floor = open_floor(tmp_path)
-    job = experiment_1(2.0)
-    floor.set_up(job)
+    floor, job = set_up_once(tmp_path), experiment_1(2.0)
     motor = floor.context.machine.tool.motor
     gain = floor.context.machine.controller.variables[f"I{motor}30"]
 

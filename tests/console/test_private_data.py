@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from datetime import date
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from console.session.data.kept_files import jobs_folder
 from console.session.data.records import RunRecord
 from console.session.station.owning import LOG_NAME, take_lock
 from console.session.work import opened, saved_as
+from drivers.commissioning.stop_record import StopRecord
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.machine import SimulatedLathe
 from profiles.files import write_atomically
@@ -40,10 +42,13 @@ def records(data: Path) -> None:
     assert {path.name for path in data.iterdir()} > {"records.sqlite3", "records.sqlite3-wal"}
 
 
+@cache
+def stop_record() -> StopRecord:
+    return stop_records.simulated_record(load_machine(MACHINE).machine, DIALECTS["pmac"], date(2001, 11, 30))
+
+
 def keeps_a_stop_record(data: Path) -> None:
-    machine = load_machine(MACHINE).machine
-    record = stop_records.simulated_record(machine, DIALECTS["pmac"], date(2001, 11, 30))
-    stop_records.store(data, machine, record)
+    stop_records.store(data, load_machine(MACHINE).machine, stop_record())
 
 
 def locks(data: Path) -> None:

@@ -15,7 +15,7 @@ from drivers.cutting.planning import plan_cut
 from drivers.cutting.strategy import Strategy
 from drivers.simulator.machine import SimulatedLathe
 from tests.compact import compact_machine
-from tests.console.floor import experiment_1, open_floor
+from tests.console.floor import experiment_1, set_up_once
 
 CUT_MM = 0.5
 REWRITES = [
@@ -36,9 +36,10 @@ def started(sim: SimulatedLathe) -> bool:
 
 
 @pytest.mark.parametrize(("line", "code"), REWRITES)
-def test_the_screens_refuse_it_before_anything_moves(tmp_path: Path, line: str, code: str) -> None:
-    floor, job = open_floor(tmp_path), experiment_1(CUT_MM)
-    floor.set_up(job)
+def test_the_screens_refuse_it_before_anything_moves(
+    tmp_path: Path, in_copies: None, line: str, code: str
+) -> None:
+    floor, job = set_up_once(tmp_path), experiment_1(CUT_MM)
     assert floor.arm(job).armed is not None
     before = floor.lathe.snapshot()
     rewrite(floor.sim, line)

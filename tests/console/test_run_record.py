@@ -246,8 +246,8 @@ def test_a_run_that_goes_on_is_not_told_as_killed(data: Path) -> None:
 def test_the_next_run_tells_of_one_that_was_killed(
     console: Console, close: tuple[str, str], job_file: JobFile, data_folder: Path
 ) -> None:
-    job, data = str(job_file(cut_length_mm="1.0")), data_folder / "trilobe"
-    words = ("run", job, "--sim", *close, "--json")
+    job, data = str(job_file(cut_length_mm="0.5")), data_folder / "trilobe"
+    words = ("run", job, "--sim", *close, "--strategy", "none", "--json")
     first = console(*words)
     assert first.code == 0 and "was killed" not in first.err
     for _ in range(2):

@@ -13,17 +13,19 @@ from console.session.station.commands import Recover, Start
 from console.session.station.progress import CutStage
 from drivers.errors import LinkError
 from profiles.problem import Problem
-from tests.console.floor import Floor, experiment_1, open_floor
+from tests.console.floor import Floor, experiment_1, set_up_once
 
 
 @pytest.fixture
-def cutting(tmp_path: Path) -> Floor:
-    """A lathe that is stopped in the part, as soon as it is started."""
-    floor = open_floor(tmp_path)
-    floor.set_up(experiment_1())
+def floor(tmp_path: Path, in_copies: None) -> Floor:
+    return set_up_once(tmp_path)
+
+
+def stopped_in_the_part(floor: Floor) -> None:
+    """Arm it, start it, and stop it in the part."""
     floor.arm(experiment_1())
     floor.when(lambda _: in_the_part(floor), lambda: floor.stop.stop("space"))
-    return floor
+    floor.do(Start())
 
 
 def in_the_part(floor: Floor) -> bool:
@@ -31,45 +33,43 @@ def in_the_part(floor: Floor) -> bool:
     return cut is not None and cut.stage is CutStage.CUT and cut.turn > 5.0
 
 
-def events(data: Path) -> list[tuple[str, bool | None]]:
+def events(floor: Floor) -> list[tuple[str, bool | None]]:
     """What is in the record behind the start, each with whether rest was proven."""
-    with closing(sqlite3.connect(data / "records.sqlite3")) as database:
+    with closing(sqlite3.connect(floor.context.records / "records.sqlite3")) as database:
         found = database.execute("SELECT kind, data FROM events ORDER BY number").fetchall()
     assert [kind for kind, _ in found[:2]] == ["armed", "started"]
     return [(kind, json.loads(data).get("proven")) for kind, data in found[2:]]
 
 
-def test_a_stop_that_is_asked_for_again_and_again_is_one_stop(cutting: Floor, tmp_path: Path) -> None:
-    cutting.do(Start())
+def test_a_stop_that_is_asked_for_again_and_again_is_one_stop(floor: Floor) -> None:
+    stopped_in_the_part(floor)
     for _ in range(2):
-        cutting.stop.stop("space")
-        cutting.idle()
-    assert events(tmp_path) == [("stopped", True)]
-    cutting.stop.kill("escape")
-    cutting.idle()
-    cutting.idle()
-    assert events(tmp_path) == [("stopped", True), ("killed", True)]
-    cutting.station.close("quit")
-    assert events(tmp_path) == [("stopped", True), ("killed", True)]
+        floor.stop.stop("space")
+        floor.idle()
+    assert events(floor) == [("stopped", True)]
+    floor.stop.kill("escape")
+    floor.idle()
+    floor.idle()
+    assert events(floor) == [("stopped", True), ("killed", True)]
+    floor.station.close("quit")
+    assert events(floor) == [("stopped", True), ("killed", True)]
 
 
-def test_a_stop_after_going_on_is_another(cutting: Floor, tmp_path: Path) -> None:
-    cutting.do(Start())
-    cutting.do(Recover())
-    cutting.stop.stop("space")
-    cutting.idle()
-    assert events(tmp_path) == [("stopped", True), ("stopped", True)]
+def test_a_stop_after_going_on_is_another(floor: Floor) -> None:
+    stopped_in_the_part(floor)
+    floor.do(Recover())
+    floor.stop.stop("space")
+    floor.idle()
+    assert events(floor) == [("stopped", True), ("stopped", True)]
 
 
-def test_rest_that_is_proven_late_is_no_other_stop(
-    cutting: Floor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rest_that_is_proven_late_is_no_other_stop(floor: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
     def silent() -> None:
         raise LinkError(Problem(code="link.silent"))
 
     with monkeypatch.context() as broken:
-        broken.setattr(cutting.lathe, "wait_for_rest", silent)
-        cutting.do(Start())
-        cutting.idle()
-    cutting.idle()
-    assert events(tmp_path) == [("stopped", False), ("at_rest", None)]
+        broken.setattr(floor.lathe, "wait_for_rest", silent)
+        stopped_in_the_part(floor)
+        floor.idle()
+    floor.idle()
+    assert events(floor) == [("stopped", False), ("at_rest", None)]

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from console.session.station.commands import Recover, Retract, Start
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity
 from drivers.cutting.planning import Strategy
-from tests.console.floor import experiment_1, open_floor
+from tests.console.floor import experiment_1, set_up_once
 
 
-def test_after_a_stop_on_a_table_f8_leaves_nothing_of_it(tmp_path: Path) -> None:
-    floor = open_floor(tmp_path)
-    job = replace(experiment_1(), cut_length_mm=2.0)
-    floor.set_up(job)
+def test_after_a_stop_on_a_table_f8_leaves_nothing_of_it(tmp_path: Path, in_copies: None) -> None:
+    floor, job = set_up_once(tmp_path), experiment_1()
     assert floor.arm(job, Strategy.CAM).armed is not None
     floor.when(
         lambda _: floor.state.cut is not None and floor.state.cut.stage is CutStage.CUT,

@@ -17,7 +17,7 @@ from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_sto
 from drivers.link.base import StopWay
 from profiles.findings import Severity
 from profiles.store import load_machine
-from tests.console.floor import Floor, experiment_1, open_floor
+from tests.console.floor import Floor, experiment_1, set_up_once
 from tests.drivers.commissioned import commissioned
 
 TODAY = date(2026, 3, 1)
@@ -25,8 +25,8 @@ MACHINE = load_machine("lee-2001-lathe").machine
 
 
 @pytest.fixture
-def floor(tmp_path: Path) -> Floor:
-    return open_floor(tmp_path)
+def floor(tmp_path: Path, in_copies: None) -> Floor:
+    return set_up_once(tmp_path)
 
 
 def alarms(floor: Floor) -> list[str]:
@@ -36,7 +36,6 @@ def alarms(floor: Floor) -> list[str]:
 def test_an_armed_cut_is_disarmed_and_the_operator_is_told_once(floor: Floor) -> None:
     job = experiment_1()
     floor.link.stop_way = StopWay.RESERVED
-    floor.set_up(job)
     assert floor.arm(job).armed is not None
     assert alarms(floor) == []
     floor.link.stop_way = StopWay.LOST
@@ -50,7 +49,6 @@ def test_an_armed_cut_is_disarmed_and_the_operator_is_told_once(floor: Floor) ->
 
 def test_a_cut_that_was_armed_before_is_not_begun(floor: Floor) -> None:
     job = experiment_1()
-    floor.set_up(job)
     floor.arm(job)
     before = floor.state.snapshot
     floor.link.stop_way = StopWay.LOST

@@ -16,7 +16,7 @@ from console.session.station.progress import CutProgress, CutStage, CutWatch, Sy
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.snapshot import driven_axes
 from profiles.store import load_machine
-from tests.console.floor import experiment_1, open_floor
+from tests.console.floor import experiment_1, set_up_once
 from tests.drivers.cut_floor import with_inverter
 from tests.tui.machine_states import ON, look_at
 
@@ -107,15 +107,14 @@ def told_in(seen: Sequence[CutProgress], *stages: CutStage) -> list[Synchronisat
         (Strategy.PAPER, [QUEUED], [None, LOST]),
     ],
 )
-def test_a_cut_is_queued_and_then_in_sync_or_lost(
+def test_an_undisturbed_cut_is_queued_then_in_sync_or_lost_and_done(
     tmp_path: Path,
+    in_copies: None,
     strategy: Strategy,
     before: list[Synchronisation | None],
     inside: list[Synchronisation | None],
 ) -> None:
-    floor = open_floor(tmp_path)
-    job = replace(experiment_1(), cut_length_mm=2.0)
-    floor.set_up(job)
+    floor, job = set_up_once(tmp_path), experiment_1()
     floor.arm(job, strategy)
     seen: list[CutProgress] = []
     floor.looks.append(lambda _: seen.append(floor.state.cut) if floor.state.cut else None)
@@ -125,3 +124,5 @@ def test_a_cut_is_queued_and_then_in_sync_or_lost(
     assert told_in(seen, CutStage.CUT) == inside
     assert told_in(seen, CutStage.POSITION, CutStage.RETRACT) == [None]
     assert floor.state.cut is not None and floor.state.cut.synchronisation is None
+    alarms = [alarm.problem.code for alarm in floor.state.alarms]
+    assert floor.state.cut_done and alarms == (["cut.out_of_phase"] if LOST in inside else [])

@@ -9,16 +9,14 @@ import pytest
 from console.session.station.commands import Disarm, Recover, Retract, Start
 from console.session.station.progress import CutStage
 from drivers.cutting.planning import Strategy
-from tests.console.floor import Floor, experiment_1, open_floor
+from tests.console.floor import Floor, experiment_1, set_up_once
 
-JOB = experiment_1(2.0)
+JOB = experiment_1()
 
 
 @pytest.fixture
-def floor(tmp_path: Path) -> Floor:
-    made = open_floor(tmp_path)
-    made.set_up(JOB)
-    return made
+def floor(tmp_path: Path, in_copies: None) -> Floor:
+    return set_up_once(tmp_path)
 
 
 def as_its_profile_says(floor: Floor) -> bool:

@@ -23,10 +23,11 @@ from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.job import Job
-from profiles.store import load_job, load_machine
+from profiles.store import load_job
+from tests.compact import compact_machine
 
 JOB = load_job("lee-2001-experiment-1").job
-MACHINE = load_machine("lee-2001-lathe").machine
+MACHINE = compact_machine().machine
 RUN = {
     "software": "x",
     "job": "j",

@@ -55,15 +55,15 @@ class Seen:
     done: bool
 
 
-LONG_WAY = frozenset({Situation.CUTTING, Situation.STOPPING})
-"""What takes long to come to: the way there is made once, and gone on from for each fault."""
+SHORT_WAY = frozenset({Situation.OFF, Situation.IDLE})
+"""What is come to at once. To everything else the way is made once, and gone on from for each fault."""
 
 _WAYS: dict[tuple[Situation, Strategy], Branching[Row, Seen]] = {}
 
 
 def run_cell(row: Row, situation: Situation, records: Path) -> Seen:
     """Have a fault in a situation, wait until the console has come to an end, mend it, and look on."""
-    if row.early or situation not in LONG_WAY:
+    if row.early or situation in SHORT_WAY:
         return _cell(situation, records, row.strategy, lambda: row, early=row.early)
     way = situation, row.strategy
     if way not in _WAYS:

@@ -27,6 +27,13 @@ from profiles.store import load_job
 from tests.compact import compact_machine as compact_machine
 from tests.matrix.truth import WatchedLathe, Wiretap
 
+RUN_OUT_S, TIMEOUT_S = 20.0, 6.0
+"""A spindle at 1000 rpm runs out in 16 s, a carriage sooner, and any search for a zero is over in 5 s.
+
+A machine that does not answer is given up then: in the first time where something may run out, in the second where
+nothing does.
+"""
+
 
 @dataclass(kw_only=True)
 class Watched:

@@ -44,6 +44,10 @@ MOVING = frozenset({Situation.JOGGING, Situation.HOMING, Situation.CUTTING})
 """Where something moves that nobody has stopped."""
 
 
+RUNNING_OUT = frozenset({Situation.OFF, Situation.JOGGING, Situation.CUTTING, Situation.STOPPING})
+"""Where an axis may run out: spindle or carriage, or what another host moves behind drives that are off."""
+
+
 @dataclass(kw_only=True)
 class Begun:
     """`fault` lets the fault happen, once; `at_s` is when it did. An `early` one is there before the order."""

@@ -16,14 +16,13 @@ from tests.matrix.faults import NO_FAULT, ROWS
 from tests.matrix.headless import INTERRUPT, Moment, Part, make
 from tests.matrix.headless_expected import HEADLESS, KNOWN, TRIED, right_of
 from tests.matrix.judging import sent_fits, strongest, told_fits
-from tests.matrix.test_fault_matrix import TIMEOUT_S
+from tests.matrix.rig import TIMEOUT_S, RUN_OUT_S
 
 BY_NAME = {row.name: row for row in (*ROWS, INTERRUPT)}
 
 
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", TIMEOUT_S)
+STANDING = (Moment.CLAIMING, Moment.LOADING, Moment.HOMING, Moment.CHECKING)
+"""Where nothing may have to run out."""
 
 
 _USUAL: list[tuple[str, ...]] = []
@@ -49,7 +48,11 @@ def sent_otherwise(part: Part, records: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(("name", "moment"), TRIED, ids=[f"{name}-{moment}" for name, moment in TRIED])
-def test_a_part_with_a_fault_ends_as_it_should(name: str, moment: Moment, tmp_path: Path) -> None:
+def test_a_part_with_a_fault_ends_as_it_should(
+    name: str, moment: Moment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    timeout_s = TIMEOUT_S if moment in STANDING else RUN_OUT_S
+    monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", timeout_s)
     part = make(BY_NAME[name], moment, tmp_path)
     target = right_of(name, moment)
     said = f"{part.end}, {' '.join(strongest(part.sent))}: {' '.join(part.codes)}"

@@ -59,13 +59,15 @@ def test_a_jaw_that_is_elsewhere_is_named_with_its_angle(off_deg: float, jaws: i
 def test_a_jaw_25_degrees_off_is_also_seen_after_half_the_compensation() -> None:
     job = filed()
     first, *_ = said(lobe_um(job, further_deg=25.0) - 0.5 * lobe_um(job), job, fraction=0.5)
-    assert (first.kind, first.value) == (CauseKind.ANGLE, pytest.approx(25.0, abs=0.5))
+    assert first.kind is CauseKind.ANGLE
+    assert first.value == pytest.approx(25.0, abs=0.5)
 
 
 def test_a_lobe_that_stands_half_a_period_off_is_an_angle() -> None:
     job = filed()
     first, *_ = said(lobe_um(job, further_deg=60.0) - lobe_um(job), job)
-    assert (first.kind, first.value) == (CauseKind.ANGLE, pytest.approx(60.0))
+    assert first.kind is CauseKind.ANGLE
+    assert first.value == pytest.approx(60.0)
 
 
 def test_a_tool_that_moves_the_wrong_way_is_named() -> None:
@@ -80,19 +82,21 @@ def test_a_tool_that_moves_the_wrong_way_is_named() -> None:
 def test_a_path_that_arrives_in_part_is_named_with_the_part(arrives: float) -> None:
     job = filed()
     first, *_ = said(lobe_um(job) * (1.0 - arrives), job)
-    assert (first.kind, first.value) == (CauseKind.ARRIVES, pytest.approx(arrives, abs=0.01))
+    assert first.kind is CauseKind.ARRIVES
+    assert first.value == pytest.approx(arrives, abs=0.01)
 
 
 @pytest.mark.parametrize("percent", [-20.0, -10.0, 10.0, 20.0])
 def test_another_chucking_force_is_named_with_its_difference(percent: float) -> None:
     job = filed()
     first, *_ = said(lobe_um(job, larger=1.0 + percent / 100.0) - lobe_um(job), job)
-    assert (first.kind, 100.0 * first.value) == (CauseKind.FORCE, pytest.approx(percent, abs=0.5))
+    assert first.kind is CauseKind.FORCE
+    assert 100.0 * first.value == pytest.approx(percent, abs=0.5)
 
 
 @pytest.mark.parametrize("jaw", [1, 2, 3])
 def test_a_jaw_that_presses_harder_is_named_with_its_number(jaw: int) -> None:
-    """A ring under one more radial force: harmonics 1 / (n^2 - 1)^2, all with a maximum at that jaw once released."""
+    """A ring under one more radial force: harmonics 1 / (n^2 - 1)^2, with a maximum at that jaw once released."""
     job = filed()
     at = np.radians(ANGLE_DEG - job.jaw_1_deg - (jaw - 1) * 120.0)
     harder_um = sum(3.0 * (9.0 / (n**2 - 1) ** 2) * np.cos(n * at) for n in range(2, 12))

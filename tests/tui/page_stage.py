@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+from rich.cells import cell_len
 from textual.pilot import Pilot
 
 from console.session.station.commands import Command
@@ -15,10 +16,13 @@ from console.session.station.state import Activity, StationState
 from console.session.work import Work
 from console.tui.keymap import PageName
 from console.tui.page import Page
-from console.tui.ui_context import View
+from console.tui.ui_context import UiContext, View
 from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, experiment, grid, ui_for
 
 READY = StationState(activity=Activity.READY)
+
+NEXT_STEP_CELLS = 77
+"""What the row of the next step has room for on 80 columns."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,61 @@ def shown_on(
         stops=control.stops,
         said=[problem.code for problem in ui.said],
     )
+
+
+def shown_in_turn(
+    page_class: type[Page],
+    states: Mapping[str, StationState],
+    *actions: str,
+    size: tuple[int, int] = (80, 24),
+    language: str = "en",
+) -> dict[str, Shown]:
+    """Show one state after the other on the same page, press keys in each, and look at the page."""
+    control = FixedControl(StationState())
+    job = experiment()
+    ui = ui_for(control, Path("/nowhere"), language, job)
+    page = page_class(ui)
+    seen: dict[str, Shown] = {}
+
+    async def run() -> None:
+        app = PageStage(page, View(state=control.state, work=job, now_s=100.0))
+        async with app.run_test(size=(size[0], size[1] - FRAME_ROWS)) as pilot:
+            for name, now in states.items():
+                page.leave()
+                control.state, control.orders, ui.said = now, [], ()
+                view = View(state=now, work=job, now_s=100.0)
+                page.show(view)
+                await pilot.pause()
+                for action in actions:
+                    page.act(action)
+                for _ in range(2):
+                    page.show(view)
+                    await pilot.pause()
+                next_step = "".join(words for words, _ in page.next_step(view))
+                said = _codes(ui)
+                seen[name] = Shown(grid(app), next_step, control.orders, control.stops, said)
+
+    asyncio.run(run())
+    return seen
+
+
+def _codes(ui: UiContext) -> list[str]:
+    return [problem.code for problem in ui.said]
+
+
+def too_wide(shown: Mapping[str, Shown], size: tuple[int, int], texts: str) -> list[str]:
+    """Name the states in which a page does not fit the terminal, or shows a key of these texts for its words."""
+    wrong = []
+    for name, page in shown.items():
+        rows = page.text.splitlines()
+        if len(rows) > size[1] - FRAME_ROWS:
+            wrong.append(f"{name}: {len(rows)} rows")
+        wrong += [f"{name}: {row}" for row in rows if cell_len(row) > size[0]]
+        if cell_len(page.next_step) > NEXT_STEP_CELLS:
+            wrong.append(f"{name}: {page.next_step}")
+        if texts in page.text + page.next_step:
+            wrong.append(f"{name}: a key stands for its words")
+    return wrong
 
 
 class PageScene:

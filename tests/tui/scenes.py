@@ -34,9 +34,9 @@ from drivers.preview.preview import Preview, preview
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
 from profiles.roundness import evaluate
-from profiles.store import LoadedJob, load_job, load_machine, save_job
+from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
-from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment
+from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
 CLOCK = datetime(2026, 1, 2, 8, 52)
 NOW_S = 100.0
@@ -196,7 +196,7 @@ def taught(part: MeasuredPart) -> MeasuredPart:
 
 @cache
 def previewed(job: Job) -> Preview:
-    return preview(job, load_machine(MACHINE).machine)
+    return preview(job, lathe().machine)
 
 
 def fill(data: Path) -> None:
@@ -241,7 +241,7 @@ def application(
         text=load(language),
         palette=palette,
         control=control,
-        machine=load_machine(MACHINE),
+        machine=lathe(),
         data=data,
         local_time=lambda: CLOCK,
         ticking=False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 from textual.app import App, ComposeResult
@@ -15,7 +16,7 @@ from console.tui.app import ConsoleApp
 from console.tui.page import Page
 from console.tui.theme import COLOUR, DARK_THEME
 from console.tui.ui_context import UiContext, View
-from profiles.store import load_job, load_machine
+from profiles.store import LoadedMachine, load_job, load_machine
 
 SIZES = ((80, 24), (100, 30), (160, 48))
 FRAME_ROWS = 6
@@ -55,9 +56,16 @@ class FixedControl:
         pass
 
 
+@cache
+def lathe() -> LoadedMachine:
+    """The lathe of the paper; its file is read once."""
+    return load_machine(MACHINE)
+
+
+@cache
 def experiment() -> Work:
     """Experiment 1 of the paper, as it is saved, on its machine."""
-    return opened(load_job(EXPERIMENT), load_machine(MACHINE))
+    return opened(load_job(EXPERIMENT), lathe())
 
 
 def ui_for(control: FixedControl, data: Path, language: str = "en", work: Work | None = None) -> UiContext:
@@ -65,7 +73,7 @@ def ui_for(control: FixedControl, data: Path, language: str = "en", work: Work |
         text=load(language),
         palette=COLOUR,
         control=control,
-        machine=load_machine(MACHINE),
+        machine=lathe(),
         data=data,
         go=lambda _: None,
     )

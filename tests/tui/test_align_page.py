@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rich.cells import cell_len
 
 from console.session.cut.alignment import Alignment
-from console.session.station.state import Activity, StationState, StopState
+from console.session.station.state import Activity, StopState
 from console.session.work import edited
 from console.text.catalogue import load
 from console.tui.pages.align import AlignPage
@@ -32,33 +31,28 @@ from tests.tui.align_stage import (
     words_of,
 )
 from tests.tui.machine_states import CLAMPED, ON
-from tests.tui.stage import FRAME_ROWS, LANGUAGES, MACHINE, SIZES, FixedControl, PageStage, experiment, ui_for
+from tests.tui.page_stage import shown_in_turn, too_wide
+from tests.tui.stage import LANGUAGES, MACHINE, SIZES, FixedControl, PageStage, experiment, ui_for
 
 STOPPING = StopState(reason="space", killed=False, sent_s=99.9)
 
 
+STATES = {
+    "nothing done": state(Alignment()),
+    "jaw not found": state(NO_JAW),
+    "jaw off": state(VALID),
+    "all done": state(VALID, seen=NEAR),
+    "lost": state(VALID, activity=Activity.LOST),
+    "tool in part": state(OTHER, snapshot=IN_PART),
+    "in part and off": state(OTHER, snapshot=look(OFF | {"home_complete"}, carriage_mm=172.0)),
+}
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("size", [*SIZES, (60, 18)])
-@pytest.mark.parametrize(
-    "now",
-    [
-        state(Alignment()),
-        state(NO_JAW),
-        state(VALID),
-        state(VALID, seen=NEAR),
-        state(VALID, activity=Activity.LOST),
-        state(OTHER, snapshot=IN_PART),
-        state(OTHER, snapshot=look(OFF | {"home_complete"}, carriage_mm=172.0)),
-    ],
-    ids=["nothing done", "jaw not found", "jaw off", "all done", "lost", "tool in part", "in part and off"],
-)
-def test_no_row_is_wider_than_the_terminal(size: tuple[int, int], language: str, now: StationState) -> None:
-    page = shown(now, "align.enable", size=size, language=language)
-    rows = page.text.splitlines()
-    assert len(rows) <= size[1] - FRAME_ROWS
-    assert max(cell_len(row) for row in rows) <= size[0]
-    assert cell_len(page.next_step) <= 77
-    assert "align_page." not in page.text + page.next_step
+def test_no_row_is_wider_than_the_terminal(size: tuple[int, int], language: str) -> None:
+    pages = shown_in_turn(AlignPage, STATES, "align.enable", size=size, language=language)
+    assert too_wide(pages, size, "align_page.") == []
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -149,18 +149,28 @@ def test_what_cannot_be_planned_is_said_and_the_rest_is_shown() -> None:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("strategy", ["pvt", "paper", "none"])
 @pytest.mark.parametrize("room", [*ROOMS, SMALLEST_ROOM])
-def test_every_strategy_with_what_it_leaves_is_on_the_page(
-    room: tuple[int, int], strategy: str, language: str
-) -> None:
-    text = shown(previewed(strategy), room, language)
-    rows = text.split("\n")
-    assert all(cell_len(row) <= room[0] for row in rows)
-    assert len(rows) <= room[1]
-    for name, left in (("pvt", "0.0 um"), ("paper", "28.1 um"), ("none", "55.0 um")):
-        row = next(row for row in rows if f" {name} " in row and left in row)
-        assert ("▸" in row) == (name == strategy)
+def test_every_strategy_with_what_it_leaves_is_on_the_page(room: tuple[int, int], language: str) -> None:
+    chosen = ("pvt", "paper", "none")
+    app, page = staged(previewed(chosen[0]), language)
+
+    async def play() -> list[str]:
+        texts = []
+        async with app.run_test(size=room) as pilot:
+            await pilot.pause()
+            for strategy in chosen:
+                page.show(replace(app.view, work=previewed(strategy)))
+                await pilot.pause()
+                texts.append(grid(app))
+        return texts
+
+    for strategy, text in zip(chosen, asyncio.run(play()), strict=True):
+        rows = text.split("\n")
+        assert all(cell_len(row) <= room[0] for row in rows)
+        assert len(rows) <= room[1]
+        for name, left in (("pvt", "0.0 um"), ("paper", "28.1 um"), ("none", "55.0 um")):
+            row = next(row for row in rows if f" {name} " in row and left in row)
+            assert ("▸" in row) == (name == strategy)
 
 
 def test_the_plots_have_their_scale_and_keys() -> None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.cells import cell_len
 
 from console.session.cut.alignment import JawAngle
 from console.session.cut.telemetry import Phase, SpindleRipple
@@ -17,9 +16,11 @@ from console.session.work import edited, with_strategy
 from console.text.catalogue import load
 from console.tui.lines import plain
 from console.tui.pages.cut_lines import bar, gauge, mean_error_um
+from console.tui.pages.run import RunPage
 from console.tui.pages.run_lines import input_lines
 from drivers.cutting.planning import Strategy, plan_cut
 from tests.tui.machine_states import ON
+from tests.tui.page_stage import shown_in_turn, too_wide
 from tests.tui.run_stage import (
     FIGURES,
     GUARDS,
@@ -34,7 +35,7 @@ from tests.tui.run_stage import (
     state,
     stopped,
 )
-from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, experiment
+from tests.tui.stage import LANGUAGES, SIZES, experiment
 
 
 @pytest.fixture(scope="module")
@@ -46,14 +47,9 @@ def armed() -> Armed:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("size", [*SIZES, (60, 18)])
-@pytest.mark.parametrize("name", STATES)
-def test_no_row_is_wider_than_the_terminal(name: str, size: tuple[int, int], language: str) -> None:
-    page = shown(STATES[name], size=size, language=language)
-    rows = page.text.splitlines()
-    assert len(rows) <= size[1] - FRAME_ROWS
-    assert max(cell_len(row) for row in rows) <= size[0]
-    assert cell_len(page.next_step) <= 77
-    assert "run_page." not in page.text + page.next_step
+def test_no_row_is_wider_than_the_terminal(size: tuple[int, int], language: str) -> None:
+    pages = shown_in_turn(RunPage, STATES, size=size, language=language)
+    assert too_wide(pages, size, "run_page.") == []
 
 
 def test_before_the_start_every_condition_has_a_mark_and_a_reason() -> None:

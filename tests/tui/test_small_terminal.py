@@ -22,7 +22,8 @@ Act = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
 
 USUAL = (80, 24)
 TOO_SMALL = ((59, 24), (80, 17), (20, 5), (1, 1))
-STORM = 30
+STORM = 12
+"""Sizes that each page goes through: others on each of them."""
 
 
 def play(page: PageName, act: Act, data: Path, *, size: Size = USUAL, language: str = "en") -> ConsoleApp:
@@ -46,22 +47,15 @@ async def resize(app: ConsoleApp, pilot: Pilot[None], size: Size) -> None:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("size", [(59, 24), (80, 17), (40, 5)])
-def test_a_terminal_that_is_too_small_says_what_it_needs(size: Size, language: str, tmp_path: Path) -> None:
+def test_a_terminal_that_is_too_small_says_what_it_needs(language: str, tmp_path: Path) -> None:
+    """In a few rows the size comes first."""
     text = load(language)
-    target = text("small.say", columns=SMALLEST[0], rows=SMALLEST[1]).split()
+    target = [*text("small.title").split(), *text("small.say", columns=SMALLEST[0], rows=SMALLEST[1]).split()]
 
     async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
-        await resize(app, pilot, size)
-        words = " ".join(rows_of(app)).split()
-        assert words == [*text("small.title").split(), *target]
-
-    play(PageName.RUN, act, tmp_path, language=language)
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_in_a_few_rows_the_size_comes_first(language: str, tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        for size in ((59, 24), (80, 17), (40, 5)):
+            await resize(app, pilot, size)
+            assert " ".join(rows_of(app)).split() == target, size
         await resize(app, pilot, (20, 5))
         rows = rows_of(app)
         assert rows[0].startswith(" SIM ")
@@ -70,21 +64,25 @@ def test_in_a_few_rows_the_size_comes_first(language: str, tmp_path: Path) -> No
     play(PageName.RUN, act, tmp_path, language=language)
 
 
-@pytest.mark.parametrize("size", TOO_SMALL)
-def test_space_stops_there(size: Size, tmp_path: Path) -> None:
+def test_space_stops_there(tmp_path: Path) -> None:
     async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
-        await resize(app, pilot, size)
-        for number, key in enumerate(("space", "f12", "escape"), start=1):
-            await pilot.press(key)
-            assert len(control.stops) == number
-        await pilot.press("f9")
-        assert len(control.kills) == 1
+        for size in TOO_SMALL:
+            await resize(app, pilot, size)
+            control.stops, control.kills = [], []
+            for number, key in enumerate(("space", "f12", "escape"), start=1):
+                await pilot.press(key)
+                assert len(control.stops) == number, size
+            await pilot.press("f9")
+            assert len(control.kills) == 1, size
 
     play(PageName.RUN, act, tmp_path)
 
 
-@pytest.mark.parametrize("page", [PageName.ALIGN, PageName.RUN, PageName.INSPECT])
-def test_no_other_key_does_anything(page: PageName, tmp_path: Path) -> None:
+WITH_KEYS = (PageName.ALIGN, PageName.RUN, PageName.INSPECT)
+
+
+@pytest.mark.parametrize("page", WITH_KEYS)
+def test_no_other_key_does_anything_and_growing_again_brings_the_page_back(page: PageName, tmp_path: Path) -> None:
     keys = [action.keys[0] for action in actions_of(page)]
 
     async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
@@ -94,6 +92,7 @@ def test_no_other_key_does_anything(page: PageName, tmp_path: Path) -> None:
         before, orders = rows_of(app), len(control.orders)
         for size in TOO_SMALL:
             await resize(app, pilot, size)
+            assert rows_of(app) != before, size
             await pilot.press("f6", "1", "?", *keys)
             assert (len(control.orders), control.stops, control.kills) == (orders, [], []), size
             await resize(app, pilot, USUAL)
@@ -113,7 +112,7 @@ def test_a_key_that_means_nothing_stops_what_moves(tmp_path: Path) -> None:
     play(PageName.RUN, act, tmp_path)
 
 
-@pytest.mark.parametrize("size", TOO_SMALL)
+@pytest.mark.parametrize("size", [TOO_SMALL[0], TOO_SMALL[-1]])
 def test_the_console_can_be_left_there(size: Size, tmp_path: Path) -> None:
     async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
         await resize(app, pilot, size)
@@ -123,7 +122,7 @@ def test_the_console_can_be_left_there(size: Size, tmp_path: Path) -> None:
     assert play(PageName.INSPECT, act, tmp_path).return_code == 0
 
 
-@pytest.mark.parametrize("page", PageName)
+@pytest.mark.parametrize("page", sorted({*PageName} - {*WITH_KEYS}))
 def test_growing_again_brings_the_page_back(page: PageName, tmp_path: Path) -> None:
     async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
         before = rows_of(app)
@@ -148,7 +147,7 @@ def test_a_console_that_begins_too_small_can_grow(size: Size, tmp_path: Path) ->
 
 @pytest.mark.parametrize("page", PageName)
 def test_a_storm_of_sizes_breaks_nothing(page: PageName, tmp_path: Path) -> None:
-    chance = random.Random(7)
+    chance = random.Random(page)
     sizes = [(1, 1), *((chance.randint(1, 200), chance.randint(1, 60)) for _ in range(STORM - 2)), (1, 1)]
 
     async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
