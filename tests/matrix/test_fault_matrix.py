@@ -22,7 +22,7 @@ from tests.matrix.faults import ROWS, Row
 from tests.matrix.judging import problems
 from tests.matrix.known import KNOWN
 from tests.matrix.page import page
-from tests.matrix.rig import TIMEOUT_S, RUN_OUT_S, planned_once, record_in_memory
+from tests.matrix.rig import RUN_OUT_S, TIMEOUT_S, planned_once, record_in_memory
 from tests.matrix.situations import RUNNING_OUT, Situation
 
 PAGE = Path(__file__).parents[2] / "docs" / "fault-matrix.md"

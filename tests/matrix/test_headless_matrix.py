@@ -16,7 +16,7 @@ from tests.matrix.faults import NO_FAULT, ROWS
 from tests.matrix.headless import INTERRUPT, Moment, Part, make
 from tests.matrix.headless_expected import HEADLESS, KNOWN, TRIED, right_of
 from tests.matrix.judging import sent_fits, strongest, told_fits
-from tests.matrix.rig import TIMEOUT_S, RUN_OUT_S
+from tests.matrix.rig import RUN_OUT_S, TIMEOUT_S
 
 BY_NAME = {row.name: row for row in (*ROWS, INTERRUPT)}
 

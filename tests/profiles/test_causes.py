@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from profiles.arrays import Floats, floats
 from profiles.compensations.causes import Cause, CauseKind, causes
 from profiles.compensations.next_version import CutWith
 from profiles.compensations.part_harmonics import part_harmonics
@@ -28,13 +29,13 @@ def filed(jaws: int = 3) -> Job:
     return replace(job, jaws=jaws, lobe_error_um_pp=55.0, lobe_phase_deg=50.0, lobe_past_jaw_deg=10.0, assumed=())
 
 
-def lobe_um(job: Job, *, larger: float = 1.0, further_deg: float = 0.0) -> np.ndarray:
+def lobe_um(job: Job, *, larger: float = 1.0, further_deg: float = 0.0) -> Floats:
     phase_deg = job.lobe_phase_deg + further_deg
-    return larger * 0.5 * job.lobe_error_um_pp * np.cos(job.jaws * np.radians(ANGLE_DEG - phase_deg))
+    return floats(larger * 0.5 * job.lobe_error_um_pp * np.cos(job.jaws * np.radians(ANGLE_DEG - phase_deg)))
 
 
 def said(
-    left_um: np.ndarray, job: Job, *, fraction: float = 1.0, noise_um: float = 0.1, scatter_um: float = 0.0
+    left_um: Floats, job: Job, *, fraction: float = 1.0, noise_um: float = 0.1, scatter_um: float = 0.0
 ) -> tuple[Cause, ...]:
     """The causes of a part that has this left, after a cut by the model, with a gauge that has this noise."""
     noise = np.random.default_rng(4).normal(scale=noise_um, size=ANGLE_DEG.size)
