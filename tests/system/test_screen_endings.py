@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import signal
-import sqlite3
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -191,36 +188,3 @@ def test_without_any_terminal_it_says_so_in_one_line(tmp_path: Path) -> None:
     done = subprocess.run(command, stdin=subprocess.PIPE, capture_output=True, text=True, timeout=20)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
     assert done.stderr.startswith("console: the screens need a terminal")
-
-
-def last_event(data: Path) -> tuple[str, dict[str, object]]:
-    database = sqlite3.connect(data / "records.sqlite3")
-    kind, content = database.execute("SELECT kind, data FROM events ORDER BY number DESC LIMIT 1").fetchone()
-    database.close()
-    return kind, json.loads(content)
-
-
-@pytest.mark.timeout(120)
-def test_a_line_that_stalls_in_mid_cut_stops_the_machine_and_is_told_when_it_runs_again(tmp_path: Path) -> None:
-    with console(tmp_path, "en", 160, 48, short_ways=True) as terminal:
-        trainee = console_at(terminal)
-        trainee.aligns()
-        trainee.starts_the_cut()
-        trainee.sees("frame.sync.in_sync", 30.0)
-        terminal.stall()
-        # The screen waits for the line, and the machine must not. What comes at once is painted once.
-        trainee.press(*MORE_THAN_THE_LINE_HOLDS, pace_s=0.04)
-        wait_for_the_record(tmp_path)
-        kind, content = last_event(tmp_path)
-        assert (kind, content["reason"], content["proven"]) == ("stopped", "screen", True)
-        terminal.resume()
-        trainee.sees("activity.stopped", 5.0)
-        trainee.sees("problem.session.screen_silent", 5.0)
-
-
-def wait_for_the_record(data: Path) -> None:
-    """Until the stop is in the record: while the line stalls, nothing else tells of it."""
-    end_s = time.monotonic() + 15.0
-    while last_event(data)[0] != "stopped":
-        assert time.monotonic() < end_s, last_event(data)
-        time.sleep(0.05)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import functools
+import json
 import operator
 import re
+import sqlite3
+import time
 from pathlib import Path
 
 import pytest
@@ -15,6 +18,8 @@ from tests.trainee import FIRST_JOB, Trainee, console
 RONT = r"RONt\D*?(\d+\.\d+)\D+?(\d+\.\d+)"
 
 OTHER_JOB = "two-jaws-60"
+MORE_THAN_THE_LINE_HOLDS = ("?",) * 81
+"""Lists of keys to be painted, one key as if it were held down, until the screen waits for a stalled line."""
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(180)]
 
@@ -33,7 +38,7 @@ def test_a_trainee_makes_a_round_part_with_a_stop_in_mid_cut(
         trainee.aligns()
         trainee.starts_the_cut()
         trainee.sees("frame.sync.in_sync", 30.0)
-        trainee.press("space")
+        STOPS[language](trainee, tmp_path)
         trainee.sees("frame.recover")
         trainee.press("f2")
         trainee.sees("run_page.next.retract")
@@ -86,3 +91,40 @@ def ront_after_um(screen: str) -> float:
     found = re.search(RONT, screen)
     assert found is not None, screen
     return float(found[2])
+
+
+def presses_stop(trainee: Trainee, data: Path) -> None:
+    """The operator has seen something."""
+    trainee.press("space")
+
+
+def line_stalls(trainee: Trainee, data: Path) -> None:
+    """The screen waits for the line, and the machine must not; it is told when the line runs again."""
+    trainee.terminal.stall()
+    # What comes at once is painted once.
+    trainee.press(*MORE_THAN_THE_LINE_HOLDS, pace_s=0.04)
+    wait_for_the_record(data)
+    kind, content = last_event(data)
+    assert (kind, content["reason"], content["proven"]) == ("stopped", "screen", True)
+    trainee.terminal.resume()
+    trainee.sees("activity.stopped", 5.0)
+    trainee.sees("problem.session.screen_silent", 5.0)
+    # An even number of them: the list of keys is closed again.
+
+
+STOPS = {"en": presses_stop, "ko": line_stalls}
+
+
+def last_event(data: Path) -> tuple[str, dict[str, object]]:
+    database = sqlite3.connect(data / "records.sqlite3")
+    kind, content = database.execute("SELECT kind, data FROM events ORDER BY number DESC LIMIT 1").fetchone()
+    database.close()
+    return kind, json.loads(content)
+
+
+def wait_for_the_record(data: Path) -> None:
+    """Until the stop is in the record: while the line stalls, nothing else tells of it."""
+    end_s = time.monotonic() + 15.0
+    while last_event(data)[0] != "stopped":
+        assert time.monotonic() < end_s, last_event(data)
+        time.sleep(0.05)
