@@ -55,6 +55,7 @@ def pytest_collection() -> Generator[None, object, object]:
     return collected
 
 
+LONG_S = 100.0
 SYSTEM_UNTIL = 0.8
 """Share of the rest behind which no test at a real terminal begins: a long one must not be the last."""
 
@@ -62,16 +63,22 @@ SYSTEM_UNTIL = 0.8
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Spread the tests at real terminals, which mostly wait, among those that calculate.
 
-    Those that share what their file has started stay together, and come first.
+    The longest come first, then those that share what their file has started, which stay together.
     """
     items.sort(key=lambda item: item.path)
     waiting = [item for item in items if item.get_closest_marker("system") is not None]
-    together = [item for item in waiting if _shares(item)]
-    alone = [item for item in waiting if not _shares(item)]
+    longest = [item for item in waiting if _is_long(item)]
+    together = [item for item in waiting if _shares(item) and not _is_long(item)]
+    alone = [item for item in waiting if not _shares(item) and not _is_long(item)]
     busy = [item for item in items if item.get_closest_marker("system") is None]
     places = [(SYSTEM_UNTIL * (i + 0.5) / len(alone), item) for i, item in enumerate(alone)]
     places += [((i + 0.5) / len(busy), item) for i, item in enumerate(busy)]
-    items[:] = [*together, *(item for _, item in sorted(places, key=lambda place: place[0]))]
+    items[:] = [*longest, *together, *(item for _, item in sorted(places, key=lambda place: place[0]))]
+
+
+def _is_long(item: pytest.Item) -> bool:
+    """Whether a test needs more than the usual time limit."""
+    return any(marker.args[0] > LONG_S for marker in item.iter_markers("timeout"))
 
 
 def _shares(item: pytest.Item) -> bool:

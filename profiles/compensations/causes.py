@@ -2,7 +2,8 @@
 
 With the lobe L that a part would have without compensation, the path P and the fraction s of it in the cut, it
 has r = L - s c P, where c is what arrives of the path: 1 if the tool follows it. The intention is L = P and c = 1.
-The residual beyond the intended (1 - s) P is e. One number each explains it where:
+The residual beyond the intended (1 - s) P is e; the tool, off its path in the cut by t, makes -t of it. One number
+each explains the rest where:
 
 - the lobe stands elsewhere, by d of spindle: L = P exp(-j N d), so that |L| = |P|;
 - the tool moves the wrong way: c = -1, e = 2 s P;
@@ -19,7 +20,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT, fit_harmonics
@@ -49,11 +50,13 @@ OVAL = 2
 class CauseKind(StrEnum):
     """What a part of the residual most likely comes from."""
 
+    TOOL = "tool"
     ANGLE = "angle"
     SIGN = "sign"
     ARRIVES = "arrives"
     FORCE = "force"
     LOBE = "lobe"
+    UNPLACED = "unplaced"
     OVERTONE = "overtone"
     JAW = "jaw"
     OVAL = "oval"
@@ -78,23 +81,39 @@ class Cause:
     jaw: int = 0
 
 
-def causes(part: PartHarmonics, cut: CutWith, job: Job, *, scatter_um: float) -> tuple[Cause, ...]:
+def causes(
+    part: PartHarmonics,
+    cut: CutWith,
+    job: Job,
+    *,
+    scatter_um: float,
+    tool_um: complex = 0j,
+    placed: bool = True,
+) -> tuple[Cause, ...]:
     """Return why a part of this job, cut in this way, is not round, the largest first; at least one.
 
-    `scatter_um` is the standard deviation of the lobe's amplitude from one clamping to the next.
+    `scatter_um` is the standard deviation of the lobe's amplitude from one clamping to the next, `tool_um` the
+    tool against its path in the cut at the order of the lobe, infeed positive, 0 where it was not observed. Where
+    the part is not `placed`, its angles are not known at the spindle, and nothing is said that rests on them.
     """
     ront_um, seen = part.ront_um(), _coefficients(part)
-    found = [each for each in (_of_lobe(part, cut, job, scatter_um), *_of_others(part, job, seen)) if each]
+    lobe, others = _of_lobe(part, cut, job, scatter_um, tool_um), _of_others(part, job, seen)
+    if tool_um and placed:
+        others.append(Cause(kind=CauseKind.TOOL, um_pp=2.0 * abs(tool_um), order=job.jaws))
+    if not placed:
+        lobe = None if lobe is None else replace(lobe, kind=CauseKind.UNPLACED, um_pp=_left_um_pp(part, job))
+        others = [replace(each, kind=CauseKind.OVAL) if each.kind is CauseKind.JAW else each for each in others]
+    found = [each for each in (lobe, *others) if each is not None]
     standing = [each for each in found if each.um_pp >= LEAST_OF_RONT * ront_um]
     if not standing:
         return (Cause(kind=CauseKind.NOISE, um_pp=ront_um),)
     return tuple(sorted(standing, key=lambda each: each.um_pp, reverse=True))
 
 
-def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, scatter_um: float) -> Cause | None:
-    """Return the cause of what is left of the lobe, None where it is within noise and clamping scatter."""
+def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, scatter_um: float, tool_um: complex) -> Cause | None:
+    """Return the cause of what is left of the lobe beyond the tool's own error, None where that is noise."""
     lobes, path_um = job.jaws, cut.path.target.harmonics[0].coefficient
-    off_um = part.coefficients_um[lobes] - (1.0 - cut.fraction) * path_um
+    off_um = part.coefficients_um[lobes] - (1.0 - cut.fraction) * path_um + tool_um
     sd_um = math.hypot(part.sd_um[lobes], REPEATS_SD_UM, scatter_um)
     um_pp = 2.0 * abs(off_um)
     if abs(off_um) <= SIGNIFICANT * math.hypot(part.sd_um[lobes], REPEATS_SD_UM) or not path_um:
@@ -108,6 +127,10 @@ def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, scatter_um: float) -> 
         sd_deg = math.degrees(sd_um / abs(whole_um)) / lobes
         return Cause(kind=CauseKind.ANGLE, um_pp=um_pp, order=lobes, value=deg, sd=sd_deg)
     return Cause(kind=CauseKind.LOBE, um_pp=um_pp, order=lobes)
+
+
+def _left_um_pp(part: PartHarmonics, job: Job) -> float:
+    return 2.0 * abs(part.coefficients_um[job.jaws])
 
 
 def _in_line(ratio: float, fraction: float, lobes: int, um_pp: float) -> Cause:

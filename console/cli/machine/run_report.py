@@ -8,6 +8,7 @@ from console.cli.judgement import span_fields
 from console.cli.measured.roundness_report import roundness_fields
 from console.cli.output import fields_of, harmonics_of
 from console.session.cut.run import RunResult
+from console.session.data.made_parts import tool_lobe_event
 from console.session.learning.learning import LearnedPart, LearnResult
 from console.session.stages import Stage
 from console.session.station.alarms import collision_problems
@@ -48,6 +49,7 @@ def _run_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "roundness_tolerance_um": plan.job.roundness_tolerance_um,
         "within_tolerance": result.within_tolerance,
         **fields_of(figures, "tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um"),
+        **tool_lobe_event(figures.tool_lobe_um),
         "telemetry_samples": figures.samples,
         "segment_ms": plan.cut.segment_ms,
         "cut_duration_s": plan.cut.duration_s,

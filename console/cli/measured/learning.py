@@ -18,7 +18,9 @@ from console.session.data.learned_store import asked_for, store, versions
 from console.session.data.made_parts import KEYS
 from console.session.errors import SessionError
 from console.session.learning.learning_steps import SIMULATED, Taught, reverted, taught
+from console.session.stages import Stage
 from console.text.catalogue import Catalogue
+from console.text.causes import cause_words
 from console.text.columns import table
 from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table
 from profiles.compensations.next_version import Contraction, LearningStep
@@ -54,10 +56,19 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
     show(
         options,
         lambda: {**_lesson_fields(found), "kept": kept and str(kept), "warnings": warnings},
-        lambda: [*_lesson_lines(found, text), *_kept_lines(following, kept, asked, options, text)],
+        lambda: [
+            *_lesson_lines(found, text, fails=_fails(found, job)),
+            *_kept_lines(following, kept, asked, options, text),
+        ],
     )
     if options.keep and reasons:
         raise SessionError(*reasons)
+
+
+def _fails(found: Taught, job: LoadedJob) -> bool:
+    """Whether a part is out of its tolerance; one with half its compensation is not judged."""
+    part = found.step.next.part
+    return found.stage is Stage.FULL and part is not None and part.ront_um > job.job.roundness_tolerance_um
 
 
 def list_or_revert(options: Namespace, job: LoadedJob, machine: CalibratedMachine, text: Catalogue) -> None:
@@ -108,6 +119,7 @@ def _lesson_fields(found: Taught) -> dict[str, object]:
             "RONt_um": step.expected_ront_um,
         },
         "contraction": None if step.contraction is None else _contraction_fields(step.contraction, lobes),
+        "causes": [asdict(cause) for cause in found.causes],
         "contractions": [{"n": n, **_contraction_fields(c, n)} for n, c in sorted(step.contractions.items())],
     }
 
@@ -138,7 +150,8 @@ def _still_holds(version: LearnedCompensation, asked: HoldsFor) -> bool:
     return (holds.job_sha256, holds.machine_sha256) == (asked.job_sha256, asked.machine_sha256)
 
 
-def _lesson_lines(found: Taught, text: Catalogue) -> list[str]:
+def _lesson_lines(found: Taught, text: Catalogue, *, fails: bool) -> list[str]:
+    """Return a learning step; for a part that `fails` also why it is not round."""
     step, made = found.step, found.made
     holds, part = step.next.holds_for, step.next.part
     assert part is not None
@@ -149,7 +162,9 @@ def _lesson_lines(found: Taught, text: Catalogue) -> list[str]:
         ("RONt", f"{part.ront_um:.2f}", f"{step.expected_ront_um:.2f}", "um"),
         (text("learned.lobe"), f"{2 * part.lobe.amplitude_um:.2f}", expected, "um"),
     ]
-    return [f"{_subject(holds, text)}: {head}", "", *table(rows, numeric=(1, 2)), "", *table(_facts(step, text))]
+    lines = [f"{_subject(holds, text)}: {head}", "", *table(rows, numeric=(1, 2)), "", *table(_facts(step, text))]
+    causes = [f"  {cause_words(cause, text)}" for cause in found.causes]
+    return [*lines, "", text("cause.title"), *causes] if fails else lines
 
 
 def _kept_lines(

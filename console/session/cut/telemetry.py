@@ -38,7 +38,9 @@ class CutFigures:
 
     `tool_error_um` is the largest distance of the actual tool from the target path at the spindle angle of that
     instant; `following_error_um` is the largest distance of the actual tool from its commanded position. A path
-    commanded ahead of the servo's lag has a large following error and a small tool error.
+    commanded ahead of the servo's lag has a large following error and a small tool error. `tool_lobe_um` is the
+    harmonic of the tool error at the order of the lobe: Re(c exp(j N angle)), spindle angles, infeed positive; 0
+    where too few polls fell into the cut.
     """
 
     spindle_speed_rpm: float
@@ -47,6 +49,7 @@ class CutFigures:
     following_error_um: float
     following_error_rms_um: float
     samples: int
+    tool_lobe_um: complex = 0j
 
 
 def is_leaving(error_um: float, peak_um: float) -> bool:
@@ -112,7 +115,17 @@ class Telemetry:
             following_error_um=float(np.abs(following_um).max()),
             following_error_rms_um=float(np.sqrt(np.mean(following_um**2))),
             samples=len(self._rows),
+            tool_lobe_um=self._lobe_um(error_um),
         )
+
+    def _lobe_um(self, error_um: Floats) -> complex:
+        if len(self._rows) < PHASE_SAMPLES:
+            return 0j
+        _, _, spindle, _, _ = np.array(self._rows).T
+        lobes = self._plan.target.lobes
+        angle = 2.0 * np.pi * spindle / self._machine.spindle.counts_per_rev
+        found = fit(harmonic_columns(angle, (lobes,)), error_um)
+        return phasors(found.coefficients, (lobes,))[lobes]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,6 +40,7 @@ Cut = tuple[str, str, str]
 
 INVERTED, MODEL = "inverted", "model"
 
+TOOL_LOBE = "tool_lobe_um"
 CUT_JAW, AS_FILED = "cut_jaw_1_deg", "file"
 
 
@@ -125,12 +126,16 @@ def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutPart:
-    """A part in the run record: run, how it was made, when its cut ended, and whether another was begun since."""
+    """A part in the run record: run, how it was made, when its cut ended, and whether another was begun since.
+
+    `tool_lobe_um` is the tool error of the cut at the order of the lobe, 0 where the record does not have it.
+    """
 
     run_id: str
     made: MadeWith
     at_utc: str
     cut_since: bool
+    tool_lobe_um: complex = 0j
 
 
 def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
@@ -139,8 +144,25 @@ def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
         for made in _made(kind, data):
             if made is None:
                 return None
-            return CutPart(run_id=run_id, made=made, at_utc=at_utc, cut_since=bool(cut_since))
+            tool_um = tool_lobe_um(data)
+            return CutPart(
+                run_id=run_id, made=made, at_utc=at_utc, cut_since=bool(cut_since), tool_lobe_um=tool_um
+            )
     return None
+
+
+def tool_lobe_event(tool_um: complex) -> dict[str, object]:
+    """Return the tool error at the order of the lobe as the run record keeps it."""
+    return {TOOL_LOBE: [tool_um.real, tool_um.imag]}
+
+
+def tool_lobe_um(data: str) -> complex:
+    """Return the tool error of a cut at the order of the lobe; 0 where its event does not have it."""
+    try:
+        real, imaginary = (number(each) for each in from_json(data)[TOOL_LOBE])
+    except (ValueError, TypeError, KeyError):
+        return 0j
+    return complex(real, imaginary)
 
 
 def _rows(folder: Path, query: str, asked: HoldsFor) -> list[Any]:

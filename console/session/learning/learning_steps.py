@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -13,7 +14,16 @@ from console.session.cut.run import FILTER_UPR
 from console.session.data.identified import response_in
 from console.session.data.kept_files import utc_now
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, store, versions
-from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MadeWith, cuts_of, made_with, parts_made
+from console.session.data.made_parts import (
+    AS_FILED,
+    CUT_JAW,
+    INVERTED,
+    MadeWith,
+    cuts_of,
+    made_with,
+    parts_made,
+    tool_lobe_um,
+)
 from console.session.data.made_parts import MODEL as MADE_BY_MODEL
 from console.session.data.made_parts import date_problems as cut_date_problems
 from console.session.errors import SessionError, refuse
@@ -22,6 +32,7 @@ from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
 from drivers.identification.nominal import nominal_response
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.grip import force_sd_n, lobe_um_per_n
+from profiles.compensations.causes import Cause, causes
 from profiles.compensations.learned import MODEL, LearnedCompensation, again, model_again
 from profiles.compensations.learning import coefficient_of
 from profiles.compensations.next_version import CutWith, LearningStep, next_version
@@ -32,6 +43,7 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
+from profiles.trace_files.header import header_of
 from profiles.traces import Trace
 
 SIMULATED = ("simulated", "yes")  # header line of a simulated trace, which no gauge has measured
@@ -54,13 +66,14 @@ class LeftHarmonic:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taught:
-    """A learning step, its cut, warnings, and each harmonic that could be learned."""
+    """A learning step, its cut, warnings, each harmonic that could be learned, and why the part is not round."""
 
     step: LearningStep
     made: MadeWith
     stage: Stage
     warnings: tuple[Problem, ...]
     harmonics: tuple[LeftHarmonic, ...]
+    causes: tuple[Cause, ...] = ()
 
 
 def taught(
@@ -93,7 +106,8 @@ def taught(
         said = {**said, INVERTED: printable(identified.name)}
     cuts = cuts_of(data, asked)
     made = made_with(said, trace.meta, parts_made(cuts))
-    how: dict[str, Any] = {"gain": gain, "robust": robust, "date": date, "extra": extra}
+    tool_um = next((tool_lobe_um(data) for kind, data, _ in cuts if made in parts_made([(kind, data, "")])), 0j)
+    how: dict[str, Any] = {"gain": gain, "robust": robust, "date": date, "extra": extra, "tool_um": tool_um}
     found = taught_by(trace, job, machine, data, made, identified, **how)
     return replace(found, warnings=(*cut_date_problems(cuts, asked.job), *found.warnings))
 
@@ -110,9 +124,11 @@ def taught_by(
     robust: bool,
     date: str,
     extra: tuple[int, ...] = (),
+    tool_um: complex = 0j,
 ) -> Taught:
     """Return the learning step from a part `made` in this way; the other arguments as for `taught`.
 
+    `tool_um` is the tool error of its cut at the order of the lobe, with jaw 1 as found then.
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
     """
     filed, (strategy, stage) = job.job, _followed(made)
@@ -127,8 +143,10 @@ def taught_by(
         return nominal_response(strategy, machine.machine, order * filed.spindle_speed_rpm / 60.0)
 
     orders = _orders(filed, strategy, extra, response)
+    cut = CutWith(path=path, fraction=stage.fraction, version=version, parent=_parent(version, known, filed))
+    scatter = scatter_um(filed, machine.machine)
     step = next_version(
-        CutWith(path=path, fraction=stage.fraction, version=version, parent=_parent(version, known, filed)),
+        cut,
         part,
         asked,
         filed,
@@ -136,12 +154,16 @@ def taught_by(
         gain=gain,
         orders=orders,
         response=response,
-        scatter_um=scatter_um(filed, machine.machine),
+        scatter_um=scatter,
         date=date,
     )
     harmonics = tuple(_left(n, part, step, path, stage) for n in orders)
     warnings = (*date_problems(version), *part.warnings, *step.warnings)
-    return Taught(step=step, made=made, stage=stage, warnings=warnings, harmonics=harmonics)
+    placed = header_of(trace.meta)[0].phase_known
+    turn_deg = filed.lobe_phase_deg - as_cut(filed, made).lobe_phase_deg
+    tool_um *= cmath.exp(-1j * filed.jaws * math.radians(turn_deg))
+    found = causes(part, cut, filed, scatter_um=scatter, tool_um=tool_um, placed=placed)
+    return Taught(step=step, made=made, stage=stage, warnings=warnings, harmonics=harmonics, causes=found)
 
 
 def is_simulated(trace: Trace) -> bool:
@@ -291,7 +313,13 @@ class PartLearning:
 
 
 def learning_of(
-    job: LoadedJob | None, name: str, made: MadeWith, trace: Trace, machine: LoadedMachine, data: Path
+    job: LoadedJob | None,
+    name: str,
+    made: MadeWith,
+    trace: Trace,
+    machine: LoadedMachine,
+    data: Path,
+    tool_um: complex = 0j,
 ) -> PartLearning:
     """Return the learning step from the part of a cut, `made` by `job` as saved; None where `name` was edited.
 
@@ -300,7 +328,8 @@ def learning_of(
     if job is None:
         return PartLearning(made=made, problems=(Problem(code="learned.edited_part", key=name),))
     try:
-        taught = taught_by(trace, job, machine, data, made, gain=None, robust=False, date=utc_now())
+        how: dict[str, Any] = {"gain": None, "robust": False, "date": utc_now(), "tool_um": tool_um}
+        taught = taught_by(trace, job, machine, data, made, **how)
     except ProblemError as error:
         return PartLearning(made=made, problems=tuple(error.problems))
     return PartLearning(made=made, taught=taught)

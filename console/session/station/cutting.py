@@ -10,7 +10,7 @@ from console.session.cut.engine import CutEnd, NotAsPlannedError, Step, cut, loa
 from console.session.cut.run import planned, refuse_unplannable
 from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.learned_store import NONE
-from console.session.data.made_parts import AS_FILED, MODEL, MadeWith
+from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, tool_lobe_event
 from console.session.data.records import begin_record
 from console.session.errors import SessionError, refuse
 from console.session.stages import Stage
@@ -186,6 +186,8 @@ def _finish(context: StationContext, watched: _Watched, end: CutEnd) -> None:
     # An air cut has not touched the part: it is as good a blank as before.
     context.tell(cut=replace(ended, figures=end.figures), cut_done=not end.held and not ended.in_air)
     made = {} if context.started is None else context.started.made.event()
+    if end.figures is not None:
+        made |= tool_lobe_event(end.figures.tool_lobe_um)
     context.note(
         "held" if end.held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made
     )

@@ -15,7 +15,7 @@ from console.session.learning.imported import ImportedTrace, examined, refuse_un
 from console.session.learning.learning_steps import as_cut, learning_of
 from console.session.station.commands import TakeTrace
 from console.session.station.context import StationContext
-from console.session.station.state import MeasuredPart
+from console.session.station.state import Armed, MeasuredPart
 from drivers.cutting.strategy import Strategy
 from profiles.files import printable
 from profiles.job import Job
@@ -30,7 +30,7 @@ def measure_simulated(context: StationContext) -> None:
     if context.shop is None or started is None:
         raise SessionError(Problem(code="session.no_gauge"))
     trace = context.shop.measure()
-    part = _judged(context, _Cut(job=started.job, loaded=started.loaded, made=started.made), trace)
+    part = _judged(context, _just_cut(context, started), trace)
     context.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=part.result.ront_um)
     context.end_record()
     context.tell(cut_done=False, alignment=unclamped(context.state.alignment, context.local_time()))
@@ -39,11 +39,15 @@ def measure_simulated(context: StationContext) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Cut:
-    """The cut of a measured part: its job with jaw 1 as found, and as saved; `run_id` of one that is not open."""
+    """The cut of a measured part: its job with jaw 1 as found, and as saved; `run_id` of one that is not open.
+
+    `tool_um` is the tool error at the order of the lobe.
+    """
 
     job: Job
     loaded: LoadedJob | None
     made: MadeWith
+    tool_um: complex = 0j
     run_id: str | None = None
 
 
@@ -78,7 +82,7 @@ def _cut_of(context: StationContext, command: TakeTrace) -> _Cut:
     """Return the cut of the part that a trace is taken for."""
     started = context.started
     if context.state.cut_done and started is not None:
-        return _Cut(job=started.job, loaded=started.loaded, made=started.made)
+        return _just_cut(context, started)
     loaded = command.loaded
     if loaded is None:
         raise SessionError(Problem(code="learned.edited_part", key=command.job.name))
@@ -86,7 +90,21 @@ def _cut_of(context: StationContext, command: TakeTrace) -> _Cut:
     part = newest_part(context.records, asked)
     if part is None:
         raise SessionError(Problem(code="session.nothing_cut"))
-    return _Cut(job=as_cut(loaded.job, part.made), loaded=loaded, made=part.made, run_id=part.run_id)
+    return _Cut(
+        job=as_cut(loaded.job, part.made),
+        loaded=loaded,
+        made=part.made,
+        tool_um=part.tool_lobe_um,
+        run_id=part.run_id,
+    )
+
+
+def _just_cut(context: StationContext, started: Armed) -> _Cut:
+    """Return the cut of the part in the chuck."""
+    progress = context.state.cut
+    figures = None if progress is None else progress.figures
+    tool_um = 0j if figures is None else figures.tool_lobe_um
+    return _Cut(job=started.job, loaded=started.loaded, made=started.made, tool_um=tool_um)
 
 
 def _judged(context: StationContext, cut: _Cut, trace: Trace, found: ImportedTrace | None = None) -> MeasuredPart:
@@ -104,7 +122,7 @@ def _judged(context: StationContext, cut: _Cut, trace: Trace, found: ImportedTra
         jaw_1_deg=cut.job.jaw_1_deg,
         phase_known=found is None or found.phase_known,
         marks_mm=context.state.marks_mm if cut.run_id is None else (),
-        learning=learning_of(cut.loaded, cut.job.name, cut.made, trace, machine, data),
+        learning=learning_of(cut.loaded, cut.job.name, cut.made, trace, machine, data, cut.tool_um),
     )
 
 

@@ -13,7 +13,7 @@ from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, line, wrapped
 from console.tui.page import ChartPage
 from console.tui.pages import inspect_lines
-from console.tui.pages.learn_lines import in_scatter, is_kept, learn_lines, learn_title, reason_lines
+from console.tui.pages.learn_lines import cause_lines, in_scatter, is_kept, learn_lines, learn_title, reason_lines
 from console.tui.pages.learning_keys import accept_lesson, revert_version
 from console.tui.pages.stop_lines import mark_lines
 from console.tui.pages.trace_chooser import ANSWERS, TraceChooser
@@ -218,7 +218,10 @@ class InspectPage(ChartPage):
         more = text("panel.more") if len(rows) > room.height else ""
         self._learn.show(rows[: room.height], learn_title(part.learning, text), more)
         # Why nothing is learned from a part is shown in full, at the cost of the plot.
-        reasons = len(reason_lines(part.learning, text, max(room.width, 1)))
+        width = max(room.width, 1)
+        reasons = len(reason_lines(part.learning, text, width))
+        if _fails(part):
+            reasons += len(cause_lines(part.learning, text, width))
         self._learn.styles.min_height = min(reasons + _BORDER_ROWS, max(self.size.height // 2, 1))
 
     def _compare(self, state: StationState) -> None:

@@ -8,11 +8,13 @@ from console.session.learning.learning_steps import PartLearning, Taught
 from console.session.stages import Stage
 from console.session.work import Work
 from console.text.catalogue import Catalogue
+from console.text.causes import cause_words
 from console.tui.lines import Line, hanging, wrapped
 from console.tui.theme import Token
 from profiles.compensations.path import expected
 
 _MARK = ("! ", Token.WARNING)
+_CAUSE = ("✗ ", Token.WARNING)
 
 
 def learn_title(learning: PartLearning, text: Catalogue) -> str:
@@ -25,7 +27,8 @@ def learn_lines(
     learning: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool = False
 ) -> list[Line]:
     """Return the learning step or why none; a part that has `failed` cannot stay, even within clamping scatter."""
-    lines = reason_lines(learning, text, width)
+    lines = cause_lines(learning, text, width) if failed else []
+    lines += reason_lines(learning, text, width)
     taught = learning.taught
     if taught is not None:
         if taught.stage is Stage.PARTIAL:
@@ -39,6 +42,12 @@ def learn_lines(
         for problem in taught.warnings:
             lines += hanging(_MARK, text.problem(problem), width, Token.WARNING)
     return lines
+
+
+def cause_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Line]:
+    """Return why a part that failed is not round, the largest first."""
+    causes = () if learning.taught is None else learning.taught.causes
+    return [row for cause in causes for row in hanging(_CAUSE, cause_words(cause, text), width, Token.STRONG)]
 
 
 def reason_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Line]:

@@ -1,0 +1,93 @@
+"""A part that fails says why, with the number: on a lathe that nobody told what was done to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from console.session.station.commands import (
+    Arm,
+    ConfirmClamping,
+    DisableDrives,
+    EnableDrives,
+    Jog,
+    Measure,
+    Start,
+    TakeJaw,
+)
+from console.session.station.state import MeasuredPart
+from console.text.catalogue import load
+from console.tui.lines import plain
+from console.tui.pages.learn_lines import learn_lines
+from drivers.cutting.strategy import Strategy
+from drivers.lathe.snapshot import AxisName
+from profiles.compensations.causes import Cause, CauseKind
+from profiles.store import LoadedJob, load_job, load_machine
+from tests.console.floor import Floor, open_floor
+from tests.system.lathe_sites import compact_text
+
+SEED = 11
+
+
+@pytest.fixture
+def job(job_file: Callable[..., Path]) -> LoadedJob:
+    return load_job(str(job_file(cut_length_mm="2.0", feed_mm_per_rev="0.1")))
+
+
+@pytest.fixture
+def floor(tmp_path: Path, data_folder: Path, job: LoadedJob) -> Floor:
+    lathe = tmp_path / "lathe.toml"
+    lathe.write_text(compact_text("pmac"), encoding="utf-8")
+    aligned = open_floor(data_folder / "trilobe", SEED, "realistic", load_machine(str(lathe)))
+    aligned.set_up(job.job)
+    return aligned
+
+
+def cut(floor: Floor, job: LoadedJob, force: float = 1.0) -> MeasuredPart:
+    """Cut and measure a blank that is clamped with so much of the force that the operator confirms."""
+    floor.do(DisableDrives())
+    floor.do(ConfirmClamping(job=job.job))
+    floor.sim.mount(replace(job.job, chucking_force_n=force * job.job.chucking_force_n))
+    floor.do(EnableDrives())
+    armed = floor.do(Arm(job=job.job, job_sha256=job.sha256, strategy=Strategy.CAM, loaded=job))
+    assert armed.armed is not None, armed.refusals
+    floor.do(Start())
+    measured = floor.do(Measure()).measured
+    assert measured is not None, floor.state.refusals
+    return measured
+
+
+def most_likely(part: MeasuredPart) -> Cause:
+    assert part.learning is not None and part.learning.taught is not None, part.learning
+    return part.learning.taught.causes[0]
+
+
+def test_a_jaw_that_was_taken_25_degrees_off_is_named_with_its_angle(floor: Floor, job: LoadedJob) -> None:
+    floor.do(Jog(axis=AxisName.SPINDLE, distance=25.0))
+    floor.do(TakeJaw())
+    part = cut(floor, job)
+    cause = most_likely(part)
+    assert cause.kind is CauseKind.ANGLE
+    assert cause.value == pytest.approx(-25.0, abs=2.0)
+    assert part.learning is not None
+    shown = plain(learn_lines(part.learning, None, load("en"), 200, failed=True))
+    assert shown.startswith(f"✗ Jaw 1 is {cause.value:+.1f}°")
+    assert "find jaw 1 again (4, b)" in shown
+
+
+def test_a_force_that_was_10_percent_low_is_named_with_its_difference(floor: Floor, job: LoadedJob) -> None:
+    """Beside the friction of this lathe, which holds its tool back: that was seen in the cut."""
+    part = cut(floor, job, force=0.9)
+    assert part.learning is not None and part.learning.taught is not None
+    found = {cause.kind: cause for cause in part.learning.taught.causes}
+    assert 100.0 * found[CauseKind.FORCE].value == pytest.approx(-10.0, abs=3.0)
+    assert found[CauseKind.TOOL].um_pp == pytest.approx(9.7, abs=1.0)
+
+
+def test_a_part_within_its_tolerance_has_no_failure_to_explain(floor: Floor, job: LoadedJob) -> None:
+    part = cut(floor, job)
+    assert part.learning is not None
+    assert "✗" not in plain(learn_lines(part.learning, None, load("en"), 200, failed=False))
