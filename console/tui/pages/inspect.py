@@ -24,6 +24,7 @@ from profiles.files import printable
 from profiles.problem import Problem
 
 _BORDER_ROWS = 2
+_STEP_ROWS = 2
 STEPS = {"inspect.up": -1, "inspect.down": 1}
 WORSE = ("learned.diverges", "learned.harmonic_diverges")  # reasons to revert
 MADE_WORSE = "learned.worse"  # a reason to check the set-up: reverting would not help
@@ -214,14 +215,14 @@ class InspectPage(ChartPage):
         if part is None or part.learning is None:
             return
         text, room = self.ui.text, self._learn.size
-        rows = learn_lines(part.learning, view.work, text, max(room.width, 1), failed=_fails(part))
+        rows = learn_lines(part.learning, view.work, text, max(room.width, 1), failed=_fails(part), brief=True)
         more = text("panel.more") if len(rows) > room.height else ""
         self._learn.show(rows[: room.height], learn_title(part.learning, text), more)
         # Why nothing is learned from a part is shown in full, at the cost of the plot.
         width = max(room.width, 1)
         reasons = len(reason_lines(part.learning, text, width))
-        if _fails(part):
-            reasons += len(cause_lines(part.learning, text, width))
+        if _fails(part) and (causes := cause_lines(part.learning, text, width, brief=True)):
+            reasons += len(causes) + _STEP_ROWS  # and the learning step stays in sight
         self._learn.styles.min_height = min(reasons + _BORDER_ROWS, max(self.size.height // 2, 1))
 
     def _compare(self, state: StationState) -> None:

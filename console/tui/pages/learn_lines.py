@@ -24,10 +24,19 @@ def learn_title(learning: PartLearning, text: Catalogue) -> str:
 
 
 def learn_lines(
-    learning: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool = False
+    learning: PartLearning,
+    work: Work | None,
+    text: Catalogue,
+    width: int,
+    *,
+    failed: bool = False,
+    brief: bool = False,
 ) -> list[Line]:
-    """Return the learning step or why none; a part that has `failed` cannot stay, even within clamping scatter."""
-    lines = cause_lines(learning, text, width) if failed else []
+    """Return the learning step or why none; a part that has `failed` cannot stay, even within clamping scatter.
+
+    Of the causes of its failure only the largest is shown where it is to be `brief`.
+    """
+    lines = cause_lines(learning, text, width, brief=brief) if failed else []
     lines += reason_lines(learning, text, width)
     taught = learning.taught
     if taught is not None:
@@ -44,10 +53,11 @@ def learn_lines(
     return lines
 
 
-def cause_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Line]:
-    """Return why a part that failed is not round, the largest first."""
+def cause_lines(learning: PartLearning, text: Catalogue, width: int, *, brief: bool) -> list[Line]:
+    """Return why a part that failed is not round, largest first; the largest alone where it is to be `brief`."""
     causes = () if learning.taught is None else learning.taught.causes
-    return [row for cause in causes for row in hanging(_CAUSE, cause_words(cause, text), width, Token.STRONG)]
+    shown = causes[:1] if brief else causes
+    return [row for cause in shown for row in hanging(_CAUSE, cause_words(cause, text), width, Token.STRONG)]
 
 
 def reason_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Line]:
