@@ -115,6 +115,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="inspect.measure", keys=("m", "ㅡ"), shown="m"),
     Action(id="inspect.accept", keys=("a", "ㅁ"), shown="a", once=True),
     Action(id="inspect.revert", keys=("v", "ㅍ"), shown="v", once=True),
+    Action(id="inspect.offset", keys=("o", "ㅐ"), shown="o", row="", once=True),
     Action(id="inspect.import", keys=("i", "ㅑ"), shown="i"),
     Action(id="inspect.export", keys=("x", "ㅌ"), shown="x", row=""),
     Action(id="inspect.next", keys=("enter",), shown="Enter"),

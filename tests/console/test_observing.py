@@ -15,6 +15,7 @@ from console.session.station.commands import (
     Arm,
     Command,
     ConfirmClamping,
+    CorrectTouchOff,
     DisableDrives,
     Disarm,
     EnableDrives,
@@ -61,6 +62,7 @@ REFUSED: tuple[Command, ...] = (
     Retract(),
     Measure(),
     TakeTrace(path=Path("part.csv"), job=JOB, loaded=None, answers={}),
+    CorrectTouchOff(),
 )
 
 

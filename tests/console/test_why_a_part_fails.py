@@ -11,6 +11,7 @@ import pytest
 from console.session.station.commands import (
     Arm,
     ConfirmClamping,
+    CorrectTouchOff,
     DisableDrives,
     EnableDrives,
     Jog,
@@ -37,13 +38,22 @@ def job(job_file: Callable[..., Path]) -> LoadedJob:
     return load_job(str(job_file(cut_length_mm="2.0", feed_mm_per_rev="0.1")))
 
 
+def aligned(plant: str, folder: Path, data: Path, job: LoadedJob) -> Floor:
+    lathe = folder / "lathe.toml"
+    lathe.write_text(compact_text("pmac"), encoding="utf-8")
+    floor = open_floor(data / "trilobe", SEED, plant, load_machine(str(lathe)))
+    floor.set_up(job.job)
+    return floor
+
+
 @pytest.fixture
 def floor(tmp_path: Path, data_folder: Path, job: LoadedJob) -> Floor:
-    lathe = tmp_path / "lathe.toml"
-    lathe.write_text(compact_text("pmac"), encoding="utf-8")
-    aligned = open_floor(data_folder / "trilobe", SEED, "realistic", load_machine(str(lathe)))
-    aligned.set_up(job.job)
-    return aligned
+    return aligned("realistic", tmp_path, data_folder, job)
+
+
+@pytest.fixture
+def stiff(tmp_path: Path, data_folder: Path, job: LoadedJob) -> Floor:
+    return aligned("mounted", tmp_path, data_folder, job)
 
 
 def cut(floor: Floor, job: LoadedJob, force: float = 1.0) -> MeasuredPart:
@@ -91,3 +101,31 @@ def test_a_part_within_its_tolerance_has_no_failure_to_explain(floor: Floor, job
     part = cut(floor, job)
     assert part.learning is not None
     assert "✗" not in plain(learn_lines(part.learning, None, load("en"), 200, failed=False))
+
+
+def test_a_touch_off_40_um_early_is_seen_in_the_diameter_and_taken_back(stiff: Floor, job: LoadedJob) -> None:
+    """On a lathe whose tool does not give way with the depth of cut: there one correction is enough."""
+    usual = cut(stiff, job)
+    touched = stiff.state.alignment.touch_off
+    assert touched is not None and usual.tool_offset_um is not None and usual.diameter_mm is not None
+    early = replace(touched, zero_radius_mm=touched.zero_radius_mm - 0.04)  # the tip is believed further in
+    stiff.context.tell(alignment=replace(stiff.state.alignment, touch_off=early))
+    part = cut(stiff, job)
+    assert part.diameter_mm == pytest.approx(usual.diameter_mm + 0.08, abs=0.004)
+    assert part.tool_offset_um == pytest.approx(usual.tool_offset_um + 40.0, abs=2.0)
+    state = stiff.do(CorrectTouchOff())
+    assert state.refusals == ()
+    assert state.measured is not None and state.measured.offset_taken
+    assert [problem.code for problem in stiff.do(CorrectTouchOff()).refusals] == ["offset.taken"]
+    assert cut(stiff, job).tool_offset_um == pytest.approx(0.0, abs=2.0)
+
+
+def test_a_correction_that_is_no_drift_or_of_another_touch_off_is_refused(floor: Floor, job: LoadedJob) -> None:
+    assert [problem.code for problem in floor.do(CorrectTouchOff()).refusals] == ["learned.no_part"]
+    part = cut(floor, job)
+    floor.context.tell(measured=replace(part, tool_offset_um=201.0))
+    assert [problem.code for problem in floor.do(CorrectTouchOff()).refusals] == ["offset.too_large"]
+    floor.context.tell(measured=replace(part, tool_offset_um=None))
+    assert [problem.code for problem in floor.do(CorrectTouchOff()).refusals] == ["offset.no_size"]
+    floor.context.tell(measured=part, alignment=replace(floor.state.alignment, touch_off=None))
+    assert [problem.code for problem in floor.do(CorrectTouchOff()).refusals] == ["offset.no_touch_off"]

@@ -342,3 +342,20 @@ def test_a_failed_part_is_not_only_coloured() -> None:
     lines = result_lines(seen, True, load("en"), 40, 20)
     (fail,) = [line for line in lines if line and line[0][1] is Token.WARNING]
     assert plain([fail]).startswith("✗ FAIL")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("room", [*ROOMS, SMALLEST_ROOM])
+def test_the_diameter_and_the_tool_offset_are_beside_the_roundness(room: tuple[int, int], language: str) -> None:
+    sized = replace(AFTER, diameter_mm=51.8711, tool_offset_um=35.44)
+    text = shown(StationState(measured=sized, uncompensated=BEFORE), room, language)
+    assert "51.871 +35.4 um" in text
+    assert "51.871" not in shown(BOTH, room, language)
+
+
+def test_o_corrects_the_touch_off_where_there_is_a_size() -> None:
+    state = StationState(measured=AFTER, activity=Activity.READY)
+    _, page, control = staged(state)
+    page.act("inspect.offset")
+    assert control.orders == []
+    assert [problem.code for problem in page.ui.said] == ["offset.no_size"]

@@ -145,25 +145,30 @@ def taught_by(
     orders = _orders(filed, strategy, extra, response)
     cut = CutWith(path=path, fraction=stage.fraction, version=version, parent=_parent(version, known, filed))
     scatter = scatter_um(filed, machine.machine)
-    step = next_version(
-        cut,
-        part,
-        asked,
-        filed,
-        number=_next(known),
-        gain=gain,
-        orders=orders,
-        response=response,
-        scatter_um=scatter,
-        date=date,
+    how: dict[str, Any] = {"gain": gain, "orders": orders, "response": response, "date": date}
+    step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, **how)
+    return Taught(
+        step=step,
+        made=made,
+        stage=stage,
+        warnings=(*date_problems(version), *part.warnings, *step.warnings),
+        harmonics=tuple(_left(n, part, step, path, stage) for n in orders),
+        causes=_causes(trace, part, cut, filed, made, scatter, tool_um),
     )
-    harmonics = tuple(_left(n, part, step, path, stage) for n in orders)
-    warnings = (*date_problems(version), *part.warnings, *step.warnings)
+
+
+def _causes(
+    trace: Trace, part: PartHarmonics, cut: CutWith, filed: Job, made: MadeWith, scatter: float, tool_um: complex
+) -> tuple[Cause, ...]:
+    """Return why a part is not round; `tool_um` is turned to where the file of its job has jaw 1."""
     placed = header_of(trace.meta)[0].phase_known
-    turn_deg = filed.lobe_phase_deg - as_cut(filed, made).lobe_phase_deg
-    tool_um *= cmath.exp(-1j * filed.jaws * math.radians(turn_deg))
-    found = causes(part, cut, filed, scatter_um=scatter, tool_um=tool_um, placed=placed)
-    return Taught(step=step, made=made, stage=stage, warnings=warnings, harmonics=harmonics, causes=found)
+    tool_um *= cmath.exp(-1j * filed.jaws * math.radians(_turned_deg(filed, made)))
+    return causes(part, cut, filed, scatter_um=scatter, tool_um=tool_um, placed=placed)
+
+
+def _turned_deg(filed: Job, made: MadeWith) -> float:
+    """Return by how much what was seen in a cut has to be turned to where the file of its job has jaw 1."""
+    return filed.lobe_phase_deg - as_cut(filed, made).lobe_phase_deg
 
 
 def is_simulated(trace: Trace) -> bool:
@@ -175,7 +180,7 @@ def _part(trace: Trace, job: Job, made: MadeWith, extra: tuple[int, ...], *, rob
     """Return the harmonics of a part, turned to where the file of its job has jaw 1."""
     cut = as_cut(job, made)
     part = part_harmonics(trace, cut, filter_upr=FILTER_UPR, extra=extra, robust=robust)
-    return part.turned(job.lobe_phase_deg - cut.lobe_phase_deg)
+    return part.turned(_turned_deg(job, made))
 
 
 def as_cut(job: Job, made: MadeWith) -> Job:

@@ -130,6 +130,10 @@ class TakeTrace(Command):
     answers: Mapping[str, str]
 
 
+class CorrectTouchOff(Command):
+    """Correct the touch-off by the diameter of the last measured part, once. Nothing moves."""
+
+
 class Measure(Command):
     """Release the part and take its roundness trace (the simulated gauge)."""
 

@@ -18,7 +18,7 @@ from console.session.station import commands, jogging
 from console.session.station.alarms import recovered
 from console.session.station.context import StationContext
 from console.session.station.cutting import arm, disarm, retract, start
-from console.session.station.measuring import measure_simulated, take_trace
+from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
 from console.session.station.state import Activity
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
@@ -229,5 +229,6 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.TakeControl: (Activity.VERIFYING, take_control),
     commands.Measure: (Activity.MEASURING, measure),
     commands.TakeTrace: (Activity.MEASURING, take_trace),
+    commands.CorrectTouchOff: (Activity.READY, correct_touch_off),
 }
 """Activity shown and handler for each command. Hold and Acknowledge do not wait their turn."""

@@ -13,14 +13,17 @@ from console.session.data.records import add_to_run
 from console.session.errors import SessionError
 from console.session.learning.imported import ImportedTrace, examined, refuse_unready
 from console.session.learning.learning_steps import as_cut, learning_of
-from console.session.station.commands import TakeTrace
+from console.session.station.commands import CorrectTouchOff, TakeTrace
 from console.session.station.context import StationContext
 from console.session.station.state import Armed, MeasuredPart
 from drivers.cutting.strategy import Strategy
 from profiles.files import printable
 from profiles.job import Job
+from profiles.metrology.turns import mean_diameter_mm, tool_offset_um
 from profiles.problem import Problem
+from profiles.roundness import RoundnessResult
 from profiles.store import LoadedJob
+from profiles.trace_files.header import header_of
 from profiles.traces import Trace
 
 
@@ -31,10 +34,14 @@ def measure_simulated(context: StationContext) -> None:
         raise SessionError(Problem(code="session.no_gauge"))
     trace = context.shop.measure()
     part = _judged(context, _just_cut(context, started), trace)
-    context.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=part.result.ront_um)
+    context.note("measured", **_event(part))
     context.end_record()
     context.tell(cut_done=False, alignment=unclamped(context.state.alignment, context.local_time()))
     _publish(context, part)
+
+
+MOST_OFFSET_UM = 200.0
+"""More than that is no drift of a tool: the touch-off has to be made again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +74,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     found = examined(command.path, cut.job, command.answers, simulated=context.shop is not None)
     refuse_unready(found)
     part = _judged(context, cut, found.trace, found)
-    measured = {**_event(part, found), **command.answers}
+    measured = {**_event(part), **_file_event(found), **command.answers}
     if cut.run_id is not None:
         add_to_run(context.records, cut.run_id, "measured", measured)
     else:
@@ -114,6 +121,8 @@ def _judged(context: StationContext, cut: _Cut, trace: Trace, found: ImportedTra
     assert result is not None
     if found is not None:
         result = replace(result, warnings=(*found.warnings, *result.warnings))
+    diameter_mm = _diameter_mm(trace, result)
+    offset_um = None if diameter_mm is None else tool_offset_um(diameter_mm, 2.0 * cut.job.finished_radius_mm)
     return MeasuredPart(
         job=cut.job,
         strategy=Strategy(cut.made.strategy),
@@ -121,9 +130,45 @@ def _judged(context: StationContext, cut: _Cut, trace: Trace, found: ImportedTra
         result=result,
         jaw_1_deg=cut.job.jaw_1_deg,
         phase_known=found is None or found.phase_known,
+        diameter_mm=diameter_mm,
+        tool_offset_um=offset_um,
         marks_mm=context.state.marks_mm if cut.run_id is None else (),
         learning=learning_of(cut.loaded, cut.job.name, cut.made, trace, machine, data, cut.tool_um),
     )
+
+
+def _diameter_mm(trace: Trace, result: RoundnessResult) -> float | None:
+    """Return the mean diameter, None where the trace does not state the radius at which its deviation is 0."""
+    header, _ = header_of(trace.meta)
+    if header.radius_mm is None or header.size == "relative":
+        return None
+    return mean_diameter_mm(header.radius_mm, result.mean_deviation_um)
+
+
+def correct_touch_off(context: StationContext, _: CorrectTouchOff) -> None:
+    """Move the radius of the tool tip by what the diameter of the last part was off; nothing moves.
+
+    Raises:
+        SessionError: `learned.no_part`; `offset.no_size`; `offset.taken`; `offset.no_touch_off`, that of its cut
+            is no longer in force; `offset.too_large`, the touch-off itself was wrong.
+    """
+    part, alignment = context.state.measured, context.state.alignment
+    if part is None:
+        raise SessionError(Problem(code="learned.no_part"))
+    offset_um = part.tool_offset_um
+    if offset_um is None:
+        raise SessionError(Problem(code="offset.no_size", limit="# radius_mm: R"))
+    if part.offset_taken:
+        raise SessionError(Problem(code="offset.taken"))
+    started, touched = context.started, alignment.touch_off
+    if touched is None or started is None or started.alignment.touch_off != touched:
+        raise SessionError(Problem(code="offset.no_touch_off"))
+    if abs(offset_um) > MOST_OFFSET_UM:
+        limit = f"± {MOST_OFFSET_UM:g} um"
+        raise SessionError(Problem(code="offset.too_large", value=f"{offset_um:+.0f} um", limit=limit))
+    zero_mm, at = touched.zero_radius_mm + offset_um / 1000.0, context.local_time()
+    context.tell(alignment=replace(alignment, touch_off=replace(touched, zero_radius_mm=zero_mm, at=at)))
+    context.tell(measured=replace(part, offset_taken=True))
 
 
 def _publish(context: StationContext, part: MeasuredPart) -> None:
@@ -132,12 +177,19 @@ def _publish(context: StationContext, part: MeasuredPart) -> None:
         context.tell(uncompensated=part)
 
 
-def _event(part: MeasuredPart, found: ImportedTrace) -> dict[str, object]:
+def _event(part: MeasuredPart) -> dict[str, object]:
     """Return what the run record keeps of a measurement."""
     return {
         "job": part.job.name,
         "strategy": part.strategy.value,
         "ront_um": part.result.ront_um,
+        "diameter_mm": part.diameter_mm,
+    }
+
+
+def _file_event(found: ImportedTrace) -> dict[str, object]:
+    """Return the file of a measurement, so that it can be found again."""
+    return {
         "trace": printable(found.path.name),
         "trace_sha256": hashlib.sha256(found.path.read_bytes()).hexdigest(),
     }

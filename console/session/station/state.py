@@ -112,7 +112,9 @@ class MeasuredPart:
     """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and the result.
 
     `marks_mm` is where a stop left the tool in it, mm behind its face. `learning` is its learning step. Where not
-    `phase_known`, nobody knows where jaw 1 is in the trace.
+    `phase_known`, nobody knows where jaw 1 is in the trace. `diameter_mm` is the mean one, `tool_offset_um` how
+    much deeper the tool has to go for the nominal one; both are None where the trace does not have the size.
+    `offset_taken`: the touch-off was corrected by it.
     """
 
     job: Job
@@ -121,6 +123,9 @@ class MeasuredPart:
     result: RoundnessResult
     jaw_1_deg: float
     phase_known: bool = True
+    diameter_mm: float | None = None
+    tool_offset_um: float | None = None
+    offset_taken: bool = False
     marks_mm: tuple[float, ...] = ()
     learning: PartLearning | None = None
 

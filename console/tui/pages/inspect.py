@@ -6,7 +6,7 @@ from textual.containers import Horizontal, Vertical
 
 from console.session.data.trace_folder import export_trace
 from console.session.errors import SessionError
-from console.session.station.commands import Measure
+from console.session.station.commands import CorrectTouchOff, Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
@@ -93,6 +93,8 @@ class InspectPage(ChartPage):
                 self._choose(action)
         elif action == "inspect.measure":
             self._measure()
+        elif action == "inspect.offset":
+            self._correct()
         elif action == "inspect.import":
             with self.ui.answering():
                 self._import()
@@ -145,6 +147,14 @@ class InspectPage(ChartPage):
         learning = part.learning
         taught = [] if learning is None else learn_lines(learning, view.work, text, width, failed=_fails(part))
         return [*inspect_lines.wrong_lines(part, text, width), *taught]
+
+    def _correct(self) -> None:
+        """Correct the touch-off by the diameter of the part; the station refuses for the same reasons."""
+        part = self.ui.control.state.measured
+        if part is None or part.tool_offset_um is None:
+            self.ui.say("learned.no_part" if part is None else "offset.no_size", limit="# radius_mm: R")
+        elif not self.ui.refuses("inspect.offset"):
+            self.ui.control.post(CorrectTouchOff())
 
     def _import(self) -> None:
         """Open the trace chooser, at rest and with a job."""

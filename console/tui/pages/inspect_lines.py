@@ -92,7 +92,7 @@ def result_lines(seen: Comparison, simulated: bool, text: Catalogue, width: int,
     """Return the table of both parts and the verdict; in little room lesser figures go, not the defects."""
     before, after = seen.before, seen.after.result if seen.after else None
     ront = _columns("RONt", f"{before.ront_um:.2f}", _figure(after, "ront_um"), width, Token.STRONG)
-    head = [_heading(text, width), ront]
+    head = [_heading(text, width), ront, *_diameter(seen.part, text, width)]
     lesser = [
         _columns(name, _figure(before.result, key), _figure(after, key), width, Token.TEXT)
         for name, key in (("RONp", "ronp_um"), ("RONv", "ronv_um"), ("RONq", "ronq_um"))
@@ -108,6 +108,17 @@ def result_lines(seen: Comparison, simulated: bool, text: Catalogue, width: int,
     if room < 0:
         gained = []
     return clipped([*head, *lesser[: max(room, 0)], *gained, *lines, *wrong], height, text("panel.more"))
+
+
+def _diameter(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
+    """Return the mean diameter and how far the tool has to move for the nominal one; nothing without a size."""
+    offset_um = part.tool_offset_um
+    if offset_um is None:
+        return []
+    name = text("inspect_page.diameter_taken" if part.offset_taken else "inspect_page.diameter")
+    return [
+        ranged(line(dim(name)), line(f" {part.diameter_mm:.3f} ", (f"{offset_um:+.1f} um", Token.STRONG)), width)
+    ]
 
 
 def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -> list[Line]:
