@@ -54,8 +54,12 @@ class Trace:
 
 def read_trace(path: Path) -> Trace:
     """Read the trace in a file, or raise `ProfileError` with its problems."""
-    content = read_regular_file(path, cap_bytes=CAP_BYTES, area="trace")
-    return parse_trace(content, where=printable(str(path)))
+    return parse_trace(read_trace_file(path), where=printable(str(path)))
+
+
+def read_trace_file(path: Path) -> bytes:
+    """Return the bytes of a trace file, for `parse_trace`; ProfileError `trace.unreadable`, `trace.too_large`."""
+    return read_regular_file(path, cap_bytes=CAP_BYTES, area="trace")
 
 
 def parse_trace(content: bytes, *, where: str = "") -> Trace:

@@ -114,9 +114,8 @@ def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, scatter_um: float, too
     """Return the cause of what is left of the lobe beyond the tool's own error, None where that is noise."""
     lobes, path_um = job.jaws, cut.path.target.harmonics[0].coefficient
     off_um = part.coefficients_um[lobes] - (1.0 - cut.fraction) * path_um + tool_um
-    sd_um = math.hypot(part.sd_um[lobes], REPEATS_SD_UM, scatter_um)
-    um_pp = 2.0 * abs(off_um)
-    if abs(off_um) <= SIGNIFICANT * math.hypot(part.sd_um[lobes], REPEATS_SD_UM) or not path_um:
+    seen_sd_um, um_pp = math.hypot(part.sd_um[lobes], REPEATS_SD_UM), 2.0 * abs(off_um)
+    if abs(off_um) <= SIGNIFICANT * seen_sd_um or not path_um:
         return None
     whole_um, ratio = path_um + off_um, off_um / path_um
     in_line = abs(math.remainder(math.degrees(cmath.phase(ratio)), 180.0)) <= IN_LINE_DEG
@@ -124,7 +123,7 @@ def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, scatter_um: float, too
         return _in_line(ratio.real, cut.fraction, lobes, um_pp)
     if abs(abs(whole_um / path_um) - 1.0) <= SAME_HEIGHT:
         deg = -math.degrees(cmath.phase(whole_um / path_um)) / lobes
-        sd_deg = math.degrees(sd_um / abs(whole_um)) / lobes
+        sd_deg = math.degrees(math.hypot(seen_sd_um, scatter_um) / abs(whole_um)) / lobes
         return Cause(kind=CauseKind.ANGLE, um_pp=um_pp, order=lobes, value=deg, sd=sd_deg)
     return Cause(kind=CauseKind.LOBE, um_pp=um_pp, order=lobes)
 

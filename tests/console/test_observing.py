@@ -61,7 +61,7 @@ REFUSED: tuple[Command, ...] = (
     Start(),
     Retract(),
     Measure(),
-    TakeTrace(path=Path("part.csv"), job=JOB, loaded=None, answers={}),
+    TakeTrace(path=Path("part.csv"), sha256="", job=JOB, loaded=None, answers={}),
     CorrectTouchOff(),
 )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import sqlite3
@@ -81,7 +82,12 @@ class Outside:
         return jaw.angle_deg
 
     def take(self, path: Path, **answers: str) -> StationState:
-        return self.floor.do(TakeTrace(path=path, job=self.job.job, loaded=self.job, answers=answers))
+        return self.floor.do(self.order(path, **answers))
+
+    def order(self, path: Path, **answers: str) -> TakeTrace:
+        """What Enter asks for, of the file as it is now."""
+        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+        return TakeTrace(path=path, sha256=sha256, job=self.job.job, loaded=self.job, answers=answers)
 
     def taken(self, path: Path, **answers: str) -> MeasuredPart:
         state = self.take(path, **answers)
@@ -154,6 +160,20 @@ def test_what_the_file_does_not_state_is_asked_and_the_answer_recorded(outside: 
     assert STATED.items() <= outside.events("measured")[-1].items()
 
 
+def test_a_file_that_changed_since_it_was_seen_is_not_taken(outside: Outside) -> None:
+    outside.cut()
+    path = outside.gauge(**STATED)
+    seen = outside.order(path)
+    path.write_text(path.read_text(encoding="utf-8").replace("1", "2", 1), encoding="utf-8")
+    state = outside.floor.do(seen)
+    assert [problem.code for problem in state.refusals] == ["trace.changed"]
+    assert state.cut_done and state.measured is None
+    path.unlink()
+    state = outside.floor.do(seen)
+    assert [problem.code for problem in state.refusals] == ["trace.unreadable"]
+    assert state.stop is None and state.alarms == (), "a bad file is nothing that stops a machine"
+
+
 def test_without_a_mark_a_part_is_judged_and_teaches_nothing(outside: Outside) -> None:
     outside.cut()
     part = outside.taken(outside.gauge(state="free"), start_mark="unknown")
@@ -169,13 +189,13 @@ def test_a_part_cut_before_the_console_was_restarted_is_judged_by_the_record(out
     again = open_floor(outside.data, SEED, "realistic", outside.machine)
     again.context.shop = None
     again.context.tell(simulated=False)
-    state = again.do(TakeTrace(path=path, job=outside.job.job, loaded=outside.job, answers={}))
+    state = again.do(outside.order(path))
     assert state.measured is not None, state.refusals
-    assert state.measured.learning == before.learning or (
-        before.learning is not None
-        and state.measured.learning is not None
-        and state.measured.learning.made == before.learning.made
-    )
+    now, then = state.measured.learning, before.learning
+    assert now is not None and then is not None and now.taught is not None and then.taught is not None
+    assert now.made == then.made
+    assert now.taught.step.next.path == then.taught.step.next.path
+    assert now.taught.causes == then.taught.causes
     assert state.measured.result.ront_um == pytest.approx(before.result.ront_um)
     assert len(outside.events("measured")) == 2
 
@@ -184,7 +204,7 @@ def test_no_part_in_the_record_is_no_part(outside: Outside) -> None:
     path = trace_folder(outside.data) / "found.csv"
     write_trace(path, Trace(angle_deg=np.arange(360.0), deviation_um=np.cos(np.arange(360.0)), meta=STATED))
     assert outside.refused(path) == ["session.nothing_cut"]
-    state = outside.floor.do(TakeTrace(path=path, job=outside.job.job, loaded=None, answers={}))
+    state = outside.floor.do(replace(outside.order(path), loaded=None))
     assert [problem.code for problem in state.refusals] == ["learned.edited_part"]
 
 

@@ -121,7 +121,7 @@ def test_a_touch_off_40_um_early_is_seen_in_the_diameter_and_taken_back(stiff: F
 
 
 def test_a_correction_that_is_no_drift_or_of_another_touch_off_is_refused(floor: Floor, job: LoadedJob) -> None:
-    assert [problem.code for problem in floor.do(CorrectTouchOff()).refusals] == ["learned.no_part"]
+    assert [problem.code for problem in floor.do(CorrectTouchOff()).refusals] == ["trace.no_part"]
     part = cut(floor, job)
     floor.context.tell(measured=replace(part, tool_offset_um=201.0))
     assert [problem.code for problem in floor.do(CorrectTouchOff()).refusals] == ["offset.too_large"]

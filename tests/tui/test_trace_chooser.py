@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import os
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
@@ -101,7 +102,9 @@ def test_the_newest_file_is_offered_and_enter_takes_it_for_the_part(tmp_path: Pa
         assert words in text
     work = staged.view.work
     assert work is not None
-    assert staged.control.orders == [TakeTrace(path=newest, job=work.job, loaded=work.loaded, answers={})]
+    sha256 = hashlib.sha256(newest.read_bytes()).hexdigest()
+    taken = TakeTrace(path=newest, sha256=sha256, job=work.job, loaded=work.loaded, answers={})
+    assert staged.control.orders == [taken]
 
 
 def test_what_the_file_does_not_state_is_answered_before_it_is_taken(tmp_path: Path) -> None:
@@ -194,3 +197,20 @@ def test_no_row_is_wider_than_the_terminal(language: str, size: tuple[int, int],
     assert cell_len(staged.next_step) <= size[0] - 3
     shown = plain(staged.page.in_full(staged.view, 200))
     assert "clamped" in shown or "척킹 상태" in shown
+
+
+def test_a_file_that_comes_while_the_list_is_open_is_listed_and_the_selection_stays(
+    tmp_path: Path,
+) -> None:
+    staged = Staged(tmp_path)
+
+    async def scene(pilot: Pilot[None]) -> tuple[str, str]:
+        await staged.do(pilot, "inspect.import")
+        gauge(tmp_path, "first.csv", age_s=60, state="free", start_mark="unknown")
+        first = await staged.do(pilot, "inspect.up")
+        gauge(tmp_path, "second.csv", state="free", start_mark="unknown")
+        return first, await staged.do(pilot, "inspect.state")
+
+    first, second = staged.play(scene)
+    assert "▸ first.csv" in first
+    assert "▸ first.csv" in second and "  second.csv" in second

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from profiles.metrology.turns import several_turns
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.trace_files.header import TraceHeader, header_of
-from profiles.traces import Trace, read_trace
+from profiles.traces import Trace, parse_trace, read_trace_file
 
 FREE, CLAMPED = "free", "clamped"
 QUESTIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -45,6 +46,7 @@ class ImportedTrace:
     """
 
     path: Path
+    sha256: str
     trace: Trace
     header: TraceHeader
     turn: Trace
@@ -73,7 +75,8 @@ def examined(path: Path, job: Job, answers: Mapping[str, str], *, simulated: boo
 
     Raises ProfileError: the file cannot be read, or its points cannot be evaluated.
     """
-    filed = read_trace(path)
+    content = read_trace_file(path)
+    filed = parse_trace(content, where=printable(str(path)))
     asked = _asked(header_of(filed.meta)[0])
     given = {key: answers[key] for key in asked if key in answers}
     trace = replace(filed, meta=MappingProxyType({**filed.meta, **given}))
@@ -88,6 +91,7 @@ def examined(path: Path, job: Job, answers: Mapping[str, str], *, simulated: boo
         )
     return ImportedTrace(
         path=path,
+        sha256=hashlib.sha256(content).hexdigest(),
         trace=trace,
         header=header,
         turn=_on_the_spindle(turn, header, job),

@@ -121,10 +121,11 @@ class TakeControl(Command):
 class TakeTrace(Command):
     """Judge a part by the trace in a file: the part in the chuck, or else the newest of this job in the record.
 
-    `answers` are for the header keys that the file does not state.
+    `answers` are for the header keys that the file does not state, `sha256` is of the file as the operator saw it.
     """
 
     path: Path
+    sha256: str
     job: Job
     loaded: LoadedJob | None
     answers: Mapping[str, str]

@@ -196,12 +196,14 @@ def _finish(context: StationContext, watched: _Watched, end: CutEnd) -> None:
 def _open_record(context: StationContext, command: Arm, plan: CutPlan, made: MadeWith) -> None:
     context.end_record()
     job, machine, jaw = command.job, context.loaded_machine, context.state.alignment.jaw
+    touched = context.state.alignment.touch_off
     sha256, simulated = command.job_sha256, context.cut_context.simulated
     context.record = begin_record(context.records, job.name, sha256, machine, plan, simulated=simulated)
     context.note(
         "armed",
         force_n=job.chucking_force_n,
         jaw_1_deg=None if jaw is None else jaw.angle_deg,
+        zero_radius_mm=None if touched is None else touched.zero_radius_mm,
         calibrations=calibrations_of(machine),
         **made.event(),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, replace
 
 from console.session.cut.alignment import unclamped
@@ -20,7 +19,7 @@ from drivers.cutting.strategy import Strategy
 from profiles.files import printable
 from profiles.job import Job
 from profiles.metrology.turns import mean_diameter_mm, tool_offset_um
-from profiles.problem import Problem
+from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult
 from profiles.store import LoadedJob
 from profiles.trace_files.header import header_of
@@ -64,14 +63,19 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     Nothing moves. The part is out of the chuck then, so that the clamping ends.
 
     Raises:
-        SessionError: `machine.moving`; `session.nothing_cut`; `learned.edited_part`; as `refuse_unready`.
-        ProfileError: as `examined`.
+        SessionError: `machine.moving`; `session.nothing_cut`; `learned.edited_part`; `trace.changed`; as
+            `refuse_unready` and `examined`.
     """
     if not context.lathe.snapshot().at_rest:
         raise SessionError(Problem(code="machine.moving"))
     in_chuck = context.state.cut_done
     cut = _cut_of(context, command)
-    found = examined(command.path, cut.job, command.answers, simulated=context.shop is not None)
+    try:
+        found = examined(command.path, cut.job, command.answers, simulated=context.shop is not None)
+    except ProfileError as refused:  # a bad file is a refusal: nothing is wrong with the machine
+        raise SessionError(*refused.problems) from refused
+    if found.sha256 != command.sha256:
+        raise SessionError(Problem(code="trace.changed", where=printable(found.path.name)))
     refuse_unready(found)
     part = _judged(context, cut, found.trace, found)
     measured = {**_event(part), **_file_event(found), **command.answers}
@@ -149,12 +153,12 @@ def correct_touch_off(context: StationContext, _: CorrectTouchOff) -> None:
     """Move the radius of the tool tip by what the diameter of the last part was off; nothing moves.
 
     Raises:
-        SessionError: `learned.no_part`; `offset.no_size`; `offset.taken`; `offset.no_touch_off`, that of its cut
+        SessionError: `trace.no_part`; `offset.no_size`; `offset.taken`; `offset.no_touch_off`, that of its cut
             is no longer in force; `offset.too_large`, the touch-off itself was wrong.
     """
     part, alignment = context.state.measured, context.state.alignment
     if part is None:
-        raise SessionError(Problem(code="learned.no_part"))
+        raise SessionError(Problem(code="trace.no_part"))
     offset_um = part.tool_offset_um
     if offset_um is None:
         raise SessionError(Problem(code="offset.no_size", limit="# radius_mm: R"))
@@ -191,5 +195,5 @@ def _file_event(found: ImportedTrace) -> dict[str, object]:
     """Return the file of a measurement, so that it can be found again."""
     return {
         "trace": printable(found.path.name),
-        "trace_sha256": hashlib.sha256(found.path.read_bytes()).hexdigest(),
+        "trace_sha256": found.sha256,
     }

@@ -152,7 +152,7 @@ class InspectPage(ChartPage):
         """Correct the touch-off by the diameter of the part; the station refuses for the same reasons."""
         part = self.ui.control.state.measured
         if part is None or part.tool_offset_um is None:
-            self.ui.say("learned.no_part" if part is None else "offset.no_size", limit="# radius_mm: R")
+            self.ui.say("trace.no_part" if part is None else "offset.no_size", limit="# radius_mm: R")
         elif not self.ui.refuses("inspect.offset"):
             self.ui.control.post(CorrectTouchOff())
 
@@ -183,7 +183,7 @@ class InspectPage(ChartPage):
         """Write the trace of the part to a file of its own."""
         part = self.ui.control.state.measured
         if part is None:
-            raise SessionError(Problem(code="learned.no_part"))
+            raise SessionError(Problem(code="trace.no_part"))
         path = export_trace(self.ui.data, part.trace, job=part.job.name)
         self.ui.say("trace.exported", value=printable(str(path)))
 

@@ -97,6 +97,7 @@ class TraceChooser(Horizontal):
         self._typed: tuple[Path, ...] = ()
         self._choice: Choice | None = None
         self._shown: object = None
+        self._listed = 0, 0
         self.display = False
 
     def compose(self) -> list[Sheet | Input]:
@@ -116,7 +117,8 @@ class TraceChooser(Horizontal):
     def open(self) -> None:
         """Show the files as they are now. Raises ProfileError, SessionError: folder or record cannot be read."""
         folder = trace_folder(self._ui.data)
-        self._choice = Choice(folder=folder, files=(*self._typed, *offered(folder)), part=self._part())
+        self._listed, files = _changed(folder), (*self._typed, *offered(folder))
+        self._choice = Choice(folder=folder, files=files, part=self._part())
         self._shown = None
 
     def close(self) -> None:
@@ -158,12 +160,16 @@ class TraceChooser(Horizontal):
             self._take_path(choice)
             return
         work = self._ui.work
-        if work is None or choice.file is None or not choice.ready:
+        found = choice.found
+        if work is None or not isinstance(found, ImportedTrace) or not choice.ready:
             self._ui.say("trace.not_ready")
             return
         loaded = None if work.edited else work.loaded
-        command = TakeTrace(path=choice.file, job=work.job, loaded=loaded, answers=dict(choice.answers))
-        self._ui.control.post(command)
+        self._ui.control.post(
+            TakeTrace(
+                path=found.path, sha256=found.sha256, job=work.job, loaded=loaded, answers=dict(choice.answers)
+            )
+        )
         self.close()
 
     def refresh_choice(self, view: View) -> None:
@@ -173,6 +179,7 @@ class TraceChooser(Horizontal):
             return
         if self.is_typing and self.screen.focused is not self._entry:
             self.screen.set_focus(self._entry, scroll_visible=False)
+        choice = self._with_new_files(choice)
         found = None if work is None else self._ask(choice, work.job, simulated=view.state.simulated)
         self._choice = choice = replace(choice, found=found, in_chuck=view.state.cut_done)
         shown = (choice, self.is_typing, self._files.size, self._facts.size)
@@ -192,6 +199,18 @@ class TraceChooser(Horizontal):
         """Return all that is said of the selected file."""
         return [] if self._choice is None else fact_lines(self._choice, self._ui.text, width)
 
+    def _with_new_files(self, choice: Choice) -> Choice:
+        """List the folder again where something in it has come or gone; the selection stays on its file."""
+        listed = _changed(choice.folder)
+        if listed == self._listed:
+            return choice
+        self._listed, files = listed, choice.files
+        with self._ui.answering():
+            files = (*self._typed, *offered(choice.folder))
+        if choice.file not in files:
+            return replace(choice, files=files, selected=0, answers={})
+        return replace(choice, files=files, selected=files.index(choice.file))
+
     def _part(self) -> CutPart | None:
         """Return the newest part of the open job in the record; an edited job has none."""
         work = self._ui.work
@@ -203,11 +222,7 @@ class TraceChooser(Horizontal):
     def _ask(self, choice: Choice, job: Job, *, simulated: bool) -> Found | None:
         if choice.file is None:
             return None
-        try:
-            status = os.stat(choice.file)
-            changed = status.st_mtime_ns, status.st_size
-        except OSError:
-            changed = 0, 0
+        changed = _changed(choice.file)
         answers = tuple(sorted(choice.answers.items()))
         question = _Question(path=choice.file, changed=changed, job=job, answers=answers, simulated=simulated)
         return self._reader.answer(question)
@@ -240,3 +255,12 @@ class TraceChooser(Horizontal):
         name = "" if choice.file is None else name_in(printable(choice.file.name), max(facts.width - 4, 1))
         rows = fact_lines(choice, text, max(facts.width, 1))
         self._facts.show(clipped(rows, facts.height, text("panel.more")), name)
+
+
+def _changed(path: Path) -> tuple[int, int]:
+    """Return when a file or a folder was changed, ns, and its size; zeros where it is gone."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return 0, 0
+    return status.st_mtime_ns, status.st_size
