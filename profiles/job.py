@@ -11,11 +11,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from profiles.fields import Field, Kind, flatten, read_fields, schema_problem
-from profiles.problem import ProfileError
+from profiles.problem import Problem, ProfileError
 
 # Suffix of the source of a job whose lobe was found on a simulated part.
 SIMULATED_SOURCE = "lobe of a simulated part, for practice"
-LOBE_ERROR_SOURCES = ("measured", "fitted", "model", "assumed")
+NO_LOBE = "none"
+"""Source of the lobe error of a job whose lobe is not known yet: the error is 0, only a plain cut can be made."""
+
+LOBE_ERROR_SOURCES = ("measured", "fitted", "model", "assumed", NO_LOBE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,4 +174,8 @@ def job_from_table(table: Mapping[str, Any], *, where: str = "") -> Job:
     values, found = read_fields(JOB_FIELDS, leaves, where=where)
     if problems or found:
         raise ProfileError(*problems, *found)
-    return Job(**values)
+    job = Job(**values)
+    if job.lobe_error_source == NO_LOBE and job.lobe_error_um_pp:
+        value = f"{job.lobe_error_um_pp:.6g} um"
+        raise ProfileError(Problem(code="job.lobe_unknown", where=where, key="lobe_error_um_pp", value=value))
+    return job
