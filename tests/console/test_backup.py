@@ -21,6 +21,7 @@ import pytest
 from console.session.data import calibrations, identified, learned_store, restore, stop_records
 from console.session.data.backup import back_up
 from console.session.data.backup_format import MANIFEST
+from console.session.data.backup_reading import checked
 from console.session.data.history import last_results
 from console.session.data.kept_files import jobs_folder
 from console.session.data.record_file import FILE_NAME, SCHEMA
@@ -232,12 +233,12 @@ def test_whatever_is_wrong_with_an_archive_nothing_is_written(data: Path, tmp_pa
 def test_a_flipped_bit_anywhere_in_the_file_is_found_or_harmless(data: Path, tmp_path: Path) -> None:
     file, wrong = tmp_path / "b.tar.gz", tmp_path / "wrong.tar.gz"
     back_up(data, file)
-    good, zipped = restore.checked(file), file.read_bytes()
+    good, zipped = checked(file), file.read_bytes()
     refused = 0
     for place in range(10, len(zipped), max(1, len(zipped) // 60)):  # behind the header of gzip: a date
         wrong.write_bytes(zipped[:place] + bytes([zipped[place] ^ 0x10]) + zipped[place + 1 :])
         try:
-            assert restore.checked(wrong) == good
+            assert checked(wrong) == good
         except ProblemError as error:
             assert error.problems[0].code in ("restore.damaged", "restore.not_backup", "restore.unsafe")
             refused += 1

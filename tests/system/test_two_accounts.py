@@ -23,6 +23,7 @@ from console.session.station.owning import take_lock
 from console.session.work import opened, saved_as
 from profiles.files import made_locked, remove_all_left
 from profiles.findings import Severity
+from profiles.problem import ProfileError
 from profiles.store import list_jobs, load_job, load_machine
 from tests.console.test_own_files import CALIBRATION, HOLDS, LEARNED, MACHINE, STOPS
 from tests.system.accounts import STRANGER, A, B, as_account, become, lathe_folder, needs_root
@@ -160,6 +161,24 @@ def test_an_account_outside_the_group_reads_and_writes_nothing(data: Path) -> No
         assert "drwxrws---" in check.found
 
     as_account(STRANGER, is_outside)
+
+
+def test_a_folder_that_was_copied_by_hand_and_is_closed_is_said_not_taken_for_empty(data: Path) -> None:
+    as_account(A, lambda: works(data, 1))
+    learned = next((data / "learned").glob("*/*/*"))
+
+    def is_said() -> None:
+        with pytest.raises(SessionError) as refused:
+            data_of(Namespace(data=str(data)))
+        assert (refused.value.problems[0].code, refused.value.problems[0].where) == ("data.closed", f"{data}/jobs")
+        for reads in (lambda: stop_records.load(data, MACHINE), lambda: learned_store.versions(data, HOLDS)):
+            with pytest.raises(ProfileError) as unreadable:
+                reads()
+            assert unreadable.value.problems[0].code == "file.unreadable"
+
+    for folder in (data / "jobs", data / "stops", learned):
+        folder.chmod(0o700)
+    as_account(B, is_said)
 
 
 def test_doctor_says_what_is_wrong_with_the_rights(data: Path) -> None:

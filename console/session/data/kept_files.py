@@ -19,6 +19,8 @@ from profiles.problem import Problem, ProfileError
 CAP_BYTES = 1_000_000
 
 APPLICATION = "trilobe"
+READ_FROM = ("jobs", "machines", "learned", "calibrations", "stops")
+"""Folders in the data folder from which files are taken by themselves."""
 
 
 def folder_name(name: str) -> str:
@@ -70,17 +72,21 @@ def data_folder(given: str | None = None) -> Path:
     return Path(home) / ".local" / "share" / APPLICATION
 
 
-def refuse_closed(folder: Path) -> None:
-    """Refuse a folder that is there and closed to this account with SessionError `data.closed`."""
-    try:
-        os.stat(folder)
-        closed = not os.access(folder, os.R_OK | os.X_OK)
-    except (FileNotFoundError, NotADirectoryError):
-        return
-    except OSError:  # one above it is closed
-        closed = True
-    if closed:
-        raise SessionError(Problem(code="data.closed", where=printable(str(folder)), value=account_name()))
+def refuse_closed(data: Path) -> None:
+    """Refuse a data folder that is there and closed to this account, or one in it: SessionError `data.closed`.
+
+    What is read from would look empty, and a cut would silently do without what was learned.
+    """
+    for folder in (data, *(data / name for name in READ_FROM)):
+        try:
+            os.stat(folder)
+            closed = not os.access(folder, os.R_OK | os.X_OK)
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError:  # one above it is closed
+            closed = True
+        if closed:
+            raise SessionError(Problem(code="data.closed", where=printable(str(folder)), value=account_name()))
 
 
 def jobs_folder(data: Path) -> Path:
