@@ -159,6 +159,8 @@ def test_an_account_outside_the_group_reads_and_writes_nothing(data: Path) -> No
         (check,) = data_folder_checks(data)
         assert (check.code, check.severity) == ("data_folder_unusable", Severity.REFUSAL)
         assert "drwxrws---" in check.found
+        (check,) = data_folder_checks(data.parent / "new")
+        assert (check.code, check.found) == ("data_folder_unmakeable", str(data.parent))
 
     as_account(STRANGER, is_outside)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import stat
 from pathlib import Path
 
@@ -19,6 +20,9 @@ def data_folder_checks(data: Path) -> list[Check]:
     except OSError as error:
         return [_check("data_folder_unusable", Severity.REFUSAL, where, found=error.strerror or str(error))]
     if state is None:
+        above = next(each for each in data.absolute().parents if each.exists())
+        if not os.access(above, os.W_OK | os.X_OK):
+            return [_check("data_folder_unmakeable", Severity.REFUSAL, where, found=printable(str(above)))]
         return [_check("data_folder_missing", Severity.NOTICE, where)]
     if not state.usable:
         return [_check("data_folder_unusable", Severity.REFUSAL, where, found=state.rights)]
