@@ -121,6 +121,7 @@ def test_which_folder_is_shared(tmp_path: Path) -> None:
         (0o0777,): False,
         (0o2770, 0o2755): True,
         (0o2770, 0o2700): False,
+        (0o2770, 0o2777): False,
         (0o2770, 0o0755): False,
     }
     for number, (modes, expected) in enumerate(cases.items()):
