@@ -340,6 +340,27 @@ def learning_of(
     return PartLearning(made=made, taught=taught)
 
 
+def learning_event(learning: PartLearning) -> dict[str, object]:
+    """Return a proposed learning step, or why there is none, as the run record keeps it."""
+    taught = learning.taught
+    reasons = [problem.code for problem in learning.reasons]
+    return {"reasons": reasons} if taught is None else {**step_event(taught.step), "reasons": reasons}
+
+
+def step_event(step: LearningStep) -> dict[str, object]:
+    """Return a learning step as the run record keeps it; the path itself is kept with the versions."""
+    following = step.next
+    return {
+        "version": following.version,
+        "parent": following.parent,
+        "strategy": following.holds_for.strategy,
+        "gain": following.gain,
+        "harmonics": list(step.learned),
+        "expected_ront_um": step.expected_ront_um,
+        "expected_lobe_um_pp": step.expected_lobe_um_pp,
+    }
+
+
 def accept(learning: PartLearning, data: Path) -> LearnedCompensation:
     """Keep a part's learning step as the newest version, whatever was kept since it was measured, and return it.
 

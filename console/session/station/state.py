@@ -114,7 +114,7 @@ class MeasuredPart:
     `marks_mm` is where a stop left the tool in it, mm behind its face. `learning` is its learning step. Where not
     `phase_known`, nobody knows where jaw 1 is in the trace. `diameter_mm` is the mean one, `tool_offset_um` how
     much deeper the tool has to go for the nominal one; both are None where the trace does not have the size.
-    `offset_taken`: the touch-off was corrected by it.
+    `offset_taken`: the touch-off was corrected by it. `run_id` is its run in the record.
     """
 
     job: Job
@@ -128,6 +128,7 @@ class MeasuredPart:
     offset_taken: bool = False
     marks_mm: tuple[float, ...] = ()
     learning: PartLearning | None = None
+    run_id: str | None = None
 
     @property
     def is_half(self) -> bool:
