@@ -27,6 +27,7 @@ from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MODEL
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
 from console.session.errors import SessionError
 from console.session.learning.learning import LearnResult, learn
+from console.session.operator import operator_name
 from console.session.signals import Interruption
 from console.session.stages import Stage
 from console.session.station.reaching import Commissioned, Reached, guard, leave, machine_context, reach
@@ -204,7 +205,9 @@ def _recorded(
     except BaseException as error:
         # What ended the run matters more than a record that cannot be written.
         with suppress(SessionError):
-            record.add("ended", {"reason": str(error) or type(error).__name__, "stopped": _was_stopped(error)})
+            stopped = _was_stopped(error)
+            by = {"by": operator_name()} if stopped else {}
+            record.add("ended", {"reason": str(error) or type(error).__name__, "stopped": stopped, **by})
         raise
     finally:
         record.close()

@@ -191,13 +191,19 @@ class RunRecord:
 
 
 def add_to_run(
-    folder: Path, run_id: str, kind: str, data: Mapping[str, object], part: PartRecord | None = None
+    folder: Path,
+    run_id: str,
+    kind: str,
+    data: Mapping[str, object],
+    part: PartRecord | None = None,
+    *,
+    timeout_s: float = DRIVES_ON_TIMEOUT_S,
 ) -> None:
     """Add an event to a run that has ended, such as a measurement of its part.
 
     Raises SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`.
     """
-    until_s = time.monotonic() + TIMEOUT_S
+    until_s = time.monotonic() + timeout_s
     with closing(opened(folder, until_s)) as database:
         statements = [_event(run_id, kind, data), *measurement(run_id, part)]
         try:

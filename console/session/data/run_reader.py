@@ -33,6 +33,7 @@ __all__ = [
     "RunStory",
     "Telemetry",
     "measured_parts",
+    "run_of_trace",
     "runs",
     "story",
 ]
@@ -152,6 +153,14 @@ def _point(found: Sequence[Any]) -> PartPoint:
         stage=stage,
         compensation=None if stage is None else MODEL if version is None else str(version),
     )
+
+
+def run_of_trace(folder: Path, trace_sha256: str) -> str | None:
+    """Return the newest run whose part has the trace with this hash; None without one. SessionError: as `runs`."""
+    query = "SELECT run_id FROM measurements WHERE trace_sha256 = ? ORDER BY rowid DESC LIMIT 1"
+    with _reading(folder) as database:
+        found = None if database is None else database.execute(query, (trace_sha256,)).fetchone()
+    return None if found is None else str(found[0])
 
 
 def _conditions(filters: RunFilters) -> tuple[list[str], list[object]]:

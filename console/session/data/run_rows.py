@@ -30,11 +30,15 @@ class How(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ending:
-    """How a run ended, after how many turns of the cut, and the reason: a code, or the name of a stop."""
+    """How a run ended, after how many turns of the cut, and the reason: a code, or the name of a stop.
+
+    `by` is who stopped it: the name of the operator, "console", or a signal; empty where that is not recorded.
+    """
 
     how: How
     turn: float | None = None
     reason: str = ""
+    by: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,11 +206,12 @@ def _ending(ends: list[Event]) -> Ending:
             return Ending(how=How.HELD, turn=turn)
         if kind == "ended_early":
             return Ending(how=How.EARLY, turn=turn, reason=", ".join(map(str, event.get("reasons", ()))))
+        by = str(event.get("by") or "")
         if kind == "stopped" and "started" in kinds:
-            return Ending(how=How.STOPPED, turn=turn, reason=reason)
+            return Ending(how=How.STOPPED, turn=turn, reason=reason, by=by)
         if kind == "ended":
             how = How.KILLED if reason == "killed" else How.STOPPED if event.get("stopped") else How.FAILED
-            return Ending(how=how, turn=turn, reason="" if how is How.KILLED else reason)
+            return Ending(how=how, turn=turn, reason="" if how is How.KILLED else reason, by=by)
     not_started = "armed" in kinds and "started" not in kinds
     return Ending(how=How.NOT_STARTED if not_started else How.OPEN)
 

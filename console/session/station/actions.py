@@ -13,6 +13,10 @@ from console.session.station.alarms import Alarm, Alarms
 from console.session.station.commands import Acknowledge, Command
 from profiles.files import printable
 
+CONSOLE = "console"
+OWN_REASONS = ("screen", "fault", "end")
+"""Reasons of stops that the console sends by itself, besides the codes of problems."""
+
 Event = tuple[str, dict[str, object]]
 
 
@@ -30,6 +34,13 @@ def command_event(command: Command) -> dict[str, object]:
     if isinstance(command, Acknowledge):
         found["shown"] = [problem.code for problem in command.shown]
     return found
+
+
+def stopped_by(reason: str) -> str:
+    """Return who stopped the machine: the operator, by a key; the console itself, by a code; or a signal."""
+    if "." in reason or reason in OWN_REASONS:
+        return CONSOLE
+    return reason if reason.startswith("SIG") else operator_name()
 
 
 def alarm_events(before: Alarms, after: Alarms) -> Iterator[Event]:

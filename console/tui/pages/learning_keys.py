@@ -7,7 +7,7 @@ from dataclasses import replace
 from console.session.cut.compensated import chosen_problems, using, without_learned
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
-from console.session.learning.learning_steps import accept, revert
+from console.session.learning.learning_steps import accept, record_accepted, revert
 from console.session.work import STAGES, Work
 from console.tui.ui_context import UiContext
 from profiles.problem import Problem
@@ -31,7 +31,9 @@ def accept_lesson(ui: UiContext) -> None:
     if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
         raise SessionError(Problem(code="learned.other_job", key=part.job.name))
     _refuse_edited(work)
-    ui.work = using(work, accept(learning, ui.data))
+    kept = accept(learning, ui.data)
+    ui.work = using(work, kept)
+    ui.said = record_accepted(ui.data, part.run_id, kept)
 
 
 def revert_version(ui: UiContext) -> None:
