@@ -1,4 +1,4 @@
-"""Consoles that are killed while they record, and many that record at once: what is acknowledged is in the file."""
+"""Consoles that are killed while they record, and many at once: what is acknowledged is in the file."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def forked(act: Callable[[], None]) -> int:
     return child
 
 
-def rows(polls: object) -> np.ndarray:  # type: ignore[type-arg]
+def rows(polls: object) -> np.ndarray:
     return np.array(polls, dtype=np.float64)
 
 

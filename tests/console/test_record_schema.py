@@ -1,4 +1,4 @@
-"""A record of schema 1 becomes one of schema 2 in one step: nothing is lost, and a kill leaves either of the two."""
+"""A record of schema 1 becomes one of schema 2 in one step: nothing is lost; a kill leaves either of the two."""
 
 from __future__ import annotations
 
@@ -130,16 +130,6 @@ def test_the_next_cut_makes_it_schema_2_and_loses_nothing(tmp_path: Path) -> Non
     opened(tmp_path, time.monotonic() + 5.0).close()
     assert (schema(path), content(path)) == (2, before)
     check_read(tmp_path)
-    with closing(sqlite3.connect(path)) as database:
-        for table in ("runs", "events", "texts", "measurements", "traces", "telemetry"):
-            for change in (f"UPDATE {table} SET rowid = rowid + 1", f"DELETE FROM {table}"):
-                count = database.execute(f"SELECT count(*) FROM {table}").fetchone()[0]
-                try:
-                    database.execute(change)
-                except sqlite3.IntegrityError as refused:
-                    assert "append only" in str(refused)
-                else:
-                    assert count == 0  # a trigger fires for each row
 
 
 def test_a_console_of_schema_1_that_has_the_file_open_meanwhile_writes_on(tmp_path: Path) -> None:

@@ -178,9 +178,9 @@ def alarm_stories(events: Iterable[RunEvent]) -> tuple[AlarmStory, ...]:
     return tuple(found)
 
 
-_RUN = """SELECT software, python, controller, family, job_sha256, job.content, machine_sha256, machine.content,
-    program, setup FROM runs LEFT JOIN texts AS job ON job.sha256 = runs.job_text_sha256
-    LEFT JOIN texts AS machine ON machine.sha256 = runs.machine_text_sha256 WHERE run_id = ?"""
+_RUN = """SELECT software, python, controller, family, job_sha256, job_text_sha256, machine_sha256,
+    machine_text_sha256, program, setup FROM runs WHERE run_id = ?"""
+_TEXT = "SELECT content FROM texts WHERE sha256 = ?"
 _EVENTS = "SELECT number, at_utc, kind, data FROM events WHERE run_id = ? ORDER BY number"
 _PARTS = """SELECT number, at_utc, part, product, ront_um, tolerance_um, passed, diameter_mm,
     nominal_diameter_mm, lobe_um_pp, data, trace_sha256, trace_name FROM measurements WHERE run_id = ?
@@ -202,6 +202,7 @@ def story_of(database: sqlite3.Connection, row: RunRow) -> RunStory:
 
     run_id = row.run_id
     run = database.execute(_RUN, (run_id,)).fetchone()
+    software, python, controller, family, job_sha256, job, machine_sha256, machine, program, setup = run
     events = kept("events", lambda: _events(database.execute(_EVENTS, (run_id,))))
     parts = kept("measurements", lambda: tuple(map(_part, database.execute(_PARTS, (run_id,)))))
     traced = [
@@ -209,7 +210,6 @@ def story_of(database: sqlite3.Connection, row: RunRow) -> RunStory:
         for part in parts or ()
     ]
     telemetry = kept("telemetry", lambda: _telemetry(database.execute(_TELEMETRY, (run_id,))))
-    software, python, controller, family, job_sha256, job, machine_sha256, machine, program, setup = run
     return RunStory(
         row=row,
         software=software,
@@ -217,9 +217,9 @@ def story_of(database: sqlite3.Connection, row: RunRow) -> RunStory:
         controller=controller or _controller(events or ()),
         family=family,
         job_sha256=job_sha256,
-        job_text=job,
+        job_text=kept("job", partial(_text, database, job)),
         machine_sha256=machine_sha256,
-        machine_text=machine,
+        machine_text=kept("machine", partial(_text, database, machine)),
         program=program,
         setup={} if setup is None else table_of(setup),
         events=events or (),
@@ -258,6 +258,11 @@ def _part(found: Sequence[Any]) -> RecordedPart:
         trace_sha256=trace[0],
         trace_name=trace[1],
     )
+
+
+def _text(database: sqlite3.Connection, sha256: str | None) -> str | None:
+    found = None if sha256 is None else database.execute(_TEXT, (sha256,)).fetchone()
+    return None if found is None else str(found[0])
 
 
 def _trace(database: sqlite3.Connection, run_id: str, number: int) -> bytes | None:
