@@ -27,7 +27,9 @@ STAGES = ("full", "air", "partial")
 _FIELDS = {field.key: field for field in JOB_FIELDS}
 
 _OF_LOBE = frozenset(key for key in _FIELDS if key.startswith("lobe_")) - {"lobe_error_source"}
-_NOT_OF_A_CUT = frozenset({"name", "roundness_tolerance_um", "source", "copied_from", "assumed"})
+_NOT_OF_A_CUT = frozenset(
+    {"name", "roundness_tolerance_um", "diameter_tolerance_um", "source", "copied_from", "assumed"}
+)
 
 NO_FOLDER = Path("/nonexistent")
 """Folder of a job that has no file yet."""
@@ -38,6 +40,8 @@ REQUIRED = tuple(
     if field.required and field.key != "name" and not field.key.startswith("lobe_")
 )
 """Values that a new job needs, in the order of its form."""
+
+NO_VALUE = "-"
 
 # Python accepts more as a number ("1_000", "1e3", "nan") than an operator would write.
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
@@ -78,9 +82,14 @@ class Work:
         return self.job != self.loaded.job
 
     @property
+    def is_new(self) -> bool:
+        """Whether the job has no file yet."""
+        return self.loaded.path.parent == NO_FOLDER
+
+    @property
     def is_own(self) -> bool:
         """Whether the job has a file of the operator's own, which may be written over."""
-        return self.loaded.path.parent not in (BUNDLED_JOBS, NO_FOLDER)
+        return not self.is_new and self.loaded.path.parent != BUNDLED_JOBS
 
 
 def opened(loaded: LoadedJob, machine: LoadedMachine) -> Work:
@@ -102,13 +111,15 @@ def _placeholder(field_: Field) -> Any:
 
 
 def parsed(text: str, key: str) -> Any:
-    """Parse the value of a field as typed: a number with a point or a comma, or a word.
+    """Parse the value of a field as typed: a number with a point or a comma, or a word; "-" for no optional value.
 
     Raises:
         ProfileError: `value.ambiguous` for "1,234" and "1.234.5" alike, `value.not_number`, `value.out_of_range`,
             and the others of `profiles.fields`, with the limits of the field.
     """
     field_ = _FIELDS[key]
+    if field_.optional and text.strip() == NO_VALUE:
+        return None
     value = text.strip() if field_.kind in (Kind.TEXT, Kind.CHOICE) else _number(text.strip(), field_)
     code = fault(field_, value)
     if code:
@@ -214,8 +225,7 @@ def saved_as(work: Work, name: str, folder: Path) -> Work:
     """
     path = folder / f"{name}.toml"
     make_folder(folder)
-    filed = work.loaded.path.parent != NO_FOLDER
-    job = copy_of(work.job, name, work.loaded.job.name) if filed else replace(work.job, name=name)
+    job = replace(work.job, name=name) if work.is_new else copy_of(work.job, name, work.loaded.job.name)
     save_job(job, path, private=True)
     fresh = opened(load_job(str(path)), work.machine)
     return replace(fresh, strategy=work.strategy, stage=work.stage)

@@ -24,7 +24,8 @@ from console.session.data.backup_format import MANIFEST
 from console.session.data.backup_reading import checked
 from console.session.data.history import last_results
 from console.session.data.kept_files import jobs_folder
-from console.session.data.record_file import FILE_NAME, SCHEMA
+from console.session.data.record_file import FILE_NAME
+from console.session.data.record_schema import SCHEMA
 from console.session.data.records import RunRecord
 from console.session.data.trace_folder import export_trace
 from console.session.station.owning import take_lock

@@ -86,7 +86,7 @@ def filled(**changed: str) -> Work:
 def test_a_new_job_has_no_value_that_nobody_gave() -> None:
     work = blank_form(lathe())
     assert work.missing == TYPED.keys()
-    assert {field.key for field in FORM} - {"lobe_error_source"} == work.missing
+    assert {field.key for field in FORM} - {"lobe_error_source", "diameter_tolerance_um"} == work.missing
     assert filled().missing == frozenset()
     assert edited(work, "jaws", "2").missing == work.missing - {"jaws"}  # whatever stood in its place
 
@@ -100,12 +100,16 @@ def test_a_blank_form_is_filled_in_with_tab_and_saved_under_a_name(language: str
         await stage.act("setup.save_as")
         assert stage.codes == ["screen.values_missing"]
         await stage.act("setup.edit")
-        for typed in TYPED.values():
+        for typed in (*TYPED.values(), "20"):
             assert width_of(stage.page.next_step(stage.view)) <= 78
             await stage.type(typed)
             await stage.act("setup.next")
         assert stage.kind() is FieldKind.NONE, "behind the last value stands the lobe, which is not typed"
-        assert stage.draft.missing == frozenset()
+        assert (stage.draft.missing, stage.draft.job.diameter_tolerance_um) == (frozenset(), 20.0)
+        await stage.act("setup.previous", "setup.edit")
+        await stage.type("-")
+        await stage.act("setup.edit")
+        assert stage.draft.job.diameter_tolerance_um is None, "a dash takes the tolerance away"
         assert "D 60.000  mm" in stage.text and stage.ui.text("setup.lobe_from.none") in stage.text
         await stage.act("setup.save_as")
         assert "[steel-60 " in stage.text

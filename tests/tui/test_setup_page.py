@@ -227,7 +227,7 @@ def test_tab_behind_the_last_value_ends_the_entry(tmp_path: Path) -> None:
         await stage.act("setup.next")
         assert stage.kind() is FieldKind.NONE
         assert stage.ui.work is not None
-        assert stage.ui.work.job.roundness_tolerance_um == 4.0
+        assert stage.ui.work.job.diameter_tolerance_um == 4.0
 
     play(scene, tmp_path, work=experiment())
 

@@ -27,7 +27,7 @@ from console.session.data.backup_format import (
     manifest_from,
 )
 from console.session.data.record_file import FILE_NAME
-from console.session.data.record_file import SCHEMA as RECORD_SCHEMA
+from console.session.data.record_schema import SCHEMA as RECORD_SCHEMA
 from console.session.errors import SessionError
 from profiles.fields import spelled
 from profiles.files import printable

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from decimal import Decimal
 
-from console.session.work import Work, edited
+from console.session.work import NO_VALUE, Work, edited
 from console.text.catalogue import Catalogue
 from profiles.fields import Field, Kind
 from profiles.job import JOB_FIELDS, Job
@@ -54,6 +54,7 @@ FORM: tuple[FormField, ...] = (
     FormField(key="spindle_speed_rpm", heading="cut", decimals=1),
     FormField(key="cut_length_mm", heading="cut", decimals=3),
     FormField(key="roundness_tolerance_um", heading="cut", decimals=1),
+    FormField(key="diameter_tolerance_um", heading="cut", decimals=1),
     FormField(key="lobe_error_source", heading="cut"),
 )
 
@@ -69,6 +70,8 @@ def number(value: float, decimals: int) -> str:
 def written(field: FormField, job: Job) -> str:
     """Return the value of a field without mark and unit, as it could be typed."""
     value = getattr(job, field.key)
+    if value is None:
+        return NO_VALUE
     return number(value, field.decimals) if field.numeric else str(value)
 
 
@@ -79,7 +82,8 @@ def entry_of(field: FormField, work: Work) -> str:
 
 def with_unit(field: FormField, job: Job) -> str:
     """Return the value of a field with mark and unit: "D 52.000 mm"."""
-    return f"{field.mark}{written(field, job)} {field.rule.unit}".strip()
+    unit = "" if getattr(job, field.key) is None else field.rule.unit
+    return f"{field.mark}{written(field, job)} {unit}".strip()
 
 
 def bounds(field: FormField) -> str:

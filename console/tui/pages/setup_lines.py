@@ -96,6 +96,15 @@ def speed_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int, 
         *_wrench_lines(job, machine, text, width),
         _fact(text("setup.loss"), f"{centrifugal_loss_n(job, machine):.1f} N", width),
         _fact(text("setup.lobe"), f"{job.lobe_frequency_hz:.1f} Hz", width),
+        *_error_lines(job, source, text, width),
+    ]
+
+
+def _error_lines(job: Job, source: str, text: Catalogue, width: int) -> list[Line]:
+    """Return the lobe error and the force at which it was found; of an unknown one that it is."""
+    if job.lobe_error_source == NO_LOBE:
+        return [_fact(text("setup.error"), source, width, Token.WARNING)]
+    return [
         _fact(text("setup.error"), f"{job.lobe_error_um_pp:.1f} um", width),
         _fact(text("setup.error_at", source=source), f"{job.error_force_n:.1f} N", width),
     ]
@@ -244,7 +253,7 @@ def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Li
         words = text("setup.lobe_was", value=_of_lobe(row, job))
         if cell_len(words) > room:  # a truncated number would be read as another one
             words = text("setup.not_lobes")
-    elif getattr(job, row.key) != getattr(filed, row.key):
+    elif not state.work.is_new and getattr(job, row.key) != getattr(filed, row.key):
         words = text("setup.was", value=written(row, filed))
     elif row.key in job.assumed:
         words, token = text("setup.assumed"), Token.DIM
@@ -270,7 +279,7 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
         note = text("setup.lobe_was_long", value=_of_lobe(field, draft(state)))
     elif state.typed is not None:
         note = text("setup.keeps", value=with_unit(field, job))
-    elif getattr(job, field.key) != getattr(filed, field.key):
+    elif not state.work.is_new and getattr(job, field.key) != getattr(filed, field.key):
         note = text("setup.was_long", value=with_unit(field, filed))
     elif field.key in job.assumed:
         note = text("setup.assumed_long")
@@ -278,7 +287,9 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
 
 
 def _allowed(field: FormField, text: Catalogue) -> str:
-    return text("setup.allowed", limit=field.rule.limit) if field.numeric else text("setup.allowed_text")
+    if not field.numeric:
+        return text("setup.allowed_text")
+    return text("setup.allowed_or_none" if field.rule.optional else "setup.allowed", limit=field.rule.limit)
 
 
 def _lobe_foot(work: Work, text: Catalogue, width: int) -> list[Line]:
