@@ -131,7 +131,8 @@ def written_atomically(path: Path, *, overwrite: bool, private: bool = False) ->
     """Yield a synchronised temporary file beside `path`, which becomes `path` when all of it was written.
 
     A `private` file has the rights of its folder (`profiles.folder_rights`), whatever the umask; any other new one
-    has those of the umask, and in a shared folder those of its group. A symbolic link is followed, so the link stays. Temporary files of the same name left by killed writers are removed.
+    has those of the umask, and in a shared folder those of its group. A symbolic link is followed, so the link
+    stays. Temporary files of the same name left by killed writers are removed.
     Raises `ProfileError` with `file.exists` (and `overwrite` is false) or `file.not_writable`.
     """
     where = printable(str(path))
