@@ -26,10 +26,7 @@ from console.session.data.made_parts import (
 )
 from console.session.data.made_parts import MODEL as MADE_BY_MODEL
 from console.session.data.made_parts import date_problems as cut_date_problems
-from console.session.data.records import add_to_run
-from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError, refuse
-from console.session.operator import operator_name
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
 from drivers.identification.nominal import nominal_response
@@ -52,8 +49,6 @@ from profiles.traces import Trace
 SIMULATED = ("simulated", "yes")  # header line of a simulated trace, which no gauge has measured
 OVERTONES = (1, 2, 3)
 LEAST_EXTRA = 2
-RECORD_TIMEOUT_S = 1.0
-"""How long an operator waits for other writers of the record."""
 
 LEAST_FOLLOWED = 1.0 / AMPLIFICATION_LIMIT
 """Fraction of a command that the axis must follow for a harmonic to be learned."""
@@ -343,48 +338,6 @@ def learning_of(
     except ProblemError as error:
         return PartLearning(made=made, problems=tuple(error.problems))
     return PartLearning(made=made, taught=taught)
-
-
-def record_accepted(data: Path, run_id: str | None, kept: LearnedCompensation) -> tuple[Problem, ...]:
-    """Add an accepted learning step to the run that its part is from; return why it could not be.
-
-    It is kept already: that the record does not have it is reported, and no more.
-    """
-    if run_id is None:
-        return ()
-    event = {
-        "version": kept.version,
-        "parent": kept.parent,
-        "strategy": kept.holds_for.strategy,
-        "gain": kept.gain,
-        "by": operator_name(),
-    }
-    try:
-        add_to_run(data, run_id, ACCEPTED, event, timeout_s=RECORD_TIMEOUT_S)
-    except SessionError as refused:
-        return tuple(refused.problems)
-    return ()
-
-
-def learning_event(learning: PartLearning) -> dict[str, object]:
-    """Return a proposed learning step, or why there is none, as the run record keeps it."""
-    taught = learning.taught
-    reasons = [problem.code for problem in learning.reasons]
-    return {"reasons": reasons} if taught is None else {**step_event(taught.step), "reasons": reasons}
-
-
-def step_event(step: LearningStep) -> dict[str, object]:
-    """Return a learning step as the run record keeps it; the path itself is kept with the versions."""
-    following = step.next
-    return {
-        "version": following.version,
-        "parent": following.parent,
-        "strategy": following.holds_for.strategy,
-        "gain": following.gain,
-        "harmonics": list(step.learned),
-        "expected_ront_um": step.expected_ront_um,
-        "expected_lobe_um_pp": step.expected_lobe_um_pp,
-    }
 
 
 def accept(learning: PartLearning, data: Path) -> LearnedCompensation:

@@ -7,7 +7,8 @@ from dataclasses import replace
 from console.session.cut.compensated import chosen_problems, using, without_learned
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
-from console.session.learning.learning_steps import accept, record_accepted, revert
+from console.session.learning.learning_record import record_accepted
+from console.session.learning.learning_steps import accept, revert
 from console.session.work import STAGES, Work
 from console.tui.ui_context import UiContext
 from profiles.problem import Problem
