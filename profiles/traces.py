@@ -82,8 +82,8 @@ def parse_trace(content: bytes, *, where: str = "") -> Trace:
     return _from_table(reader)
 
 
-def write_trace(path: Path, trace: Trace, *, overwrite: bool = False) -> None:
-    """Write a trace so that reading it gives the same numbers, bit by bit.
+def write_trace(path: Path, trace: Trace, *, overwrite: bool = False, private: bool = False) -> None:
+    """Write a trace so that reading it gives the same numbers, bit by bit; `private` as `written_atomically`.
 
     Raises `ProfileError` where the result could not be read back, and `file.exists` or `file.not_writable`.
     """
@@ -94,7 +94,7 @@ def write_trace(path: Path, trace: Trace, *, overwrite: bool = False) -> None:
         if found.get(key) != value:
             shown = printable(f"# {key}: {value}", 60)
             raise refused("trace.meta", where=where, value=shown, limit="# key: value")
-    write_atomically(path, content, overwrite=overwrite)
+    write_atomically(path, content, overwrite=overwrite, private=private)
 
 
 def trace_content(trace: Trace, where: str = "") -> bytes:

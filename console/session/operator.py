@@ -5,9 +5,18 @@ from __future__ import annotations
 import os
 import pwd
 
+_named: list[str] = []
+
+
+def name_operator(name: str | None) -> None:
+    """Set the name of whoever works with this console, as the configuration has it; None leaves the login."""
+    _named[:] = [] if name is None else [name]
+
 
 def operator_name() -> str:
-    """Return the name of the operator: the login of the account that runs this console, else its number."""
+    """Return the name of the operator: as configured, else the login of the account, else its number."""
+    if _named:
+        return _named[0]
     try:
         return pwd.getpwuid(os.getuid()).pw_name
     except KeyError:  # an account that is in no directory, as in some containers

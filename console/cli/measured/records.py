@@ -7,7 +7,7 @@ from argparse import Namespace
 from collections.abc import Callable
 from datetime import datetime, timedelta
 
-from console.cli.arguments import add_shared, whole_number, within
+from console.cli.arguments import whole_number, within
 from console.cli.commands import add_actions
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
@@ -25,7 +25,9 @@ def add(parser: Parser, text: Catalogue) -> None:
     for name in ("list", "export"):
         action = actions[name]
         action.add_argument("--job", metavar="NAME", help=text("help.records.job"))
-        add_shared(action, text, "machine", command="records")
+        # Not the machine that a configuration names: without the option, the runs on all of them.
+        of_machine = text("help.records.machine")
+        action.add_argument("--machine", metavar="NAME", dest="of_machine", help=of_machine)
         action.add_argument("--since", metavar="DATE", type=_date, help=text("help.records.since"))
         action.add_argument("--until", metavar="DATE", type=_end_of, help=text("help.records.until"))
         action.add_argument("--failed", action="store_true", help=text("help.records.failed"))

@@ -38,7 +38,7 @@ def filters_of(options: Namespace) -> RunFilters:
     """Return what the arguments select."""
     return RunFilters(
         job=options.job,
-        machine=options.machine,
+        machine=options.of_machine,
         since=options.since,
         until=options.until,
         failed=options.failed,
@@ -113,6 +113,7 @@ def row_fields(row: RunRow) -> dict[str, object]:
         **fields_of(row, "job", "machine", "simulated", "operator", "strategy", "stage", "compensation"),
         "ended": asdict(row.ended),
         **fields_of(row, "ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm"),
+        **fields_of(row, "diameter_tolerance_um"),
         **fields_of(row, "failed", "damaged"),
     }
 
@@ -153,7 +154,8 @@ def _part_fields(part: RecordedPart) -> dict[str, object]:
     names = ("number", "part", "product", "ront_um", "tolerance_um", "passed", "diameter_mm")
     return {
         "at": part.at.isoformat(),
-        **fields_of(part, *names, "nominal_diameter_mm", "lobe_um_pp", "trace_name", "trace_sha256"),
+        **fields_of(part, *names, "nominal_diameter_mm", "diameter_tolerance_um", "lobe_um_pp"),
+        **fields_of(part, "trace_name", "trace_sha256"),
         "trace_bytes": None if part.trace is None else len(part.trace),
         "result": part.data,
     }
@@ -220,7 +222,10 @@ def _diameter(row: RunRow, text: Catalogue) -> str:
     if row.diameter_mm is None:
         return ""
     nominal = row.nominal_diameter_mm
-    return f"{row.diameter_mm:.3f} mm" + ("" if nominal is None else f" ({text('records.nominal')} {nominal:.3f})")
+    if nominal is None:
+        return f"{row.diameter_mm:.3f} mm"
+    off = "" if row.diameter_tolerance_um is None else f" ± {row.diameter_tolerance_um:g} um"
+    return f"{row.diameter_mm:.3f} mm ({text('records.nominal')} {nominal:.3f}{off})"
 
 
 def _telemetry(found: RunStory, text: Catalogue) -> str:

@@ -25,7 +25,8 @@ from console.session.data.run_log import EVENT, RunLog, shown
 from console.session.errors import SessionError
 from console.session.operator import operator_name
 from drivers.cutting.plan import CutPlan
-from profiles.files import PRIVATE_FILE, made_locked, make_private_folder, printable, taken_if_left
+from profiles.files import made_locked, make_private_folder, printable, taken_if_left
+from profiles.folder_rights import rights_in
 from profiles.job import Job
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
@@ -249,9 +250,10 @@ class RunMark:
         """Create the mark in the data folder; OSError where it cannot be made."""
         self._path = data / FOLDER / run_id
         make_private_folder(self._path.parent)
-        self._descriptor: int | None = made_locked(self._path, PRIVATE_FILE)
+        mode = rights_in(self._path.parent).file
+        self._descriptor: int | None = made_locked(self._path, mode)
         with suppress(OSError):  # whatever the umask
-            os.fchmod(self._descriptor, PRIVATE_FILE)
+            os.fchmod(self._descriptor, mode)
 
     def close(self) -> None:
         """Remove the mark."""

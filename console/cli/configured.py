@@ -1,0 +1,35 @@
+"""The configuration on the command line: what the options leave open is filled in."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+
+from console.session.configuration import Configuration, Origin, Setting
+
+OPTIONS = {"data": "data", "machine": "machine", "link": "link", "language": "lang"}
+"""Option of each key that has one; the language was chosen before the parser existed."""
+
+
+def with_options(configuration: Configuration, options: Namespace) -> Configuration:
+    """Return the configuration with what the command line gives, which wins."""
+    given = {key: getattr(options, name) for key, name in OPTIONS.items()}
+    return configuration.below(
+        {
+            key: Setting(value=value, origin=Origin.OPTION, place=f"--{OPTIONS[key]}")
+            for key, value in given.items()
+            if value is not None
+        }
+    )
+
+
+def fill_in(options: Namespace, configuration: Configuration) -> None:
+    """Set the options that were not given to what the configuration says.
+
+    With --sim the link of the configuration does not count: nothing real moves. `operator` is None where there is
+    none.
+    """
+    found = with_options(configuration, options)
+    options.data, options.machine = found.value("data"), found.value("machine")
+    if not options.sim:
+        options.link = found.value("link")
+    options.operator = found.value("operator")
