@@ -136,7 +136,10 @@ def test_what_a_killed_console_has_left_the_other_account_takes_over(data: Path,
         remove_all_left(data)
         assert not (data / ".job.toml.0123abcd.tmp").exists() and not list((data / "running").iterdir())
         with sqlite3.connect(data / "records.sqlite3") as database:
-            assert database.execute("SELECT kind FROM events").fetchall() == [("started",), ("ended",)]
+            assert database.execute("SELECT kind FROM events ORDER BY number").fetchall() == [
+                ("started",),
+                ("ended",),
+            ]
 
     try:
         as_account(B, leaves_the_living_alone, umask)
