@@ -60,6 +60,16 @@ def a_part(number: int) -> PartRecord:
     )
 
 
+def begun(folder: Path, job: str = "ring", **more: object) -> RunRecord:
+    """Begin a run as a cut does."""
+    described = {
+        **dict.fromkeys(("software", "job_sha256", "machine_sha256", "strategy", "program"), "0" * 64),
+        **{"job": job, "machine": "lathe", "simulated": 0, "stage": "full"},
+        **more,
+    }
+    return RunRecord(folder, described, open_timeout_s=60.0, timeout_s=60.0, checked=False)
+
+
 def write(folder: Path, count: int) -> float:
     """Write a record of runs of a minute each, with the functions that a cut uses; return the bytes of one."""
     parts = [a_part(number) for number in range(min(count, 25))]
@@ -67,16 +77,7 @@ def write(folder: Path, count: int) -> float:
     telemetry = np.random.default_rng(1).normal(size=(round(CUT_S / PERIOD_S), 7))
     program = "X1 Y2 Z3\n" * 270
     for number in range(count):
-        described = {
-            **dict.fromkeys(("software", "job_sha256", "machine_sha256", "strategy"), "0" * 64),
-            "job": JOBS[number % len(JOBS)],
-            "machine": "lathe",
-            "simulated": 0,
-            "stage": "full",
-            "program": program,
-            "machine_text_sha256": machine,
-        }
-        run = RunRecord(folder, described, open_timeout_s=60.0, timeout_s=60.0)
+        run = begun(folder, JOBS[number % len(JOBS)], program=program, machine_text_sha256=machine)
         run.add("armed", {"force_n": 1314.0})
         run.add("started", {"strategy": "pvt"})
         run.log.begin_cut("", lambda polls: telemetry)
@@ -101,6 +102,7 @@ def read(folder: Path) -> list[float]:
         lambda: runs(folder, RunFilters(failed=True), limit=SCREENFUL),
         lambda: story(folder, newest),
         lambda: measured_parts(folder, JOBS[0], "lathe", simulated=False),
+        lambda: begun(folder).close(),
         lambda: opened(folder, time.monotonic() + 60.0).close(),
     )
     return [statistics.median(seconds(work) for _ in range(REPEATS)) for work in works]
