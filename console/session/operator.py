@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pwd
+from functools import cache
 
 _named: list[str] = []
 
@@ -15,9 +16,13 @@ def name_operator(name: str | None) -> None:
 
 def operator_name() -> str:
     """Return the name of the operator: as configured, else the login of the account, else its number."""
-    if _named:
-        return _named[0]
+    return _named[0] if _named else _login(os.getuid())
+
+
+@cache
+def _login(uid: int) -> str:
+    # Once: the directory of accounts may be on another computer, which may not answer while a cut runs.
     try:
-        return pwd.getpwuid(os.getuid()).pw_name
+        return pwd.getpwuid(uid).pw_name
     except KeyError:  # an account that is in no directory, as in some containers
-        return str(os.getuid())
+        return str(uid)

@@ -90,6 +90,7 @@ def test_the_list_is_narrowed(console: Console, kept: Path) -> None:
 def test_a_run_is_shown_in_full_by_the_beginning_of_its_id(console: Console, kept: Path) -> None:
     runs = console("records", "list", "--data", str(kept), "--json").json["runs"]
     said = console("records", "show", runs[0]["run"][:8], "--data", str(kept))
+    assert max(map(cell_width, said.out.splitlines())) <= 80
     for word in (runs[0]["run"], "ring", "kim", "RONt 3.25 um", "D 51.800 mm", "start", "Alarms", "phase"):
         assert word in said.out
     fields = console("records", "show", runs[1]["run"], "--data", str(kept), "--json").json
