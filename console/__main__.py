@@ -68,7 +68,6 @@ def _dispatch(words: list[str], text: Catalogue, configuration: Configuration) -
     from console.cli.arguments import contradiction
     from console.cli.commands import COMMANDS, SHOWS_CONFIGURATION, build
     from console.cli.configured import fill_in
-    from console.session.operator import name_operator
     from profiles.problem import ProblemError
 
     parser = build(text)
@@ -83,7 +82,6 @@ def _dispatch(words: list[str], text: Catalogue, configuration: Configuration) -
         raise ProblemError(*configuration.problems)
     else:
         fill_in(options, configuration)
-        name_operator(options.operator)
     if options.command is None and not (options.sim or options.link or options.machine):
         parser.print_help()
         print(f"console: {text('usage.no_command', limit=' | '.join(COMMANDS))}", file=sys.stderr)

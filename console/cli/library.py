@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from console.cli.arguments import DEFAULT_PLANT
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
-from console.session.data.home import account_name
 from console.session.data.kept_files import data_folder, jobs_folder, machines_folder, refuse_closed
 from console.session.errors import SessionError
 from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
@@ -30,11 +29,6 @@ def data_of(options: Namespace) -> Path:
     folder = data_folder(options.data)
     refuse_closed(folder)
     return folder
-
-
-def operator_of(options: Namespace) -> str:
-    """Return the configured name of the operator, else the login name of this account."""
-    return options.operator or account_name()
 
 
 def job_of(options: Namespace) -> LoadedJob:

@@ -81,13 +81,13 @@ def planned_once(job: Job, machine: MachineProfile, strategy: Strategy, **given:
     return _PLANS[target]
 
 
-def record_in_memory(folder: Path, until_s: float) -> sqlite3.Connection:
+def record_in_memory(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Connection:
     """Open a record that each copy of a process has for itself."""
     path = folder / record_file.FILE_NAME
     path.touch()
     path.with_name(f"{path.name}-wal").touch()
     database = sqlite3.connect(":memory:", isolation_level=None)
-    record_file._made_ready(database, path)
+    record_file._made_ready(database, path, checked=checked)
     return database
 
 

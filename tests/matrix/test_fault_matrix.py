@@ -13,6 +13,7 @@ import pytest
 
 from console.session.cut import run
 from console.session.data import records
+from console.session.data.run_log import RunLog
 from drivers.lathe import standstill
 from drivers.lathe.jogs import Jogs
 from drivers.simulator.faults.catalogue import CATALOGUE
@@ -33,6 +34,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan once for all cells, and keep records nowhere."""
     monkeypatch.setattr(run, "plan_cut", planned_once)
     monkeypatch.setattr(records, "opened", record_in_memory)
+    monkeypatch.setattr(RunLog, "_write", lambda *_: None)  # its thread would open the file
 
 
 CELLS = [(row, situation) for row in ROWS for situation in Situation if tried(row.name, situation)]

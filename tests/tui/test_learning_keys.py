@@ -12,7 +12,7 @@ from rich.cells import cell_len
 
 from console.session.cut.alignment import Alignment, JawAngle
 from console.session.data.learned_store import FOLDER, asked_for, versions
-from console.session.learning.learning_steps import PartLearning
+from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited, with_strategy

@@ -19,6 +19,9 @@ from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, load_job
 from profiles.traces import Trace
 
+LOBE_TAKEN = "lobe_taken"
+"""Kind of the event in the run of a part whose lobe its job has taken."""
+
 STATED = ("lobe_error_um_pp", "lobe_phase_deg", "lobe_past_jaw_deg", "lobe_error_source", *CONDITIONS, *NAMES)
 
 
@@ -67,6 +70,12 @@ def accept_lobe(lobe: PartLobe, machine: MachineProfile, data: Path) -> LoadedJo
     if lobe.reasons or lobe.found is None or lobe.loaded is None:
         raise SessionError(*lobe.reasons)
     return keep_lobe(lobe.loaded, lobe.found, machine, data, file=lobe.file, file_sha256=lobe.file_sha256)[0]
+
+
+def lobe_event(written: LoadedJob) -> dict[str, object]:
+    """Return a lobe that a job has taken from a part, as the run record keeps it."""
+    said = {key: getattr(written.job, key) for key in ("lobe_error_um_pp", "lobe_phase_deg", "lobe_past_jaw_deg")}
+    return {**said, "job": written.job.name, "job_sha256": written.sha256}
 
 
 def keep_lobe(

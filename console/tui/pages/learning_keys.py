@@ -7,9 +7,8 @@ from dataclasses import replace
 from console.session.cut.compensated import chosen_problems, using, with_accepted, without_learned
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
-from console.session.learning.calibrating import PartLobe, accept_lobe
-from console.session.learning.learning_record import record_accepted
-from console.session.learning.learning_steps import accept, revert
+from console.session.learning.calibrating import LOBE_TAKEN, PartLobe, accept_lobe, lobe_event
+from console.session.learning.part_learning import accept, record_accepted, record_kept, revert
 from console.session.work import STAGES, Work, opened
 from console.tui.pages.lobe_lines import is_taken
 from console.tui.ui_context import UiContext
@@ -26,7 +25,7 @@ def accept_part(ui: UiContext) -> None:
     """
     part = ui.control.state.measured
     if part is not None and part.lobe is not None:
-        _take_lobe(ui, part.lobe, part.job.name)
+        _take_lobe(ui, part.lobe, part.job.name, part.run_id)
         return
     learning = None if part is None else part.learning
     if part is None or learning is None:
@@ -42,7 +41,7 @@ def accept_part(ui: UiContext) -> None:
     ui.said = record_accepted(ui.data, part.run_id, kept)
 
 
-def _take_lobe(ui: UiContext, lobe: PartLobe, name: str) -> None:
+def _take_lobe(ui: UiContext, lobe: PartLobe, name: str, run_id: str | None) -> None:
     """Keep the lobe of a plain part in its job, and open the job with it: the next cut is compensated."""
     work = ui.work
     if is_taken(lobe, work):
@@ -55,6 +54,8 @@ def _take_lobe(ui: UiContext, lobe: PartLobe, name: str) -> None:
     _refuse_edited(work)
     written = accept_lobe(lobe, work.machine.machine, ui.data)
     ui.work = with_accepted(opened(written, work.machine), ui.data, simulated=ui.control.state.simulated)
+    if run_id is not None:
+        ui.said = record_kept(ui.data, run_id, LOBE_TAKEN, lobe_event(written))
 
 
 def revert_version(ui: UiContext) -> None:
