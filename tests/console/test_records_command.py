@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from console.session.cut.run import roundness_of
+from console.session.data import records
 from console.session.data.record_file import FILE_NAME
 from console.session.data.records import RunRecord, add_to_run
 from console.session.data.run_reader import story
@@ -128,6 +129,15 @@ def test_a_cut_without_a_screen_is_found_and_taken_elsewhere(
     learned = console("learn", str(file), "--job", str(job), *close, "--keep")
     assert learned.code == 0, learned.err
     assert [event.data["version"] for event in story(data, run["run"]).accepted] == [1]
+
+
+def test_without_free_space_no_run_is_started(
+    console: Console, close: tuple[str, str], job_file: JobFile, data_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(records, "LEAST_FREE_BYTES", 10**18)
+    said = console("run", str(job_file(cut_length_mm="0.5")), "--sim", *close)
+    assert (said.code, said.out, said.err.count("\n")) == (1, "", 1) and "are free" in said.err
+    assert not (data_folder / "trilobe" / FILE_NAME).exists()
 
 
 def test_what_schema_1_has_can_be_listed_shown_and_exported(console: Console, tmp_path: Path) -> None:
