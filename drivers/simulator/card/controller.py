@@ -78,6 +78,7 @@ class Controller:
         self._profile = dict(i_variables), definitions
         self._awake: tuple[Motor, ...] = ()
         self._revision = -1
+        self._cycle_ms = self.cycle_ms
         self._define_axes()
         self.flash.power_up(self)
         self._power_up()
@@ -102,12 +103,13 @@ class Controller:
         if self.variables.i_revision != self._revision:
             # Motors that are not activated are off, and cost no computing time.
             self._revision = self.variables.i_revision
+            self._cycle_ms = self.cycle_ms
             self._kill(
                 [motor for motor in self.motors.values() if motor.amplifier_enabled and not motor.activated]
             )
             self._awake = tuple(m for m in self.motors.values() if m.activated or m.number in self._with_plant)
         if not (self._leads.refresh() or self.gather.running or self.plcs.foreground):
-            return self._run(cycles, self.cycle_ms)
+            return self._run(cycles, self._cycle_ms)
         tracks: dict[int, list[float]] = {motor.number: [] for motor in self._awake}
         done = 0
         while done < cycles:

@@ -101,9 +101,13 @@ class Leads:
 
     def refresh(self) -> bool:
         """Read the settings if they may have changed; return whether any coupling is active."""
-        now = (self._variables.i_revision, self._conversion.revision, self._tables.revision)
-        if now != self._seen:
-            self._seen = now
+        settings, conversion, tables = self._seen
+        if (
+            self._variables.i_revision != settings
+            or self._conversion.revision != conversion
+            or self._tables.revision != tables
+        ):
+            self._seen = self._variables.i_revision, self._conversion.revision, self._tables.revision
             self._find_clocks()
             self._find_followers()
             self._corrected = {}

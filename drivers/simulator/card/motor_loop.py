@@ -65,6 +65,9 @@ class MotorLoop:
         self.jog = JogMotion(number, variables)
         self._power_up_origin = axis.origin
         self._poller = 0
+        self._track: list[float] = []
+        self._machine: list[float] = []
+        self._origin = 0.0
         self._guard = read_guard(variables, number)
         self._guard_revision = variables.i_revision
 
@@ -123,31 +126,36 @@ class MotorLoop:
 
     def run(self, cycles: int, cycle_ms: float, commands: Sequence[float] | None) -> list[float]:
         """Run a block, of the motor's own jog without `commands`; return the true machine positions (counts)."""
-        if self._losing or self.axis.encoder_lost:
+        axis = self.axis
+        if self._losing or axis.encoder_lost:
             self._count_losses()
         if self.superimposed and not (self.offset_following or self.program_timer or self.jog.player):
             self._absorb()
         added = self.correction + self.superimposed
         if not self.enabled:
-            track = self.axis.coast(cycles) if self._output is None else self.axis.push(self._output, cycles)
+            track = axis.coast(cycles) if self._output is None else axis.push(self._output, cycles)
             self.velocity = 0.0
         else:
             commands = self.jog.sample(cycles, cycle_ms, self.desired) if commands is None else commands
-            track = self.axis.follow([command + added for command in commands] if added else commands)
+            track = axis.follow([command + added for command in commands] if added else commands)
             before = commands[-2] if cycles > 1 else self.desired
             self.desired, self.velocity = commands[-1], (commands[-1] - before) / cycle_ms
-        start, origin = self.true_position, self.axis.origin
-        machine = [position + origin for position in track] if origin else track
+        start, origin = self.true_position, axis.origin
+        if track is not self._track or origin != self._origin:
+            # An axis at rest returns the same list, and so does this.
+            self._track, self._origin = track, origin
+            self._machine = [position + origin for position in track] if origin else track
+        machine = self._machine
         self.true_position = machine[-1]
-        self.pace = self.true_position - (machine[-2] if cycles > 1 else start)
+        self.pace = machine[-1] - (machine[-2] if cycles > 1 else start)
         self.cycles_run += cycles
-        self._last_actual = track[-2] if cycles > 1 else self.actual
         if self._losing:
             self._last_actual = self.actual
         else:
+            self._last_actual = track[-2] if cycles > 1 else self.actual
             self.actual = track[-1]
         if not self.enabled:
-            self.desired = self.encoder - added
+            self.desired = float(read_encoder(self.actual + self.scale.now)) - added
         if self.jog.stage is _SEARCHING:
             self._search(start, self.true_position)
         return machine
@@ -172,7 +180,7 @@ class MotorLoop:
             self._poller = 0
             return None
         guard = self.guard
-        here = self.encoder
+        here = float(read_encoder(self.actual + self.scale.now))
         error = abs(self.desired + self.correction + self.superimposed - here) if self.enabled else 0.0
         travel = self.travel
         # A limit that is set is checked even inside Ix13 and Ix14.

@@ -29,6 +29,8 @@ class Player:
         self._queue: deque[Piece] = deque()
         self._elapsed_ms = 0.0
         self._entered = False
+        self._pace = (0, 0.0)  # number and distance, ms, of the `_instants`
+        self._instants: list[float] = []
 
     @property
     def idle(self) -> bool:
@@ -76,8 +78,14 @@ class Player:
         runs backwards, but no further than the start of the present piece: there the position waits until the time
         has come again.
         """
-        track: list[list[float]] = [[] for _ in self.position]
         rate_ms = cycle_ms if rate_ms is None else rate_ms
+        if self._entered and self._queue and self._elapsed_ms >= 0.0:
+            # As most blocks: all of it in one piece, so that nothing of what follows has anything to do.
+            piece = self._queue[0]
+            step_ms = cycle_ms if piece.real_time else rate_ms
+            if step_ms > 0.0 and (piece.duration_ms - self._elapsed_ms) / step_ms >= count > 0:
+                return self._go_on(piece, count, step_ms)
+        track: list[list[float]] = [[] for _ in self.position]
         left = count
         before_ms = 0.0
         while left and self._enter():
@@ -106,6 +114,23 @@ class Player:
                 positions.extend([last] * left)
         elif count:
             self.position = tuple(positions[-1] for positions in track)
+        return track
+
+    def _go_on(self, piece: Piece, count: int, step_ms: float) -> list[list[float]]:
+        """Return positions within the present piece."""
+        start = self._elapsed_ms
+        if self._pace != (count, step_ms):
+            self._pace, self._instants = (count, step_ms), [step_ms * k for k in range(1, count + 1)]
+        times = [start + instant for instant in self._instants]
+        self._elapsed_ms = times[-1]
+        # Terms of the polynomial that are exactly 0 change nothing.
+        track = [
+            [((c3 * t + c2) * t + c1) * t + c0 for t in times]
+            if c2 or c3
+            else ([c1 * t + c0 for t in times] if c1 else [c0] * count)
+            for c0, c1, c2, c3 in piece.cubics
+        ]
+        self.position = tuple([positions[-1] for positions in track])
         return track
 
     def _enter(self) -> bool:

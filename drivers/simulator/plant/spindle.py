@@ -34,10 +34,12 @@ class RadialError:
         self._repeats_mm = [scale * value for value in raw]
         self._stray_mm = 0.25 * STRAY_FRACTION * um_pp / 1000.0
         self._strays = [(2.0 * math.pi * each, random.uniform(0.0, 2.0 * math.pi)) for each in STRAY_PER_TURN]
+        self.most_mm = max(max(self._repeats_mm), -min(self._repeats_mm)) + len(self._strays) * self._stray_mm
 
     def at_mm(self, turns: float) -> float:
         """Return the displacement of the work towards the tool, mm, at spindle position `turns` from its index."""
-        strays = sum(math.sin(rate * turns + phase) for rate, phase in self._strays)
+        (rate_1, phase_1), (rate_2, phase_2) = self._strays
+        strays = math.sin(rate_1 * turns + phase_1) + math.sin(rate_2 * turns + phase_2)
         return self._repeats_mm[int(turns % 1.0 * PLACES) % PLACES] + self._stray_mm * strays
 
 

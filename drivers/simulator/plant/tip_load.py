@@ -123,6 +123,13 @@ class TipLoad:
         if not self._n_per_mm:
             self._cell = None
 
+    @property
+    def acts(self) -> bool:
+        """Whether there may be a force in the block that has begun; without, `push` is 0."""
+        if not self._n_per_mm:
+            self.force_n = 0.0
+        return self._n_per_mm != 0.0
+
     def push(self, place: float) -> float:
         """Return the effect of the cut on the slide at a machine position (counts) in a cycle, counts/s2."""
         if not self._n_per_mm:
