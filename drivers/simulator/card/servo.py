@@ -43,9 +43,9 @@ class ServoAxis(EncoderAxis):
     speed are the only two numbers exchanged in each cycle. `output_bits` is the last output, up to `limit_bits`
     either way.
 
-    `_follow_by_cycle` and `_drift_by_cycle` are the whole truth, faults and ends of travel included. `_close`,
-    `_glide` and `_fall` are the same operations in the same order, to the last bit, for a block in which none of
-    that can happen; `_stay` returns the last block again where it has ended as it began.
+    `_follow_by_cycle` and `_drift_by_cycle` are the whole truth. `_close`, `_glide` and `_fall` are the same
+    operations in the same order, to the last bit, for an axis that is not jammed and whose encoder counts; `_stay`
+    returns the last block again where it has ended as it began.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class ServoAxis(EncoderAxis):
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Close the loop over the block."""
         self.at_end = False
-        if self.encoder_lost or self.jammed or self._may_reach_end(len(commands)):
+        if self.encoder_lost or self.jammed or not -FARTHEST < self._x < FARTHEST:
             return self._follow_by_cycle(commands)
         again = commands is self._last_commands
         if again and self._still is not None:
@@ -130,7 +130,7 @@ class ServoAxis(EncoderAxis):
             self._command,
             self._command_step,
         )
-        noise = self.scale.draw(len(commands))
+        self._blind, noise = False, self.scale.draw(len(commands))
         if self._slide is not None:
             return self._glide(commands, noise, self._slide)
         positions = self._close(commands, noise)
@@ -144,23 +144,20 @@ class ServoAxis(EncoderAxis):
         last, last_step, last_encoder = self._command, self._command_step, self._reading
         k_e, k_v, k_a, k_i, k_d = self._k
         lowest, highest, whole, in_motion = -self.limit_bits, self.limit_bits, ROUNDS, self._integrate_in_motion
-        plant = self._plant
+        plant, ends, origin = self._plant, self._ends_near(len(commands)), self.origin
         decay, glide, push_x, push_v = plant.decay, plant.glide, plant.push_x, plant.push_v
         positions: list[float] = []
         for command in commands:
             encoder = (x if noise is None else x + noise[len(positions)]) + whole - whole
             positions.append(x)
             error, step = command - encoder, command - last
-            output = (
-                k_e * error
-                + k_v * step
-                + k_a * (step - last_step)
-                + k_i * integral
-                - k_d * (encoder - last_encoder)
-            )
+            feed = k_e * error + k_v * step + k_a * (step - last_step)
+            output = feed + k_i * integral - k_d * (encoder - last_encoder)
             last, last_step, last_encoder = command, step, encoder
             # The output calculated in this cycle reaches the amplifier one cycle later.
             x, v = x + glide * v + push_x * force, decay * v + push_v * force
+            if ends is not None and not ends.lowest <= x + origin <= ends.highest:
+                x, v, self.at_end = ends.holds(x + origin) - origin, 0.0, True
             if lowest <= output <= highest:
                 force = output
                 if in_motion or step == 0.0:
@@ -169,7 +166,6 @@ class ServoAxis(EncoderAxis):
                 force = highest if output > highest else lowest
         self._x, self._v, self.output_bits, self._integral = x, v, force, integral
         self._command, self._command_step, self._reading = last, last_step, last_encoder
-        self._blind = False
         return positions
 
     def _glide(self, commands: Sequence[float], noise: Sequence[float] | None, slide: DrySlide) -> list[float]:
@@ -179,19 +175,15 @@ class ServoAxis(EncoderAxis):
         k_e, k_v, k_a, k_i, k_d = self._k
         lowest, highest, whole, in_motion = -self.limit_bits, self.limit_bits, ROUNDS, self._integrate_in_motion
         friction, per_bit, left, mean, lag_x, lag_v, decay, glide, push_x, push_v = slide.constants
-        load, origin, ends = self._begin_load(), self.origin, self._ends
+        load, origin = self._begin_load(), self.origin
+        ends = self._ends_near(len(commands)) if load is None else self._ends
         positions: list[float] = []
         for command in commands:
             encoder = (x if noise is None else x + noise[len(positions)]) + whole - whole
             positions.append(x)
             error, step = command - encoder, command - last
-            output = (
-                k_e * error
-                + k_v * step
-                + k_a * (step - last_step)
-                + k_i * integral
-                - k_d * (encoder - last_encoder)
-            )
+            feed = k_e * error + k_v * step + k_a * (step - last_step)
+            output = feed + k_i * integral - k_d * (encoder - last_encoder)
             last, last_step, last_encoder = command, step, encoder
             drive = force * per_bit
             late = driven - drive
@@ -206,7 +198,7 @@ class ServoAxis(EncoderAxis):
                     x, v = slide.stop(x, v, drive)
             elif not -friction <= drive <= friction:
                 x, v = slide.start(x, drive)
-            if load is not None and ends is not None and not ends.lowest <= x + origin <= ends.highest:
+            if ends is not None and not ends.lowest <= x + origin <= ends.highest:
                 x, v, self.at_end = ends.holds(x + origin) - origin, 0.0, True
             if lowest <= output <= highest:
                 force = output
@@ -216,7 +208,6 @@ class ServoAxis(EncoderAxis):
                 force = highest if output > highest else lowest
         self._x, self._v, self.output_bits, self._integral, slide.driven = x, v, force, integral, driven
         self._command, self._command_step, self._reading = last, last_step, last_encoder
-        self._blind = False
         return positions
 
     def push(self, output: float, cycles: int) -> list[float]:
@@ -231,7 +222,7 @@ class ServoAxis(EncoderAxis):
     def _drift(self, held: float, cycles: int) -> list[float]:
         """Run in open loop."""
         self.at_end, self._still = False, None
-        if self.encoder_lost or self.jammed or self._may_reach_end(cycles):
+        if self.encoder_lost or self.jammed or not -FARTHEST < self._x < FARTHEST:
             return self._drift_by_cycle(held, cycles)
         if self._slide is None:
             positions = self._fall(held, cycles)
@@ -251,10 +242,13 @@ class ServoAxis(EncoderAxis):
         if not held and not force and x + glide * v == x:
             self._v = _faded(v, decay, cycles)
             return self._resting(cycles)
+        ends, origin = self._ends_near(cycles), self.origin
         positions = []
         for _ in range(cycles):
             positions.append(x)
             x, v = x + glide * v + push_x * force, decay * v + push_v * force
+            if ends is not None and not ends.lowest <= x + origin <= ends.highest:
+                x, v, self.at_end = ends.holds(x + origin) - origin, 0.0, True
             force = held
         self._x, self._v, self.output_bits = x, v, force
         return positions
@@ -360,13 +354,13 @@ class ServoAxis(EncoderAxis):
         if ends is not None and not ends.lowest <= self._x + self.origin <= ends.highest:
             self._x, self._v, self.at_end = ends.holds(self._x + self.origin) - self.origin, 0.0, True
 
-    def _may_reach_end(self, cycles: int) -> bool:
-        """Whether an end of travel, or of the numbers, is near enough to be reached within so many cycles."""
+    def _ends_near(self, cycles: int) -> Ends | None:
+        """Return the ends of travel if one is near enough to be reached within so many cycles without a load."""
         ends, time_s = self._ends, cycles * self._cycle_s
-        reach = (abs(self._v) + self._most_acceleration * time_s) * time_s
         if ends is None:
-            return not reach - FARTHEST < self._x < FARTHEST - reach
-        return not ends.lowest + reach < self._x + self.origin < ends.highest - reach
+            return None
+        reach = (abs(self._v) + self._most_acceleration * time_s) * time_s
+        return None if ends.lowest + reach < self._x + self.origin < ends.highest - reach else ends
 
 
 def _faded(v: float, decay: float, cycles: int) -> float:
