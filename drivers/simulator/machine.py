@@ -66,6 +66,7 @@ class SimulatedLathe:
         tool.scale = self.tool.scale
         if self._drives.load is not None:
             self._drives.load.watch(tool, spindle, carriage)
+            self.controller.stretch.coupled = self._drives.load.watches
         self._gains_revision = -1  # the saved gains may differ from the profile's
         self.controller.variables.memory = CardMemory(self.controller)
         self._ports: list[Port] = []

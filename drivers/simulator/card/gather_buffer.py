@@ -89,6 +89,19 @@ class GatherBuffer:
         self.size = 0
         self._data.clear()
 
+    @property
+    def due(self) -> bool:
+        """Whether the next call of `sample` takes one."""
+        return is_due(self._cycle, self._period)
+
+    @property
+    def cycles_left(self) -> int:
+        """Return after how many more servo cycles the buffer is full."""
+        if not self._period:
+            return 1
+        samples = (self.size * _LONG_BYTES - len(self._data)) // self._sample_bytes
+        return -self._cycle % self._period + (samples - 1) * self._period + 1
+
     def sample(self) -> None:
         """Take the sample of a servo cycle, if one is due; stop when the buffer is full."""
         cycle = self._cycle

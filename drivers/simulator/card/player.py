@@ -11,6 +11,7 @@ from drivers.pmac.trajectory.pieces import Piece, Vector, position_at
 
 Refill = Callable[[], Iterable[Piece]]
 Assign = Callable[[tuple[Deferred, ...]], None]
+FARTHEST_AHEAD = 1000  # cycles; pieces may be endless
 SAME_COUNTS = 1e-6  # two motions no further apart than this are the same
 
 
@@ -121,13 +122,31 @@ class Player:
         start = self._elapsed_ms
         if self._pace != (count, step_ms):
             self._pace, self._instants = (count, step_ms), [step_ms * k for k in range(1, count + 1)]
-        times = [start + instant for instant in self._instants]
+        return self._at(piece, [start + instant for instant in self._instants])
+
+    def whole_cycles(self, cycle_ms: float) -> int:
+        """Return for how many servo cycles the present piece certainly goes on in real time, and one more."""
+        if not (self._entered and self._queue and self._elapsed_ms >= 0.0):
+            return 0
+        left = (self._queue[0].duration_ms - self._elapsed_ms) / cycle_ms
+        return int(min(left, FARTHEST_AHEAD)) - 1
+
+    def sample_singly(self, count: int, cycle_ms: float) -> list[list[float]]:
+        """Return what so many calls for one cycle would, in real time; no more than `whole_cycles`."""
+        times, elapsed_ms = [], self._elapsed_ms
+        for _ in range(count):
+            elapsed_ms += cycle_ms
+            times.append(elapsed_ms)
+        return self._at(self._queue[0], times)
+
+    def _at(self, piece: Piece, times: list[float]) -> list[list[float]]:
+        """Play up to the last of these times."""
         self._elapsed_ms = times[-1]
         # Terms of the polynomial that are exactly 0 change nothing.
         track = [
             [((c3 * t + c2) * t + c1) * t + c0 for t in times]
             if c2 or c3
-            else ([c1 * t + c0 for t in times] if c1 else [c0] * count)
+            else ([c1 * t + c0 for t in times] if c1 else [c0] * len(times))
             for c0, c1, c2, c3 in piece.cubics
         ]
         self.position = tuple([positions[-1] for positions in track])

@@ -157,7 +157,7 @@ class ServoAxis(EncoderAxis):
             # The output calculated in this cycle reaches the amplifier one cycle later.
             x, v = x + glide * v + push_x * force, decay * v + push_v * force
             if ends is not None and not ends.lowest <= x + origin <= ends.highest:
-                x, v, self.at_end = ends.holds(x + origin) - origin, 0.0, True
+                x, v = self._hold(x, ends)
             if lowest <= output <= highest:
                 force = output
                 if in_motion or step == 0.0:
@@ -199,7 +199,7 @@ class ServoAxis(EncoderAxis):
             elif not -friction <= drive <= friction:
                 x, v = slide.start(x, drive)
             if ends is not None and not ends.lowest <= x + origin <= ends.highest:
-                x, v, self.at_end = ends.holds(x + origin) - origin, 0.0, True
+                x, v = self._hold(x, ends)
             if lowest <= output <= highest:
                 force = output
                 if in_motion or step == 0.0:
@@ -248,7 +248,7 @@ class ServoAxis(EncoderAxis):
             positions.append(x)
             x, v = x + glide * v + push_x * force, decay * v + push_v * force
             if ends is not None and not ends.lowest <= x + origin <= ends.highest:
-                x, v, self.at_end = ends.holds(x + origin) - origin, 0.0, True
+                x, v = self._hold(x, ends)
             force = held
         self._x, self._v, self.output_bits = x, v, force
         return positions
@@ -352,7 +352,12 @@ class ServoAxis(EncoderAxis):
             self._v = plant.decay * v + plant.push_v * force
         ends = self._ends
         if ends is not None and not ends.lowest <= self._x + self.origin <= ends.highest:
-            self._x, self._v, self.at_end = ends.holds(self._x + self.origin) - self.origin, 0.0, True
+            self._x, self._v = self._hold(self._x, ends)
+
+    def _hold(self, x: float, ends: Ends) -> tuple[float, float]:
+        """Return position and speed at the end of travel that holds the axis."""
+        self.at_end = self.hit_end = True
+        return ends.holds(x + self.origin) - self.origin, 0.0
 
     def _ends_near(self, cycles: int) -> Ends | None:
         """Return the ends of travel if one is near enough to be reached within so many cycles without a load."""

@@ -3,8 +3,8 @@
 `compiled` reads a line as `line.commands` would, with the same scanner and in the same order, and returns what to
 execute. It does so only for commands whose reading depends on nothing but their text: an address, a report, one
 variable, or a constant for a P-, Q- or M-variable. For any other line, and for one that is refused, it returns
-None: such a line is read anew each time. A host that fills a buffer or a table is read differently, which the caller has
-to rule out.
+None: such a line is read anew each time. A host that fills a buffer or a table is read differently, which the
+caller has to rule out.
 """
 
 from __future__ import annotations

@@ -48,14 +48,15 @@ class Axis(Protocol):
 class EncoderAxis:
     """The state that every axis has, in counts: its zero, where it is, and what its encoder reads.
 
-    `at_end` is whether an end of its travel has held the axis in the last block.
+    `at_end` is whether an end of its travel has held the axis in the last block, `hit_end` whether one has since
+    that was last cleared from outside: a block of the controller may be several of the axis.
     """
 
     def __init__(self, origin: float) -> None:
         self.origin = origin
         self.encoder_lost = False
         self.jammed = False
-        self.at_end = False
+        self.at_end = self.hit_end = False
         self._x = 0.0
         self._reading = 0.0  # the last one, while the encoder does not count
         self._blind = False  # whether the encoder was lost when it was last read
@@ -77,9 +78,14 @@ class EncoderAxis:
 
 
 class Scale:
-    """A scale without noise. `now` and `before` are the noise of its last two readings, in counts."""
+    """A scale without noise. `now` and `before` are the noise of its last two readings, in counts.
 
+    `drawn` is the noise of the readings that were last drawn together, None after a single one or without noise.
+    """
+
+    noisy = False
     now = before = 0.0
+    drawn: list[float] | None = None
     read = staticmethod(read_encoder)
 
     def draw(self, count: int) -> list[float] | None:
@@ -90,6 +96,8 @@ class Scale:
 class NoisyScale(Scale):
     """A scale whose every reading has independent Gaussian noise before it is rounded."""
 
+    noisy = True
+
     def __init__(self, rms_counts: float, seed: int) -> None:
         self._rms_counts = rms_counts
         self._generator = np.random.default_rng(seed)
@@ -99,7 +107,7 @@ class NoisyScale(Scale):
         """Return the reading at a true position, counts."""
         if not self._drawn:
             self._drawn = self._generator.normal(0.0, self._rms_counts, DRAWN_AT_ONCE).tolist()
-        self.before, self.now = self.now, self._drawn.pop()
+        self.before, self.now, self.drawn = self.now, self._drawn.pop(), None
         return round(place + self.now)
 
     def draw(self, count: int) -> list[float] | None:
@@ -109,12 +117,13 @@ class NoisyScale(Scale):
             noise = drawn[: -count - 1 : -1]
             del drawn[-count:]
             self.before = noise[-2] if count > 1 else self.now
-            self.now = noise[-1]
+            self.now, self.drawn = noise[-1], noise
             return noise
         noise = []
         for _ in range(count):
             self.read(0.0)
             noise.append(self.now)
+        self.drawn = noise
         return noise
 
 
@@ -200,7 +209,8 @@ class IdealAxis(EncoderAxis):
         ends, self.at_end = self._ends, False
         if ends is not None and positions and ends.holds(self._x + self.origin) != self._x + self.origin:
             positions = [ends.holds(position + self.origin) - self.origin for position in positions]
-            self._x, self._step, self.at_end = positions[-1], 0.0, True
+            self._x, self._step = positions[-1], 0.0
+            self.at_end = self.hit_end = True
         self._blind = self.encoder_lost
         if not self._blind:
             self._reading = self._x

@@ -100,6 +100,10 @@ class TipLoad:
         """Use these motors from now on."""
         self._motors = tool, spindle, carriage
 
+    def watches(self) -> bool:
+        """Whether it looks at spindle and carriage in each block of servo cycles, because a blank is clamped."""
+        return self._stock is not None
+
     def clamp(self, stock: Stock | None) -> None:
         """Clamp a blank, or remove it."""
         self._stock, self._ring, self._cell = stock, None, None

@@ -183,7 +183,8 @@ class SimulatedWorkshop:
         machine = self._machine
         tool, spindle = tracks[machine.tool.motor], tracks[machine.spindle.motor]
         carriage = tracks[machine.carriage.motor]
-        at_end = self._tool.at_end or self._carriage.at_end
+        at_end = self._tool.hit_end or self._carriage.hit_end
+        self._tool.hit_end = self._carriage.hit_end = False
         seen = self._seen
         if seen and tool is seen[0] and spindle is seen[1] and carriage is seen[2] and at_end is seen[3]:
             self._times_seen += 1
