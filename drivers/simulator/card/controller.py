@@ -65,10 +65,8 @@ class Controller:
             number: Motor(number, self.variables, *_behind(axes.get(number), servo_period_ms))
             for number in range(1, dialect.motor_count + 1)
         }
-        self.systems = {
-            number: CoordinateSystem(number, self.variables, self.motors, self._program_code, self.host)
-            for number in range(1, dialect.system_count + 1)
-        }
+        self._busy: set[int] = set()
+        self.systems = {number: self._system(number) for number in range(1, dialect.system_count + 1)}
         self.tables = TableMemory()
         self.gather = GatherBuffer(self.variables)
         self.conversion = Conversion(self.variables, self.motors)
@@ -247,7 +245,7 @@ class Controller:
         if leads.active:
             leads.begin_cycle()
         commands: dict[int, list[float]] = {}
-        for system in self._all_systems:
+        for system in self._all_systems if self._busy else ():
             if system.busy:
                 commands.update(system.sample(cycles, cycle_ms))
         self.cycles += cycles
@@ -259,6 +257,9 @@ class Controller:
         if self.gather.running:
             self.gather.sample()
         return tracks
+
+    def _system(self, number: int) -> CoordinateSystem:
+        return CoordinateSystem(number, self.variables, self.motors, self._program_code, self.host, self._busy)
 
     def _count(self, cycles: int) -> None:
         self.cycles += cycles
