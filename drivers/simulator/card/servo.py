@@ -131,8 +131,14 @@ class ServoAxis(EncoderAxis):
             self._command_step,
         )
         self._blind, noise = False, self.scale.draw(len(commands))
-        if self._slide is not None:
-            return self._glide(commands, noise, self._slide)
+        slide = self._slide
+        if slide is not None and self._load is not None and self._load.led:
+            singly = [
+                self._glide((told,), noise and noise[at : at + 1], slide) for at, told in enumerate(commands)
+            ]
+            return [position for (position,) in singly]
+        if slide is not None:
+            return self._glide(commands, noise, slide)
         positions = self._close(commands, noise)
         if again and noise is None and self._repeats(before, commands):
             self._still = positions
