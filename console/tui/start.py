@@ -17,7 +17,12 @@ from typing import TYPE_CHECKING
 from console.cli.library import data_of, machine_of, simulated_address
 from console.session.data.calibrated_chuck import calibrated_or_stated
 from console.session.errors import SessionError
+from console.session.flight.notes import Inbox, Kind
+from console.session.flight.recorded_control import RecordedControl
+from console.session.flight.recorded_forms import Moment, work_of
+from console.session.flight.recorder import Recorder
 from console.session.signals import ENDING_SIGNALS
+from console.session.station.commands import Control
 from console.session.station.link_thread import LinkThread
 from console.session.station.whereabouts import address_of
 from console.text.catalogue import Catalogue
@@ -58,20 +63,30 @@ def main(options: Namespace, text: Catalogue) -> int:
     machine = calibrated_or_stated(machine_of(options), data)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     address = address_of(machine.machine, options.link, simulated=options.sim)
-    tracing = Tracing(None if options.trace is None else Path(options.trace), f"console {machine.machine.name}")
+    inbox = Inbox(time.monotonic)
+    trace = None if options.trace is None else Path(options.trace)
+    tracing = Tracing(trace, f"console {machine.machine.name}", inbox.put)
     simulated = isinstance(address, SimulatedAddress)
     requested = simulated_address(options, machine.machine)
     if requested is not None and not simulated:
         print(f"console: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE
     link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
+    recorder = Recorder(data, machine, lambda: _moment(control, app), inbox)
+    control = RecordedControl(link, recorder, inbox)
+
+    def begin() -> None:
+        link.open()
+        recorder.start()
+
     app = ConsoleApp(
         text=text,
         palette=MONO if os.environ.get("NO_COLOR") else COLOUR,
-        control=link,
+        control=control,
         machine=machine,
         data=data,
-        begin=link.open,
+        begin=begin,
+        heard=lambda key: inbox.put(Kind.KEY, key),
         driver_class=StopDriver,
     )
     ending = _Ending(link, app)
@@ -80,12 +95,19 @@ def main(options: Namespace, text: Catalogue) -> int:
     try:
         app.run(mouse=False)
     finally:
+        recorder.leave()
         _leave(link, ending, text)
+        recorder.close(ending.reason or ("crash" if app.fault is not None else ""))
         for problem in tracing.problems:
             _say(text.problem(problem))
     if app.fault is not None:
         raise app.fault
     return 0 if link.rested and ending.reason is None and app.return_code in (0, None) else 1
+
+
+def _moment(control: Control, app: ConsoleApp) -> Moment:
+    """Return what is recorded now; all of it is read by reference, in the thread of the recorder."""
+    return Moment(state=control.state, page=app.page, work=work_of(app.ui.work), said=app.ui.said)
 
 
 def _open(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
