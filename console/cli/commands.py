@@ -31,6 +31,7 @@ COMMANDS = {
     "calibrate": "console.cli.measured.calibrate",
     "learn": "console.cli.measured.learn",
     "reproduce": "console.cli.measured.reproduce",
+    "replay": "console.cli.machine.replay",
 }
 
 

@@ -72,6 +72,27 @@ def main(options: Namespace, text: Catalogue) -> int:
         print(f"console: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE
     link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
+    app, recorder = _recorded(link, inbox, machine, data, text)
+    ending = _Ending(link, app)
+    ending.install()
+    link.start()
+    try:
+        app.run(mouse=False)
+    finally:
+        recorder.leave()
+        _leave(link, ending, text)
+        recorder.close(ending.reason or ("crash" if app.fault is not None else ""))
+        for problem in tracing.problems:
+            _say(text.problem(problem))
+    if app.fault is not None:
+        raise app.fault
+    return 0 if link.rested and ending.reason is None and app.return_code in (0, None) else 1
+
+
+def _recorded(
+    link: LinkThread, inbox: Inbox, machine: LoadedMachine, data: Path, text: Catalogue
+) -> tuple[ConsoleApp, Recorder]:
+    """Return the screens on the link, and their flight recorder, which starts after the first paint."""
     recorder = Recorder(data, machine, lambda: _moment(control, app), inbox)
     control = RecordedControl(link, recorder, inbox)
 
@@ -89,20 +110,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         heard=lambda key: inbox.put(Kind.KEY, key),
         driver_class=StopDriver,
     )
-    ending = _Ending(link, app)
-    ending.install()
-    link.start()
-    try:
-        app.run(mouse=False)
-    finally:
-        recorder.leave()
-        _leave(link, ending, text)
-        recorder.close(ending.reason or ("crash" if app.fault is not None else ""))
-        for problem in tracing.problems:
-            _say(text.problem(problem))
-    if app.fault is not None:
-        raise app.fault
-    return 0 if link.rested and ending.reason is None and app.return_code in (0, None) else 1
+    return app, recorder
 
 
 def _moment(control: Control, app: ConsoleApp) -> Moment:

@@ -14,7 +14,7 @@ from typing import Any
 from console.session.data.kept_files import folder_name, make_folder
 from console.session.flight.ring import FOLDER, line_of
 from profiles.files import write_atomically
-from profiles.problem import ProfileError
+from profiles.problem import ProfileError, refused
 
 SUFFIX = ".flight"
 SCHEMA = 1
@@ -111,16 +111,16 @@ def _name(header: Mapping[str, Any], cause: Cause) -> str:
 
 
 def _written(folder: Path, name: str, content: bytes) -> Path:
-    for number in range(1, 100):
-        path = folder / f"{name}{f'-{number}' if number > 1 else ''}{SUFFIX}"
+    path = folder / f"{name}{SUFFIX}"
+    for number in range(2, 100):
         try:
             write_atomically(path, content, overwrite=False, private=True)
+            return path
         except ProfileError as error:
             if error.problems[0].code != "file.exists":
                 raise
-        else:
-            return path
-    raise ProfileError(error.problems[0])
+        path = folder / f"{name}-{number}{SUFFIX}"
+    raise refused("file.exists", where=str(path))
 
 
 def _remove_oldest(folder: Path, newest: Path) -> None:

@@ -26,7 +26,7 @@ class LinkLines:
         self._polls = self._left_out = 0
 
     def heard(self, at_s: float, mark: str, data: bytes) -> None:
-        """Take bytes that were sent (`>`), received (`<`), sent as a stop (`!`), or the code of a failure (`*`)."""
+        """Take bytes that were sent (`>`), received (`<`) or sent as a stop (`!`), or the code of a failure."""
         if mark in "<>":
             self._dialogue.heard(at_s, mark, data)
         else:

@@ -10,7 +10,6 @@ from base64 import b64encode
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from functools import cache
 from pathlib import PurePath
 from typing import Any
 
@@ -100,7 +99,12 @@ def _base64(array: Any) -> str:
     return b64encode(array.astype("<f8").tobytes()).decode("ascii")
 
 
-@cache
-def names_of(kind: type) -> tuple[str, ...]:
+def names_of(kind: Any) -> tuple[str, ...]:
     """Return the names of the fields of a dataclass."""
-    return tuple(field.name for field in fields(kind))
+    found = _NAMES.get(kind)
+    if found is None:
+        found = _NAMES[kind] = tuple(field.name for field in fields(kind))
+    return found
+
+
+_NAMES: dict[Any, tuple[str, ...]] = {}

@@ -26,7 +26,7 @@ class Happened(StrEnum):
 
     ALARM = "alarm"
     ALARM_OVER = "alarm_over"
-    STOP = "stop"
+    STOPPED = "stopped"
     REST = "rest"
     ACTIVITY = "activity"
     PAGE = "page"
@@ -44,7 +44,7 @@ class Event:
     is_low: bool = False
 
 
-MARKED = frozenset({Happened.ALARM, Happened.STOP, Kind.KEY, Kind.STOP, Kind.KILL})
+MARKED = frozenset({Happened.ALARM, Happened.STOPPED, Kind.KEY, Kind.STOP, Kind.KILL})
 """Events that have a mark on the time bar, and to which the keys jump."""
 
 
@@ -72,7 +72,7 @@ def _between(before: Moment, now: Moment, at_s: float) -> list[Event]:
         found += [_alarm(Happened.ALARM_OVER, known[key], at_s) for key in known if key not in present]
     if new.stop is not None:
         if old.stop is None or old.stop.sent_s != new.stop.sent_s:
-            found.append(Event(at_s=at_s, kind=Happened.STOP, word=new.stop.reason))
+            found.append(Event(at_s=at_s, kind=Happened.STOPPED, word=new.stop.reason))
         if new.stop.rest_s is not None and (old.stop is None or old.stop.rest_s is None):
             seconds = new.stop.rest_s - new.stop.sent_s
             found.append(Event(at_s=at_s, kind=Happened.REST, word=f"{seconds:.1f}"))

@@ -1,4 +1,4 @@
-"""What is recorded in the place of values that are too large, or are no values: a plan, a learning step, the work."""
+"""What is recorded in the place of values that are too large: a plan, a learning step, the work."""
 
 from __future__ import annotations
 

@@ -130,7 +130,8 @@ class Recorder:
             self._add(Note(at_s=now_s, kind=Kind.FROZEN, text=cause.reason))
         changed = {} if self._before is None else changes(self._before, moment, recorded)
         busy = moment.state.seen_moving or any(path.rpartition(".")[2] not in _POLLED for path in changed)
-        if self._before is None or (busy and changed) or now_s - self._written_s >= AT_REST_S:
+        due = now_s - self._written_s >= AT_REST_S or self._triggers.is_due(now_s)
+        if self._before is None or (busy and changed) or due:
             self._before, self._written_s = moment, now_s
             self._lines.append({"t": now_s, "set": changed})
 
@@ -165,6 +166,7 @@ class Recorder:
                 shutil.rmtree(folder, ignore_errors=True)
                 if path is not None:
                     self._alarm(Problem(code=KILLED, value=path.name))
+                    self.acknowledge(lambda alarms: cleared(alarms, KILLED))  # an event: gone once it is seen
         except (OSError, ProblemError) as error:
             self._report(error)
 

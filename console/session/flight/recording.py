@@ -27,12 +27,14 @@ from profiles.problem import Problem, ProfileError
 MOST_PACKED, MOST_BYTES = 40_000_000, 120_000_000  # far above any recording; a bomb ends here
 MOST_LINES = 400_000
 MOST_HEADER = 200_000
+LONGEST_S = 86_400.0  # of all times of a recording from its beginning
+LAST_UTC_S = 1e11  # some year that no computer reaches
 _CHUNK = 1 << 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Header:
-    """What is recorded: the machine, the program, and what it was frozen for. `at_s` is machine time at `utc_s`."""
+    """Origin of a recording: machine, program, what it was frozen for. `at_s` is machine time at `utc_s`."""
 
     flight: int
     software: str
@@ -61,7 +63,7 @@ class Header:
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """A whole recording: `moments` at `times_s`, which never go back, and the notes in the order of their times."""
+    """A whole recording: `moments` at `times_s`, which never go back; the notes in the order of time."""
 
     path: Path
     header: Header
@@ -115,6 +117,8 @@ def _played(path: Path, header: Header, lines: list[bytes]) -> Recording:
     for place, line in enumerate(lines, start=2):
         try:
             found = from_json(line)
+            if not abs(number(found["t"]) - header.began_s) <= LONGEST_S:
+                raise ValueError("a time far from the others")
             if "kind" in found:
                 note = {"at_s": found["t"], "kind": found["kind"], "text": found["text"]}
                 notes.append(typed.read(Note, note))
@@ -154,8 +158,12 @@ def _header(path: Path, line: bytes) -> Header:
         whole(found["lines"])
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise _damaged(path, 1, f"{type(error).__name__}: {error}") from error
-    if not (0 <= header.length_s and 0 < header.lines <= MOST_LINES and 0 <= header.utc_s < 1e11):
-        raise _damaged(path, 1, "began_s, ended_s, lines, utc_s")
+    times_s = (header.began_s, header.ended_s, header.at_s, *(cause.at_s for cause in header.causes))
+    near = all(abs(at_s - header.began_s) <= LONGEST_S for at_s in times_s)
+    if not (near and header.began_s <= header.ended_s and 0.0 <= header.utc_s <= LAST_UTC_S):
+        raise _damaged(path, 1, "began_s, ended_s, at_s, utc_s, causes")
+    if not 0 < header.lines <= MOST_LINES:
+        raise _damaged(path, 1, "lines")
     return header
 
 
@@ -184,5 +192,3 @@ def _pieces(path: Path) -> Iterator[bytes]:
 def _damaged(path: Path, line: int, why: str) -> ProfileError:
     value = printable(" ".join(why.split()), 160)
     return ProfileError(Problem(code="flight.damaged", where=printable(str(path)), key=str(line), value=value))
-
-

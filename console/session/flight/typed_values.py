@@ -169,8 +169,8 @@ def _array(value: Any) -> Any:
 
     found = np.frombuffer(_bytes(value), dtype="<f8").astype(float)
     with np.errstate(invalid="ignore"):
-        if not (np.abs(found) <= LARGEST).all():
-            raise ValueError("an array with numbers that are none, or too large")
+        if (np.abs(found) > LARGEST).any():
+            raise ValueError("an array with a number that is too large")
     found.setflags(write=False)
     return found
 
