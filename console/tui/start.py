@@ -19,10 +19,7 @@ from console.session.data.calibrated_chuck import calibrated_or_stated
 from console.session.errors import SessionError
 from console.session.flight.notes import Inbox, Kind
 from console.session.flight.recorded_control import RecordedControl
-from console.session.flight.recorded_forms import Moment, work_of
-from console.session.flight.recorder import Recorder
 from console.session.signals import ENDING_SIGNALS
-from console.session.station.commands import Control
 from console.session.station.link_thread import LinkThread
 from console.session.station.whereabouts import address_of
 from console.text.catalogue import Catalogue
@@ -36,6 +33,7 @@ from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
 if TYPE_CHECKING:
+    from console.session.flight.recorder import Recorder
     from console.session.station.station import Opened
 
 WRONG_USAGE = 2
@@ -72,16 +70,18 @@ def main(options: Namespace, text: Catalogue) -> int:
         print(f"console: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE
     link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
-    app, recorder = _recorded(link, inbox, machine, data, text)
+    app, control = _recorded(link, inbox, machine, data, text)
     ending = _Ending(link, app)
     ending.install()
     link.start()
     try:
         app.run(mouse=False)
     finally:
-        recorder.leave()
+        if control.recorder is not None:
+            control.recorder.leave()
         _leave(link, ending, text)
-        recorder.close(ending.reason or ("crash" if app.fault is not None else ""))
+        if control.recorder is not None:
+            control.recorder.close(ending.reason or ("crash" if app.fault is not None else ""))
         for problem in tracing.problems:
             _say(text.problem(problem))
     if app.fault is not None:
@@ -91,14 +91,14 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _recorded(
     link: LinkThread, inbox: Inbox, machine: LoadedMachine, data: Path, text: Catalogue
-) -> tuple[ConsoleApp, Recorder]:
-    """Return the screens on the link, and their flight recorder, which starts after the first paint."""
-    recorder = Recorder(data, machine, lambda: _moment(control, app), inbox)
-    control = RecordedControl(link, recorder, inbox)
+) -> tuple[ConsoleApp, RecordedControl]:
+    """Return the screens on the link, and their control, which has a recorder after the first paint."""
+    control = RecordedControl(link, inbox)
 
     def begin() -> None:
         link.open()
-        recorder.start()
+        control.recorder = _recorder(control, app, machine, data, inbox)
+        control.recorder.start()
 
     app = ConsoleApp(
         text=text,
@@ -110,12 +110,20 @@ def _recorded(
         heard=lambda key: inbox.put(Kind.KEY, key),
         driver_class=StopDriver,
     )
-    return app, recorder
+    return app, control
 
 
-def _moment(control: Control, app: ConsoleApp) -> Moment:
-    """Return what is recorded now; all of it is read by reference, in the thread of the recorder."""
-    return Moment(state=control.state, page=app.page, work=work_of(app.ui.work), said=app.ui.said)
+def _recorder(
+    control: RecordedControl, app: ConsoleApp, machine: LoadedMachine, data: Path, inbox: Inbox
+) -> Recorder:
+    from console.session.flight.recorded_forms import Moment, work_of
+    from console.session.flight.recorder import Recorder
+
+    def observed() -> Moment:
+        """Return what is recorded now; all of it is read by reference, in the thread of the recorder."""
+        return Moment(state=control.state, page=app.page, work=work_of(app.ui.work), said=app.ui.said)
+
+    return Recorder(data, machine, observed, inbox)
 
 
 def _open(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:

@@ -26,6 +26,7 @@ DOCUMENTS = (
     "docs/commissioning.md",
     "docs/fault-matrix.md",
     "docs/faults.md",
+    "docs/flight-recorder.md",
     "docs/heartbeat.md",
     "docs/identification.md",
     "docs/learning.md",

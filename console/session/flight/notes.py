@@ -6,8 +6,10 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
-from console.session.station.commands import Command
+if TYPE_CHECKING:
+    from console.session.station.commands import Command
 
 WAITING = 4000
 """Entries that wait for the recorder, which takes them ten times a second; the rest is lost, and counted."""

@@ -4,27 +4,35 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 from console.session.flight.notes import Inbox, Kind, command_words
-from console.session.flight.recorder import Recorder
 from console.session.station.alarms import Alarms, seen
-from console.session.station.commands import Acknowledge, Command, Control
 from console.session.station.state import StationState
+
+if TYPE_CHECKING:
+    from console.session.flight.recorder import Recorder
+    from console.session.station.commands import Command, Control
 
 
 class RecordedControl:
-    """Passes everything on at once; shows the alarms of the recorder after those of the machine."""
+    """Passes everything on at once; shows the alarms of the recorder after those of the machine.
 
-    def __init__(self, control: Control, recorder: Recorder, inbox: Inbox) -> None:
-        self._control, self._recorder, self._inbox = control, recorder, inbox
+    There is a `recorder` after the first paint.
+    """
+
+    def __init__(self, control: Control, inbox: Inbox) -> None:
+        self.recorder: Recorder | None = None
+        self._control, self._inbox = control, inbox
         self._joined: tuple[StationState, Alarms, StationState] | None = None
 
     @property
     def state(self) -> StationState:
         """The newest state."""
-        state, alarms, joined = self._control.state, self._recorder.alarms, self._joined
-        if not alarms:
+        state, recorder, joined = self._control.state, self.recorder, self._joined
+        if recorder is None or not recorder.alarms:
             return state
+        alarms = recorder.alarms
         if joined is None or joined[0] is not state or joined[1] is not alarms:
             joined = self._joined = (state, alarms, replace(state, alarms=(*state.alarms, *alarms)))
         return joined[2]
@@ -35,9 +43,11 @@ class RecordedControl:
 
     def post(self, intent: Command) -> bool:
         """Post a command."""
+        from console.session.station.commands import Acknowledge  # not for the first paint
+
         taken = self._control.post(intent)
-        if isinstance(intent, Acknowledge):
-            self._recorder.acknowledge(partial(seen, shown=intent.shown))
+        if self.recorder is not None and isinstance(intent, Acknowledge):
+            self.recorder.acknowledge(partial(seen, shown=intent.shown))
         self._inbox.put(Kind.COMMAND, f"{command_words(intent)}{'' if taken else ' refused'}")
         return taken
 

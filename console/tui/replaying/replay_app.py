@@ -57,7 +57,8 @@ class ReplayApp(ConsoleApp):
             local_time=lambda: datetime.fromtimestamp(header.utc_of(playback.at_s)),
             ticking=ticking,
         )
-        self.title = f"{text('replay.badge')} {header.machine.name}"
+        simulated = f" {text('sim')}" if header.simulated else ""
+        self.title = f"{text('replay.badge')}{simulated} {header.machine.name}"
         self.playback, self._loaded_machine = playback, machine
         self._list = _ReplayList(palette, text)
         self._real_s = now_s

@@ -100,7 +100,7 @@ def test_keys_commands_and_stops_are_noted_and_the_stop_goes_first(tmp_path: Pat
     bench, order = FlightBench(tmp_path), []
     below = FixedControl(bench.state)
     below.stop = lambda reason: order.append(len(bench.inbox.taken()[0]))  # type: ignore[method-assign]
-    control = RecordedControl(below, bench.recorder, bench.inbox)
+    control = RecordedControl(below, bench.inbox)
     control.stop("space")
     assert order == [0]
     control.post(Home())
@@ -184,7 +184,8 @@ def test_a_full_disk_is_one_low_alarm_and_recording_resumes(
     assert (alarm.problem.code, alarm.priority, alarm.count) == ("flight.not_recorded", Priority.LOW, 1)
     monkeypatch.setattr(os, "write", write)
     bench.runs(11.0)
-    control = RecordedControl(FixedControl(bench.state), bench.recorder, bench.inbox)
+    control = RecordedControl(FixedControl(bench.state), bench.inbox)
+    control.recorder = bench.recorder
     control.post(Acknowledge(shown=tuple(each.problem for each in control.state.alarms)))
     assert bench.recorder.alarms == ()
     bench.stops("space")
