@@ -245,13 +245,13 @@ class ConsoleApp(App[None]):
 
     def action_quit(self) -> None:  # type: ignore[override]
         """Leave, unless something moves."""
-        state, work = self.ui.control.state, self.ui.work
+        state, work = self.ui.control.state, self.ui.draft or self.ui.work
         unsaved = work is not None and work.edited and work.job is not self._given_up
         if state.moving:
             self.ui.say("screen.quit_moving")
         elif work is not None and unsaved:
             self._given_up = work.job
-            self.ui.say("screen.quit_unsaved", value=work.job.name)
+            self.ui.say("screen.quit_unsaved", value=work.job.name or self.ui.text("setup.new_title"))
         else:
             self.exit()
 

@@ -24,6 +24,7 @@ DOCUMENTS = (
     "benchmarks/README.md",
     "docs/calibration.md",
     "docs/commissioning.md",
+    "docs/data.md",
     "docs/fault-matrix.md",
     "docs/faults.md",
     "docs/flight-recorder.md",

@@ -81,20 +81,25 @@ def _learning(learning: Any) -> Any:
     return learning if learning.taught is None else replace(learning, taught=None, problems=(NOT_RECORDED,))
 
 
-_FORMS = {"CutPlan": _plan, "PartLearning": _learning}
+def _lobe(lobe: Any) -> Any:
+    return lobe if lobe.found is None else replace(lobe, found=None, problems=(NOT_RECORDED,))
+
+
+_FORMS = {"CutPlan": _plan, "PartLearning": _learning, "PartLobe": _lobe}
 """By the names of their types: nothing heavy is imported for a recording."""
 
 
 @cache
 def names() -> Mapping[str, Any]:
-    """Return the types that the state names without importing them; they are for reading."""
+    """Return the types that the state names without importing them (`TYPE_CHECKING`); they are for reading."""
     from console.session.data.made_parts import MadeWith
-    from console.session.learning.learning_steps import PartLearning
+    from console.session.learning.calibrating import PartLobe
+    from console.session.learning.part_learning import PartLearning
     from console.session.station.progress import CutProgress
     from drivers.cutting.strategy import Strategy
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
     from profiles.traces import Trace
 
-    found = (MadeWith, PartLearning, CutProgress, Strategy, Job, RoundnessResult, LoadedJob, Trace)
+    found = (MadeWith, PartLearning, PartLobe, CutProgress, Strategy, Job, RoundnessResult, LoadedJob, Trace)
     return {**{each.__name__: each for each in found}, "CutPlan": RecordedPlan}

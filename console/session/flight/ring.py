@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.kept_files import folder_name
-from profiles.files import PRIVATE_FILE, made_locked, make_private_folder, taken_if_left
+from profiles.files import made_locked, make_private_folder, taken_if_left
+from profiles.folder_rights import rights_in
 
 FOLDER, RUNNING = "flight", "running"
 LOCK, SEGMENT = "lock", ".segment"
@@ -33,7 +34,9 @@ class Ring:
         running = data / FOLDER / RUNNING
         make_private_folder(running)
         self.folder = _own_folder(running, f"{folder_name(machine)}@{os.getpid()}")
-        self._lock: int | None = made_locked(self.folder / LOCK, PRIVATE_FILE)
+        self._rights = rights_in(running).file
+        self._lock: int | None = made_locked(self.folder / LOCK, self._rights)
+        os.fchmod(self._lock, self._rights)  # whatever the umask
         self._file: int | None = None
         self._number = self._bytes = 0
         self._began_s = float("-inf")
@@ -47,7 +50,8 @@ class Ring:
         self._end_segment()
         self._number += 1
         path = self.folder / f"{self._number:08d}{SEGMENT}"
-        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, PRIVATE_FILE)
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, self._rights)
+        os.fchmod(self._file, self._rights)
         self._began_s, self._bytes = now_s, 0
         try:
             self.write([header])
@@ -128,9 +132,11 @@ def left_rings(data: Path, machine: str) -> Iterator[Path]:
 
 def _own_folder(running: Path, name: str) -> Path:
     """Make a folder; a process of the same number may run elsewhere, on the same data folder."""
+    rights = rights_in(running).folder
     for number in range(100):
         folder = running / (f"{name}.{number}" if number else name)
         with suppress(FileExistsError):
-            folder.mkdir(mode=0o700)
+            folder.mkdir(mode=rights)
+            folder.chmod(rights)
             return folder
     raise FileExistsError(17, "too many rings", str(running / name))

@@ -14,7 +14,8 @@ import numpy as np
 from hypothesis import strategies as st
 
 from console.session.flight.recorded_forms import names
-from console.session.learning.learning_steps import PartLearning
+from console.session.learning.calibrating import PartLobe
+from console.session.learning.part_learning import PartLearning
 from profiles.job import Job
 from profiles.store import load_job
 
@@ -58,8 +59,8 @@ def values(hint: Any) -> st.SearchStrategy[Any]:
 def _records(kind: Any) -> st.SearchStrategy[Any]:
     hints = get_type_hints(kind, None, dict(names()))
     given = {field.name: hints[field.name] for field in fields(kind)}
-    if kind is PartLearning:
-        given["taught"] = NoneType
+    if kind in (PartLearning, PartLobe):  # what they hold is not recorded
+        given["taught" if kind is PartLearning else "found"] = NoneType
     return st.builds(
         kind, **{name: st.none() if hint is NoneType else values(hint) for name, hint in given.items()}
     )
