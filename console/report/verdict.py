@@ -1,0 +1,93 @@
+"""The verdict of a run in words, with a sign that needs no colour."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+from console.report.quantities import against_limit, mm
+from console.report.reported_run import ReportedRun
+from console.session.data.run_reader import Ending, How
+from console.session.data.run_rows import FAILED_HOW
+from console.session.stages import Stage
+from console.text.catalogue import Catalogue
+
+
+class Judgement(StrEnum):
+    """What a report says of a part."""
+
+    GOOD = "good"
+    BAD = "bad"
+    DOUBTFUL = "doubtful"
+    OPEN = "open"
+
+
+SIGNS = {Judgement.GOOD: "✓", Judgement.BAD: "✗", Judgement.DOUBTFUL: "?", Judgement.OPEN: "–"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """A judgement, and the sentences that say why."""
+
+    judgement: Judgement
+    reasons: tuple[str, ...]
+
+
+def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
+    """Return the verdict of a run: a part is good only if it was cut as planned, and the record agrees."""
+    row, product = run.story.row, run.product
+    judged = tuple(_judged(run, text))
+    if row.damaged or run.story.damaged or (product is not None and product.doubtful):
+        return Verdict(judgement=Judgement.DOUBTFUL, reasons=(text("report.why.doubtful"), *judged))
+    if row.ended.how in FAILED_HOW:
+        return Verdict(judgement=Judgement.BAD, reasons=(ending_words(row.ended, text), *judged))
+    if row.ended.how in (How.OPEN, How.NOT_STARTED):
+        return Verdict(judgement=Judgement.OPEN, reasons=(ending_words(row.ended, text), *judged))
+    if product is None:
+        why = "report.why.air" if row.stage == Stage.AIR else "report.why.not_measured"
+        return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
+    passed = product.recorded.passed
+    if passed is None:
+        why = "report.why.partial" if row.stage == Stage.PARTIAL else "report.why.no_judgement"
+        return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
+    good = passed and run.diameter_passes is not False
+    return Verdict(judgement=Judgement.GOOD if good else Judgement.BAD, reasons=judged)
+
+
+def _judged(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+    """Yield what was measured against what was allowed."""
+    product = run.product
+    if product is None or product.recorded.passed is None:
+        return
+    recorded = product.recorded
+    if recorded.tolerance_um is not None:
+        value, limit = against_limit(recorded.ront_um, recorded.tolerance_um)
+        key = "report.why.round" if recorded.passed else "report.why.not_round"
+        yield text(key, value=value, limit=limit)
+    passes = run.diameter_passes
+    if passes is None or run.job is None or run.job.diameter_tolerance_um is None:
+        return
+    assert recorded.diameter_mm is not None
+    off_um = abs(recorded.diameter_mm - run.job.finished_diameter_mm) * 1000.0
+    value, limit = against_limit(off_um, run.job.diameter_tolerance_um)
+    key = "report.why.diameter" if passes else "report.why.not_diameter"
+    yield text(key, diameter=mm(recorded.diameter_mm), value=value, limit=limit)
+
+
+def ending_words(ending: Ending, text: Catalogue) -> str:
+    """Return how a run ended: after how many turns, for which reason, by whom."""
+    words = [text(f"report.ended.{ending.how}")]
+    if ending.turn is not None:
+        words.append(text("report.ended_after", turns=f"{ending.turn:.1f}"))
+    if ending.by:
+        words.append(text("report.ended_by", name=ending.by))
+    if ending.reason:
+        words.append(text("report.ended_for", reason=_reason(ending.reason, text)))
+    return "; ".join(words) + "."
+
+
+def _reason(reason: str, text: Catalogue) -> str:
+    """Return a reason in words; of the code of a problem also the code, whose sentence is with the alarms."""
+    words = text.reason(reason)
+    return words if words == reason or "." not in reason or " " in reason else f"{words} ({reason})"
