@@ -23,8 +23,9 @@ from profiles.arrays import Floats
 NOT_LISTED = frozenset({RAISED, ACKNOWLEDGED, ENDED, TELEMETRY_END})
 MOST_DETAIL = 160
 LEAST_ROWS = 2
-LEAST_FEED = 0.25
-"""Fraction of the usual way between two polls below which the carriage is no longer fed: the tool goes out."""
+LEAST_S = 1e-3
+LEAST_FEED = 0.8
+"""Fraction of the usual feed below which the carriage is coming to rest, and the tool is on its way out."""
 
 FIGURES = ("tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um")
 
@@ -66,8 +67,9 @@ def _in_part(telemetry: Telemetry, run: ReportedRun) -> InPart | None:
     over = (value["z_mm"] >= 0.0) & (value["z_mm"] <= end_mm)
     if over.sum() < LEAST_ROWS:
         return None
-    fed_mm = np.diff(value["z_mm"], append=value["z_mm"][-1])
-    over &= fed_mm > LEAST_FEED * np.median(fed_mm[over])
+    taken_s = np.maximum(np.diff(value["time_s"]), LEAST_S)
+    feed_mm_per_s = np.append(np.diff(value["z_mm"]) / taken_s, 0.0)
+    over &= feed_mm_per_s > LEAST_FEED * np.median(feed_mm_per_s[over])
     for name in ("turn", "tool_error_um", "speed_rpm"):
         over &= np.isfinite(value[name])
     if over.sum() < LEAST_ROWS:

@@ -64,12 +64,14 @@ def _plots(run: ReportedRun, text: Catalogue) -> Markup | None:
         return _plot("before", [alone], _marks(run, run.before, None), text, text("report.plot_before_only"))
     mine = Profile(angle_deg=product.angle_deg, deviation_um=product.profile_um, bold=True)
     marks = _marks(run, run.product, mine)
-    alone_plot = _plot("alone", [mine], marks, text, text("report.plot_alone"))
+    alone = _plot("alone", [mine], marks, text, text("report.plot_alone"))
     if before is None:
-        return alone_plot
+        return alone
     key = "report.plot_both" if measured_before else "report.plot_stated"
     both = _plot("both", [before, mine], marks, text, text(key))
-    return element("div", both, alone_plot, class_="pair")
+    if division_um([before, mine], marks) == division_um([mine], marks):
+        return both
+    return element("div", both, alone, class_="pair")
 
 
 def _plot(name: str, profiles: list[Profile], marks: Marks, text: Catalogue, what: str) -> Markup:

@@ -32,6 +32,7 @@ th, td { text-align: left; vertical-align: top; padding: 2px 8px 2px 0; border-b
 th { font-weight: 400; color: #4a4a4a; }
 thead th { font-weight: 700; color: #1a1a1a; border-bottom: 1px solid #1a1a1a; }
 .facts th { width: 40%; }
+tbody .number { white-space: nowrap; }
 .events th { white-space: nowrap; }
 .number { text-align: right; padding: 2px 14px 2px 4px; }
 tr, figure, figcaption, caption { break-inside: avoid; }

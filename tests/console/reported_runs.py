@@ -94,6 +94,7 @@ def add_telemetry(folder: Path, run: RunRecord) -> None:
     rows = np.zeros((z_mm.size, len(TELEMETRY_COLUMNS)), dtype="<f4")
     value = {name: place for place, name in enumerate(TELEMETRY_COLUMNS)}
     rows[:, value["turn"]] = np.arange(z_mm.size)
+    rows[:, value["time_s"]] = 0.1 * np.arange(z_mm.size)
     rows[:, value["z_mm"]] = z_mm
     rows[:, value["speed_rpm"]] = 1000.0
     rows[:, value["tool_error_um"]] = [-2000.0, *np.linspace(-3.0, 4.0, 60), -2000.0, -2000.0]
