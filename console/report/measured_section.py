@@ -144,12 +144,11 @@ def _diameters(run: ReportedRun, text: Catalogue) -> Markup | None:
     part = run.product
     if part is None or part.recorded.diameter_mm is None:
         return paragraph(text("report.no_diameter")) if part is not None else None
-    diameter_mm, nominal_mm = part.recorded.diameter_mm, part.recorded.nominal_diameter_mm
-    if nominal_mm is None:
-        return paragraph(text("report.diameter", diameter=mm(diameter_mm)))
-    off_um = f"{(diameter_mm - nominal_mm) * 1000.0:+z.1f} µm"
-    facts = {"diameter": mm(diameter_mm), "nominal": mm(nominal_mm), "off": off_um}
-    limit_um = None if run.job is None else run.job.diameter_tolerance_um
+    diameter, off_um = mm(part.recorded.diameter_mm), run.diameter_off_um
+    if off_um is None:
+        return paragraph(text("report.diameter", diameter=diameter))
+    facts = {"diameter": diameter, "nominal": mm(part.recorded.nominal_diameter_mm), "off": f"{off_um:+z.1f} µm"}
+    limit_um = part.recorded.diameter_tolerance_um
     passes = run.diameter_passes
     if limit_um is None or passes is None:
         return paragraph(text("report.diameter_free", **facts))

@@ -56,12 +56,28 @@ class ReportedRun:
     @property
     def diameter_passes(self) -> bool | None:
         """Whether the mean diameter of the product is within its tolerance; None where that is not judged."""
-        if self.job is None or self.product is None or self.story.row.stage != Stage.FULL:
+        off_um = self.diameter_off_um
+        if off_um is None or self.product is None or self.product.recorded.passed is None:
             return None
-        most_um, diameter_mm = self.job.diameter_tolerance_um, self.product.recorded.diameter_mm
-        if most_um is None or diameter_mm is None:
+        most_um = self.product.recorded.diameter_tolerance_um
+        return None if most_um is None else abs(off_um) <= most_um
+
+    @property
+    def diameter_off_um(self) -> float | None:
+        """How much the product is larger than its nominal diameter, um; None where either is not known."""
+        recorded = None if self.product is None else self.product.recorded
+        if recorded is None or recorded.diameter_mm is None or recorded.nominal_diameter_mm is None:
             return None
-        return abs(diameter_mm - self.job.finished_diameter_mm) * 1000.0 <= most_um
+        return 1000.0 * (recorded.diameter_mm - recorded.nominal_diameter_mm)
+
+    @property
+    def contradicts_itself(self) -> bool:
+        """Whether the product's recorded judgement does not follow from its recorded figures."""
+        recorded = None if self.product is None else self.product.recorded
+        if recorded is None or recorded.passed is None or recorded.tolerance_um is None:
+            return False
+        good = recorded.ront_um <= recorded.tolerance_um and self.diameter_passes is not False
+        return good is not recorded.passed
 
 
 def reported_run(story: RunStory, points: Sequence[PartPoint] = (), zone: tzinfo | None = None) -> ReportedRun:

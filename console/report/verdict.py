@@ -38,7 +38,8 @@ def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
     """Return the verdict of a run: a part is good only if it was cut as planned, and the record agrees."""
     row, product = run.story.row, run.product
     judged = tuple(_judged(run, text))
-    if row.damaged or run.story.damaged or (product is not None and product.doubtful):
+    contradiction = run.contradicts_itself or (product is not None and product.doubtful)
+    if row.damaged or run.story.damaged or contradiction:
         return Verdict(judgement=Judgement.DOUBTFUL, reasons=(text("report.why.doubtful"), *judged))
     if row.ended.how in FAILED_HOW:
         return Verdict(judgement=Judgement.BAD, reasons=(ending_words(row.ended, text), *judged))
@@ -51,8 +52,7 @@ def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
     if passed is None:
         why = "report.why.partial" if row.stage == Stage.PARTIAL else "report.why.no_judgement"
         return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
-    good = passed and run.diameter_passes is not False
-    return Verdict(judgement=Judgement.GOOD if good else Judgement.BAD, reasons=judged)
+    return Verdict(judgement=Judgement.GOOD if passed else Judgement.BAD, reasons=judged)
 
 
 def _judged(run: ReportedRun, text: Catalogue) -> Iterator[str]:
@@ -63,14 +63,12 @@ def _judged(run: ReportedRun, text: Catalogue) -> Iterator[str]:
     recorded = product.recorded
     if recorded.tolerance_um is not None:
         value, limit = against_limit(recorded.ront_um, recorded.tolerance_um)
-        key = "report.why.round" if recorded.passed else "report.why.not_round"
+        key = "report.why.round" if recorded.ront_um <= recorded.tolerance_um else "report.why.not_round"
         yield text(key, value=value, limit=limit)
-    passes = run.diameter_passes
-    if passes is None or run.job is None or run.job.diameter_tolerance_um is None:
+    passes, off_um, limit_um = run.diameter_passes, run.diameter_off_um, recorded.diameter_tolerance_um
+    if passes is None or off_um is None or limit_um is None:
         return
-    assert recorded.diameter_mm is not None
-    off_um = abs(recorded.diameter_mm - run.job.finished_diameter_mm) * 1000.0
-    value, limit = against_limit(off_um, run.job.diameter_tolerance_um)
+    value, limit = against_limit(abs(off_um), limit_um)
     key = "report.why.diameter" if passes else "report.why.not_diameter"
     yield text(key, diameter=mm(recorded.diameter_mm), value=value, limit=limit)
 
