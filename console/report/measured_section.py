@@ -13,6 +13,7 @@ from console.report.reported_run import ReportedRun
 from console.report.roundness_figure import Marks, Profile, division_um, roundness_figure, zone_of
 from console.report.verdict import SIGNS, Judgement
 from console.text.catalogue import Catalogue
+from drivers.cutting.strategy import Strategy
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
 from profiles.metrology.circles import CIRCLES
@@ -64,14 +65,14 @@ def _plots(run: ReportedRun, text: Catalogue) -> Markup | None:
         return _plot("before", [alone], _marks(run, run.before, None), text, text("report.plot_before_only"))
     mine = Profile(angle_deg=product.angle_deg, deviation_um=product.profile_um, bold=True)
     marks = _marks(run, run.product, mine)
-    alone = _plot("alone", [mine], marks, text, text("report.plot_alone"))
+    magnified = _plot("alone", [mine], marks, text, text("report.plot_alone"))
     if before is None:
-        return alone
+        return magnified
     key = "report.plot_both" if measured_before else "report.plot_stated"
     both = _plot("both", [before, mine], marks, text, text(key))
     if division_um([before, mine], marks) == division_um([mine], marks):
         return both
-    return element("div", both, alone, class_="pair")
+    return element("div", both, magnified, class_="pair")
 
 
 def _plot(name: str, profiles: list[Profile], marks: Marks, text: Catalogue, what: str) -> Markup:
@@ -95,9 +96,14 @@ def _before(run: ReportedRun) -> tuple[Profile | None, bool]:
         return Profile(angle_deg=found.angle_deg + by_deg, deviation_um=found.profile_um, bold=False), True
     if run.before is not None or run.job is None or jaw_1_deg is None or not run.job.lobe_error_um_pp:
         return None, False
-    if run.story.row.strategy == "none":
+    if not _follows_lobe(run.story.row.strategy):
         return None, False
     return _stated(run.job, jaw_1_deg), False
+
+
+def _follows_lobe(strategy: str) -> bool:
+    """Whether a strategy compensates; one that this console does not know is taken to."""
+    return strategy not in [each.value for each in Strategy if not each.traits.follows_lobe]
 
 
 def _stated(job: Job, jaw_1_deg: float) -> Profile:

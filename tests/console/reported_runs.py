@@ -24,7 +24,7 @@ from profiles.traces import Trace
 
 JAW_1_DEG = 90.0
 PROGRAM = "OPEN PROG 2\nX(P11)Y(1000) ; a < b & c > d\nCLOSE\n"
-COMPLETE = ("result", {"tool_error_um": 1.5, "tool_error_rms_um": 0.5})
+COMPLETE: tuple[str, dict[str, object]] = ("result", {"tool_error_um": 1.5, "tool_error_rms_um": 0.5})
 HEADER = {
     "state": "free",
     "simulated": "yes",

@@ -142,7 +142,7 @@ def test_names_from_outside_are_text_and_nothing_else(tmp_path: Path) -> None:
         {HOSTILE: lobed(1.0, compensation="<b>")},
         job=job_named(PRINTABLE, material="<i>Al</i>", source="</style><script>"),
         end=("cut", {"reason": HOSTILE, HOSTILE: HOSTILE}),
-        **{key: HOSTILE for key in ("machine", "operator", "software", "controller", "strategy")},
+        **dict.fromkeys(("machine", "operator", "software", "controller", "strategy"), HOSTILE),  # type: ignore[arg-type]
         program=program,
     )
     execute(tmp_path, "INSERT INTO events VALUES (?, 99, '', ?, '{}')", (run, HOSTILE))
