@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from console.report.course_figure import chart_figure
 from console.report.drawing import figure
@@ -65,20 +65,22 @@ def _series(run: ReportedRun, text: Catalogue) -> Iterator[str]:
 
 def chart(run: ReportedRun, text: Catalogue) -> Markup | None:
     """Return the run chart of the parts up to this one; None with one part alone, which is no row of parts."""
-    values = [point.ront_um for point in run.points]
+    points = run.points or ()
+    values = [point.ront_um for point in points]
     if len(values) < 2:
         return None
-    own = [place for place, point in enumerate(run.points) if point.run_id == run.story.row.run_id]
+    own = [place for place, point in enumerate(points) if point.run_id == run.story.row.run_id]
     limits = run_chart(values)
-    tolerance_um = run.points[-1].tolerance_um
+    tolerance_um = points[-1].tolerance_um
     caption = text("report.chart_caption", count=len(values), limit=um(tolerance_um))
     names = (text("report.chart_axis"), "RONt, µm")
     drawing = chart_figure("run-chart", text("report.chart"), caption, names, values, own, tolerance_um, limits)
-    return section("chart", text("report.chart"), figure(drawing, caption), listed(_statistics(run, text)))
+    return section(
+        "chart", text("report.chart"), figure(drawing, caption), listed(_statistics(values, tolerance_um, text))
+    )
 
 
-def _statistics(run: ReportedRun, text: Catalogue) -> Iterator[str]:
-    values, tolerance_um = [point.ront_um for point in run.points], run.points[-1].tolerance_um
+def _statistics(values: Sequence[float], tolerance_um: float | None, text: Catalogue) -> Iterator[str]:
     limits = run_chart(values)
     if limits is None:
         yield text("report.chart_few", count=len(values), least=LEAST_CHART)

@@ -85,6 +85,10 @@ def missing_lines(run: ReportedRun, text: Catalogue) -> Iterator[str]:
             yield text("report.trace_doubtful", part=part_words(part.recorded.part, text))
     for problem in run.job_problems:
         yield text.problem(problem)
+    if run.points is None:
+        yield text("report.no_points")
+    if run.contradicts_itself:
+        yield text("report.contradiction")
 
 
 def program(run: ReportedRun, text: Catalogue) -> Markup:

@@ -25,7 +25,8 @@ class ReportedRun:
 
     `job` is None where its text was not kept, or cannot be read (`job_problems`). `parts` are the last
     measurements of each part, `again` those that were measured again later. `points` are parts of the job in the
-    order of manufacture, up to those of this run. Dates are written in `zone`, None: that of this computer.
+    order of manufacture, up to those of this run, None where the record of the others cannot be read. Dates are
+    written in `zone`, None: that of this computer.
     """
 
     story: RunStory
@@ -33,7 +34,7 @@ class ReportedRun:
     job_problems: tuple[Problem, ...]
     parts: tuple[EvaluatedPart, ...]
     again: tuple[RecordedPart, ...]
-    points: tuple[PartPoint, ...]
+    points: tuple[PartPoint, ...] | None
     zone: tzinfo | None
 
     @property
@@ -80,8 +81,10 @@ class ReportedRun:
         return good is not recorded.passed
 
 
-def reported_run(story: RunStory, points: Sequence[PartPoint] = (), zone: tzinfo | None = None) -> ReportedRun:
-    """Return a run for its report; `points` are the measured parts of its job, oldest first."""
+def reported_run(
+    story: RunStory, points: Sequence[PartPoint] | None = (), zone: tzinfo | None = None
+) -> ReportedRun:
+    """Return a run for its report; `points` are the measured parts of its job, oldest first, None unreadable."""
     job, problems = _job_of(story)
     last = {part.part: part.number for part in story.parts}
     jaw_1_deg = _jaw_of(story)
@@ -91,7 +94,7 @@ def reported_run(story: RunStory, points: Sequence[PartPoint] = (), zone: tzinfo
         job_problems=problems,
         parts=tuple(evaluated(part, jaw_1_deg) for part in story.parts if last[part.part] == part.number),
         again=tuple(part for part in story.parts if last[part.part] != part.number),
-        points=_up_to(story.row.run_id, points),
+        points=None if points is None else _up_to(story.row.run_id, points),
         zone=zone,
     )
 

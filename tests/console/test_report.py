@@ -20,6 +20,7 @@ from console.__main__ import main
 from console.report.page import report_page
 from console.report.quantities import against_limit
 from console.report.reported_run import ReportedRun, reported_run
+from console.session.data.record_file import FILE_NAME
 from console.session.data.run_reader import measured_parts, story
 from console.session.stages import Stage
 from console.session.station.commands import Command
@@ -34,6 +35,7 @@ from tests.console.reported_runs import (
     recorded,
 )
 from tests.console.test_record_schema import write_schema_1
+from tests.console.test_run_reader import page_of as first_page
 
 PASSED_3 = math.exp(-math.pi * (math.sqrt(math.log(2.0) / math.pi) * 3.0 / 50.0) ** 2)
 """What the Gaussian filter of ISO 16610-21 passes of 3 undulations at a cut-off of 50."""
@@ -218,6 +220,31 @@ def test_one_changed_digit_of_a_trace_takes_the_verdict_away(tmp_path: Path) -> 
     execute(tmp_path, "UPDATE traces SET content = x'0102' WHERE run_id = ?", (run,))
     said = words(page_of(tmp_path, run))
     assert "? NO VERDICT" in said and "Damaged, left out of this report: trace of measurement 1." in said
+
+
+def test_a_verdict_that_was_turned_round_is_no_verdict(tmp_path: Path) -> None:
+    run = recorded(tmp_path, {"after": lobed(4.0)})
+    execute(tmp_path, "DROP TRIGGER measurements_stay")
+    execute(tmp_path, "UPDATE measurements SET passed = 1")
+    said = words(page_of(tmp_path, run))
+    assert "? NO VERDICT" in said and "The recorded verdict does not follow" in said and "PASS" not in said
+
+
+@pytest.mark.parametrize("table", ["events", "measurements", "telemetry", "traces", "texts"])
+def test_a_damaged_record_still_gives_a_report_that_says_what_is_damaged(
+    tmp_path: Path, table: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = recorded(tmp_path, {"before": lobed(27.0), "after": lobed(1.0)})
+    root, size = first_page(tmp_path / FILE_NAME, table)
+    with open(tmp_path / FILE_NAME, "r+b") as file:
+        file.seek((root - 1) * size)
+        file.write(bytes(range(256)) * (size // 256))
+    output = tmp_path / "damaged.html"
+    assert main(("report", run, "--data", str(tmp_path), "--output", str(output))) == 0
+    page = output.read_text(encoding="utf-8")
+    check(page, "en")
+    assert "? NO VERDICT" in words(page) and "left out of this report:" in words(page)
+    assert "gap" in words(page) and capsys.readouterr().err == ""
 
 
 def test_simulated_is_said_in_the_title_and_at_the_top_of_each_page_and_only_then(tmp_path: Path) -> None:

@@ -6,11 +6,15 @@ import re
 from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from console.cli.parser import Parser
 from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
 from profiles.problem import Problem, ProfileError
+
+if TYPE_CHECKING:
+    from console.session.data.run_reader import PartPoint, RunRow
 
 MOST_POINTS = 5_000
 """Parts of a job among which those before the run are looked for."""
@@ -33,13 +37,12 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.report.quantities import date_in
     from console.report.reported_run import reported_run
     from console.report.verdict import verdict
-    from console.session.data.run_reader import measured_parts, story
+    from console.session.data.run_reader import story
 
     data = data_of(options)
     found = story(data, options.run or _newest(data))
     row = found.row
-    points = measured_parts(data, row.job, row.machine, row.simulated, MOST_POINTS)
-    run = reported_run(found, points)
+    run = reported_run(found, _points(data, row))
     path = Path(options.output or f"{_stem(row.job)}-{row.started.astimezone():%Y-%m-%d-%H%M%S}.html")
     _write(path, report_page(run, text), overwrite=options.overwrite)
     facts = {"run": row.run_id, "job": row.job, "date": date_in(None, row.started), "file": str(path)}
@@ -56,6 +59,16 @@ def main(options: Namespace, text: Catalogue) -> int:
         lambda: [*([] if options.run else [text("report.newest")]), text("report.written", **facts)],
     )
     return 0
+
+
+def _points(data: Path, row: RunRow) -> tuple[PartPoint, ...] | None:
+    """Return the measured parts of the job of a run, None unreadable: the run itself may be sound."""
+    from console.session.data.run_reader import measured_parts
+
+    try:
+        return measured_parts(data, row.job, row.machine, row.simulated, MOST_POINTS)
+    except SessionError:
+        return None
 
 
 def _newest(data: Path) -> str:
