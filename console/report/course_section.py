@@ -204,10 +204,9 @@ def _detail(event: RunEvent, text: Catalogue) -> str:
 
 def _plain(data: Mapping[str, object]) -> Iterable[str]:
     for key, value in data.items():
-        if key == "command" or value in (None, "", [], {}) or isinstance(value, Mapping):
+        known = key == "command" or key.endswith("_sha256")  # these stand elsewhere in the report
+        if known or value in (None, "", [], {}) or isinstance(value, Mapping):
             continue
-        if isinstance(value, float):
-            value = f"{value:.6g}"
-        elif isinstance(value, list | tuple):
-            value = ", ".join(map(str, value))
-        yield f"{key} {value}"
+        values = value if isinstance(value, list | tuple) else (value,)
+        shown = (f"{each:.6g}" if isinstance(each, float) else str(each) for each in values)
+        yield f"{key} {', '.join(shown)}"

@@ -9,6 +9,7 @@ from console.report.drawing import figure
 from console.report.markup import Markup, listed, paragraph, section
 from console.report.quantities import number, time_in, um
 from console.report.reported_run import ReportedRun
+from console.report.verdict import code_words
 from console.text.catalogue import Catalogue
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, capability_below, run_chart, trend
 
@@ -33,7 +34,7 @@ def _proposed(run: ReportedRun, text: Catalogue) -> Iterator[str]:
             yield text("report.proposed", version=version, orders=orders, gain=gain, **facts)
         reasons = step.get("reasons")
         if isinstance(reasons, list) and reasons:
-            yield text("report.not_proposed", reasons=", ".join(map(str, reasons)))
+            yield text("report.not_proposed", reasons="; ".join(code_words(str(each), text) for each in reasons))
 
 
 def _accepted(run: ReportedRun, text: Catalogue) -> Iterator[str]:

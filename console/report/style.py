@@ -34,6 +34,7 @@ thead th { font-weight: 700; color: #1a1a1a; border-bottom: 1px solid #1a1a1a; }
 .facts th { width: 40%; }
 tbody .number { white-space: nowrap; }
 .events th { white-space: nowrap; }
+.events td:nth-child(2) { min-width: 6.5em; }
 .number { text-align: right; padding: 2px 14px 2px 4px; }
 tr, figure, figcaption, caption { break-inside: avoid; }
 thead { display: table-header-group; }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,6 +13,7 @@ from console.session.data.run_reader import Ending, How
 from console.session.data.run_rows import FAILED_HOW
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
+from profiles.problem import Problem
 
 
 class Judgement(StrEnum):
@@ -22,6 +24,10 @@ class Judgement(StrEnum):
     DOUBTFUL = "doubtful"
     OPEN = "open"
 
+
+LEFT_OPEN = "…"
+CODE = re.compile(r"[a-z]+\.[a-z0-9_]+")
+"""Code of a problem."""
 
 SIGNS = {Judgement.GOOD: "✓", Judgement.BAD: "✗", Judgement.DOUBTFUL: "?", Judgement.OPEN: "–"}
 
@@ -86,6 +92,14 @@ def ending_words(ending: Ending, text: Catalogue) -> str:
 
 
 def _reason(reason: str, text: Catalogue) -> str:
-    """Return a reason in words; of the code of a problem also the code, whose sentence is with the alarms."""
-    words = text.reason(reason)
-    return words if words == reason or "." not in reason or " " in reason else f"{words} ({reason})"
+    """Return a reason in words: the name of a stop, codes of problems with commas, or a sentence as it is."""
+    words = reason.split(", ")
+    if all(CODE.fullmatch(word) for word in words):
+        return "; ".join(code_words(word, text) for word in words)
+    return text.reason(reason)
+
+
+def code_words(code: str, text: Catalogue) -> str:
+    """Return the sentence of a problem of which only the code was recorded: its facts are left open."""
+    said = text.problem(Problem(code=code, key=LEFT_OPEN, value=LEFT_OPEN, limit=LEFT_OPEN))
+    return code if said.startswith(code) else f"{said} ({code})"

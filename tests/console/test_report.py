@@ -42,6 +42,7 @@ PASSED_3 = math.exp(-math.pi * (math.sqrt(math.log(2.0) / math.pi) * 3.0 / 50.0)
 
 PRINTABLE = "<script>alert('1')</script> ]]> &amp; \"q\""
 HOSTILE = f"{PRINTABLE} \x1b[2J\u202e"
+EARLY: tuple[str, dict[str, object]] = ("ended_early", {"turns": 7, "reasons": ["cut.ended_early", "x.y"]})
 ELEMENTS = {
     *"html head meta title style body div span small b strong main header section h1 h2 h3 p ul li".split(),
     *"table caption thead tbody tr th td figure figcaption details summary pre".split(),
@@ -191,6 +192,7 @@ def test_the_verdict_names_its_reason_and_needs_no_colour(tmp_path: Path) -> Non
         (recorded(tmp_path, wide, job=exact), "✗ FAIL", "51.8060 mm is off by 6.000 µm, outside ± 4.000 µm"),
         (recorded(tmp_path, good, job=exact), "✓ PASS", "is off by 0.000 µm, within ± 4.000 µm"),
         (recorded(tmp_path, good, end=("held", {"turn": 3.0})), "✗ FAIL", "not the planned cut; after 3.0 turns"),
+        (recorded(tmp_path, good, end=EARLY), "✗ FAIL", "at turn … of …: this part is not measured"),
         (recorded(tmp_path, good, end=None), "– NOT JUDGED", "The record has no end"),
         (recorded(tmp_path, good, stage=Stage.PARTIAL), "– NOT JUDGED", "Half of the compensation"),
         (recorded(tmp_path, {}, stage=Stage.AIR), "– NOT JUDGED", "Air cut: no part was touched."),
