@@ -358,7 +358,8 @@ def test_a_real_browser_prints_simulated_on_every_page(tmp_path: Path) -> None:
     quiet = "--headless --no-sandbox --disable-gpu --no-first-run --disable-sync --disable-background-networking"
     options = [*quiet.split(), "--disable-component-update", f"--user-data-dir={tmp_path / 'browser'}"]
     call = [str(CHROMIUM), *options, f"--print-to-pdf={paper}", "--no-pdf-header-footer", page.as_uri()]
-    subprocess.run(call, capture_output=True, timeout=50, check=True, env={**os.environ, "HOME": str(tmp_path)})
+    homeless = {**os.environ, "HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path)}
+    subprocess.run(call, capture_output=True, timeout=50, check=True, env=homeless)
     text = subprocess.run(["pdftotext", str(paper), "-"], capture_output=True, timeout=20, check=True).stdout
     pages = text.decode().split("\f")[:-1]
     assert len(pages) >= 3 and all("SIMULATED" in each and run[:8] in each for each in pages)
