@@ -21,6 +21,7 @@ NAMES = (
     "stop_latency",
     "run_page",
     "simulation_speed",
+    "records",
     "command_start",
     "first_paint",
     "preview",
@@ -28,6 +29,7 @@ NAMES = (
     "command_rate",
     "hostile_host",
     "roundness",
+    "flight_recorder",
 )
 """The longest come first."""
 

@@ -16,13 +16,14 @@ TYPE_CHECKING = False  # importing `typing` for it would be the slowest import o
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from console.session.configuration import Configuration
     from console.text.catalogue import Catalogue
 
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 SCREEN = "console.tui.start"
-PLOTTED = {"reproduce": "console.tui.plot.paper_figures"}
-"""Modules that draw the plot of a command with `--plot`; only the screens can draw."""
+PLOTTED = {"reproduce": "console.tui.plot.paper_figures", "replay": "console.tui.replaying.start"}
+"""Modules that draw for a command: `reproduce` with `--plot`, `replay` always; only the screens can draw."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,19 +34,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if getattr(sys, name) is None:  # closed by the caller: no other file may take its number
                 setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))
         from console.cli.output import escape_streams
+        from console.session.configuration import read_configuration
         from console.text.catalogue import choose_language, load
 
         escape_streams()
         words = list(sys.argv[1:] if arguments is None else arguments)
-        text = load(choose_language(words, os.environ))
-        return _flushed(_run(words, text), text)
+        configuration = read_configuration(os.environ)
+        text = load(choose_language(words, os.environ, configuration.value("language")))
+        return _flushed(_run(words, text, configuration), text)
     except KeyboardInterrupt as interrupted:
         return _interrupted(interrupted, text)
 
 
-def _run(words: list[str], text: Catalogue) -> int:
+def _run(words: list[str], text: Catalogue, configuration: Configuration) -> int:
     try:
-        return _dispatch(words, text)
+        return _dispatch(words, text, configuration)
     except SystemExit as ended:
         return ended.code if isinstance(ended.code, int) else FAILED
     except BrokenPipeError:
@@ -59,22 +62,30 @@ def _run(words: list[str], text: Catalogue) -> int:
         return _explain(error, text)
 
 
-def _dispatch(words: list[str], text: Catalogue) -> int:
+def _dispatch(words: list[str], text: Catalogue, configuration: Configuration) -> int:
     from importlib import import_module
 
     from console.cli.arguments import contradiction
-    from console.cli.commands import COMMANDS, build
+    from console.cli.commands import COMMANDS, SHOWS_CONFIGURATION, build
+    from console.cli.configured import fill_in
+    from profiles.problem import ProblemError
 
     parser = build(text)
     options = parser.parse_args(words)
     if options.version:
         return _version(options.json)
+    if sentence := contradiction(options, text):
+        parser.error(sentence)
+    if options.command == SHOWS_CONFIGURATION:
+        options.configuration = configuration
+    elif configuration.problems:
+        raise ProblemError(*configuration.problems)
+    else:
+        fill_in(options, configuration)
     if options.command is None and not (options.sim or options.link or options.machine):
         parser.print_help()
         print(f"console: {text('usage.no_command', limit=' | '.join(COMMANDS))}", file=sys.stderr)
         return WRONG_USAGE
-    if sentence := contradiction(options, text):
-        parser.error(sentence)
     modules = PLOTTED if getattr(options, "plot", False) else COMMANDS
     code: int = import_module(modules.get(options.command, SCREEN)).main(options, text)
     return code

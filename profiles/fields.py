@@ -53,7 +53,8 @@ class Field:
     `above` is an exclusive lower bound, `at_least` an inclusive one, `at_most` an inclusive upper one, all in
     `unit`. A field with a `default` may be missing; an `optional` one, too, and is then None.
     `table` is where a newly written file puts the key.
-    `choices` are the words of a CHOICE, and of a TEXTS field the only members allowed.
+    `choices` are the words of a CHOICE, and of a TEXTS field the only members allowed. `longest` is the number of
+    characters that a text may have.
     """
 
     key: str
@@ -66,6 +67,7 @@ class Field:
     default: object = None
     optional: bool = False
     table: str = ""
+    longest: int = TEXT_CAP_CHARACTERS
 
     @property
     def required(self) -> bool:
@@ -78,7 +80,7 @@ class Field:
         if self.choices:
             return " | ".join(self.choices)
         if self.kind in (Kind.TEXT, Kind.TEXTS):
-            return f"<= {TEXT_CAP_CHARACTERS} characters, one line"
+            return f"<= {self.longest} characters, one line"
         bounds = (("> ", self.above), (">= ", self.at_least), ("<= ", self.at_most))
         return " ".join(filter(None, (", ".join(f"{s}{b:g}" for s, b in bounds if b is not None), self.unit)))
 
@@ -117,7 +119,7 @@ def fault(field: Field, value: object) -> str:
             return _fault_of_text(field, value)
         case Kind.TEXTS:
             texts = value if isinstance(value, list | tuple) else [""]
-            if not all(_is_text(each) and not is_blank(each) for each in texts):
+            if not all(_is_text(each, field.longest) and not is_blank(each) for each in texts):
                 return "value.not_text"
             return "value.not_choice" if field.choices and not set(texts) <= set(field.choices) else ""
         case Kind.CHOICE:
@@ -210,12 +212,12 @@ def is_blank(text: str) -> bool:
     return all(character.isspace() or character in _INVISIBLE for character in text)
 
 
-def _is_text(value: object) -> bool:
-    return isinstance(value, str) and value.isprintable() and len(value) <= TEXT_CAP_CHARACTERS
+def _is_text(value: object, longest: int) -> bool:
+    return isinstance(value, str) and value.isprintable() and len(value) <= longest
 
 
 def _fault_of_text(field: Field, value: object) -> str:
-    if not isinstance(value, str) or not _is_text(value):
+    if not isinstance(value, str) or not _is_text(value, field.longest):
         return "value.not_text"
     if not is_blank(value) or (not value and not field.required):
         return ""

@@ -16,10 +16,12 @@ import re
 import secrets
 import stat
 import tomllib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
+from profiles.folder_rights import may_be_ours, rights_in
 from profiles.problem import refused
 
 TOML_CAP_BYTES = 1_000_000
@@ -28,8 +30,6 @@ TOML_LINE_CAP_CHARACTERS = 4096
 TOML_LINE_CAP_DOTS = 100
 
 _TEMPORARY = re.compile(r"\.(.+)\.[0-9a-f]{8}\.tmp", re.DOTALL)
-
-PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600  # permissions of private files and folders
 
 
 def printable(text: str, most_characters: int = 200) -> str:
@@ -95,34 +95,44 @@ def read_toml(path: Path) -> tuple[bytes, dict[str, Any]]:
 
 
 def make_private_folder(folder: Path) -> None:
-    """Make a folder, and those above it, for its owner alone, whatever the umask; what is there stays as it is.
+    """Make a folder, and those above it, whatever the umask; what is there stays as it is.
 
-    Raises `OSError`.
+    They are their owner's alone, or their group's in a shared folder (`profiles.folder_rights`). Raises `OSError`.
     """
     missing = [each for each in (folder, *folder.parents) if not each.exists()]
     for each in reversed(missing):
+        rights = rights_in(each.parent)
         with suppress(FileExistsError):  # another process was quicker; if it is no folder, that is found out below
-            os.mkdir(each, PRIVATE_FOLDER)
-            os.chmod(each, PRIVATE_FOLDER)
+            os.mkdir(each, rights.folder)
+            os.chmod(each, rights.folder)
     folder.mkdir(exist_ok=True)
 
 
 def make_private_file(path: Path) -> None:
-    """Make an empty file for its owner alone, whatever the umask; one that is there stays as it is.
+    """Make an empty file with the rights of its folder, whatever the umask; one that is there stays as it is.
 
     Raises `OSError`.
     """
+    mode = rights_in(path.parent).file
     with suppress(FileExistsError):
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, PRIVATE_FILE)
-        os.fchmod(descriptor, PRIVATE_FILE)
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+        os.fchmod(descriptor, mode)
         os.close(descriptor)
 
 
 def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bool = False) -> None:
-    """Write `content` to `path` atomically, through a synchronised temporary file beside it.
+    """Write `content` to `path`, as `written_atomically`."""
+    with written_atomically(path, overwrite=overwrite, private=private) as file:
+        file.write(content)
 
-    A `private` file is its owner's alone, whatever the umask. A symbolic link is followed, so the link stays.
-    Temporary files of the same name left by killed writers are removed.
+
+@contextmanager
+def written_atomically(path: Path, *, overwrite: bool, private: bool = False) -> Iterator[BinaryIO]:
+    """Yield a synchronised temporary file beside `path`, which becomes `path` when all of it was written.
+
+    A `private` file has the rights of its folder (`profiles.folder_rights`), whatever the umask; any other new one
+    has those of the umask, and in a shared folder those of its group. A symbolic link is followed, so the link
+    stays. Temporary files of the same name left by killed writers are removed.
     Raises `ProfileError` with `file.exists` (and `overwrite` is false) or `file.not_writable`.
     """
     where = printable(str(path))
@@ -132,14 +142,16 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
         beside = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
         existing = _mode_of_existing(target)
         remove_left(target.parent, target.name)
-        mode = PRIVATE_FILE if private else existing
-        made = PRIVATE_FILE if private else 0o666
-        descriptor = made_locked(beside, made)
+        rights = rights_in(target.parent)
+        mode = rights.file if private else existing
+        descriptor = made_locked(beside, mode if private and mode is not None else 0o666)
         temporary = beside
         with os.fdopen(descriptor, "wb") as file:
             if mode is not None:
                 os.fchmod(file.fileno(), mode)
-            file.write(content)
+            elif rights.shared:
+                os.fchmod(file.fileno(), stat.S_IMODE(os.fstat(file.fileno()).st_mode) | rights.file)
+            yield file
             file.flush()
             os.fsync(file.fileno())
             # Not closed earlier: its lock shows that a writer is active.
@@ -153,6 +165,11 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+
+
+def is_temporary(path: str) -> bool:
+    """Whether a file is, by its name, the temporary file of a writer."""
+    return _TEMPORARY.fullmatch(os.path.basename(path)) is not None
 
 
 def remove_left(folder: Path, name: str = "") -> None:
@@ -193,7 +210,7 @@ def made_locked(path: Path, mode: int) -> int:
 def taken_if_left(path: Path) -> int | None:
     """Return a locked descriptor of a file left by a dead process; None of any other file.
 
-    Only a regular file of this user is ever taken.
+    Only a regular file of this user is ever taken, or in a shared folder one of its group.
     """
     try:
         # Neither follows a link nor waits for a pipe.
@@ -202,7 +219,7 @@ def taken_if_left(path: Path) -> int | None:
         return None
     try:
         status = os.fstat(descriptor)
-        if stat.S_ISREG(status.st_mode) and status.st_uid == os.geteuid():
+        if stat.S_ISREG(status.st_mode) and may_be_ours(status, path.parent):
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if _is_at(descriptor, path):
                 return descriptor

@@ -11,11 +11,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from profiles.fields import Field, Kind, flatten, read_fields, schema_problem
-from profiles.problem import ProfileError
+from profiles.problem import Problem, ProfileError
 
 # Suffix of the source of a job whose lobe was found on a simulated part.
 SIMULATED_SOURCE = "lobe of a simulated part, for practice"
-LOBE_ERROR_SOURCES = ("measured", "fitted", "model", "assumed")
+NO_LOBE = "none"
+"""Source of the lobe error of a job whose lobe is not known yet: the error is 0, only a plain cut can be made."""
+
+LOBE_ERROR_SOURCES = ("measured", "fitted", "model", "assumed", NO_LOBE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +33,8 @@ class Job:
     other keys of the calibration cut: speed, overhang, wall, diameter, material, number of jaws, and the names
     of chuck and tool. A file that does not give one of them has its error at its own value. The error is that
     in the middle of the cut; it grows by `lobe_growth_percent_per_mm` of itself with each mm from there towards
-    the jaws. `assumed` names the keys whose values the source does not give; `copied_from` is the job that this
+    the jaws. `diameter_tolerance_um` is how far the finished diameter may be off either way, None where that is
+    not judged. `assumed` names the keys whose values the source does not give; `copied_from` is the job that this
     one was copied from, whose source does not apply.
     """
 
@@ -49,6 +53,7 @@ class Job:
     lobe_phase_deg: float
     lobe_error_source: str
     roundness_tolerance_um: float
+    diameter_tolerance_um: float | None = None
     lobe_force_n: float | None = None
     lobe_spindle_speed_rpm: float | None = None
     lobe_overhang_mm: float | None = None
@@ -74,6 +79,11 @@ class Job:
     def finished_radius_mm(self) -> float:
         """The mean radius after the cut."""
         return self.radius_mm - self.depth_of_cut_mm
+
+    @property
+    def finished_diameter_mm(self) -> float:
+        """The nominal diameter after the cut."""
+        return 2.0 * self.finished_radius_mm
 
     @property
     def lobe_amplitude_um(self) -> float:
@@ -136,6 +146,7 @@ _CONTENT = (
     Field(key="lobe_phase_deg", table="lobe", unit="deg", at_least=-360, at_most=360),
     Field(key="lobe_error_source", kind=Kind.CHOICE, table="lobe", choices=LOBE_ERROR_SOURCES),
     _number("roundness_tolerance_um", "lobe", "um", 0.001, 1000),
+    _number("diameter_tolerance_um", "workpiece", "um", 0.1, 10_000, optional=True),
     _number("lobe_force_n", "lobe", "N", LEAST_N, 100_000, optional=True),
     _number("lobe_spindle_speed_rpm", "lobe", "rpm", LEAST_RPM, 5000, optional=True),
     _number("lobe_overhang_mm", "lobe", "mm", LEAST_MM, 1000, optional=True),
@@ -171,4 +182,8 @@ def job_from_table(table: Mapping[str, Any], *, where: str = "") -> Job:
     values, found = read_fields(JOB_FIELDS, leaves, where=where)
     if problems or found:
         raise ProfileError(*problems, *found)
-    return Job(**values)
+    job = Job(**values)
+    if job.lobe_error_source == NO_LOBE and job.lobe_error_um_pp:
+        value = f"{job.lobe_error_um_pp:.6g} um"
+        raise ProfileError(Problem(code="job.lobe_unknown", where=where, key="lobe_error_um_pp", value=value))
+    return job

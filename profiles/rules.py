@@ -25,6 +25,7 @@ Codes, with what is refused:
 - `rule.force_differs`         (warning) another chucking force than the one at which the lobe error was found
 - `rule.lobe_differs`          (warning) another speed, length, chuck or tool than the lobe error was found with
 - `rule.lobe_unstated`         (warning) an error that was found on a part, without the conditions of that cut
+- `rule.lobe_none`             (warning) no lobe error known yet: only a plain cut can be made
 - `rule.chatter_width`         (warning) a cut wider than the part bears without chatter
 
 An error found with no condition stated is not compared, and gives no finding of agreement. The
@@ -45,7 +46,7 @@ from profiles.chucking.grip import (
     needed_grip_n,
 )
 from profiles.findings import Finding, Severity, judged, refusals
-from profiles.job import Job
+from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_conditions import any_stated, force_as_found, lobe_differences, lobe_unstated
 from profiles.machine import Carriage, MachineProfile, ToolAxis
 from profiles.materials import material_or_none, unknown_material
@@ -95,6 +96,8 @@ def lobe_as_found(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 
     One finding where everything stated is the same; none where nothing is stated.
     """
+    if job.lobe_error_source == NO_LOBE:
+        return (judged(False, Problem(code="rule.lobe_none", key="lobe_error_source"), Severity.WARNING),)
     differing = lobe_differences(job, chuck=machine.chuck.name, tool=machine.tool.name)
     minded = (*differing, *lobe_unstated(job))
     if minded:

@@ -6,6 +6,7 @@ or a path, which contains a separator or ends in `.toml`. Bundled profiles are n
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import os
 from collections.abc import MutableMapping
@@ -35,20 +36,22 @@ class LibraryEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedJob:
-    """A job with the file it came from and the hash (sha256, hexadecimal) of that file's bytes."""
+    """A job with the file it came from, the hash (sha256, hexadecimal) of that file's bytes, and its text."""
 
     job: Job
     path: Path
     sha256: str
+    text: str = dataclasses.field(default="", repr=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedMachine:
-    """A machine profile with the file it came from and the hash of that file's bytes."""
+    """A machine profile with the file it came from, the hash of that file's bytes, and its text."""
 
     machine: MachineProfile
     path: Path
     sha256: str
+    text: str = dataclasses.field(default="", repr=False)
 
 
 def list_jobs(user_folder: Path | None = None) -> tuple[LibraryEntry, ...]:
@@ -66,7 +69,7 @@ def load_job(reference: str, user_folder: Path | None = None) -> LoadedJob:
     path = _find(reference, list_jobs(user_folder), "job.unknown")
     content, table = read_toml(path)
     job = job_from_table(table, where=printable(str(path)))
-    return LoadedJob(job=job, path=path, sha256=hashlib.sha256(content).hexdigest())
+    return LoadedJob(job=job, path=path, sha256=_sha256(content), text=_text(content))
 
 
 def load_machine(reference: str, user_folder: Path | None = None) -> LoadedMachine:
@@ -74,7 +77,7 @@ def load_machine(reference: str, user_folder: Path | None = None) -> LoadedMachi
     path = _find(reference, list_machines(user_folder), "machine.unknown")
     content, table = read_toml(path)
     machine = machine_from_table(table, where=printable(str(path)))
-    return LoadedMachine(machine=machine, path=path, sha256=hashlib.sha256(content).hexdigest())
+    return LoadedMachine(machine=machine, path=path, sha256=_sha256(content), text=_text(content))
 
 
 def save_job(job: Job, path: Path, *, overwrite: bool = False, private: bool = False) -> None:
@@ -94,6 +97,19 @@ def save_job(job: Job, path: Path, *, overwrite: bool = False, private: bool = F
         raise refused("file.bundled", where=where)
     content = _job_text(values, path if overwrite else None).encode("utf-8")
     write_atomically(path, content, overwrite=overwrite, private=private)
+
+
+def job_text(job: Job) -> str:
+    """Return a job as the text of a new file."""
+    return _job_text({key: value for key, value in asdict(job).items() if value is not None}, None)
+
+
+def _sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _text(content: bytes) -> str:
+    return content.decode("utf-8")  # the parser has taken it as that
 
 
 def _entries(bundled_folder: Path, user_folder: Path | None) -> tuple[LibraryEntry, ...]:

@@ -82,12 +82,23 @@ def parse_trace(content: bytes, *, where: str = "") -> Trace:
     return _from_table(reader)
 
 
-def write_trace(path: Path, trace: Trace, *, overwrite: bool = False) -> None:
-    """Write a trace so that reading it gives the same numbers, bit by bit.
+def write_trace(path: Path, trace: Trace, *, overwrite: bool = False, private: bool = False) -> None:
+    """Write a trace so that reading it gives the same numbers, bit by bit; `private` as `written_atomically`.
 
     Raises `ProfileError` where the result could not be read back, and `file.exists` or `file.not_writable`.
     """
     where = printable(str(path))
+    content = trace_content(trace, where)
+    found = parse_trace(content, where=where).meta
+    for key, value in trace.meta.items():
+        if found.get(key) != value:
+            shown = printable(f"# {key}: {value}", 60)
+            raise refused("trace.meta", where=where, value=shown, limit="# key: value")
+    write_atomically(path, content, overwrite=overwrite, private=private)
+
+
+def trace_content(trace: Trace, where: str = "") -> bytes:
+    """Return the bytes of a trace file, with the numbers of `trace` bit by bit; ProfileError `trace.columns`."""
     if trace.angle_deg.ndim != 1 or trace.angle_deg.shape != trace.deviation_um.shape:
         value = f"{trace.angle_deg.shape} {trace.deviation_um.shape}"
         raise refused("trace.columns", where=where, value=value, limit="(M,) (M,)")
@@ -95,14 +106,8 @@ def write_trace(path: Path, trace: Trace, *, overwrite: bool = False) -> None:
     lines.append(PLAIN_HEADER)
     pairs = zip(trace.angle_deg.tolist(), trace.deviation_um.tolist(), strict=True)
     lines.extend(f"{angle!r},{deviation!r}" for angle, deviation in pairs)
-    # What cannot be encoded becomes a question mark, and the comparison below refuses it.
-    content = ("\n".join(lines) + "\n").encode("utf-8", errors="replace")
-    found = parse_trace(content, where=where).meta
-    for key, value in trace.meta.items():
-        if found.get(key) != value:
-            shown = printable(f"# {key}: {value}", 60)
-            raise refused("trace.meta", where=where, value=shown, limit="# key: value")
-    write_atomically(path, content, overwrite=overwrite)
+    # What cannot be encoded becomes a question mark, which `write_trace` refuses.
+    return ("\n".join(lines) + "\n").encode("utf-8", errors="replace")
 
 
 def _from_table(reader: TableReader) -> Trace:

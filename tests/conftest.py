@@ -29,6 +29,11 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
+# Nor do tests, and the programs that they start, find the configuration of whoever runs them.
+os.environ["XDG_CONFIG_HOME"] = os.path.join(os.path.dirname(__file__), "no configuration")
+for _name in [name for name in os.environ if name.startswith("TRILOBE_") and name != "TRILOBE_TRACEBACK"]:
+    del os.environ[_name]
+
 
 # A pure function, asked some hundreds of times for the same few programs.
 drivers.cutting.planning.run_through = run_through_once  # type: ignore[attr-defined]

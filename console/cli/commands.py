@@ -27,11 +27,19 @@ COMMANDS = {
     "roundness": "console.cli.measured.roundness",
     "controller": "console.cli.machine.controller",
     "doctor": "console.cli.machine.doctor",
+    "config": "console.cli.site.config",
+    "backup": "console.cli.site.backup",
+    "restore": "console.cli.site.restore",
     "identify": "console.cli.machine.identify",
     "calibrate": "console.cli.measured.calibrate",
     "learn": "console.cli.measured.learn",
+    "records": "console.cli.measured.records",
     "reproduce": "console.cli.measured.reproduce",
+    "replay": "console.cli.machine.replay",
 }
+
+SHOWS_CONFIGURATION = "config"
+"""The command that shows also a configuration which every other one refuses."""
 
 
 def build(text: Catalogue) -> Parser:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from console.cli.arguments import DEFAULT_PLANT
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
-from console.session.data.kept_files import data_folder, jobs_folder, machines_folder
+from console.session.data.kept_files import data_folder, jobs_folder, machines_folder, refuse_closed
 from console.session.errors import SessionError
 from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
 from profiles.machine import MachineProfile, real_machine_problems
@@ -25,8 +25,10 @@ DEFAULT_MACHINE = "lee-2001-lathe"
 
 
 def data_of(options: Namespace) -> Path:
-    """Return the data folder of this call."""
-    return data_folder(options.data)
+    """Return the data folder of this call; `data.closed` where this account may not read it."""
+    folder = data_folder(options.data)
+    refuse_closed(folder)
+    return folder
 
 
 def job_of(options: Namespace) -> LoadedJob:

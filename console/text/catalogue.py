@@ -25,15 +25,21 @@ def load(language: str) -> Catalogue:
     return Catalogue(language, {**words_of(language), **entries_in(Path(__file__).parent / language)})
 
 
-def choose_language(arguments: Sequence[str], environment: Mapping[str, str]) -> str:
-    """Return the language given with `--lang`, else that of the environment, else English."""
+def choose_language(
+    arguments: Sequence[str], environment: Mapping[str, str], configured: str | None = None
+) -> str:
+    """Return the language given with `--lang`, else the configured one, that of the environment, or English."""
     for place, argument in enumerate(arguments):
         if argument == "--lang" and place + 1 < len(arguments) and arguments[place + 1] in LANGUAGES:
             return arguments[place + 1]
         if argument.startswith("--lang=") and argument[7:] in LANGUAGES:
             return argument[7:]
-    for name in ("LC_ALL", "LC_MESSAGES", "LANG"):
-        value = environment.get(name, "")
-        if value:
-            return next((each for each in LANGUAGES if value.startswith(each)), "en")
-    return "en"
+    variable = language_variable(environment)
+    if configured is not None or not variable:
+        return configured or "en"
+    return next((each for each in LANGUAGES if environment[variable].startswith(each)), "en")
+
+
+def language_variable(environment: Mapping[str, str]) -> str:
+    """Return the variable that states the language of this account, "" for none."""
+    return next((name for name in ("LC_ALL", "LC_MESSAGES", "LANG") if environment.get(name)), "")

@@ -84,6 +84,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="jobs.up", keys=("up",), shown="↑", row="↑↓"),
     Action(id="jobs.down", keys=("down",), shown="↓", row=""),
     Action(id="jobs.open", keys=("enter",), shown="Enter"),
+    Action(id="jobs.new", keys=("n", "ㅜ"), shown="n"),
+    Action(id="jobs.copy", keys=("c", "ㅊ"), shown="c"),
     Action(id="setup.next", keys=("tab", "down"), shown="↓ Tab", row="↑↓"),
     Action(id="setup.previous", keys=("shift+tab", "up"), shown="↑", row=""),
     Action(id="setup.edit", keys=("enter",), shown="Enter"),

@@ -37,7 +37,9 @@ _REFUSALS = {
 class UiContext:
     """The single UI context. `work` is replaced, never changed; `said` is the answer to the last key.
 
-    `go` shows another page. `data` is the operator's folder. `jog` is the action that requested the last jog step.
+    `draft` is a new job that is being filled in: while it is, no job is open. `copying` asks the page Set-up for
+    the name of a copy of the open job. `go` shows another page. `data` is the operator's folder. `jog` is the
+    action that requested the last jog step.
     """
 
     text: Catalogue
@@ -47,6 +49,8 @@ class UiContext:
     data: Path
     go: Callable[[PageName], None]
     work: Work | None = None
+    draft: Work | None = None
+    copying: bool = False
     jog: str | None = None
     _said: tuple[Problem, ...] = ()
     _said_at: Moment | None = None

@@ -21,6 +21,7 @@ class Group(StrEnum):
     STOPS = auto()
     PROGRAMS = auto()
     PROOFS = auto()
+    COMPUTER = auto()
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,7 @@ MOST_FILTERED = 0.005
 MOST_BIAS = 0.01
 OVAL = 2  # UPR of an off-axis circle; a chuck with two jaws makes the same
 UNDECLARED = 3.0  # multiple of the noise floor above which a harmonic outside the fit is reported
+LEAST_UNDECLARED = 0.02  # and the fraction of the tolerance that its amplitude has to be for that
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +160,7 @@ def _warnings(fit: LobeFit, header: TraceHeader, job: Job) -> Iterable[Problem]:
         if lost > MOST_FILTERED:
             value, limit = f"{100 * lost:.2g} %", f"{header.filter_upr:g} UPR"
             yield Problem(code="lobe.filtered", key="filter_upr", value=value, limit=limit)
-    if fit.left_um > UNDECLARED * fit.floor_um:
+    if fit.left_um > max(UNDECLARED * fit.floor_um, LEAST_UNDECLARED * job.roundness_tolerance_um):
         value, limit = f"{fit.left_um:.3g} um", f"{fit.floor_um:.3g} um"
         yield Problem(code="lobe.undeclared", key=str(fit.left_n), value=value, limit=limit)
     oval_um = seen_oval_um_pp(fit.harmonic(1).amplitude_um, header.radius_of(job))

@@ -39,14 +39,15 @@ CONDITIONS = {
 NAMES = ("lobe_chuck", "lobe_tool")
 
 _STATED_OF = {own: stated for stated, own in CONDITIONS.items()}
-_FOUND_ON_A_PART = ("measured", "fitted")
+MEASURED = ("measured", "fitted")
+"""Sources of a lobe error that was found on a part."""
 
 OTHER_CUT = "other_cut"  # source of an error found on a part that was held or cut differently from this job
 
 
 def found_on_a_part(job: Job) -> bool:
     """Whether the lobe error was found on a part in as many jaws; else it is modelled or assumed."""
-    return job.lobe_error_source in _FOUND_ON_A_PART and job.lobe_jaws in (None, job.jaws)
+    return job.lobe_error_source in MEASURED and job.lobe_jaws in (None, job.jaws)
 
 
 def lobe_source(job: Job, *, chuck: str | None = None, tool: str | None = None) -> str:
@@ -54,7 +55,7 @@ def lobe_source(job: Job, *, chuck: str | None = None, tool: str | None = None) 
 
     `chuck` and `tool` are the names of those in the machine; None means no machine to compare with.
     """
-    if job.lobe_error_source not in _FOUND_ON_A_PART:
+    if job.lobe_error_source not in MEASURED:
         return job.lobe_error_source
     of_names = ((job.lobe_chuck, chuck), (job.lobe_tool, tool))
     other = any(pair[0] and pair[1] is not None and pair[0] != pair[1] for pair in of_names)

@@ -37,6 +37,8 @@ from profiles.store import LoadedMachine, load_job
 from tests.compact import compact_machine
 
 LOCAL_TIME = "21 Nov 10:00"
+LOGGED = {"command", "refused", "telemetry", "alarm_raised", "alarm_acknowledged", "alarm_ended"}
+"""Events that a thread of its own writes, some moments later than the others."""
 
 
 @dataclass(kw_only=True)

@@ -80,12 +80,14 @@ def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = 
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_doctor_is_green_on_a_fresh_card(console: Console, card: Commissioned, language: str) -> None:
+def test_doctor_is_green_on_a_fresh_card(
+    console: Console, card: Commissioned, language: str, data_folder: Path
+) -> None:
     said = console("doctor", "--lang", language)
     assert (said.code, said.err) == (0, "")
     assert "\n  ✗" not in said.out
     assert said.out.count("✓") > 20
-    assert all(len(line) <= 80 for line in said.out.splitlines())
+    assert all(len(line) <= 80 for line in said.out.replace(str(data_folder), "/var/lib").splitlines())
     # A key without words shows itself.
     assert not re.search(r"check\.|setting\.|card\.[a-z]|remedy\.", said.out)
 
@@ -352,7 +354,7 @@ def test_gains_of_a_profile_that_is_signed_for_the_simulator_are_not_written_to_
 def test_doctor_tells_of_another_package_that_brings_the_command(
     console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    assert "trilobe" not in console("doctor").out
+    assert "use the command" not in console("doctor").out
     other = tmp_path / "console-0.9.dist-info"
     other.mkdir()
     (other / "METADATA").write_text("Metadata-Version: 2.1\nName: console\nVersion: 0.9\n", encoding="ascii")

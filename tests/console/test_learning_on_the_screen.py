@@ -13,7 +13,7 @@ import pytest
 from console.session.data.learned_store import asked_for, store
 from console.session.data.made_parts import cuts_of, parts_made
 from console.session.errors import SessionError
-from console.session.learning.learning_steps import PartLearning, accept, learning_of, revert
+from console.session.learning.part_learning import PartLearning, accept, learning_of, revert
 from console.session.stages import Stage, nominal_path
 from console.session.station.commands import (
     Arm,

@@ -91,7 +91,7 @@ def damage(data: Path) -> None:
 
 def stamp_newer(data: Path) -> None:
     change(data, "CREATE TABLE parts (anything TEXT)")
-    change(data, "PRAGMA user_version = 2")
+    change(data, "PRAGMA user_version = 3")
 
 
 def stamp_away(data: Path) -> None:
@@ -100,7 +100,7 @@ def stamp_away(data: Path) -> None:
 
 
 REFUSED = {
-    "record.other_schema": (stamp_newer, "schema 2"),
+    "record.other_schema": (stamp_newer, "schema 3"),
     "record.damaged": (damage, "damaged"),
 }
 

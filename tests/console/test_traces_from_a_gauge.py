@@ -16,7 +16,7 @@ import pytest
 from console.session.data.history import last_results
 from console.session.data.trace_folder import export_trace, offered, trace_folder
 from console.session.learning.imported import ImportedTrace, examined
-from console.session.learning.learning_steps import accept
+from console.session.learning.part_learning import accept
 from console.session.station.commands import Arm, ConfirmClamping, DisableDrives, EnableDrives, Start, TakeTrace
 from console.session.station.state import MeasuredPart, StationState
 from drivers.cutting.strategy import Strategy

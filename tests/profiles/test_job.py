@@ -129,8 +129,14 @@ def test_problems_carry_value_and_limit_with_units() -> None:
     facts = [(problem.value, problem.limit) for problem in caught.value.problems]
     assert facts == [
         ("900.5", ">= 0.001, <= 500 mm"),
-        ('"guess"', "measured | fitted | model | assumed"),
+        ('"guess"', "measured | fitted | model | assumed | none"),
     ]
+
+
+def test_an_error_whose_source_is_none_is_no_error() -> None:
+    table = flat() | {"lobe_error_source": "none"}
+    assert codes(table) == [("job.lobe_unknown", "lobe_error_um_pp")]
+    assert job_from_table(table | {"lobe_error_um_pp": 0}).lobe_amplitude_um == 0.0
 
 
 @pytest.mark.parametrize(

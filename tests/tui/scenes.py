@@ -19,7 +19,8 @@ from console.session.cut.telemetry import Phase, SpindleRipple
 from console.session.data import records
 from console.session.data.kept_files import jobs_folder
 from console.session.data.made_parts import MadeWith
-from console.session.learning.learning_steps import PartLearning, taught_by
+from console.session.learning.learning_steps import taught_by
+from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited

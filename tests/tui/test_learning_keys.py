@@ -12,7 +12,7 @@ from rich.cells import cell_len
 
 from console.session.cut.alignment import Alignment, JawAngle
 from console.session.data.learned_store import FOLDER, asked_for, versions
-from console.session.learning.learning_steps import PartLearning
+from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited, with_strategy
@@ -21,7 +21,7 @@ from console.tui.keymap import ACTIONS
 from console.tui.lines import plain
 from console.tui.pages.inspect import InspectPage
 from console.tui.pages.learn_lines import learn_lines
-from console.tui.pages.learning_keys import accept_lesson
+from console.tui.pages.learning_keys import accept_part
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.run import RunPage
 from console.tui.previewing import ChosenPath
@@ -172,7 +172,7 @@ def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
         await stage.act("preview.stage")
         assert "cut: model, half" in stage.text
         await stage.act("preview.stage")
-        accept_lesson(stage.ui)
+        accept_part(stage.ui)
         await stage.act("preview.learned")
         assert stage.ui.work is not None and stage.ui.work.compensation is None
         await stage.act("preview.learned")

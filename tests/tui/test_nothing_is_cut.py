@@ -14,7 +14,7 @@ import pytest
 from rich.cells import cell_len
 
 from console.session.cut.interlocks import Interlock
-from console.session.learning.learning_steps import PartLearning
+from console.session.learning.part_learning import PartLearning
 from console.session.station.alarms import Alarm, Priority
 from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import LANGUAGES, Catalogue, load

@@ -222,12 +222,12 @@ def test_tab_takes_the_value_and_opens_the_next_one(tmp_path: Path) -> None:
 
 def test_tab_behind_the_last_value_ends_the_entry(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
-        await stage.act(*["setup.next"] * 20, "setup.edit")
+        await stage.act(*["setup.next"] * 20, "setup.previous", "setup.edit")
         await stage.type("4")
         await stage.act("setup.next")
         assert stage.kind() is FieldKind.NONE
         assert stage.ui.work is not None
-        assert stage.ui.work.job.roundness_tolerance_um == 4.0
+        assert stage.ui.work.job.diameter_tolerance_um == 4.0
 
     play(scene, tmp_path, work=experiment())
 

@@ -19,9 +19,11 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Run the checks, and the commissioning tests if requested; 1 when something fails."""
+    from console.cli.library import data_of
     from console.cli.machine import doctor_checks
     from console.cli.machine.card_access import card_fields, card_line, opened_card
     from console.cli.machine.check_report import check_fields, check_lines, summary_line
+    from console.cli.machine.data_folder_checks import data_folder_checks
     from console.cli.output import agreed, show
     from drivers.commissioning.proofs.bench import names_of, unproven
     from drivers.commissioning.verification import in_order, verify
@@ -39,7 +41,8 @@ def main(options: Namespace, text: Catalogue) -> int:
             proofs = [*doctor_checks.proven_checks(options, card, verification, text)]
         stops = doctor_checks.stop_checks(options, card, date.today())
     arrival = doctor_checks.arrival_check(card.client.line_check)
-    checks = in_order([*verification.checks, arrival, *unsigned, *stops, *proofs, *doctor_checks.command_checks()])
+    of_computer = [*doctor_checks.command_checks(), *data_folder_checks(data_of(options))]
+    checks = in_order([*verification.checks, arrival, *unsigned, *stops, *proofs, *of_computer])
     head = [card_line(card, text), text("configuration.marks")]
     show(
         options,

@@ -61,7 +61,7 @@ def command_checks() -> list[Check]:
     others = sorted({claim.dist.name for claim in claims if claim.dist} - {DISTRIBUTION})
     return [
         Check(
-            group=Group.SYSTEM, code="command_taken", severity=Severity.WARNING, found=other, wanted=DISTRIBUTION
+            group=Group.COMPUTER, code="command_taken", severity=Severity.WARNING, found=other, wanted=DISTRIBUTION
         )
         for other in others
     ]

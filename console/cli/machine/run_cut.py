@@ -8,6 +8,7 @@ from argparse import Namespace
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from console.cli.judgement import force_line
@@ -17,21 +18,25 @@ from console.cli.machine.run_request import RunRequest
 from console.cli.machine.stopping import Stopping
 from console.cli.output import agreed, show
 from console.cli.output import tell as tell_problems
-from console.session.cut.engine import CutContext, Step
+from console.session.cut.engine import CutContext, NotAsPlannedError, Step
 from console.session.cut.in_process import simulated_context
-from console.session.cut.run import RunResult, TellPart, run, run_once
+from console.session.cut.recording import LogRecorder, PartName, Recorder, part_record
+from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MODEL
-from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunRecord, begin_record
+from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
 from console.session.errors import SessionError
 from console.session.learning.learning import LearnResult, learn
+from console.session.operator import operator_name
 from console.session.signals import Interruption
 from console.session.stages import Stage
+from console.session.station.actions import stopped_by
 from console.session.station.reaching import Commissioned, Reached, guard, leave, machine_context, reach
 from console.text.catalogue import Catalogue
 from drivers.link.tracing import Tracing
-from profiles.problem import Problem
-from profiles.traces import write_trace
+from profiles.job import Job
+from profiles.problem import Problem, ProblemError
+from profiles.traces import Trace, write_trace
 
 
 def agreed_to(options: Namespace, request: RunRequest, text: Catalogue) -> bool:
@@ -57,8 +62,7 @@ def cut_requested(
     data = data_of(options)
     record = begin_record(
         data,
-        request.job.job.name,
-        request.job.sha256,
+        _facts(request, warnings),
         request.machine,
         request.plan.cut,
         simulated=request.simulated,
@@ -67,13 +71,15 @@ def cut_requested(
         timeout_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
     )
     tell_cut_with(options, request, text)
+    recorder = LogRecorder(record.log, partial(_keep_part, record, request))
     tell = _teller(options, text, interruption, record, simulated=request.simulated)
     try:
         result = _recorded(
-            record, warnings, request, lambda: _cut(request, data, interruption, tracing, tell, text)
+            record, warnings, request, lambda: _cut(request, data, interruption, tracing, recorder, tell, text)
         )
     finally:
-        warnings += tell_problems(tracing.problems, text)
+        missing = record.log.problem
+        warnings += tell_problems((*tracing.problems, *(() if missing is None else (missing,))), text)
     if isinstance(result, LearnResult):
         warnings += tell_problems(result.warnings, text)
     show(
@@ -127,15 +133,48 @@ def _save_part(request: RunRequest, result: RunResult) -> None:
     """Write the trace of the part if requested, with header lines that state how it was cut."""
     if request.part_file is None or result.trace is None:
         return
+    made = _made(request)
+    write_trace(request.part_file, replace(result.trace, meta={**result.trace.meta, **made}))
+
+
+def _made(request: RunRequest) -> dict[str, str]:
     plan = request.plan
-    made = {
+    return {
         "compensation": NONE if plan.compensation is None else str(plan.compensation),
         "strategy": plan.cut.strategy.value,
         "stage": plan.stage.value,
         INVERTED: plan.inverted or MODEL,
         CUT_JAW: AS_FILED,
     }
-    write_trace(request.part_file, replace(result.trace, meta={**result.trace.meta, **made}))
+
+
+def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
+    """Return what the run rests on: without a touch-off, the radius and the angle of the files."""
+    plan, machine = request.plan, request.machine
+    return RunFacts(
+        job=plan.job,
+        job_sha256=request.job.sha256,
+        job_text=request.job.text,
+        stage=plan.stage.value,
+        compensation=plan.compensation,
+        setup={
+            "force_n": plan.job.chucking_force_n,
+            "jaw_1_deg": plan.job.jaw_1_deg,
+            "zero_radius_mm": machine.machine.tool.home_radius_mm,
+            "aligned": False,
+            "calibrations": machine.used,
+            "inverted": plan.inverted or MODEL,
+            "address": "" if request.address is None else str(request.address),
+            "warnings": warnings,
+        },
+    )
+
+
+def _keep_part(record: RunRecord, request: RunRequest, job: Job, trace: Trace, name: PartName) -> None:
+    """Add a measured part to the record; SessionError `record.lost`."""
+    result = roundness_of(trace)
+    part = part_record(job, result, trace, request.plan.stage, name=name, made=_made(request))
+    record.add("part", {"part": name.name, "ront_um": result.ront_um}, part)
 
 
 def learn_hint(options: Namespace, request: RunRequest, text: Catalogue) -> list[str]:
@@ -167,15 +206,36 @@ def _recorded(
     except BaseException as error:
         # What ended the run matters more than a record that cannot be written.
         with suppress(SessionError):
-            record.add("ended", {"reason": str(error) or type(error).__name__})
+            add_end(record, error)
         raise
     finally:
         record.close()
     return result
 
 
+def add_end(record: RunRecord, error: BaseException) -> None:
+    """Record what ended a run: the cut was not the planned one, somebody stopped it, or it failed."""
+    problems = list(error.problems) if isinstance(error, ProblemError) else []
+    cause = error.__cause__
+    if isinstance(cause, NotAsPlannedError):
+        record.add("ended_early", {"turns": cause.turns, "reasons": [problem.code for problem in cause.problems]})
+    said: dict[str, object] = {"reason": str(error) or type(error).__name__}
+    if isinstance(error, KeyboardInterrupt):
+        said |= {"stopped": True, "by": operator_name()}
+    for problem in problems:
+        if problem.code == "machine.stopped":
+            said |= {"stopped": True, "by": stopped_by(problem.value), "reason": problem.value}
+    record.add("ended", said)
+
+
 def _cut(
-    request: RunRequest, data: Path, interruption: Interruption, tracing: Tracing, tell: TellPart, text: Catalogue
+    request: RunRequest,
+    data: Path,
+    interruption: Interruption,
+    tracing: Tracing,
+    recorder: Recorder,
+    tell: TellPart,
+    text: Catalogue,
 ) -> RunResult | LearnResult:
     """Cut the requested job, or its series of parts, each corrected by the ones before, at the requested place.
 
@@ -187,7 +247,7 @@ def _cut(
             """Open a new simulated machine for each part."""
             context, _ = simulated_context(request.machine.machine, request.true, tracing)
             interruption.guard(context.lathe.stop)
-            return context
+            return replace(context, recorder=recorder)
 
         if request.parts is None:
             return run(request.plan, open_machine, tell)
@@ -197,17 +257,18 @@ def _cut(
     try:
         guard(interruption, reached.lathe, reached.clock.now_s)
         with stopping.watching(reached.stop):
-            return _cut_there(request, reached, data, tell)
+            return _cut_there(request, reached, data, recorder, tell)
     finally:
         reached.close()
 
 
-def _cut_there(request: RunRequest, reached: Reached, data: Path, tell: TellPart) -> RunResult:
+def _cut_there(request: RunRequest, reached: Reached, data: Path, recorder: Recorder, tell: TellPart) -> RunResult:
     try:
         commissioned = Commissioned(
             reached.client, reached.heartbeat, request.machine.machine, data, simulated=reached.simulated
         )
-        result = run_once(request.plan, machine_context(reached, commissioned), tell)
+        context = replace(machine_context(reached, commissioned), recorder=recorder)
+        result = run_once(request.plan, context, tell)
         if not leave(reached.lathe, reached.owning):
             raise SessionError(Problem(code="machine.state_unknown"))
         return result

@@ -8,19 +8,15 @@ from pathlib import Path
 
 from console.cli.judgement import lobe_place_line
 from console.cli.library import data_of, job_of, machine_of, named, naming
-from console.cli.output import harmonics_of, show, tell
-from console.session.data.calibrations import Calibration, keep_job, store
-from console.session.data.kept_files import utc_now
+from console.cli.output import show, tell
+from console.session.learning.calibrating import keep_lobe, lobe_record
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from profiles.calibration.lobe import FoundLobe, find_lobe, with_lobe
+from profiles.calibration.lobe import FoundLobe, find_lobe
 from profiles.files import printable, read_regular_file
-from profiles.lobe.lobe_conditions import CONDITIONS, NAMES
 from profiles.problem import ProfileError
 from profiles.store import LoadedJob
 from profiles.traces import CAP_BYTES, parse_trace
-
-_STATED = ("lobe_error_um_pp", "lobe_phase_deg", "lobe_past_jaw_deg", "lobe_error_source", *CONDITIONS, *NAMES)
 
 
 def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
@@ -35,36 +31,17 @@ def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
     warnings = tell((*named(found.warnings, where), *(() if options.keep else reasons)), text)
     written = kept = None
     if options.keep and not reasons:
-        job = with_lobe(loaded.job, found, chuck=machine.chuck.name, tool=machine.tool.name)
-        written = keep_job(data_of(options), loaded, job)
-        calibration = Calibration(
-            kind="lobe",
-            subject=loaded.job.name,
-            subject_sha256=written.sha256,
-            date=utc_now(),
-            file=options.file,
-            file_sha256=hashlib.sha256(content).hexdigest(),
-            found=_record(found, loaded, written),
-        )
-        kept = store(data_of(options), calibration)
+        sha256 = hashlib.sha256(content).hexdigest()
+        written, kept = keep_lobe(loaded, found, machine, data_of(options), file=options.file, file_sha256=sha256)
     place = {"job": written and str(written.path), "revision": written and written.sha256}
     show(
         options,
-        lambda: {**_fields(found), **place, "kept": kept and str(kept), "warnings": warnings},
+        lambda: {**lobe_record(found), **place, "kept": kept and str(kept), "warnings": warnings},
         lambda: [*_lines(found, text), *_end(written, kept, options.keep, text)],
     )
     if options.keep and reasons:
         raise ProfileError(*reasons)
     return 0
-
-
-def _record(found: FoundLobe, before: LoadedJob, after: LoadedJob) -> dict[str, object]:
-    """Return the record of a job calibration: the fit, and the job's values before and after."""
-    said = {
-        name: {key: getattr(loaded.job, key) for key in _STATED}
-        for name, loaded in (("job_before", before), ("job", after))
-    }
-    return {**_fields(found), **said, "job_before_sha256": before.sha256}
 
 
 def _end(written: LoadedJob | None, kept: Path | None, asked: bool, text: Catalogue) -> list[str]:
@@ -73,23 +50,6 @@ def _end(written: LoadedJob | None, kept: Path | None, asked: bool, text: Catalo
         return [] if asked else ["", text("calibrate.not_kept")]
     job = text("calibrate.job_kept", job=printable(str(written.path)), revision=written.sha256[:6])
     return ["", job, text("calibrate.kept", file=printable(str(kept)))]
-
-
-def _fields(found: FoundLobe) -> dict[str, object]:
-    fit, seen = found.fit, found.diagnosis
-    return {
-        "error_um_pp": fit.error_um_pp,
-        "error_ci_um_pp": 2 * fit.lobe.ci_um,
-        "crest_deg": found.phase_deg,
-        "past_jaw_deg": found.past_jaw_deg,
-        "crest_ci_deg": fit.lobe.ci_deg,
-        "simulated": found.simulated,
-        "high_at_jaws": seen and seen.high_at_jaws,
-        "mechanism": seen and seen.mechanism,
-        **harmonics_of(fit),
-        "floor_um": fit.floor_um,
-        "bias_um": fit.lobe.bias_um,
-    }
 
 
 def _lines(found: FoundLobe, text: Catalogue) -> list[str]:

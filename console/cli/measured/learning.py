@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import hashlib
 import math
 import shlex
 from argparse import Namespace
@@ -16,7 +17,9 @@ from console.session.data.calibrated_chuck import CalibratedMachine
 from console.session.data.kept_files import is_ahead, utc_now
 from console.session.data.learned_store import asked_for, store, versions
 from console.session.data.made_parts import KEYS
+from console.session.data.run_reader import run_of_trace
 from console.session.errors import SessionError
+from console.session.learning.learning_record import record_accepted
 from console.session.learning.learning_steps import SIMULATED, Taught, reverted, taught
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
@@ -27,12 +30,13 @@ from profiles.compensations.next_version import Contraction, LearningStep
 from profiles.files import printable
 from profiles.problem import Problem
 from profiles.store import LoadedJob
-from profiles.traces import read_trace
+from profiles.traces import parse_trace, read_trace_file
 
 
 def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, text: Catalogue) -> None:
     """Learn from the trace of a part; with `--keep` store the next version."""
-    trace, data, where = read_trace(Path(options.file)), data_of(options), printable(options.file)
+    content, data, where = read_trace_file(Path(options.file)), data_of(options), printable(options.file)
+    trace = parse_trace(content, where=where)
     if options.sim and trace.meta.get(SIMULATED[0]) != SIMULATED[1]:
         raise SessionError(Problem(code="learned.not_simulated", where=where, limit=": ".join(SIMULATED)))
     made = {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
@@ -52,6 +56,8 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
     following, reasons = found.step.next, found.step.reasons
     warnings = tell((*machine.warnings, *found.warnings, *(() if options.keep else reasons)), text)
     kept = store(data, following) if options.keep and not reasons else None
+    if kept is not None:
+        warnings += tell(_recorded(data, content, following), text)
     asked = options.keep or bool(reasons)
     show(
         options,
@@ -63,6 +69,15 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
     )
     if options.keep and reasons:
         raise SessionError(*reasons)
+
+
+def _recorded(data: Path, content: bytes, kept: LearnedCompensation) -> tuple[Problem, ...]:
+    """Add an accepted learning step to the recorded run whose part has this trace; return why it could not be."""
+    try:
+        run_id = run_of_trace(data, hashlib.sha256(content).hexdigest())
+    except SessionError as unreadable:
+        return tuple(unreadable.problems)
+    return record_accepted(data, run_id, kept)
 
 
 def _fails(found: Taught, job: LoadedJob) -> bool:

@@ -8,11 +8,12 @@ is set again as its profile says. Where either fails, the caller stops the machi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Protocol
 
 from console.session.cut.interlocks import SPEED_BAND, START_BAND_COUNTS, at_speed, of_machine
+from console.session.cut.recording import Recorder, Unrecorded
 from console.session.cut.telemetry import CutFigures, Telemetry
 from console.session.errors import SessionError, refuse
 from drivers.cutting.guarding import CutLength, cut_guard, end_problems
@@ -79,7 +80,7 @@ class CutContext:
 
     `commissioned` returns every reason why the machine, as the snapshot shows it, may not cut. Whoever connects
     for one cut alone calls `admit` once the controller answers, before anything is written. `sets_spindle` says
-    that the workshop sets the spindle for the cut and switches it off afterwards.
+    that the workshop sets the spindle for the cut and switches it off afterwards. `recorder` keeps the telemetry.
     """
 
     lathe: Lathe
@@ -87,6 +88,7 @@ class CutContext:
     commissioned: Callable[[Snapshot], tuple[Problem, ...]] = lambda _: ()
     admit: Callable[[], None] = lambda: None
     sets_spindle: bool = False
+    recorder: Recorder = field(default_factory=Unrecorded)
 
     @property
     def simulated(self) -> bool:
@@ -144,7 +146,7 @@ def cut(context: CutContext, job: Job, plan: CutPlan, tell: Tell, see: See, *, s
     refuse(_unready(lathe, plan, at_start=True), allowed, at_speed(lathe, job))
     refuse(_changes(lathe, plan))  # somebody else may have changed what was loaded
     tell(Step.CUT, f"{plan.duration_s:.1f} s")
-    figures = _run(lathe, job, plan, see)
+    figures = _recorded_run(context, job, plan, see)
     if figures is None and not lathe.program.held:
         raise SessionError(nothing_seen(job))
     refuse(lathe.program.tables_left())  # none may add to the tool position, or have left an offset
@@ -157,6 +159,20 @@ def cut(context: CutContext, job: Job, plan: CutPlan, tell: Tell, see: See, *, s
     _turn(context, 0.0)
     lathe.stop.check()  # a stop at the last moment must not be lost in a report
     return CutEnd(last=last, figures=figures, held=lathe.program.held)
+
+
+def _recorded_run(context: CutContext, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
+    recorder = context.recorder
+
+    def polled(snapshot: Snapshot) -> None:
+        recorder.see(snapshot)
+        see(snapshot)
+
+    recorder.begin(plan, job, context.lathe.machine)
+    try:
+        return _run(context.lathe, job, plan, polled)
+    finally:
+        recorder.end()
 
 
 def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:

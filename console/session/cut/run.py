@@ -12,6 +12,7 @@ from typing import Protocol
 
 from console.session.cut.engine import CutContext, CutEnd, Step, Tell, cut, load, nothing_seen, tool_clear
 from console.session.cut.interlocks import of_job, of_lobe, of_zero
+from console.session.cut.recording import ONLY_PART, PartName
 from console.session.cut.telemetry import CutFigures
 from console.session.errors import SessionError, fault_problem, refuse
 from console.session.stages import Stage, air_mm, staged
@@ -219,8 +220,11 @@ def cut_part(
     homed: bool = False,
     blank: bool = True,
     measured: bool = True,
+    name: PartName = ONLY_PART,
 ) -> CutOutcome:
     """Make one part, with the work `beside` it; a machine that is `homed` is not homed again.
+
+    The record has it under its `name`.
 
     Without a `blank` it is an air cut, clear of what is clamped. A part not to be `measured` stays clamped.
 
@@ -229,6 +233,7 @@ def cut_part(
             could not be proven. What is refused before any motion leaves the machine alone.
     """
     lathe = context.lathe
+    context.recorder.part(name)
 
     def begin(step: Step, detail: str) -> None:
         tell(step, detail)
@@ -272,6 +277,7 @@ def _outcome(context: CutContext, job: Job, end: CutEnd, tell: Tell, *, measured
     if workshop is not None and measured:
         tell(Step.MEASURE, "")
         trace = workshop.measure()
+        context.recorder.measured(job, trace)
     collisions = () if workshop is None else workshop.look().collisions
     return CutOutcome(trace=trace, figures=end.figures, collisions=collisions)
 
@@ -310,7 +316,10 @@ def run(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart) -
     context = open_machine()
     if plan.reference is None:
         return run_once(plan, context, tell)
-    before = cut_part(context, plan.job, plan.reference, lambda step, detail: tell("before", step, detail))
+    name = PartName(name="before", product=plan.cut is plan.reference)
+    before = cut_part(
+        context, plan.job, plan.reference, lambda step, detail: tell("before", step, detail), name=name
+    )
     if plan.cut is plan.reference:
         return _result(plan, context, before, before)
     context.lathe.stop.check()
@@ -329,6 +338,7 @@ def run_once(plan: RunPlan, context: CutContext, tell: TellPart, before: CutOutc
         plan.cut,
         lambda step, detail: tell(_PARTS[plan.stage], step, detail),
         measured=plan.stage is not Stage.AIR,
+        name=PartName(name=_PARTS[plan.stage]),
     )
     return _result(plan, context, before, after)
 

@@ -144,6 +144,7 @@ def _with(
         machine=replace(machine, chuck=replace(chuck, **measured, force_line_variance=variance), assumed=left),
         path=loaded.path,
         sha256=loaded.sha256,
+        text=loaded.text,
         sources={key: dates[key] for key in _FOUND if key in dates},
         warnings=warnings,
     )

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import pwd
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from console.session.data.home import account_name, home_of
 from console.session.errors import SessionError
 from profiles.files import make_private_folder, printable, read_regular_file, write_atomically
 from profiles.own_values import from_json
@@ -19,6 +19,8 @@ from profiles.problem import Problem, ProfileError
 CAP_BYTES = 1_000_000
 
 APPLICATION = "trilobe"
+READ_FROM = ("jobs", "machines", "learned", "calibrations", "stops")
+"""Folders in the data folder from which files are taken by themselves."""
 
 
 def folder_name(name: str) -> str:
@@ -64,13 +66,27 @@ def data_folder(given: str | None = None) -> Path:
     # The XDG Base Directory Specification says to ignore a relative path in the variable.
     if os.path.isabs(base):
         return Path(base) / APPLICATION
-    home = os.environ.get("HOME", "")
-    if not os.path.isabs(home):
-        try:
-            home = pwd.getpwuid(os.getuid()).pw_dir
-        except KeyError as error:
-            raise SessionError(Problem(code="data.no_home", value=str(os.getuid()))) from error
+    home = home_of(os.environ)
+    if home is None:
+        raise SessionError(Problem(code="data.no_home", value=str(os.getuid())))
     return Path(home) / ".local" / "share" / APPLICATION
+
+
+def refuse_closed(data: Path) -> None:
+    """Refuse a data folder that is there and closed to this account, or one in it: SessionError `data.closed`.
+
+    What is read from would look empty, and a cut would silently do without what was learned.
+    """
+    for folder in (data, *(data / name for name in READ_FROM)):
+        try:
+            os.stat(folder)
+            closed = not os.access(folder, os.R_OK | os.X_OK)
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError:  # one above it is closed
+            closed = True
+        if closed:
+            raise SessionError(Problem(code="data.closed", where=printable(str(folder)), value=account_name()))
 
 
 def jobs_folder(data: Path) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from console.session.data.kept_files import ahead_problems, folder_name, keep, kept
+from console.session.data.kept_files import ahead_problems, file_error, folder_name, keep, kept
 from console.session.errors import SessionError, refuse
 from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table, differences, from_table
 from profiles.files import printable
@@ -36,7 +36,14 @@ def store(data: Path, learned: LearnedCompensation) -> Path:
 
 def versions(data: Path, asked: HoldsFor) -> tuple[LearnedCompensation, ...]:
     """Return all versions of a job on a machine, oldest first, whether or not they apply; errors as `kept`."""
-    return tuple(_load(file) for file in sorted(_folder(data, asked).glob("version-*.json")))
+    folder = _folder(data, asked)
+    try:
+        files = sorted(file for file in folder.iterdir() if file.match("version-*.json"))
+    except (FileNotFoundError, NotADirectoryError):  # it is made with the first version
+        return ()
+    except OSError as error:
+        raise file_error("file.unreadable", folder, error) from error
+    return tuple(_load(file) for file in files)
 
 
 def accepted(job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool) -> LearnedCompensation | None:

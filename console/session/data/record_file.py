@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import sqlite3
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any, TypeVar
 
+from console.session.data.record_schema import SCHEMA, create, migrate
 from console.session.errors import SessionError
 from profiles.files import make_private_file, make_private_folder, printable
 from profiles.problem import Problem
 
 FILE_NAME = "records.sqlite3"
-SCHEMA = 1
+CHECKED_TABLES = ("runs", "events", "measurements")
+"""Tables whose integrity is checked when the file is opened; telemetry and traces are where it would take long."""
 
 WAIT_S = 0.1
 """How long SQLite itself waits for another writer; in some states it does not, so calls are retried."""
@@ -23,30 +25,14 @@ PAUSE_S = 0.02
 
 Result = TypeVar("Result")
 
-_TABLES = (
-    """CREATE TABLE runs (
-    run_id TEXT PRIMARY KEY, started_utc TEXT NOT NULL, software TEXT NOT NULL,
-    job TEXT NOT NULL, job_sha256 TEXT NOT NULL, machine TEXT NOT NULL, machine_sha256 TEXT NOT NULL,
-    simulated INTEGER NOT NULL, strategy TEXT NOT NULL, program TEXT NOT NULL
-) STRICT""",
-    """CREATE TABLE events (
-    run_id TEXT NOT NULL REFERENCES runs(run_id), number INTEGER NOT NULL, at_utc TEXT NOT NULL,
-    kind TEXT NOT NULL, data TEXT NOT NULL, PRIMARY KEY (run_id, number)
-) STRICT""",
-    "CREATE TRIGGER runs_stay BEFORE UPDATE ON runs BEGIN SELECT RAISE(ABORT, 'append only'); END",
-    "CREATE TRIGGER runs_are_kept BEFORE DELETE ON runs BEGIN SELECT RAISE(ABORT, 'append only'); END",
-    "CREATE TRIGGER events_stay BEFORE UPDATE ON events BEGIN SELECT RAISE(ABORT, 'append only'); END",
-    "CREATE TRIGGER events_are_kept BEFORE DELETE ON events BEGIN SELECT RAISE(ABORT, 'append only'); END",
-    f"PRAGMA user_version = {SCHEMA}",
-)
-
 _BUSY = frozenset((sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_PROTOCOL))
 
 
-def opened(folder: Path, until_s: float) -> sqlite3.Connection:
+def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Connection:
     """Open the records in a folder for writing; create both where they are missing.
 
-    Other writers are waited for until the deadline, in the time of `time.monotonic`.
+    Other writers are waited for until the deadline, in the time of `time.monotonic`. To have the tables `checked`
+    takes longer the more runs there are; without it, damage is found where it is touched.
 
     Raises:
         SessionError: `record.other_schema`, of a newer console, or not ours; `record.damaged`; nothing was
@@ -60,7 +46,7 @@ def opened(folder: Path, until_s: float) -> sqlite3.Connection:
     except (OSError, sqlite3.Error) as error:
         raise record_error("record.unwritable", path, error) from error
     try:
-        retrying(lambda: _made_ready(database, path), until_s)
+        retrying(lambda: _made_ready(database, path, checked=checked), until_s)
         # Records need the journal: a kill at any instant leaves them whole.
         retrying(lambda: database.execute("PRAGMA journal_mode=WAL"), until_s)
     except sqlite3.Error as error:
@@ -78,10 +64,48 @@ def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -
     path = folder / FILE_NAME
     if not path.is_file():
         return []
-    read_only = f"{path.resolve().as_uri()}?mode=ro"
-    with closing(sqlite3.connect(read_only, uri=True, timeout=timeout_s)) as database:
-        _refuse_other_schema(database, path)
+    with closing(opened_to_read(path, timeout_s)) as database:
+        _schema_of(database, path)
         return database.execute(query, keys).fetchall()
+
+
+def opened_to_read(path: Path, timeout_s: float) -> sqlite3.Connection:
+    """Open an existing file for reading alone; other writers are not locked out. sqlite3.Error.
+
+    In a folder that cannot be written, SQLite cannot coordinate with writers; without a journal there are none.
+    """
+    uri = f"{path.resolve().as_uri()}?mode=ro"
+    database = sqlite3.connect(uri, uri=True, timeout=timeout_s, isolation_level=None)
+    try:
+        database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+    except sqlite3.OperationalError as error:
+        database.close()
+        journal = path.with_name(f"{FILE_NAME}-wal")
+        if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_CANTOPEN or journal.exists():
+            raise
+        return sqlite3.connect(f"{uri}&immutable=1", uri=True, timeout=timeout_s, isolation_level=None)
+    except BaseException:
+        database.close()
+        raise
+    return database
+
+
+def present(database: sqlite3.Connection, path: Path) -> sqlite3.Connection:
+    """Return a database of the present schema: this one, or a copy in memory, brought up to it, of an older one.
+
+    The file stays as it is. The one that is not returned is closed. SessionError `record.other_schema`.
+    """
+    found = _schema_of(database, path)
+    if found == SCHEMA:
+        return database
+    copy = sqlite3.connect(":memory:", isolation_level=None)
+    with closing(database):
+        database.backup(copy)
+    if found:
+        migrate(copy, found)
+    else:
+        create(copy)
+    return copy
 
 
 def retrying(work: Callable[[], Result], until_s: float) -> Result:
@@ -95,6 +119,19 @@ def retrying(work: Callable[[], Result], until_s: float) -> Result:
             time.sleep(PAUSE_S)
 
 
+def transaction(database: sqlite3.Connection, statements: Sequence[tuple[str, tuple[object, ...]]]) -> None:
+    """Carry out statements, all or none of them. sqlite3.Error."""
+    database.execute("BEGIN IMMEDIATE")
+    try:
+        for line, keys in statements:
+            database.execute(line, keys)
+        database.execute("COMMIT")
+    except BaseException:
+        if database.in_transaction:
+            database.execute("ROLLBACK")
+        raise
+
+
 def is_damage(error: sqlite3.Error) -> bool:
     """Whether an error means that the file is not as SQLite has written it."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
@@ -105,30 +142,39 @@ def record_error(code: str, path: Path, error: object) -> SessionError:
     return SessionError(Problem(code=code, where=printable(str(path)), value=printable(str(error))))
 
 
-def _made_ready(database: sqlite3.Connection, path: Path) -> None:
-    """Check an existing file, and create the tables in an empty one."""
-    if not _refuse_other_schema(database, path):
+def _made_ready(database: sqlite3.Connection, path: Path, *, checked: bool) -> None:
+    """Check an existing file, bring it to the present schema, and create the tables in an empty one."""
+    if _schema_of(database, path) != SCHEMA:
         database.execute("BEGIN IMMEDIATE")
         try:
-            if not _refuse_other_schema(database, path):  # another console may have created them meanwhile
-                for line in _TABLES:
-                    database.execute(line)
+            found = _schema_of(database, path)  # another console may have created or migrated them meanwhile
+            if found == 0:
+                create(database)
+            elif found != SCHEMA:
+                _refuse_damaged(database, path, CHECKED_TABLES[:2])
+                migrate(database, found)
             database.execute("COMMIT")
         except BaseException:
             if database.in_transaction:
                 database.execute("ROLLBACK")
             raise
-    (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()  # less than 0.1 s for some thousand runs
-    if found != "ok":
-        raise record_error("record.damaged", path, " ".join(str(found).split()))
+    if checked:
+        _refuse_damaged(database, path, CHECKED_TABLES)
 
 
-def _refuse_other_schema(database: sqlite3.Connection, path: Path) -> bool:
-    """Refuse a file of another schema, which is never downgraded; return whether there is one of this."""
+def _refuse_damaged(database: sqlite3.Connection, path: Path, tables: tuple[str, ...]) -> None:
+    for table in tables:
+        (found,) = database.execute(f"PRAGMA quick_check({table})").fetchone()
+        if found != "ok":
+            raise record_error("record.damaged", path, " ".join(str(found).split()))
+
+
+def _schema_of(database: sqlite3.Connection, path: Path) -> int:
+    """Return the schema of a file, 0 of an empty one; refuse a newer one, or one that is not ours."""
     # In this order: another console may create the tables, with their version, between the two.
     (things,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
     (found,) = database.execute("PRAGMA user_version").fetchone()
-    if found == SCHEMA or (found == 0 and things == 0):
-        return bool(found == SCHEMA)
+    if 0 < found <= SCHEMA or (found == 0 and things == 0):
+        return int(found)
     where = printable(str(path))
     raise SessionError(Problem(code="record.other_schema", where=where, value=str(found), limit=str(SCHEMA)))

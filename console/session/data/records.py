@@ -6,21 +6,28 @@ once.
 
 from __future__ import annotations
 
-import json
+import hashlib
 import os
+import platform
 import sqlite3
 import time
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
 from console.session.data.kept_files import utc_now
-from console.session.data.record_file import FILE_NAME, is_damage, opened, record_error, retrying
+from console.session.data.part_record import PartRecord, Statement, measurement
+from console.session.data.record_file import FILE_NAME, is_damage, opened, record_error, retrying, transaction
+from console.session.data.run_log import EVENT, RunLog, shown
 from console.session.errors import SessionError
+from console.session.operator import operator_name
 from drivers.cutting.plan import CutPlan
-from profiles.files import PRIVATE_FILE, made_locked, make_private_folder, printable, taken_if_left
+from profiles.files import made_locked, make_private_folder, printable, taken_if_left
+from profiles.folder_rights import rights_in
+from profiles.job import Job
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
@@ -29,10 +36,30 @@ DRIVES_ON_TIMEOUT_S = 5.0  # the same where the drives may be enabled
 GONE = "file gone"
 
 
+LEAST_FREE_BYTES = 50_000_000
+"""Free space without which no run begins: some hundred times what a long cut needs, as others write, too."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunFacts:
+    """What a run rests on. `job_text` is the TOML of the job as cut, `job_sha256` that of the file it is from.
+
+    `compensation` is the learned version, None the model's. `controller` is kind and version as the controller
+    reports them, None before it was asked. `setup` has the forces and the alignment.
+    """
+
+    job: Job
+    job_sha256: str
+    job_text: str
+    stage: str
+    compensation: int | None
+    controller: str | None = None
+    setup: Mapping[str, object] = field(default_factory=dict)
+
+
 def begin_record(
     folder: Path,
-    job: str,
-    job_sha256: str,
+    facts: RunFacts,
     machine: LoadedMachine,
     plan: CutPlan,
     *,
@@ -40,18 +67,48 @@ def begin_record(
     open_timeout_s: float = DRIVES_ON_TIMEOUT_S,
     timeout_s: float = DRIVES_ON_TIMEOUT_S,
 ) -> RunRecord:
-    """Begin the record of a run that cuts `plan`, with the name and the contents of its job, as `RunRecord`."""
+    """Begin the record of a run that cuts `plan`.
+
+    Raises SessionError: `record.no_space`; as `RunRecord`.
+    """
+    refuse_full(folder)
     described = {
         "software": f"trilobe {version('trilobe')}",
-        "job": job,
-        "job_sha256": job_sha256,
+        "job": facts.job.name,
+        "job_sha256": facts.job_sha256,
         "machine": machine.machine.name,
         "machine_sha256": machine.sha256,
         "simulated": int(simulated),
         "strategy": plan.strategy.value,
         "program": plan.text,
+        "job_text_sha256": facts.job_text,
+        "machine_text_sha256": machine.text,
+        "python": platform.python_version(),
+        "controller": facts.controller,
+        "family": machine.machine.controller.family,
+        "stage": facts.stage,
+        "compensation": facts.compensation,
+        "operator": operator_name(),
+        "tolerance_um": facts.job.roundness_tolerance_um,
+        "setup": shown(facts.setup),
     }
-    return RunRecord(folder, described, open_timeout_s=open_timeout_s, timeout_s=timeout_s)
+    # The file was checked when the console started; that takes too long where polls must not wait.
+    return RunRecord(folder, described, open_timeout_s=open_timeout_s, timeout_s=timeout_s, checked=False)
+
+
+def refuse_full(folder: Path) -> None:
+    """Refuse to begin a run where the disk is nearly full; SessionError `record.no_space`."""
+    there = next((each for each in (folder, *folder.parents) if each.exists()), None)
+    if there is None:
+        return  # found out when the folder is made
+    try:
+        found = os.statvfs(there)
+    except OSError as error:
+        raise record_error("record.unwritable", folder / FILE_NAME, error) from error
+    free = found.f_bavail * found.f_frsize
+    if free < LEAST_FREE_BYTES:
+        value, limit = f"{free / 1e6:.1f} MB", f"{LEAST_FREE_BYTES / 1e6:g} MB"
+        raise SessionError(Problem(code="record.no_space", where=printable(str(folder)), value=value, limit=limit))
 
 
 class RunRecord:
@@ -64,11 +121,12 @@ class RunRecord:
         *,
         open_timeout_s: float = DRIVES_ON_TIMEOUT_S,
         timeout_s: float = DRIVES_ON_TIMEOUT_S,
+        checked: bool = True,
     ) -> None:
         """Open the file in `folder`, which is created when missing, and begin a run.
 
-        `run` gives software, job, job_sha256, machine, machine_sha256, simulated, strategy and program. Other
-        writers are waited for up to `open_timeout_s` here, and up to `timeout_s` at each event.
+        `run` gives the columns of a run; those of `TEXTS` are given as the texts themselves. Other writers are
+        waited for up to `open_timeout_s` here, and up to `timeout_s` at each event.
 
         Raises:
             SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`; without a record no machine
@@ -76,35 +134,35 @@ class RunRecord:
         """
         self._path = folder / FILE_NAME
         self.run_id = uuid.uuid4().hex
-        self._count = 0
         self._timeout_s = timeout_s
+        self.log = RunLog(folder, self.run_id)
         until_s = time.monotonic() + open_timeout_s
-        self._database = opened(folder, until_s)
+        self._database = opened(folder, until_s, checked=checked)
         try:
             self._mark = RunMark(folder, self.run_id)
         except OSError as error:
             self._database.close()
             raise record_error("record.unwritable", self._path, error) from error
         try:
-            row = {"run_id": self.run_id, "started_utc": utc_now(), **run}
-            columns, marks = ", ".join(row), ", ".join("?" * len(row))
-            self._insert(f"INSERT INTO runs ({columns}) VALUES ({marks})", tuple(row.values()), until_s)
+            # The log's thread tidies up the journal; who cuts never waits for that.
+            self._database.execute("PRAGMA wal_autocheckpoint=0")
+            self._write(_run({"run_id": self.run_id, "started_utc": utc_now(), **run}), until_s)
             self._files = self._on_disk()
             if self._files[0] is None:
                 raise OSError(GONE)
         except (OSError, sqlite3.Error) as error:
             self.close()
-            raise record_error("record.unwritable", self._path, error) from error
+            damaged = isinstance(error, sqlite3.Error) and is_damage(error)
+            raise record_error("record.damaged" if damaged else "record.unwritable", self._path, error) from error
 
-    def add(self, kind: str, data: Mapping[str, object]) -> None:
-        """Add an event; it is on disk when this returns. SessionError `record.lost`: the run must not continue."""
-        self._count += 1
-        shown = json.dumps(data, ensure_ascii=False)
-        if not shown.isprintable():  # a file name need not be valid text; escaped, it can be stored
-            shown = json.dumps(data)
-        row = (self.run_id, self._count, utc_now(), kind, shown)
+    def add(self, kind: str, data: Mapping[str, object], part: PartRecord | None = None) -> None:
+        """Add an event, and the measurement that it is of; they are on disk when this returns.
+
+        Raises SessionError: `record.lost`, the run must not continue.
+        """
         try:
-            self._insert("INSERT INTO events VALUES (?, ?, ?, ?, ?)", row, time.monotonic() + self._timeout_s)
+            statements = [_event(self.run_id, kind, data), *measurement(self.run_id, part)]
+            self._write(statements, time.monotonic() + self._timeout_s)
         except sqlite3.Error as error:
             raise record_error("record.lost", self._path, error) from error
         self.refuse_lost()
@@ -116,12 +174,13 @@ class RunRecord:
             raise record_error("record.lost", self._path, GONE)
 
     def close(self) -> None:
-        """Close the file."""
+        """Write what the log still has, and close the file."""
+        self.log.close()
         self._database.close()
         self._mark.close()
 
-    def _insert(self, line: str, row: tuple[object, ...], until_s: float) -> None:
-        retrying(lambda: self._database.execute(line, row), until_s)
+    def _write(self, statements: Sequence[Statement], until_s: float) -> None:
+        retrying(lambda: transaction(self._database, statements), until_s)
 
     def _on_disk(self) -> tuple[tuple[int, int] | None, ...]:
         """Return device and inode of the database and of its journal, which holds the last lines."""
@@ -135,18 +194,46 @@ class RunRecord:
         return tuple(found)
 
 
-def add_to_run(folder: Path, run_id: str, kind: str, data: Mapping[str, object]) -> None:
+def add_to_run(
+    folder: Path,
+    run_id: str,
+    kind: str,
+    data: Mapping[str, object],
+    part: PartRecord | None = None,
+    *,
+    timeout_s: float = DRIVES_ON_TIMEOUT_S,
+) -> None:
     """Add an event to a run that has ended, such as a measurement of its part.
 
     Raises SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`.
     """
-    until_s = time.monotonic() + TIMEOUT_S
-    with closing(opened(folder, until_s)) as database:
-        row = (run_id, utc_now(), kind, json.dumps(data), run_id)
+    until_s = time.monotonic() + timeout_s
+    with closing(opened(folder, until_s, checked=False)) as database:
+        statements = [_event(run_id, kind, data), *measurement(run_id, part)]
         try:
-            retrying(lambda: database.execute(_LATER, row), until_s)
+            retrying(lambda: transaction(database, statements), until_s)
         except sqlite3.Error as error:
             raise record_error("record.unwritable", folder / FILE_NAME, error) from error
+
+
+TEXTS = ("job_text_sha256", "machine_text_sha256")
+"""Columns of a run that refer to a text, which is kept once for all runs."""
+
+
+def _run(row: Mapping[str, object]) -> list[Statement]:
+    """Return the statements that keep a run and its texts."""
+    texts = {column: str(row[column]) for column in TEXTS if row.get(column)}
+    sums = {column: hashlib.sha256(content.encode()).hexdigest() for column, content in texts.items()}
+    values = {**row, **{column: sums.get(column) for column in TEXTS if column in row}}
+    columns, marks = ", ".join(values), ", ".join("?" * len(values))
+    return [
+        *(("INSERT OR IGNORE INTO texts VALUES (?, ?)", (sums[each], texts[each])) for each in texts),
+        (f"INSERT INTO runs ({columns}) VALUES ({marks})", tuple(values.values())),
+    ]
+
+
+def _event(run_id: str, kind: str, data: Mapping[str, object]) -> Statement:
+    return EVENT, (run_id, utc_now(), kind, shown(data), run_id)
 
 
 FOLDER = "running"
@@ -157,8 +244,6 @@ _BEGUN, _ENDED = {"planned", "started"}, {"result", "cut", "held", "ended", "end
 _RUN = "SELECT started_utc, job FROM runs WHERE run_id = ? AND machine = ? AND simulated = ?"
 _ANY = "SELECT count(*) FROM runs WHERE run_id = ?"
 _KINDS = "SELECT kind FROM events WHERE run_id = ?"
-_LATER = "INSERT INTO events SELECT ?, 1 + coalesce(max(number), 0), ?, ?, ? FROM events WHERE run_id = ?"
-_END = "INSERT INTO events SELECT ?, 1 + coalesce(max(number), 0), ?, 'ended', ? FROM events WHERE run_id = ?"
 
 
 class RunMark:
@@ -168,9 +253,10 @@ class RunMark:
         """Create the mark in the data folder; OSError where it cannot be made."""
         self._path = data / FOLDER / run_id
         make_private_folder(self._path.parent)
-        self._descriptor: int | None = made_locked(self._path, PRIVATE_FILE)
+        mode = rights_in(self._path.parent).file
+        self._descriptor: int | None = made_locked(self._path, mode)
         with suppress(OSError):  # whatever the umask
-            os.fchmod(self._descriptor, PRIVATE_FILE)
+            os.fchmod(self._descriptor, mode)
 
     def close(self) -> None:
         """Remove the mark."""
@@ -236,8 +322,8 @@ def _ended(database: sqlite3.Connection, mark: Path, machine: str, *, simulated:
         return []
     kinds = {kind for (kind,) in database.execute(_KINDS, (run_id,))}
     if not kinds & _ENDED:
-        end = (run_id, utc_now(), json.dumps({"reason": "killed"}), run_id)
-        retrying(lambda: database.execute(_END, end), time.monotonic() + TIMEOUT_S)
+        end = _event(run_id, "ended", {"reason": "killed"})
+        retrying(lambda: transaction(database, [end]), time.monotonic() + TIMEOUT_S)
     mark.unlink(missing_ok=True)
     if kinds & _ENDED or not kinds & _BEGUN:
         return []

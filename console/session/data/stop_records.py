@@ -82,8 +82,12 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
             `stops.old_schema`, `stops.unknown_schema`; `file.unreadable`, it cannot be opened.
     """
     path = record_path(data, machine)
-    if not path.exists():
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
         return None
+    except OSError as error:
+        raise file_error("file.unreadable", path, error) from error
     content = read_regular_file(path, cap_bytes=CAP_BYTES)
     where = printable(str(path))
     try:

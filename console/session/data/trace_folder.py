@@ -47,7 +47,7 @@ def export_trace(data: Path, trace: Trace, *, job: str) -> Path:
     make_folder(folder)
     now = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
     path = folder / f"{folder_name(job)}-{now}Z.csv"
-    write_trace(path, trace)
+    write_trace(path, trace, private=True)
     return path
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -46,6 +46,7 @@ class ImportedTrace:
     """
 
     path: Path
+    content: bytes = field(repr=False)
     sha256: str
     trace: Trace
     header: TraceHeader
@@ -91,6 +92,7 @@ def examined(path: Path, job: Job, answers: Mapping[str, str], *, simulated: boo
         )
     return ImportedTrace(
         path=path,
+        content=content,
         sha256=hashlib.sha256(content).hexdigest(),
         trace=trace,
         header=header,

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from console.session.cut.engine import CutContext, Step
+from console.session.cut.recording import PartName
 from console.session.cut.run import (
     FILTER_UPR,
     Beside,
@@ -193,7 +194,9 @@ class _Learner:
         def tell(step: Step, detail: str) -> None:
             self._tell(name, step, " · ".join(filter(None, (str(number or ""), detail))))
 
-        outcome = cut_part(self._context, job, plan, tell, beside, homed=self._homed, blank=name != "air")
+        part = PartName(name=f"{name} {number or ''}".strip(), product=name == "part")
+        blank = name != "air"
+        outcome = cut_part(self._context, job, plan, tell, beside, homed=self._homed, blank=blank, name=part)
         self._homed = True
         return outcome
 
@@ -298,6 +301,7 @@ class _Learner:
 
     def _error(self, batch: Batch) -> HarmonicFit:
         """Return the tool error of a batch, positive where the tool was not in far enough."""
+        self._context.recorder.gathered(batch)
         target_um = self._path.target.at_um(batch.angle_deg, batch.past_middle_mm)
         lobes = self._job.jaws
         orders = tuple(sorted({*OTHERS, lobes, *(lobes * overtone for overtone in OVERTONES)}))

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from console.session.cut.alignment import Alignment, aligned_machine, mounted_on
 from console.session.cut.engine import CutContext, Workshop
+from console.session.cut.recording import LogRecorder, Unrecorded
 from console.session.data.records import RunRecord
+from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError
+from console.session.station.actions import alarm_events, command_event
 from console.session.station.alarms import Alarms, Priority, cleared, raised
+from console.session.station.commands import Command
 from console.session.station.owning import Owning
 from console.session.station.reaching import Commissioned
 from console.session.station.state import Armed, StationState
@@ -50,6 +54,7 @@ class StationContext:
     seen: Callable[[Snapshot], None] | None = None
     limits_seen: frozenset[str] = frozenset()
     end_asked: bool = False
+    _incomplete_told: bool = field(default=False, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _state: StationState = field(init=False)
 
@@ -75,9 +80,11 @@ class StationContext:
     @property
     def cut_context(self) -> CutContext:
         """The machine as a cut needs it."""
+        recorder = Unrecorded() if self.record is None else LogRecorder(self.record.log)
+        context = CutContext(lathe=self.lathe, workshop=self.shop, recorder=recorder)
         if self.commissioned is None:
-            return CutContext(lathe=self.lathe, workshop=self.shop)
-        return CutContext(lathe=self.lathe, workshop=self.shop, commissioned=self.commissioned.problems)
+            return context
+        return replace(context, commissioned=self.commissioned.problems)
 
     def tell(self, **changes: Any) -> None:
         """Publish a state with these fields changed."""
@@ -110,7 +117,14 @@ class StationContext:
     def change_alarms(self, change: Callable[[Alarms], Alarms]) -> None:
         """Publish changed alarms; none that another thread raises meanwhile is lost."""
         with self._lock:
-            self._state = replace(self._state, alarms=change(self._state.alarms))
+            before = self._state.alarms
+            after = change(before)
+            if after == before:
+                return
+            self._state = replace(self._state, alarms=after)
+            if self.record is not None:
+                for kind, data in alarm_events(before, after):
+                    self.record.log.event(kind, data)
 
     def end_alarms(self, *codes: str) -> None:
         """End these alarms, whose cause is gone."""
@@ -119,6 +133,32 @@ class StationContext:
     def alarmed(self, code: str) -> bool:
         """Whether an alarm of this code is present."""
         return any(alarm.active and alarm.problem.code == code for alarm in self._state.alarms)
+
+    def open_record(self, record: RunRecord) -> None:
+        """Record from now on, beginning with the alarms that are active."""
+        with self._lock:
+            self.record = record
+            for kind, data in alarm_events((), self._state.alarms):
+                record.log.event(kind, data)
+
+    def log_command(self, command: Command) -> None:
+        """Add a command of the operator to the record of the current cut, if there is one; never waits."""
+        record = self.record
+        if record is not None:
+            record.log.event(COMMAND, command_event(command))
+
+    def log_refusal(self, problems: Iterable[Problem]) -> None:
+        """Add why the last command was refused, as `log_command`."""
+        record = self.record
+        if record is not None:
+            record.log.event("refused", {"codes": [problem.code for problem in problems]})
+
+    def check_record(self) -> None:
+        """Raise an alarm once telemetry, commands or alarms are missing from the record; the cut continues."""
+        missing = None if self.record is None else self.record.log.problem
+        if missing is not None and not self._incomplete_told:
+            self._incomplete_told = True
+            self.alarm(missing, Priority.MEDIUM)
 
     def note(self, kind: str, **data: object) -> None:
         """Add an event to the record of the current cut, if there is one; SessionError `record.lost`."""
@@ -140,4 +180,5 @@ class StationContext:
             except SessionError as lost:
                 self.alarm(lost.problems[0], Priority.MEDIUM)
             self.record.close()
-            self.record = None
+            self.check_record()
+            self.record, self._incomplete_told = None, False

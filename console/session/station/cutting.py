@@ -11,7 +11,7 @@ from console.session.cut.run import planned, refuse_unplannable
 from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, tool_lobe_event
-from console.session.data.records import begin_record
+from console.session.data.records import RunFacts, begin_record
 from console.session.errors import SessionError, refuse
 from console.session.stages import Stage
 from console.session.station.commands import Arm, Disarm, Retract, Start
@@ -23,6 +23,7 @@ from drivers.cutting.planning import CutPlan, first_spindle_counts
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
+from profiles.store import job_text
 
 START_WITHIN_S = 10.0  # how long after arming a cut may be started
 
@@ -196,9 +197,10 @@ def _finish(context: StationContext, watched: _Watched, end: CutEnd) -> None:
 def _open_record(context: StationContext, command: Arm, plan: CutPlan, made: MadeWith) -> None:
     context.end_record()
     job, machine, jaw = command.job, context.loaded_machine, context.state.alignment.jaw
-    touched = context.state.alignment.touch_off
-    sha256, simulated = command.job_sha256, context.cut_context.simulated
-    context.record = begin_record(context.records, job.name, sha256, machine, plan, simulated=simulated)
+    touched, simulated = context.state.alignment.touch_off, context.cut_context.simulated
+    facts = _facts(context, command)
+    context.open_record(begin_record(context.records, facts, machine, plan, simulated=simulated))
+    context.log_command(command)
     context.note(
         "armed",
         force_n=job.chucking_force_n,
@@ -206,4 +208,31 @@ def _open_record(context: StationContext, command: Arm, plan: CutPlan, made: Mad
         zero_radius_mm=None if touched is None else touched.zero_radius_mm,
         calibrations=calibrations_of(machine),
         **made.event(),
+    )
+
+
+def _facts(context: StationContext, command: Arm) -> RunFacts:
+    """Return what the run rests on: the job as it is cut, and the alignment, with the times of its stamps."""
+    job, loaded, alignment = command.job, command.loaded, context.state.alignment
+    clamping, jaw, touched = alignment.clamping, alignment.jaw, alignment.touch_off
+    learned = command.compensation
+    return RunFacts(
+        job=job,
+        job_sha256=command.job_sha256,
+        job_text=loaded.text if loaded is not None and loaded.job == job and loaded.text else job_text(job),
+        stage=Stage(command.stage).value,
+        compensation=None if learned is None else learned.version,
+        controller=context.state.controller or None,
+        setup={
+            "force_n": job.chucking_force_n,
+            "clamped_at": None if clamping is None else clamping.at,
+            "jaw_1_deg": None if jaw is None else jaw.angle_deg,
+            "jaw_1_at": None if jaw is None else jaw.at,
+            "zero_radius_mm": None if touched is None else touched.zero_radius_mm,
+            "touch_off_at": None if touched is None else touched.at,
+            "aligned": True,
+            "calibrations": calibrations_of(context.loaded_machine),
+            "inverted": MODEL,
+            "address": context.state.address,
+        },
     )

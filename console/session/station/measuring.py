@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from types import MappingProxyType
 
 from console.session.cut.alignment import unclamped
+from console.session.cut.recording import mean_diameter_of, part_record
 from console.session.cut.run import roundness_of
 from console.session.data.learned_store import asked_for
 from console.session.data.made_parts import MadeWith, newest_part
+from console.session.data.part_record import PartRecord
 from console.session.data.records import add_to_run
 from console.session.errors import SessionError
+from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.imported import ImportedTrace, examined, refuse_unready
-from console.session.learning.learning_steps import as_cut, learning_of
+from console.session.learning.learning_record import learning_event
+from console.session.learning.learning_steps import as_cut
+from console.session.learning.part_learning import learning_of
+from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, TakeTrace
 from console.session.station.context import StationContext
 from console.session.station.state import Armed, MeasuredPart
 from drivers.cutting.strategy import Strategy
 from profiles.files import printable
 from profiles.job import Job
-from profiles.metrology.turns import mean_diameter_mm, tool_offset_um
+from profiles.metrology.turns import tool_offset_um
 from profiles.problem import Problem, ProfileError
-from profiles.roundness import RoundnessResult
 from profiles.store import LoadedJob
 from profiles.trace_files.header import header_of
 from profiles.traces import Trace
@@ -32,12 +40,18 @@ def measure_simulated(context: StationContext) -> None:
     if context.shop is None or started is None:
         raise SessionError(Problem(code="session.no_gauge"))
     trace = context.shop.measure()
-    part = _judged(context, _just_cut(context, started), trace)
-    context.note("measured", **_event(part))
+    sha256 = hashlib.sha256(trace.deviation_um.tobytes()).hexdigest()
+    part = _judged(context, _just_cut(context, started), trace, (GAUGE, sha256))
+    run_id = None if context.record is None else context.record.run_id
+    part = replace(part, run_id=run_id)
+    if context.record is not None:
+        context.record.add("measured", _event(part), _kept(part, trace))
     context.end_record()
     context.tell(cut_done=False, alignment=unclamped(context.state.alignment, context.local_time()))
     _publish(context, part)
 
+
+GAUGE = "simulated gauge"
 
 MOST_OFFSET_UM = 200.0
 """More than that is no drift of a tool: the touch-off has to be made again."""
@@ -77,12 +91,15 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     if found.sha256 != command.sha256:
         raise SessionError(Problem(code="trace.changed", where=printable(found.path.name)))
     refuse_unready(found)
-    part = _judged(context, cut, found.trace, found)
+    part = _judged(context, cut, found.trace, (printable(found.path.name), found.sha256), found)
     measured = {**_event(part), **_file_event(found), **command.answers}
+    asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(cut.job)}
+    kept = _kept(part, found.trace, (printable(found.path.name), found.content), asked)
     if cut.run_id is not None:
-        add_to_run(context.records, cut.run_id, "measured", measured)
-    else:
-        context.note("measured", **measured)
+        add_to_run(context.records, cut.run_id, "measured", measured, kept)
+    elif context.record is not None:
+        part = replace(part, run_id=context.record.run_id)
+        context.record.add("measured", measured, kept)
         context.end_record()
     if in_chuck:
         context.tell(cut_done=False, alignment=unclamped(context.state.alignment, context.local_time()))
@@ -118,35 +135,41 @@ def _just_cut(context: StationContext, started: Armed) -> _Cut:
     return _Cut(job=started.job, loaded=started.loaded, made=started.made, tool_um=tool_um)
 
 
-def _judged(context: StationContext, cut: _Cut, trace: Trace, found: ImportedTrace | None = None) -> MeasuredPart:
-    """Return a measured part with its learning step."""
+def _judged(
+    context: StationContext,
+    cut: _Cut,
+    trace: Trace,
+    file: tuple[str, str],
+    found: ImportedTrace | None = None,
+) -> MeasuredPart:
+    """Return a measured part with its learning step, or its lobe; `file` is the trace with its hash."""
     machine, data = context.loaded_machine, context.records
     result = roundness_of(trace) if found is None else found.result
     assert result is not None
     if found is not None:
         result = replace(result, warnings=(*found.warnings, *result.warnings))
-    diameter_mm = _diameter_mm(trace, result)
-    offset_um = None if diameter_mm is None else tool_offset_um(diameter_mm, 2.0 * cut.job.finished_radius_mm)
+    diameter_mm = mean_diameter_of(trace, result)
+    offset_um = None if diameter_mm is None else tool_offset_um(diameter_mm, cut.job.finished_diameter_mm)
+    strategy, turn = Strategy(cut.made.strategy), trace if found is None else found.turn
+    phase_known = header_of(trace.meta)[0].phase_known if found is None else found.phase_known
+    lobe = None
+    if not strategy.traits.follows_lobe:
+        lobe = PartLobe(loaded=cut.loaded, file=file[0], file_sha256=file[1])
+        lobe = lobe_of(turn, cut.job, lobe, phase_known=phase_known, simulated=context.shop is not None)
     return MeasuredPart(
         job=cut.job,
-        strategy=Strategy(cut.made.strategy),
-        trace=trace if found is None else found.turn,
+        strategy=strategy,
+        trace=turn,
         result=result,
         jaw_1_deg=cut.job.jaw_1_deg,
-        phase_known=found is None or found.phase_known,
+        phase_known=phase_known,
+        lobe=lobe,
         diameter_mm=diameter_mm,
         tool_offset_um=offset_um,
         marks_mm=context.state.marks_mm if cut.run_id is None else (),
         learning=learning_of(cut.loaded, cut.job.name, cut.made, trace, machine, data, cut.tool_um),
+        run_id=cut.run_id,
     )
-
-
-def _diameter_mm(trace: Trace, result: RoundnessResult) -> float | None:
-    """Return the mean diameter, None where the trace does not state the radius at which its deviation is 0."""
-    header, _ = header_of(trace.meta)
-    if header.radius_mm is None or header.size == "relative":
-        return None
-    return mean_diameter_mm(header.radius_mm, result.mean_deviation_um)
 
 
 def correct_touch_off(context: StationContext, _: CorrectTouchOff) -> None:
@@ -189,6 +212,29 @@ def _event(part: MeasuredPart) -> dict[str, object]:
         "ront_um": part.result.ront_um,
         "diameter_mm": part.diameter_mm,
     }
+
+
+def _kept(
+    part: MeasuredPart,
+    trace: Trace,
+    file: tuple[str, bytes] | None = None,
+    asked: Mapping[str, object] = MappingProxyType({}),
+) -> PartRecord:
+    """Return what the record keeps of a part.
+
+    `file` is the name and the content of an imported trace, `asked` what it was judged with beside its header.
+    """
+    learning = part.learning
+    assert learning is not None
+    made = learning.made
+    header = {key: str(value) for key, value in asdict(made).items()}
+    more = {
+        "learning": learning_event(learning),
+        "jaw_1_deg": part.jaw_1_deg,
+        "phase_known": part.phase_known,
+        **asked,
+    }
+    return part_record(part.job, part.result, trace, Stage(made.stage), made=header, file=file, more=more)
 
 
 def _file_event(found: ImportedTrace) -> dict[str, object]:

@@ -4,7 +4,7 @@ The kernel releases the lock when its process dies, so a lock that can be taken 
 number left in it tells whether the controller is still held by that console.
 
 Lock and log may have been replaced by somebody else: nothing is opened through a symbolic link, and nothing is
-written to anything but a plain file of this user alone.
+written to anything but a plain file of this user, or in a shared folder of its group.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from drivers.errors import RefusedError
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.standing import NOBODY
 from profiles.files import make_private_file, make_private_folder
+from profiles.folder_rights import may_be_ours
 from profiles.problem import Problem
 
 FOREIGN = "not a plain file of this user"
@@ -129,7 +130,7 @@ class ConsoleLock:
 
 
 def take_lock(data: Path, address: str) -> ConsoleLock | None:
-    """Take the lock of the machine at an address; None while another console of this user holds it.
+    """Take the lock of the machine at an address; None while another console of this data folder holds it.
 
     Connection options (`?stop=`, `?baud=`) do not make it another machine.
 
@@ -154,7 +155,7 @@ def take_lock(data: Path, address: str) -> ConsoleLock | None:
 
 
 def _opened(path: Path) -> int:
-    """Open the lock file, creating it where it is missing; OSError unless a plain file of this user alone."""
+    """Open the lock file, creating it where it is missing; OSError unless a plain file of ours alone."""
     make_private_folder(path.parent)
     if path.parent.is_symlink() or path.is_symlink():
         raise OSError(errno.ELOOP, FOREIGN)
@@ -162,7 +163,7 @@ def _opened(path: Path) -> int:
     # Not blocking: opening a pipe put there by somebody would block.
     descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
     status = os.fstat(descriptor)
-    if not stat.S_ISREG(status.st_mode) or status.st_uid != os.geteuid() or status.st_nlink > 1:
+    if not stat.S_ISREG(status.st_mode) or not may_be_ours(status, path.parent) or status.st_nlink > 1:
         os.close(descriptor)
         raise OSError(errno.EPERM, FOREIGN)
     return descriptor

@@ -18,7 +18,8 @@ from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from console.session.data.made_parts import MadeWith
-    from console.session.learning.learning_steps import PartLearning
+    from console.session.learning.calibrating import PartLobe
+    from console.session.learning.part_learning import PartLearning
     from console.session.station.progress import CutProgress
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
@@ -114,7 +115,8 @@ class MeasuredPart:
     `marks_mm` is where a stop left the tool in it, mm behind its face. `learning` is its learning step. Where not
     `phase_known`, nobody knows where jaw 1 is in the trace. `diameter_mm` is the mean one, `tool_offset_um` how
     much deeper the tool has to go for the nominal one; both are None where the trace does not have the size.
-    `offset_taken`: the touch-off was corrected by it.
+    `offset_taken`: the touch-off was corrected by it. `lobe` is that of a part cut without compensation. `run_id`
+    is its run in the record.
     """
 
     job: Job
@@ -128,6 +130,16 @@ class MeasuredPart:
     offset_taken: bool = False
     marks_mm: tuple[float, ...] = ()
     learning: PartLearning | None = None
+    lobe: PartLobe | None = None
+    run_id: str | None = None
+
+    @property
+    def diameter_passes(self) -> bool | None:
+        """Whether the mean diameter is within the tolerance of its job; None where that is not judged."""
+        most_um = self.job.diameter_tolerance_um
+        if most_um is None or self.diameter_mm is None:
+            return None
+        return abs(self.diameter_mm - self.job.finished_diameter_mm) * 1000.0 <= most_um
 
     @property
     def is_half(self) -> bool:
@@ -151,7 +163,8 @@ class StationState:
     job, that was cut without compensation and measured. `refusals` answer the last command, and end with the next.
     `spindle_rpm` is None until enough was sampled. `stops` counts those that were settled. `marks_mm` is
     where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
-    cut, by however many cuts, None while no tool has been in it. `standing` is this console's role at the
+    cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
+    cut at all, as of the last time its settings were read. `standing` is this console's role at the
     machine, `holder` the number of the console that controls it.
     """
 
@@ -177,6 +190,7 @@ class StationState:
     cut_done: bool = False
     touched: TouchedBlank | None = None
     marks_mm: tuple[float, ...] = ()
+    uncommissioned: tuple[Problem, ...] = ()
     measured: MeasuredPart | None = None
     uncompensated: MeasuredPart | None = None
 

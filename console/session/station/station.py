@@ -20,7 +20,7 @@ from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import killed_or_refused
 from console.session.errors import SessionError, fault_problem
 from console.session.station.alarms import OF_A_CUT, Priority, seen
-from console.session.station.commands import Acknowledge, Command, EndCut, Recover, Start, TakeControl, Verify
+from console.session.station.commands import Acknowledge, Arm, Command, EndCut, Recover, Start, TakeControl, Verify
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
 from console.session.station.progress import SpindleWatch
@@ -86,6 +86,7 @@ class Station:
         else:
             context.end_alarms(*OF_A_CUT)
         self._sight.sample()
+        context.check_record()
         silent = self._beat_s is not None and context.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
         if silent and context.state.activity in MOVING and context.lathe.stop.reason is None:
             context.lathe.stop.stop("screen")
@@ -115,6 +116,8 @@ class Station:
     def post(self, intent: Command) -> bool:
         """Take a command, from any thread; False where it is refused because the machine is busy."""
         context = self._context
+        if isinstance(intent, Acknowledge | EndCut):
+            context.log_command(intent)
         if isinstance(intent, Acknowledge):
             context.change_alarms(partial(seen, shown=intent.shown))
             return True
@@ -192,6 +195,8 @@ class Station:
         activity, work = HANDLERS[type(command)]
         context = self._context
         context.end_asked = False
+        if not isinstance(command, Arm):  # that one begins a record of its own
+            context.log_command(command)
         if not isinstance(command, Start):
             context.tell(armed=None)  # what was read in the summary may have changed
         context.tell(refusals=(), activity=activity if context.state.stop is None else context.state.activity)
@@ -234,6 +239,7 @@ class Station:
             if activity is Activity.CUTTING or (activity in MOVING and not at_rest):
                 self._failed(refused)
             else:
+                context.log_refusal(refused.problems)
                 context.tell(refusals=tuple(refused.problems), activity=Activity.READY)
         except ProblemError as error:
             self._failed(error)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
+from console.session.station.actions import stopped_by
 from console.session.station.context import StationContext
 from console.session.station.jogging import behind_face_mm, tool_in_part
 from console.session.station.progress import RUNNING, CutStage
@@ -123,8 +124,15 @@ class Stops:
         context, before, killed = self._context, self._noted, self._context.lathe.stop.killed
         self._noted = (proven, killed)
         if before is None:
+            cut = context.state.cut if stop.of_cut else None
             context.note_anyway(
-                "stopped", reason=stop.reason, proven=proven, killed=killed, taken_after_s=taken_after_s
+                "stopped",
+                reason=stop.reason,
+                by=stopped_by(stop.reason),
+                turn=None if cut is None else cut.turn,
+                proven=proven,
+                killed=killed,
+                taken_after_s=taken_after_s,
             )
         elif killed and not before[1]:
             context.note_anyway("killed", proven=proven)

@@ -38,6 +38,7 @@ from console.tui.theme import Token
 from console.tui.ui_context import waiting
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.job import Job
+from profiles.lobe.lobe_conditions import MEASURED
 from profiles.machine import MachineProfile
 
 WIDEST_STAMP = 44  # columns in which a label and its value are still read together
@@ -200,6 +201,8 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
     if step is AlignStep.CLAMP and force_problems(job):
         return text("align_page.hint.clamp_refused")
     place = touch_word(state, machine) if step is AlignStep.TOUCH_OFF else ""
+    if step is AlignStep.CLAMP and job.lobe_error_source not in MEASURED:
+        place = "_any"
     return text(
         f"align_page.hint.{step}{place}",
         material=job.material,

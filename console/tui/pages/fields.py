@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from decimal import Decimal
 
-from console.session.work import Work, edited
+from console.session.work import NO_VALUE, Work, edited
 from console.text.catalogue import Catalogue
 from profiles.fields import Field, Kind
 from profiles.job import JOB_FIELDS, Job
@@ -32,6 +32,11 @@ class FormField:
         return _LIMITS[self.key]
 
     @property
+    def chosen(self) -> bool:
+        """Whether the field steps through choices instead of taking an entry."""
+        return self.rule.kind is Kind.CHOICE
+
+    @property
     def numeric(self) -> bool:
         """Whether the field takes a number."""
         return self.rule.kind in (Kind.NUMBER, Kind.WHOLE)
@@ -49,6 +54,8 @@ FORM: tuple[FormField, ...] = (
     FormField(key="spindle_speed_rpm", heading="cut", decimals=1),
     FormField(key="cut_length_mm", heading="cut", decimals=3),
     FormField(key="roundness_tolerance_um", heading="cut", decimals=1),
+    FormField(key="diameter_tolerance_um", heading="cut", decimals=1),
+    FormField(key="lobe_error_source", heading="cut"),
 )
 
 _NAMED = {field.key for field in FORM} | {"lobe_error_um_pp"}
@@ -63,12 +70,20 @@ def number(value: float, decimals: int) -> str:
 def written(field: FormField, job: Job) -> str:
     """Return the value of a field without mark and unit, as it could be typed."""
     value = getattr(job, field.key)
+    if value is None:
+        return NO_VALUE
     return number(value, field.decimals) if field.numeric else str(value)
+
+
+def entry_of(field: FormField, work: Work) -> str:
+    """Return what an entry begins with: the value of the field, nothing for a missing one."""
+    return "" if field.key in work.missing else written(field, work.job)
 
 
 def with_unit(field: FormField, job: Job) -> str:
     """Return the value of a field with mark and unit: "D 52.000 mm"."""
-    return f"{field.mark}{written(field, job)} {field.rule.unit}".strip()
+    unit = "" if getattr(job, field.key) is None else field.rule.unit
+    return f"{field.mark}{written(field, job)} {unit}".strip()
 
 
 def bounds(field: FormField) -> str:
@@ -122,6 +137,12 @@ def name_problem(name: str, taken: frozenset[str]) -> Problem | None:
     if name in taken:
         return Problem(code="screen.name_taken", value=name, limit=free_name(name, taken))
     return None
+
+
+def suggested_name(job: Job) -> str:
+    """Return a name for a new job: its material and its diameter."""
+    plain = "".join(character if character.isalnum() else "-" for character in job.material.lower()).strip("-")
+    return f"{plain or 'part'}-{job.diameter_mm:g}"
 
 
 def free_name(name: str, taken: frozenset[str]) -> str:

@@ -10,11 +10,12 @@ from console.session.station.commands import CorrectTouchOff, Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import BLANK, Line, Sheet, line, wrapped
+from console.tui.lines import BLANK, Line, Sheet, clipped, line, wrapped
 from console.tui.page import ChartPage
 from console.tui.pages import inspect_lines
 from console.tui.pages.learn_lines import cause_lines, in_scatter, is_kept, learn_lines, learn_title, reason_lines
-from console.tui.pages.learning_keys import accept_lesson, revert_version
+from console.tui.pages.learning_keys import accept_part, revert_version
+from console.tui.pages.lobe_lines import is_taken, lobe_lines
 from console.tui.pages.stop_lines import mark_lines
 from console.tui.pages.trace_chooser import ANSWERS, TraceChooser
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
@@ -103,7 +104,7 @@ class InspectPage(ChartPage):
                 self._export()
         elif action == "inspect.accept":
             with self.ui.answering():
-                accept_lesson(self.ui)
+                accept_part(self.ui)
         elif action == "inspect.revert":
             with self.ui.answering():
                 revert_version(self.ui)
@@ -144,9 +145,11 @@ class InspectPage(ChartPage):
             return self._chooser.in_full(width)
         if part is None:
             return self._message_lines(view.state, width)
-        learning = part.learning
+        wrong, learning = inspect_lines.wrong_lines(part, text, width), part.learning
+        if part.lobe is not None:
+            return [*wrong, *lobe_lines(part.lobe, view.work, text, width)]
         taught = [] if learning is None else learn_lines(learning, view.work, text, width, failed=_fails(part))
-        return [*inspect_lines.wrong_lines(part, text, width), *taught]
+        return [*wrong, *taught]
 
     def _correct(self) -> None:
         """Correct the touch-off by the diameter of the part; the station refuses for the same reasons."""
@@ -205,7 +208,8 @@ class InspectPage(ChartPage):
             return
         state = view.state
         self._compare(state)
-        learning = state.measured is not None and state.measured.learning is not None
+        part = state.measured
+        learning = part is not None and (part.learning is not None or part.lobe is not None)
         if self._learn.display is not learning:
             self._learn.display = learning
             self.set_class(learning, "-learning")
@@ -214,17 +218,22 @@ class InspectPage(ChartPage):
         if self._seen is None:
             self._message.show(self._message_lines(state, max(self._message.size.width, 1)))
             return
-        self._show_lesson(view)
+        self._show_step(view)
         seen, text, scale = self._seen, self.ui.text, self._polar.scale_um_per_division
         self._caption.show(inspect_lines.caption_lines(seen, scale, text, self._caption.size.width))
         self._result.show(inspect_lines.result_lines(seen, state.simulated, text, *self._result.size))
         self._harmonics.show(inspect_lines.harmonic_lines(seen, text, *self._harmonics.size))
 
-    def _show_lesson(self, view: View) -> None:
-        part = view.state.measured
+    def _show_step(self, view: View) -> None:
+        """Show what can be learned from the part, or the lobe that a plain one has."""
+        part, text, room = view.state.measured, self.ui.text, self._learn.size
+        if part is not None and part.lobe is not None:
+            rows = lobe_lines(part.lobe, view.work, text, max(room.width, 1))
+            self._learn.show(clipped(rows, room.height, text("panel.more")), text("inspect_page.lobe_title"))
+            self._learn.styles.min_height = min(len(rows) + _BORDER_ROWS, max(self.size.height // 2, 1))
+            return
         if part is None or part.learning is None:
             return
-        text, room = self.ui.text, self._learn.size
         rows = learn_lines(part.learning, view.work, text, max(room.width, 1), failed=_fails(part), brief=True)
         more = text("panel.more") if len(rows) > room.height else ""
         self._learn.show(rows[: room.height], learn_title(part.learning, text), more)
@@ -279,7 +288,9 @@ def _next_word(view: View) -> str:
             return "next_air"
         return ("next_measure" if state.cut_done else "next_cut") + _where(state)
     if not part.strategy.traits.follows_lobe:
-        return "next_compensate"
+        if is_taken(part.lobe, view.work):
+            return "next_lobe_taken"
+        return "next_lobe" if part.lobe is not None and not part.lobe.reasons else "next_no_lobe"
     learning = part.learning
     teaches, kept = learning is not None and not learning.reasons, is_kept(learning, view.work)
     codes = [] if learning is None else [reason.code for reason in learning.reasons]
@@ -297,7 +308,11 @@ def _next_word(view: View) -> str:
     if part.is_half:
         return "next_half_learn" if stands_out else "next_half"
     if not _fails(part):
-        return "next_part_learn" if stands_out else "next_part"
+        if stands_out:
+            return "next_part_learn"
+        if part.diameter_passes is False:
+            return "next_diameter" if part.offset_taken else "next_offset"
+        return "next_part"
     if taught is None:
         return "next_failed"
     return "next_failed_learn" if stands_out else "next_failed_scatter"

@@ -15,6 +15,8 @@ from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.pages.stop_lines import mark_lines
 from console.tui.theme import Token
 from profiles.compensations.path import free_state_lobe
+from profiles.job import Job
+from profiles.lobe.lobe_origin import without_lobe
 from profiles.roundness import RoundnessResult, centred_profile
 
 FloatArray = NDArray[np.float64]
@@ -52,10 +54,14 @@ def compared(state: StationState) -> Comparison | None:
     if not part.strategy.traits.follows_lobe:
         return Comparison(part=part, before=_measured(part, part.jaw_1_deg), after=None)
     before = _stated(part)
-    # The same job, apart from the angle of jaw 1.
-    if plain is not None and replace(plain.job, lobe_phase_deg=0.0) == replace(part.job, lobe_phase_deg=0.0):
+    if plain is not None and _as_cut(plain.job) == _as_cut(part.job):
         before = _measured(plain, part.jaw_1_deg)
     return Comparison(part=part, before=before, after=_measured(part, part.jaw_1_deg))
+
+
+def _as_cut(job: Job) -> Job:
+    """Return what a plain cut of a job depends on: all but its name, and what its file says of the lobe."""
+    return replace(without_lobe(job), name="", lobe_phase_deg=0.0, assumed=(), source="", copied_from=None)
 
 
 def named(result: RoundnessResult, text: Catalogue) -> str:
@@ -195,14 +201,32 @@ def _gained(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
 
 
 def _verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
+    return [*_roundness_verdict(seen, text, width), *_diameter_verdict(seen.part, text, width)]
+
+
+def _diameter_verdict(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
+    """Return whether the diameter is within its tolerance; nothing without one, or without the size."""
+    passes = part.diameter_passes
+    if passes is None:
+        return []
+    word = "diameter_pass" if passes else "diameter_fail"
+    facts = {"value": f"{part.diameter_mm:.3f}", "limit": f"{part.job.diameter_tolerance_um:g}"}
+    return [_judged(text(f"inspect_page.{word}", **facts), passes, width)]
+
+
+def _judged(words: str, passes: bool, width: int) -> Line:
+    mark, token = ("✓ ", Token.STRONG) if passes else ("✗ ", Token.WARNING)
+    return line((mark + fitted(words, max(width - 2, 0)), token))
+
+
+def _roundness_verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
     if seen.part.is_half:
         return [line(dim(fitted(f"· {text('inspect_page.half')}", width)))]
     ront_um, limit_um = seen.part.result.ront_um, seen.part.job.roundness_tolerance_um
     facts = {"value": f"{ront_um:.2f}", "limit": f"{limit_um:.2f}"}
     passes = ront_um <= limit_um
     words = text("inspect_page.pass", **facts) if passes else text("inspect_page.fail", **facts)
-    mark, token = ("✓ ", Token.STRONG) if passes else ("✗ ", Token.WARNING)
-    return [line((mark + fitted(words, max(width - 2, 0)), token))]
+    return [_judged(words, passes, width)]
 
 
 def _harmonic(seen: Comparison, n: int, text: Catalogue, width: int, token: Token) -> Line:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from console.session.data.history import LastResults, last_results
 from console.session.data.kept_files import jobs_folder
 from console.session.station.state import StationState
-from console.session.work import opened
+from console.session.work import Work, blank_form, opened
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, clipped, line, name_in
 from console.tui.page import Page
@@ -48,7 +46,7 @@ class JobsPage(Page):
         self._loaded: dict[str, Loaded] = {}
         self._results: LastResults = {}
         self._simulated = True
-        self._warned: tuple[Path, Job] | None = None
+        self._warned: tuple[object, Job] | None = None
         self._shown: object = None
 
     def show(self, view: View) -> None:
@@ -63,9 +61,11 @@ class JobsPage(Page):
         self._fresh, self._warned = False, None
 
     def act(self, action: str) -> None:
-        """Move the selection, or open the selected job."""
-        if action == "jobs.open":
-            self._open()
+        """Move the selection, open the selected job or a copy of it, or begin a new one."""
+        if action in ("jobs.open", "jobs.copy"):
+            self._open(copying=action == "jobs.copy")
+        elif action == "jobs.new":
+            self._begin()
         else:
             self._warned = None
             last = len(self._entries) - 1
@@ -105,21 +105,38 @@ class JobsPage(Page):
                 self._loaded[entry.name] = tuple(error.problems)
         return self._loaded[entry.name]
 
-    def _open(self) -> None:
+    def _open(self, *, copying: bool) -> None:
         refused, entry = locked(self.ui.control.state, *_LOCKED), self._jobs.entry
         if refused is not None:
             self.ui.said = (refused,)
         elif entry is not None:
             with self.ui.answering():
-                self._take(load_job(str(entry.path)))
+                self._take(load_job(str(entry.path)), copying=copying)
 
-    def _take(self, loaded: LoadedJob) -> None:
-        """Open a job. The open one keeps its edits; another's are discarded after a second Enter."""
+    def _begin(self) -> None:
+        """Begin a new job on a blank form, or continue the one that was begun."""
+        if refused := locked(self.ui.control.state, *_LOCKED):
+            self.ui.said = (refused,)
+            return
+        if self.ui.draft is None:
+            if self._loses("new", self.ui.work):
+                return
+            self.ui.work, self.ui.draft = None, blank_form(self.ui.machine)
+        self.ui.go(PageName.SETUP)
+
+    def _loses(self, target: object, held: Work | None) -> bool:
+        """Whether something not saved would be lost; it is reported, and discarded by the same key once more."""
+        if held is None or not held.edited or self._warned == (target, held.job):
+            return False
+        self._warned = (target, held.job)
+        self.ui.say("screen.edits_unsaved", value=printable(held.job.name) or self.ui.text("setup.new_title"))
+        return True
+
+    def _take(self, loaded: LoadedJob, *, copying: bool) -> None:
+        """Open a job, for `copying` with the question for a name. The open one keeps its edits."""
         work = self.ui.work
         kept = work is not None and work.loaded.path == loaded.path
-        if work is not None and work.edited and not kept and self._warned != (loaded.path, work.job):
-            self._warned = (loaded.path, work.job)
-            self.ui.say("screen.edits_unsaved", value=printable(work.job.name))
+        if not kept and self._loses((loaded.path, copying), self.ui.draft or work):
             return
         if work is None or not kept or (not work.edited and work.loaded.sha256 != loaded.sha256):
             # Loads numerics, which the first page does without.
@@ -128,6 +145,7 @@ class JobsPage(Page):
             work, simulated = opened(loaded, self.ui.machine), self.ui.control.state.simulated
             self.ui.work = with_accepted(work, self.ui.data, simulated=simulated)
             self.ui.said = self.ui.work.set_aside
+        self.ui.draft, self.ui.copying = None, copying
         self.ui.go(PageName.SETUP)
 
     @property

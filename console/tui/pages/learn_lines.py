@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from console.session.learning.learning_steps import PartLearning, Taught
+from console.session.learning.learning_steps import Taught
+from console.session.learning.part_learning import PartLearning
 from console.session.stages import Stage
 from console.session.work import Work
 from console.text.catalogue import Catalogue

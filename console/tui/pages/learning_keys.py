@@ -4,24 +4,30 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from console.session.cut.compensated import chosen_problems, using, without_learned
+from console.session.cut.compensated import chosen_problems, using, with_accepted, without_learned
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
-from console.session.learning.learning_steps import accept, revert
-from console.session.work import STAGES, Work
+from console.session.learning.calibrating import LOBE_TAKEN, PartLobe, accept_lobe, lobe_event
+from console.session.learning.learning_record import record_accepted, record_kept
+from console.session.learning.part_learning import accept, revert
+from console.session.work import STAGES, Work, opened
+from console.tui.pages.lobe_lines import is_taken
 from console.tui.ui_context import UiContext
 from profiles.problem import Problem
 
 
-def accept_lesson(ui: UiContext) -> None:
-    """Keep the learning step of the measured part; the next cut of its job uses it.
+def accept_part(ui: UiContext) -> None:
+    """Keep the learning step of the measured part, or the lobe of a plain one; the next cut of its job uses it.
 
     Raises:
         SessionError: `learned.no_part`, nothing was measured; `learned.other_job`, another job is open;
-            `learned.edited_now`; those of `accept`.
-        ProfileError: as `accept`. Nothing was changed.
+            `learned.edited_now`; those of `accept`; `lobe.taken`, and those of `accept_lobe`.
+        ProfileError: as `accept` and `accept_lobe`. Nothing was changed.
     """
     part = ui.control.state.measured
+    if part is not None and part.lobe is not None:
+        _take_lobe(ui, part.lobe, part.job.name, part.run_id)
+        return
     learning = None if part is None else part.learning
     if part is None or learning is None:
         raise SessionError(Problem(code="learned.no_part"))
@@ -31,7 +37,26 @@ def accept_lesson(ui: UiContext) -> None:
     if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
         raise SessionError(Problem(code="learned.other_job", key=part.job.name))
     _refuse_edited(work)
-    ui.work = using(work, accept(learning, ui.data))
+    kept = accept(learning, ui.data)
+    ui.work = using(work, kept)
+    ui.said = record_accepted(ui.data, part.run_id, kept)
+
+
+def _take_lobe(ui: UiContext, lobe: PartLobe, name: str, run_id: str | None) -> None:
+    """Keep the lobe of a plain part in its job, and open the job with it: the next cut is compensated."""
+    work = ui.work
+    if is_taken(lobe, work):
+        raise SessionError(Problem(code="lobe.taken", key=name))
+    if lobe.reasons:
+        raise SessionError(*lobe.reasons)
+    filed = lobe.loaded
+    if work is None or filed is None or (work.loaded.path, work.loaded.sha256) != (filed.path, filed.sha256):
+        raise SessionError(Problem(code="learned.other_job", key=name))
+    _refuse_edited(work)
+    written = accept_lobe(lobe, work.machine.machine, ui.data)
+    ui.work = with_accepted(opened(written, work.machine), ui.data, simulated=ui.control.state.simulated)
+    if run_id is not None:
+        ui.said = record_kept(ui.data, run_id, LOBE_TAKEN, lobe_event(written))
 
 
 def revert_version(ui: UiContext) -> None:

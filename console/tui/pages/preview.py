@@ -11,6 +11,7 @@ from textual.events import Resize
 
 from console.session.cut.alignment import Alignment
 from console.session.cut.compensated import chosen_problems
+from console.session.cut.interlocks import of_lobe
 from console.session.stages import Stage
 from console.session.station.state import StationState
 from console.session.work import Work, with_strategy
@@ -31,6 +32,7 @@ from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.band import Band, predicted_band
 from drivers.preview.preview import Underway
 from profiles.findings import Finding, Severity
+from profiles.job import NO_LOBE
 
 _FULL_TURN = (0.0, 360.0)
 _TURN_DEG = np.arange(361.0)
@@ -43,7 +45,9 @@ def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
     Each is from its program; until that exists, from its closed form, if there is one. Where the path was learned
     from a part, it is the lobe expected from that part.
     """
-    traces = []
+    traces: list[PolarTrace] = []
+    if seen.job.lobe_error_source == NO_LOBE:
+        return traces
     for which, token in ((UNCOMPENSATED, Token.BEFORE), (strategy, Token.AFTER)):
         made = preview_lines.predicted(seen, which)
         if made is None or (token is Token.AFTER and not strategy.traits.follows_lobe):
@@ -195,6 +199,8 @@ class PreviewPage(ChartPage):
             words = text("preview_page.next_refused")
         elif strategy not in seen.strategies:
             words = text("preview_page.next_wait")
+        elif not of_lobe(work.job, self.ui.machine.machine, strategy, simulated=view.state.simulated).holds:
+            words = text("preview_page.next_lobe")
         elif self._reading:
             words = text("preview_page.next_program")
         else:
@@ -310,6 +316,8 @@ def _next_words(text: Catalogue, work: Work, seen: Underway) -> str:
 def _next_word(work: Work, seen: Underway) -> str:
     if work.stage != Stage.FULL:
         return "next_air" if work.stage == Stage.AIR else "next_half"
+    if work.job.lobe_error_source == NO_LOBE:
+        return "next_plain"
     if work.set_aside:
         return "next_aside"
     return "next_align" if preview_lines.by_part(seen, Strategy(work.strategy)) is None else "next_learned"

@@ -17,7 +17,7 @@ from drivers.preview.closed_form import ClosedForm, closed_form
 from drivers.preview.preview import Prediction, Underway
 from profiles.compensations.learned import ExpectedPart
 from profiles.findings import Finding, Severity
-from profiles.job import Job
+from profiles.job import NO_LOBE, Job
 from profiles.problem import Problem, ProblemError
 
 MARKS = {
@@ -129,6 +129,9 @@ def roundness_caption(
     """Return the legend of the roundness traces, with the `band` of the strategy, and their scale."""
     without, with_ = seen.predictions.get(UNCOMPENSATED), seen.predictions.get(strategy)
     lines: list[Line] = []
+    if seen.job.lobe_error_source == NO_LOBE:
+        words = wrapped(text("preview_page.lobe_unknown"), width, Token.WARNING)
+        return [*words, BLANK, *wrapped(jaw_words(seen.job, alignment, text), width)]
     if without is not None or UNCOMPENSATED not in seen.strategies:
         left_um = seen.job.lobe_error_um_pp if without is None else without.ront_um
         lines += _trace_words(BEFORE_KEY, text("preview_page.without"), Token.BEFORE, f"{left_um:.1f}", width)
@@ -231,6 +234,9 @@ def _left_on_part(seen: Underway, strategy: Strategy, chosen: Strategy, text: Ca
     left = line((mark, Token.ACTION), (f"{strategy.value:<9}", token), dim(text(f"strategy.{strategy}.how")))
     if refused(seen, strategy):
         return ranged(left, line(("✗ " + text("preview_page.refused"), Token.ALARM)), width)
+    if seen.job.lobe_error_source == NO_LOBE:
+        words = text("preview_page.needs_lobe") if strategy.traits.follows_lobe else "?"
+        return ranged(left, line((f" {words}", Token.DIM)), width)
     return ranged(left, line((f" {left_words(seen, strategy)} um", token)), width)
 
 

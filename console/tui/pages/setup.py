@@ -10,13 +10,31 @@ from textual.widgets import Input
 
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.kept_files import jobs_folder
-from console.session.work import Work, saved_as, undone
+from console.session.work import Work, lobe_choices, saved, saved_as, undone, with_lobe_from
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import Line, Sheet, dim, hanging, line, name_in
+from console.tui.lines import NOTHING, Line, Sheet, clipped, dim, hanging, line, name_in, wrapped
 from console.tui.page import Page
-from console.tui.pages.fields import FORM, FormField, free_name, judge, name_problem, named, with_unit, written
-from console.tui.pages.setup_lines import FormState, draft, finding_lines, form, speed_lines
+from console.tui.pages.fields import (
+    FORM,
+    FormField,
+    entry_of,
+    free_name,
+    judge,
+    name_problem,
+    named,
+    suggested_name,
+    with_unit,
+)
+from console.tui.pages.setup_lines import (
+    FormState,
+    draft,
+    finding_lines,
+    form,
+    lobe_word,
+    missing_lines,
+    speed_lines,
+)
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, locked
 from profiles.fields import TEXT_CAP_CHARACTERS
@@ -77,6 +95,8 @@ class SetupPage(Page):
         self._entering = Entering.NOTHING
         self._selected = 0
         self._taken: frozenset[str] = frozenset()
+        self._over: str | None = None
+        self._uncommissioned: tuple[Problem, ...] = ()
         self._locked: Problem | None = None
         self._placed: tuple[int, int, int] | None = None
         self._shown: object = None
@@ -98,6 +118,10 @@ class SetupPage(Page):
     def show(self, view: View) -> None:
         """Show the job, with the open entry."""
         self._locked = locked(view.state, *_LOCKED)
+        self._uncommissioned = view.state.uncommissioned
+        if self.ui.copying and self.ui.work is not None:
+            self.ui.copying = False
+            self._ask_name(self.ui.work, copying=True)
         if self._locked is not None and self._entering is not Entering.NOTHING:
             self._drop()
         if self._entering is not Entering.NOTHING and self.screen.focused is not self._entry:
@@ -118,15 +142,18 @@ class SetupPage(Page):
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return why the values are locked or the entry is refused, then every finding."""
-        work, text = self.ui.work, self.ui.text
+        work, text = self._work, self.ui.text
         if work is None:
             return []
         state = self._state(work)
         refused = () if state.judged is None else state.judged.problems
         rows: list[Line] = []
+        if work.missing:
+            return missing_lines(state, text, width)
         for problem in filter(None, (*refused, self._locked)):
             rows += hanging(("! ", Token.WARNING), text.problem(named(problem, text)), width)
-        return [*rows, *finding_lines(check(draft(state), self._machine), text, width, told=self._warnings)]
+        found = check(draft(state), self._machine)
+        return [*rows, *finding_lines(found, text, width, told=self._warnings, stops=self._uncommissioned)]
 
     def leave(self) -> None:
         """End an open entry: accept a good value, drop another one and report it."""
@@ -141,7 +168,8 @@ class SetupPage(Page):
     # What the keys do ------------------------------------------------------------------------------------------
 
     def _do(self, action: str) -> None:
-        if self.ui.work is None:
+        work = self._work
+        if work is None:
             self.ui.say("screen.no_job")
         elif action in ("setup.next", "setup.previous"):
             self._step(1 if action == "setup.next" else -1)
@@ -154,39 +182,64 @@ class SetupPage(Page):
                 case Entering.NAME:
                     self._save()
         elif action == "setup.undo":
-            self._undo(self.ui.work)
+            self._undo(work)
         elif action == "setup.save_as" and self._take():
-            self._ask_name(self.ui.work)
+            self._ask_name(self._work or work)
         self._paint()
 
+    @property
+    def _work(self) -> Work | None:
+        """The job in the form: the new one, or the open one."""
+        return self.ui.draft or self.ui.work
+
+    def _keep(self, work: Work) -> None:
+        """Take a change of the job in the form."""
+        if self.ui.draft is not None:
+            self.ui.draft = work
+        else:
+            self.ui.work = work
+
     def _step(self, by: int) -> None:
-        """Select the next or previous field; an open entry moves along, and ends after the last field."""
+        """Select the next or previous field; an open entry moves along, and ends after the last entry."""
         typing = self._entering is Entering.VALUE
         if self._entering is Entering.NAME or not self._take():
             return
         before, self._selected = self._selected, min(max(self._selected + by, 0), len(FORM) - 1)
-        if typing and self._selected != before:
+        if typing and self._selected != before and not self._field.chosen:
             self._begin()
 
     def _begin(self) -> None:
         """Open an entry in the selected field, with its value marked so that typing replaces it."""
-        if self.ui.work is None or self._refused_by_lock():
+        work, field = self._work, self._field
+        if work is None or self._refused_by_lock():
             return
-        field = self._field
+        if field.chosen:
+            self._choose_lobe(work)
+            return
         self._entry.max_length = _NUMBER_CAP_CHARACTERS if field.numeric else TEXT_CAP_CHARACTERS
-        self._open(Entering.VALUE, written(field, self.ui.work.job))
+        self._open(Entering.VALUE, entry_of(field, work))
+
+    def _choose_lobe(self, work: Work) -> None:
+        """Take the lobe from its next source; one that cannot be is reported, and passed over."""
+        choices = lobe_choices(work)
+        now = choices.index(work.job.lobe_error_source) if work.job.lobe_error_source in choices else 0
+        for source in (*choices[now + 1 :], *choices[:now]):
+            with self.ui.answering():
+                self._keep(with_lobe_from(work, source))
+                return
 
     def _take(self) -> bool:
         """End an open entry with its value; False, with the reason shown, if it does not parse."""
-        if self._entering is not Entering.VALUE or self.ui.work is None:
+        work = self._work
+        if self._entering is not Entering.VALUE or work is None:
             return True
         if self._refused_by_lock():
             return False
-        judged = judge(self.ui.work, self._field, self._entry.value)
+        judged = judge(work, self._field, self._entry.value)
         if judged.problems:
             self.ui.said = tuple(named(problem, self.ui.text) for problem in judged.problems)
             return False
-        self.ui.work = judged.work
+        self._keep(judged.work)
         self._close()
         return True
 
@@ -196,33 +249,49 @@ class SetupPage(Page):
         elif not work.undo:
             self.ui.say("screen.nothing_to_undo")
         elif not self._refused_by_lock():
-            self.ui.work = undone(work)
+            self._keep(undone(work))
 
-    def _ask_name(self, work: Work) -> None:
+    def _ask_name(self, work: Work, *, copying: bool = False) -> None:
+        """Ask for a name: that of its own file for changes to it, else a free one; none for an unfinished job."""
         if self._entering is Entering.NAME or self._refused_by_lock():
+            return
+        if work.missing:
+            self.ui.say("screen.values_missing", value=str(len(work.missing)))
             return
         self._taken = frozenset(entry.name for entry in list_jobs(jobs_folder(self.ui.data)))
         self._entry.max_length = TEXT_CAP_CHARACTERS
-        self._open(Entering.NAME, free_name(work.loaded.path.stem, self._taken))
+        own, self._over = work.loaded.path.stem, None
+        if work is self.ui.draft:
+            suggested = suggested_name(work.job)
+            own = free_name(suggested, self._taken) if suggested in self._taken else suggested
+        elif work.is_own and work.edited and not copying:
+            self._over = own
+            self._taken -= {own}
+        else:
+            own = free_name(own, self._taken)
+        self._open(Entering.NAME, own)
 
     def _save(self) -> None:
         name = self._entry.value.strip()
         problem = name_problem(name, self._taken) if name else None
         if problem is not None:
             self.ui.said = (problem,)
-        elif not name or self.ui.work is None:
+        elif not name or (work := self._work) is None:
             self._close()
         else:
             with self.ui.answering():
-                self.ui.work = saved_as(self.ui.work, name, jobs_folder(self.ui.data))
+                over = name == self._over
+                self.ui.work = saved(work) if over else saved_as(work, name, jobs_folder(self.ui.data))
+                self.ui.draft = None
                 self._close()
 
     def _drop(self) -> None:
         if self._entering is Entering.NAME:
             self.ui.say("screen.not_saved")
-        elif self.ui.work is not None:
+        elif (work := self._work) is not None:
             field = self._field
-            value, kept = printable(self._entry.value), with_unit(field, self.ui.work.job)
+            kept = NOTHING if field.key in work.missing else with_unit(field, work.job)
+            value = printable(self._entry.value)
             dropped = Problem(code="screen.entry_dropped", key=field.key, value=value, limit=kept)
             self.ui.said = (named(dropped, self.ui.text),)
         self._close()
@@ -258,13 +327,13 @@ class SetupPage(Page):
             return replace(state, typed=value, judged=judge(work, self._field, value))
         if self._entering is Entering.NAME:
             problem = name_problem(value.strip(), self._taken) if value.strip() else None
-            return replace(state, naming=value, naming_problem=problem)
+            return replace(state, naming=value, naming_problem=problem, over=self._over)
         return state
 
     def _paint(self) -> None:
-        work = self.ui.work
+        work = self._work
         sizes = (self._form.size, self._speed.size, self._findings.size)
-        shown = (self._entering, self._entry.value, self._selected, self._locked, sizes)
+        shown = (self._entering, self._entry.value, self._selected, self._locked, self._uncommissioned, sizes)
         if work is self._shown_work and shown == self._shown:
             return
         self._shown_work, self._shown = work, shown
@@ -278,12 +347,21 @@ class SetupPage(Page):
         state = self._state(work)
         layout = form(state, text, *self._form.size)
         title = text("setup.title", name=name_in(printable(work.job.name), self._form.size.width - 12))
+        title = title if work.job.name else text("setup.new_title")
         self._form.show(layout.lines, title, text("setup.edited") if work.edited else "")
         self._place(layout.entry)
         job = draft(state)
+        if (state.judged.work if state.judged else work).missing:
+            self._speed.show(wrapped(text("setup.no_figures"), max(self._speed.size.width, 1), Token.DIM), "")
+            rows = missing_lines(state, text, max(self._findings.size.width, 1))
+            self._findings.show(
+                clipped(rows, self._findings.size.height, text("panel.more")), text("setup.missing")
+            )
+            return
         speed = speed_lines(job, self._machine, text, *self._speed.size)
         self._speed.show(speed, text("setup.at_speed", speed=f"{job.spindle_speed_rpm:.1f}"))
-        findings = finding_lines(check(job, self._machine), text, *self._findings.size, self._warnings)
+        found, stops = check(job, self._machine), self._uncommissioned
+        findings = finding_lines(found, text, *self._findings.size, self._warnings, stops)
         self._findings.show(findings, text("setup.findings" if job is work.job else "setup.findings_draft"))
 
     def _place(self, entry: tuple[int, int, int] | None) -> None:
@@ -294,18 +372,27 @@ class SetupPage(Page):
             self._entry.styles.width = cells
 
     def _next_words(self) -> str:
-        text, work = self.ui.text, self.ui.work
+        text, work = self.ui.text, self._work
         if work is None:
             return text("setup.next.no_job")
         if self._entering is Entering.NAME:
-            return text("setup.next.naming")
+            over = self._over is not None and self._entry.value.strip() == self._over
+            return text("setup.next.naming_over" if over else "setup.next.naming")
         if self._entering is Entering.VALUE:
             refused = judge(work, self._field, self._entry.value).problems
             return text("setup.next.refused_entry") if refused else text("setup.next.entry")
         if self._locked is not None:
             return text("setup.next.locked")
+        if work.missing:
+            return text("setup.next.missing", count=len(work.missing))
         findings = check(work.job, self._machine)
         if refusing := refusals(findings):
             return text("setup.next.refused", count=len(refusing))
+        if work is self.ui.draft:
+            return text("setup.next.save_new")
+        if self._uncommissioned:
+            return text("setup.next.uncommissioned")
+        if lobe := lobe_word(work, self._machine, simulated=self.ui.control.state.simulated):
+            return text(f"setup.next.{lobe}")
         warned = self._warnings or any(finding.severity is Severity.WARNING for finding in findings)
         return text("setup.next.warned") if warned else text("setup.next.ready")

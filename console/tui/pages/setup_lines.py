@@ -7,17 +7,19 @@ from dataclasses import dataclass, replace
 
 from rich.cells import cell_len
 
-from console.session.work import Work
+from console.session.cut.interlocks import of_lobe
+from console.session.work import Work, lobe_choices
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, clipped, dim, fact, fitted, hanging, line, width_of, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, fitted, hanging, line, width_of, wrapped
 from console.tui.pages.fields import FORM, FormField, Judged, bounds, named, provenance, with_unit, written
 from console.tui.theme import Token
+from drivers.cutting.strategy import Strategy
 from profiles.chucking.advice import ForceSpan, Stands, force_span
 from profiles.chucking.grip import centrifugal_loss_n, grip_margin_n, wrench_force_sd_n
 from profiles.chucking.holding import holding_of, torque_or_none_n_m
 from profiles.findings import Finding, Severity
-from profiles.job import Job
-from profiles.lobe.lobe_conditions import changed_conditions, lobe_source
+from profiles.job import NO_LOBE, Job
+from profiles.lobe.lobe_conditions import OTHER_CUT, changed_conditions, lobe_source
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -31,7 +33,7 @@ _ROWS_WITH_BAR = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FormState:
-    """State of the form. `typed` is the open entry; `naming` the name to save under."""
+    """State of the form. `typed` is the open entry; `naming` the name to save under, `over` that of its file."""
 
     work: Work
     selected: int = 0
@@ -40,6 +42,7 @@ class FormState:
     locked: Problem | None = None
     naming: str | None = None
     naming_problem: Problem | None = None
+    over: str | None = None
 
     @property
     def field(self) -> FormField:
@@ -93,6 +96,15 @@ def speed_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int, 
         *_wrench_lines(job, machine, text, width),
         _fact(text("setup.loss"), f"{centrifugal_loss_n(job, machine):.1f} N", width),
         _fact(text("setup.lobe"), f"{job.lobe_frequency_hz:.1f} Hz", width),
+        *_error_lines(job, source, text, width),
+    ]
+
+
+def _error_lines(job: Job, source: str, text: Catalogue, width: int) -> list[Line]:
+    """Return the lobe error and the force at which it was found; of an unknown one that it is."""
+    if job.lobe_error_source == NO_LOBE:
+        return [_fact(text("setup.error"), source, width, Token.WARNING)]
+    return [
         _fact(text("setup.error"), f"{job.lobe_error_um_pp:.1f} um", width),
         _fact(text("setup.error_at", source=source), f"{job.error_force_n:.1f} N", width),
     ]
@@ -136,13 +148,17 @@ def finding_lines(
     width: int,
     height: int | None = None,
     told: Sequence[Problem] = (),
+    stops: Sequence[Problem] = (),
 ) -> list[Line]:
-    """Return unmet rules, warnings (`told`: those of calibrations), and the rules met, as far as they fit."""
+    """Return unmet rules, warnings (`told`: those of calibrations), and the rules met, as far as they fit.
+
+    `stops` is why this machine may not cut at all.
+    """
     refused, warned, held = (
         [finding.problem for finding in findings if finding.severity is severity]
         for severity in (Severity.REFUSAL, Severity.WARNING, Severity.OK)
     )
-    marked = [(problem, ("✗ ", Token.ALARM)) for problem in refused]
+    marked = [(problem, ("✗ ", Token.ALARM)) for problem in (*refused, *stops)]
     marked += [(problem, ("! ", Token.WARNING)) for problem in (*warned, *told)]
     lines: list[Line] = []
     for problem, mark in marked:
@@ -155,6 +171,21 @@ def finding_lines(
         # The last row gives the number left out.
         names = [*names[: room - 1], text("setup.more_hold", count=len(names) - room + 1)] if room > 1 else []
     return [*lines, *((dim(fitted("  " + name, width)),) for name in names)]
+
+
+def missing_lines(state: FormState, text: Catalogue, width: int) -> list[Line]:
+    """Return the values that a new job still needs, one a row."""
+    work = state.judged.work if state.judged else state.work
+    names = (text(f"setup.{field.key}") for field in FORM if field.key in work.missing)
+    return [line(("· ", Token.WARNING), fitted(name, max(width - 2, 1))) for name in names]
+
+
+def lobe_word(work: Work, machine: MachineProfile, *, simulated: bool) -> str:
+    """Return the word for what a cut of this job lacks of its lobe; empty where nothing."""
+    if work.job.lobe_error_source == NO_LOBE:
+        return "plain"
+    lacks = of_lobe(work.job, machine, Strategy(work.strategy), simulated=simulated)
+    return "" if lacks.holds else "lobe"
 
 
 def draft(state: FormState) -> Job:
@@ -184,11 +215,23 @@ def _row(row: FormField | str, state: FormState, text: Catalogue, width: int) ->
     head = line(("▸ " if chosen else "  ", Token.ACTION), (label, Token.STRONG if chosen else Token.DIM))
     if chosen and state.typed is not None:
         return (*head, *_open_row(row, state, text, width))
+    if row.chosen:
+        return (*head, *_lobe(state.work.job, text, width - _MARK - cell_len(label) - 1, chosen=chosen))
+    if row.key in state.work.missing:
+        return (*head, (fitted(" " * ENTRY_WIDTH + NOTHING, ENTRY_WIDTH + 1), Token.WARNING))
     value, token = row.mark + written(row, state.work.job), Token.STRONG if chosen else Token.TEXT
     if not row.numeric and len(value) > ENTRY_WIDTH:
         return (*head, (" " + fitted(value, width - _MARK - len(label) - 2), token))
     shown = fitted(" " * (ENTRY_WIDTH + 1 - len(value)) + value, ENTRY_WIDTH + 1)
     return (*head, (shown, token), dim("  " + fitted(row.rule.unit, _UNIT - 1)), *_beside(row, state, text, width))
+
+
+def _lobe(job: Job, text: Catalogue, width: int, *, chosen: bool) -> Line:
+    """Return the lobe of the job with its source, and whether it is that of this cut."""
+    source = lobe_source(job)
+    words = text(f"setup.lobe_from.{source}", error=f"{job.lobe_error_um_pp:.1f}")
+    token = Token.WARNING if source in (NO_LOBE, OTHER_CUT) else Token.STRONG if chosen else Token.TEXT
+    return line(" ", (fitted(words, max(width - 1, 1)), token))
 
 
 def _open_row(row: FormField, state: FormState, text: Catalogue, width: int) -> Line:
@@ -214,7 +257,7 @@ def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Li
         words = text("setup.lobe_was", value=_of_lobe(row, job))
         if cell_len(words) > room:  # a truncated number would be read as another one
             words = text("setup.not_lobes")
-    elif getattr(job, row.key) != getattr(filed, row.key):
+    elif not state.work.is_new and getattr(job, row.key) != getattr(filed, row.key):
         words = text("setup.was", value=written(row, filed))
     elif row.key in job.assumed:
         words, token = text("setup.assumed"), Token.DIM
@@ -231,16 +274,39 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
     if state.locked is not None:
         return wrapped("! " + text.problem(state.locked), width, Token.WARNING)
     field, job, filed, note = state.field, state.work.job, state.work.loaded.job, ""
-    allowed = text("setup.allowed", limit=field.rule.limit) if field.numeric else text("setup.allowed_text")
+    if field.chosen:
+        return _lobe_foot(state.work, text, width)
+    if field.key in state.work.missing:
+        return [(dim(fitted(_allowed(field, text), width)),)]
+    allowed = _allowed(field, text)
     if field.key in changed_conditions(draft(state)):
         note = text("setup.lobe_was_long", value=_of_lobe(field, draft(state)))
     elif state.typed is not None:
         note = text("setup.keeps", value=with_unit(field, job))
-    elif getattr(job, field.key) != getattr(filed, field.key):
+    elif not state.work.is_new and getattr(job, field.key) != getattr(filed, field.key):
         note = text("setup.was_long", value=with_unit(field, filed))
     elif field.key in job.assumed:
         note = text("setup.assumed_long")
     return [(dim(fitted(words, width)),) for words in (allowed, note) if words]
+
+
+def _allowed(field: FormField, text: Catalogue) -> str:
+    if not field.numeric:
+        return text("setup.allowed_text")
+    return text("setup.allowed_or_none" if field.rule.optional else "setup.allowed", limit=field.rule.limit)
+
+
+def _lobe_foot(work: Work, text: Catalogue, width: int) -> list[Line]:
+    """Return what Enter does to the lobe, and under which conditions it was measured where those differ."""
+    choices = " → ".join(text(f"setup.lobe_choice.{choice}") for choice in lobe_choices(work))
+    lines: list[Line] = [(dim(fitted(text("setup.lobe_choices", choices=choices), width)),)]
+    differing = [field for field in FORM if field.key in changed_conditions(work.job)]
+    if differing:
+        where = ", ".join(f"{text(f'setup.{field.key}')} {_of_lobe(field, work.job)}" for field in differing)
+        lines.append((dim(fitted(text("setup.lobe_of", conditions=where), width)),))
+    elif work.job.lobe_error_source == NO_LOBE:
+        lines.append((dim(fitted(text("setup.lobe_first"), width)),))
+    return lines
 
 
 def _of_lobe(field: FormField, job: Job) -> str:
@@ -262,7 +328,10 @@ def _file_lines(work: Work, text: Catalogue, width: int, room: int) -> list[Line
 def _naming_words(state: FormState, text: Catalogue, width: int) -> list[Line]:
     if state.naming_problem is not None:
         return hanging(("✗ ", Token.WARNING), text.problem(state.naming_problem), width, Token.WARNING)
-    if name := (state.naming or "").strip():
+    name = (state.naming or "").strip()
+    if name and name == state.over:
+        return wrapped(text("setup.name_over", name=name), width, Token.DIM)
+    if name:
         return wrapped(text("setup.name_file", name=name), width, Token.DIM)
     return [(dim(text("setup.name_empty")),)]
 

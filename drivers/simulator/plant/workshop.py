@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +17,10 @@ from drivers.simulator.plant.tip_path import Block, TipPath
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.workpiece import ANGLES, CHUNK, Workpiece
 from drivers.simulator.plant.workshop_view import WorkshopView
-from profiles.job import Job
+from profiles.job import NO_LOBE, Job
+from profiles.lobe.lobe_origin import with_modelled_lobe
 from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
 from profiles.traces import Trace
 
 SECTIONS = (0.0, -0.4, 0.4)  # where the part is measured, cut lengths past its middle, towards the jaws
@@ -89,8 +92,11 @@ class SimulatedWorkshop:
         self._torque_n_m = 0.0
 
     def mount(self, job: Job) -> None:
-        """Clamp a new blank for `job`."""
+        """Clamp a new blank for `job`; one whose lobe nobody knows yet springs back as the model has it."""
         true, self._released = self._true, None
+        if job.lobe_error_source == NO_LOBE:
+            with suppress(ProfileError):  # of a material without data nothing is known: it does not spring back
+                job = with_modelled_lobe(job, self._machine)
         self._pending, self._count, self._seen = [], 0, ()
         self._free_end_mm = true.jaw_face_mm - job.overhang_mm
         middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm

@@ -1,0 +1,1 @@
+"""Commands for the place of the console: its configuration and its data folder."""

@@ -1,0 +1,235 @@
+"""What the record keeps of a cut: telemetry from its status polls, and its measured part."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from console.session.cut.telemetry import PHASE_SAMPLES, Floats, phase_of
+from console.session.data.part_record import PartRecord, result_data
+from console.session.data.run_log import Poll, RunLog
+from console.session.stages import Stage
+from drivers.cutting.planning import CutPlan
+from drivers.cutting.sampling import Batch
+from drivers.lathe.snapshot import Snapshot
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.metrology.turns import mean_diameter_mm
+from profiles.roundness import RoundnessResult
+from profiles.trace_files.header import header_of
+from profiles.traces import Trace, trace_content
+
+PERIOD_S = 0.1
+"""Longest time between two rows of telemetry where polls come that often; each poll that is late makes a row."""
+
+PHASE_POLLS = 3 * PHASE_SAMPLES
+SPEED_S = 1.0  # averaging time of the speed: the time of a single poll is known to some ms only
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartName:
+    """Name of a part among those of its run; `product` is False of one that is cut for comparison."""
+
+    name: str = ""
+    product: bool = True
+
+
+ONLY_PART = PartName()
+
+
+class Recorder(Protocol):
+    """Take what is to be recorded of the cuts of one machine; only `measured` may wait, and raise."""
+
+    def part(self, name: PartName) -> None:
+        """Name the cuts that follow."""
+
+    def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
+        """Begin a cut, whose program is about to start."""
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Take a status poll of the program."""
+
+    def end(self) -> None:
+        """End the cut, however it ended."""
+
+    def gathered(self, batch: Batch) -> None:
+        """Take a window that the controller has sampled."""
+
+    def measured(self, job: Job, trace: Trace) -> None:
+        """Take the measured part of the last cut; SessionError `record.lost`."""
+
+
+class Unrecorded:
+    """A cut that is part of no recorded run."""
+
+    def part(self, name: PartName) -> None:
+        """Ignore it."""
+
+    def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
+        """Ignore it."""
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Ignore it."""
+
+    def end(self) -> None:
+        """Ignore it."""
+
+    def gathered(self, batch: Batch) -> None:
+        """Ignore it."""
+
+    def measured(self, job: Job, trace: Trace) -> None:
+        """Ignore it."""
+
+
+class LogRecorder:
+    """Pass the polls of each cut to the log of its run, and its part to `keep`."""
+
+    def __init__(self, log: RunLog, keep: Callable[[Job, Trace, PartName], None] = lambda *_: None) -> None:
+        self._log, self._keep = log, keep
+        self._part = ONLY_PART
+
+    def part(self, name: PartName) -> None:
+        """Name the cuts that follow."""
+        self._part = name
+
+    def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
+        """Begin the telemetry of a cut."""
+        self._log.begin_cut(self._part.name, TelemetryRows(plan, job, machine))
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Add a poll: what it needs of the machine, as numbers. All else is computed by the log's thread."""
+        tool, spindle = snapshot.tool, snapshot.spindle
+        polled = (snapshot.at_s, tool.position, spindle.position, snapshot.carriage.position, tool.following_error)
+        self._log.poll(polled)
+
+    def end(self) -> None:
+        """End the telemetry of the cut."""
+        self._log.end_cut()
+
+    def gathered(self, batch: Batch) -> None:
+        """Add a gathered window."""
+        past_mm = np.full_like(batch.infeed_um, batch.past_middle_mm)
+        self._log.gathered(self._part.name, np.column_stack([batch.angle_deg / 360.0, past_mm, batch.infeed_um]))
+
+    def measured(self, job: Job, trace: Trace) -> None:
+        """Keep the part of the last cut."""
+        self._keep(job, trace, self._part)
+
+
+class TelemetryRows:
+    """Turn the polls of one cut into rows of `TELEMETRY_COLUMNS`, ten or more a second of machine time."""
+
+    def __init__(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
+        self._plan, self._machine = plan, machine
+        end = plan.carriage_start + plan.setup.carriage_counts
+        self._face = end - job.cut_length_mm * machine.carriage.counts_per_mm
+        self._begun: Poll | None = None
+        self._last_s = -np.inf
+        self._polls: deque[Poll] = deque(maxlen=4 * PHASE_POLLS)
+        self._follows = plan.strategy.traits.follows_lobe
+
+    def __call__(self, polls: Sequence[Poll]) -> Floats:
+        """Return the rows of some polls, in order; shape (M, 7), M may be 0."""
+        rows = []
+        for poll in polls:
+            self._begun = self._begun or poll
+            self._polls.append(poll)
+            # A poll late: polls come in steps of their own, and no row may be further apart than the period.
+            if poll[0] - self._last_s >= PERIOD_S - self._step_s():
+                self._last_s = poll[0]
+                rows.append(self._row(poll, self._begun))
+        return np.array(rows, dtype=np.float64).reshape(-1, 7)
+
+    def _step_s(self) -> float:
+        return self._polls[-1][0] - self._polls[-2][0] if len(self._polls) > 1 else 0.0
+
+    def _row(self, poll: Poll, begun: Poll) -> tuple[float, ...]:
+        machine, plan = self._machine, self._plan
+        at_s, tool, spindle, carriage, following = poll
+        per_turn = machine.spindle.counts_per_rev
+        infeed_um = (tool - plan.setup.surface) * machine.tool.count_um
+        past_mm = (carriage - plan.setup.carriage_middle) / machine.carriage.counts_per_mm
+        error_um = infeed_um - float(plan.target.at_um(360.0 * spindle / per_turn, past_mm))
+        return (
+            at_s - begun[0],
+            (spindle - begun[2]) / per_turn,
+            (carriage - self._face) / machine.carriage.counts_per_mm,
+            self._speed_rpm(),
+            error_um,
+            self._phase_deg() if infeed_um > 0.0 else np.nan,
+            following * machine.tool.count_um,
+        )
+
+    def _speed_rpm(self) -> float:
+        """Return the mean speed of the last second."""
+        now = self._polls[-1]
+        before = next(poll for poll in self._polls if poll[0] >= now[0] - SPEED_S)
+        turns = (now[2] - before[2]) / self._machine.spindle.counts_per_rev
+        return 60.0 * turns / (now[0] - before[0]) if now[0] > before[0] else np.nan
+
+    def _phase_deg(self) -> float:
+        """Return the phase lag of the tool in spindle degrees, NaN where too few polls in the part tell it."""
+        if not self._follows:
+            return np.nan
+        polls = np.array(self._polls, dtype=np.float64)[-PHASE_POLLS:]
+        infeed_um = (polls[:, 1] - self._plan.setup.surface) * self._machine.tool.count_um
+        if infeed_um[0] <= 0.0:
+            return np.nan
+        angle_deg = 360.0 * polls[:, 2] / self._machine.spindle.counts_per_rev
+        found = phase_of(np.column_stack([angle_deg, infeed_um]), self._plan.target)
+        return np.nan if found is None else found.error_deg
+
+
+def part_record(
+    job: Job,
+    result: RoundnessResult,
+    trace: Trace,
+    stage: Stage,
+    *,
+    name: PartName = ONLY_PART,
+    made: Mapping[str, str] | None = None,
+    file: tuple[str, bytes] | None = None,
+    more: Mapping[str, object] | None = None,
+) -> PartRecord:
+    """Return what the record keeps of a measured part.
+
+    `file` is the name and the bytes of an imported trace; without one the trace is kept as `console run --part`
+    would write it, with `made`, how the part was cut, in its header. `more` is added to the figures.
+    """
+    diameter_mm = mean_diameter_of(trace, result)
+    judged = name.product and stage is Stage.FULL
+    with_made = replace(trace, meta={**trace.meta, **(made or {})})
+    return PartRecord(
+        part=name.name,
+        product=name.product,
+        ront_um=result.ront_um,
+        tolerance_um=job.roundness_tolerance_um,
+        passed=_passes(job, result, diameter_mm) if judged else None,
+        diameter_mm=diameter_mm,
+        nominal_diameter_mm=job.finished_diameter_mm,
+        diameter_tolerance_um=job.diameter_tolerance_um,
+        lobe_um_pp=2.0 * result.amplitude_um(job.jaws),
+        data={**result_data(result), **(more or {})},
+        trace=trace_content(with_made) if file is None else file[1],
+        trace_name=None if file is None else file[0],
+    )
+
+
+def _passes(job: Job, result: RoundnessResult, diameter_mm: float | None) -> bool:
+    """Whether a part is round, and of its diameter where that is measured and has a tolerance."""
+    most_um, is_round = job.diameter_tolerance_um, result.ront_um <= job.roundness_tolerance_um
+    if most_um is None or diameter_mm is None:
+        return is_round
+    return is_round and abs(diameter_mm - job.finished_diameter_mm) * 1000.0 <= most_um
+
+
+def mean_diameter_of(trace: Trace, result: RoundnessResult) -> float | None:
+    """Return the mean diameter, None where the trace does not state the radius at which its deviation is 0."""
+    header, _ = header_of(trace.meta)
+    if header.radius_mm is None or header.size == "relative":
+        return None
+    return mean_diameter_mm(header.radius_mm, result.mean_deviation_um)

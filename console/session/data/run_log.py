@@ -1,0 +1,210 @@
+"""Log of a run beside its events: telemetry, commands, alarms. A thread of its own writes it; nobody waits for it.
+
+The queue is bounded; what does not fit, or cannot be written, is counted and reported once, and the cut continues.
+Each block is on disk within a second of its first row.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from console.session.data.kept_files import utc_now
+from console.session.data.record_file import FILE_NAME, WAIT_S, retrying, transaction
+from console.session.data.run_story import GATHERED, POLLED, TELEMETRY_END
+from profiles.files import printable
+from profiles.problem import Problem
+
+PERIOD_S = 0.4
+"""Time between two writes."""
+
+MOST_WAITING = 20_000
+"""Polls that may wait: minutes of a real cut, and of a simulated one seconds on a busy disk."""
+
+WRITE_TIMEOUT_S = 5.0
+CLOSE_TIMEOUT_S = 6.0
+
+Rows = NDArray[np.floating]
+Poll = tuple[float, ...]
+MakeRows = Callable[[Sequence[Poll]], Rows]
+"""Turns polls, as they were taken, into rows of `TELEMETRY_COLUMNS`; called in the thread, in order."""
+
+EVENT = "INSERT INTO events SELECT ?, 1 + coalesce(max(number), 0), ?, ?, ? FROM events WHERE run_id = ?"
+_BLOCK = "INSERT INTO telemetry SELECT ?, 1 + coalesce(max(number), 0), ?, ?, ?, ? FROM telemetry WHERE run_id = ?"
+
+
+@dataclass(frozen=True, slots=True)
+class _Event:
+    at_utc: str
+    kind: str
+    data: Mapping[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class _Begin:
+    at_utc: str
+    part: str
+    make_rows: MakeRows
+
+
+@dataclass(frozen=True, slots=True)
+class _Gathered:
+    at_utc: str
+    part: str
+    rows: Rows
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    at_utc: str
+
+
+_Item = _Event | _Begin | _Gathered | _End | Poll
+_Statement = tuple[str, tuple[object, ...]]
+
+
+class RunLog:
+    """Log of one run. All but `close` return at once; the thread begins with the first item."""
+
+    def __init__(self, folder: Path, run_id: str, *, most_waiting: int = MOST_WAITING) -> None:
+        self._folder, self._run_id, self._most_waiting = folder, run_id, most_waiting
+        self._waiting: deque[_Item] = deque()
+        self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._cut: _Begin | None = None
+        self._kept = self._lost = 0
+        self._dropped = 0  # counted by who adds; all else belongs to the thread
+        self._reason = ""
+
+    @property
+    def problem(self) -> Problem | None:
+        """What is missing from the record, `record.incomplete`; None while nothing is."""
+        if not self._reason and not self._dropped:
+            return None
+        missing = self._lost + self._dropped
+        return Problem(code="record.incomplete", value=self._reason or "queue full", limit=str(missing))
+
+    def event(self, kind: str, data: Mapping[str, object]) -> None:
+        """Add an event that need not be on disk before the run continues."""
+        self._put(_Event(utc_now(), kind, data))
+
+    def begin_cut(self, part: str, make_rows: MakeRows) -> None:
+        """Begin the telemetry of a cut."""
+        self._put(_Begin(utc_now(), part, make_rows))
+
+    def poll(self, poll: Poll) -> None:
+        """Add a poll of the cut."""
+        self._put(poll)
+
+    def gathered(self, part: str, rows: Rows) -> None:
+        """Add a window that the controller has sampled, rows of `GATHERED_COLUMNS`."""
+        self._put(_Gathered(utc_now(), part, rows))
+
+    def end_cut(self) -> None:
+        """End the telemetry of the cut; the record then says how much there is of it."""
+        self._put(_End(utc_now()))
+
+    def close(self) -> None:
+        """Write what waits, as long as that takes at most `CLOSE_TIMEOUT_S`."""
+        if self._waiting and (self._thread is None or not self._thread.is_alive()):
+            self._start()
+        self._closing.set()
+        if self._thread is not None:
+            self._thread.join(CLOSE_TIMEOUT_S)
+            if self._thread.is_alive():
+                self._reason = self._reason or "timeout"
+
+    def _put(self, item: _Item) -> None:
+        if len(self._waiting) >= self._most_waiting:
+            self._dropped += 1
+            return
+        self._waiting.append(item)
+        if self._thread is None or not self._thread.is_alive():  # a copy of this process has no thread yet
+            self._start()
+
+    def _start(self) -> None:
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="run log", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        ending = False
+        while not ending:
+            # Not woken by what is added: that would be a lock between the thread that cuts and this one.
+            ending = self._closing.wait(PERIOD_S)
+            if self._waiting:
+                self._write_waiting()
+
+    def _write_waiting(self) -> None:
+        """Write what waits as one transaction; a failure loses it, and is kept for `problem`."""
+        items = [self._waiting.popleft() for _ in range(len(self._waiting))]
+        kept, lost = self._kept, self._lost
+        try:
+            statements = self._statements(items)
+            self._write(statements)
+        except Exception as error:
+            # No fault of the log may end a cut; it is reported.
+            self._reason = self._reason or printable(str(error) or type(error).__name__, 80)
+            self._kept, self._lost = kept, lost + len(items)
+
+    def _write(self, statements: Sequence[_Statement]) -> None:
+        path = self._folder / FILE_NAME
+        # For each write: what was removed or replaced meanwhile is found, and a full disk gets free again.
+        uri = f"{path.resolve().as_uri()}?mode=rw"
+        with closing(sqlite3.connect(uri, uri=True, timeout=WAIT_S, isolation_level=None)) as database:
+            database.execute("PRAGMA synchronous=NORMAL")  # others wait for the lock, not for the disk
+            until_s = time.monotonic() + WRITE_TIMEOUT_S
+            retrying(lambda: transaction(database, statements), until_s)
+
+    def _statements(self, items: Sequence[_Item]) -> list[_Statement]:
+        found: list[_Statement] = []
+        polls: list[Poll] = []
+        for item in items:
+            if isinstance(item, tuple):
+                polls.append(item)
+                continue
+            found += self._block(polls)
+            polls = []
+            if isinstance(item, _Event):
+                found.append(self._event(item))
+            elif isinstance(item, _Begin):
+                self._cut, self._kept = item, 0
+            elif isinstance(item, _Gathered):
+                found.append(self._rows(item.part, GATHERED, item.at_utc, item.rows))
+            elif self._cut is not None:
+                lost, reason = self._lost + self._dropped, self._reason
+                data = {"part": self._cut.part, "rows": self._kept, "lost": lost, "reason": reason}
+                found.append(self._event(_Event(item.at_utc, TELEMETRY_END, data)))
+                self._cut = None
+        return found + self._block(polls)
+
+    def _block(self, polls: list[Poll]) -> list[_Statement]:
+        if not polls or self._cut is None:
+            return []
+        rows = self._cut.make_rows(polls)
+        self._kept += len(rows)
+        return [self._rows(self._cut.part, POLLED, self._cut.at_utc, rows)] if len(rows) else []
+
+    def _rows(self, part: str, kind: str, at_utc: str, rows: Rows) -> _Statement:
+        data = np.ascontiguousarray(rows, dtype="<f4").tobytes()
+        return _BLOCK, (self._run_id, part, kind, at_utc, data, self._run_id)
+
+    def _event(self, event: _Event) -> _Statement:
+        return EVENT, (self._run_id, event.at_utc, event.kind, shown(event.data), self._run_id)
+
+
+def shown(data: Mapping[str, object]) -> str:
+    """Return the values of an event as JSON."""
+    found = json.dumps(data, ensure_ascii=False)
+    # A file name need not be valid text; escaped, it can be stored.
+    return found if found.isprintable() else json.dumps(data)

@@ -1,0 +1,204 @@
+"""Read the run records: the list of runs page by page, one run in full, and the measured parts of a job.
+
+Nothing here writes, or locks out a console that records a cut. A file of an older schema is read as it is.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from console.session.data.record_file import FILE_NAME, is_damage, opened_to_read, present, record_error
+from console.session.data.run_rows import FAILED, MODEL, Ending, How, RunRow, date_of, rows_where
+from console.session.data.run_story import AlarmStory, RecordedPart, RunEvent, RunStory, Telemetry, story_of
+from console.session.errors import SessionError
+from profiles.files import printable
+from profiles.problem import Problem
+
+__all__ = [
+    "MODEL",
+    "AlarmStory",
+    "Ending",
+    "How",
+    "PartPoint",
+    "RecordedPart",
+    "RunEvent",
+    "RunFilters",
+    "RunRow",
+    "RunStory",
+    "Telemetry",
+    "measured_parts",
+    "run_of_trace",
+    "runs",
+    "story",
+]
+
+READ_TIMEOUT_S = 0.5
+"""How long to wait for a console that is just closing the file."""
+
+LIST_LIMIT = 50
+SHOWN_IDS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunFilters:
+    """Which runs to list; None is any. `since` is included, `until` is not; both with a time zone."""
+
+    job: str | None = None
+    machine: str | None = None
+    simulated: bool | None = None
+    since: datetime | None = None
+    until: datetime | None = None
+    failed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartPoint:
+    """A measured product of a job: a point of a run chart. `lobe_um_pp` is its harmonic at the number of jaws."""
+
+    run_id: str
+    at: datetime
+    part: str
+    ront_um: float
+    tolerance_um: float | None
+    diameter_mm: float | None
+    nominal_diameter_mm: float | None
+    diameter_tolerance_um: float | None
+    lobe_um_pp: float | None
+    strategy: str
+    stage: str | None
+    compensation: str | None
+
+
+def runs(
+    folder: Path, filters: RunFilters | None = None, before: str | None = None, limit: int = LIST_LIMIT
+) -> tuple[RunRow, ...]:
+    """Return recorded runs, newest first in the order in which they were recorded; none without a record.
+
+    `before` is the id of the last run of the page before. The cost grows with the runs returned.
+
+    Raises:
+        SessionError: `record.other_schema`; `record.not_readable`, damaged or locked as a whole.
+    """
+    conditions, keys = _conditions(filters or RunFilters())
+    if before is not None:
+        conditions.append("runs.rowid < (SELECT rowid FROM runs WHERE run_id = ?)")
+        keys.append(before)
+    with _reading(folder) as database:
+        if database is None:
+            return ()
+        return tuple(rows_where(database, " AND ".join(conditions) or "1", keys, limit))
+
+
+def story(folder: Path, run_id_prefix: str) -> RunStory:
+    """Return everything of one run, given by the beginning of its id.
+
+    Raises:
+        SessionError: `record.no_run`; `record.ambiguous_run`, several begin so; as `runs`.
+    """
+    prefix = run_id_prefix.strip().lower()
+    with _reading(folder) as database:
+        # Hexadecimal: "g" is behind every digit.
+        condition = "runs.run_id >= ? AND runs.run_id < ? || 'g'"
+        found = [] if database is None else rows_where(database, condition, (prefix, prefix), SHOWN_IDS)
+        if database is None or not found or not prefix:
+            raise SessionError(Problem(code="record.no_run", value=printable(run_id_prefix, 60)))
+        if len(found) > 1:
+            limit = " | ".join(row.run_id[: len(prefix) + 4] for row in found)
+            raise SessionError(Problem(code="record.ambiguous_run", value=prefix, limit=limit))
+        return story_of(database, found[0])
+
+
+_MEASURED = """
+SELECT measurements.run_id, measurements.at_utc, part, ront_um, measurements.tolerance_um, runs.tolerance_um,
+    diameter_mm, nominal_diameter_mm, diameter_tolerance_um, lobe_um_pp, strategy, stage, compensation
+FROM runs JOIN measurements ON measurements.run_id = runs.run_id
+WHERE product = 1 AND job = ? AND machine = ? AND simulated = ?
+AND number = (SELECT max(number) FROM measurements AS again WHERE again.run_id = measurements.run_id
+    AND again.part = measurements.part)
+ORDER BY runs.rowid DESC, number DESC LIMIT ?
+"""
+
+
+def measured_parts(
+    folder: Path, job: str, machine: str, simulated: bool, limit: int = 500
+) -> tuple[PartPoint, ...]:
+    """Return the last measured products of a job on a machine, oldest first; the last measurement of each.
+
+    Raises SessionError: as `runs`.
+    """
+    with _reading(folder) as database:
+        if database is None:
+            return ()
+        found = database.execute(_MEASURED, (job, machine, int(simulated), limit)).fetchall()
+    return tuple(_point(each) for each in reversed(found))
+
+
+def _point(found: Sequence[Any]) -> PartPoint:
+    run_id, at_utc, part, ront_um, of_part, of_run, diameter_mm, nominal_mm, diameter_um, *more = found
+    lobe, strategy, stage, version = more
+    return PartPoint(
+        run_id=run_id,
+        at=date_of(at_utc)[0],
+        part=part,
+        ront_um=ront_um,
+        tolerance_um=of_part if of_part is not None else of_run,
+        diameter_mm=diameter_mm,
+        nominal_diameter_mm=nominal_mm,
+        diameter_tolerance_um=diameter_um,
+        lobe_um_pp=lobe,
+        strategy=strategy,
+        stage=stage,
+        compensation=None if stage is None else MODEL if version is None else str(version),
+    )
+
+
+def run_of_trace(folder: Path, trace_sha256: str) -> str | None:
+    """Return the newest run whose part has the trace with this hash; None without one. SessionError: as `runs`."""
+    query = "SELECT run_id FROM measurements WHERE trace_sha256 = ? ORDER BY rowid DESC LIMIT 1"
+    with _reading(folder) as database:
+        found = None if database is None else database.execute(query, (trace_sha256,)).fetchone()
+    return None if found is None else str(found[0])
+
+
+def _conditions(filters: RunFilters) -> tuple[list[str], list[object]]:
+    conditions, keys = [], list[object]()
+    for column, value in (("job", filters.job), ("machine", filters.machine)):
+        if value is not None:
+            conditions.append(f"runs.{column} = ?")
+            keys.append(value)
+    if filters.simulated is not None:
+        conditions.append("runs.simulated = ?")
+        keys.append(int(filters.simulated))
+    for sign, date in ((">=", filters.since), ("<", filters.until)):
+        if date is not None:
+            conditions.append(f"runs.started_utc {sign} ?")
+            keys.append(_as_recorded(date))
+    if filters.failed:
+        conditions.append(FAILED)
+    return conditions, keys
+
+
+def _as_recorded(date: datetime) -> str:
+    """Return a date as the records have it: as text in the order of time."""
+    return date.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+@contextmanager
+def _reading(folder: Path) -> Iterator[sqlite3.Connection | None]:
+    """Yield the database of a folder, None without one; errors of the file are refusals."""
+    path = folder / FILE_NAME
+    try:
+        if not path.is_file():
+            yield None
+            return
+        with closing(present(opened_to_read(path, READ_TIMEOUT_S), path)) as database:
+            yield database
+    except (OSError, sqlite3.Error) as error:
+        code = "record.damaged" if isinstance(error, sqlite3.Error) and is_damage(error) else "record.not_readable"
+        raise record_error(code, path, error) from error

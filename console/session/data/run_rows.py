@@ -1,0 +1,236 @@
+"""One line for each recorded run: what was cut, by whom, how it ended, and how round the part is."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import StrEnum
+from typing import Any
+
+from profiles.own_values import from_json, number
+
+MODEL = "none"
+"""Name of the compensation where nothing learned was used."""
+
+
+class How(StrEnum):
+    """How a run ended."""
+
+    DONE = "done"
+    HELD = "held"  # the operator ended the cut after a turn
+    EARLY = "early"  # the controller or somebody else ended it: not the planned cut
+    STOPPED = "stopped"
+    FAILED = "failed"  # refused or failed; `reason` says why
+    KILLED = "killed"  # its console, or the power
+    NOT_STARTED = "not_started"  # armed, and not started
+    OPEN = "open"  # no end in the record: still running, or killed and not yet reported
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ending:
+    """How a run ended, after how many turns of the cut, and the reason: a code, or the name of a stop.
+
+    `by` is who stopped it: the name of the operator, "console", or a signal; empty where that is not recorded.
+    """
+
+    how: How
+    turn: float | None = None
+    reason: str = ""
+    by: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRow:
+    """One run. What an older console did not record is None.
+
+    `started` is UTC, `compensation` the learned version or "none". `ront_um` is RONt of the product (not of a part
+    cut for comparison), least squares circle, as filtered in `console.session.cut.run`; None where it was not
+    measured. `passed` is None of a part that was not meant to be good. `diameter_mm` is its mean diameter, that
+    may be off by `diameter_tolerance_um` either way, None where that is not judged. `damaged` says that some of
+    its data cannot be read.
+    """
+
+    run_id: str
+    started: datetime
+    job: str
+    machine: str
+    simulated: bool
+    strategy: str
+    operator: str | None = None
+    stage: str | None = None
+    compensation: str | None = None
+    ended: Ending = Ending(how=How.OPEN)
+    ront_um: float | None = None
+    tolerance_um: float | None = None
+    diameter_mm: float | None = None
+    nominal_diameter_mm: float | None = None
+    diameter_tolerance_um: float | None = None
+    passed: bool | None = None
+    damaged: bool = False
+
+    @property
+    def failed(self) -> bool:
+        """Whether the part is out of tolerance, or the cut is not the planned one."""
+        return self.passed is False or self.ended.how in FAILED_HOW
+
+
+FAILED_HOW = frozenset({How.HELD, How.EARLY, How.STOPPED, How.FAILED, How.KILLED})
+
+COMPLETE = ("result", "cut")
+ENDS = (*COMPLETE, "held", "ended_early", "stopped", "ended")
+_STARTS = ("armed", "started")
+
+_COLUMNS = (
+    "runs.run_id, runs.started_utc, runs.job, runs.machine, runs.simulated, runs.strategy, runs.operator,"
+    " runs.stage, runs.compensation, runs.tolerance_um"
+)
+
+FAILED = f"""(
+    (SELECT passed FROM measurements WHERE measurements.run_id = runs.run_id AND product = 1
+        ORDER BY number DESC LIMIT 1) IS 0
+    OR NOT EXISTS (SELECT 1 FROM events WHERE kind IN {COMPLETE} AND events.run_id = runs.run_id)
+        AND EXISTS (SELECT 1 FROM events WHERE kind IN {ENDS[2:]} AND events.run_id = runs.run_id)
+)"""
+"""The same as `RunRow.failed`, where it is asked of the file."""
+
+
+def rows_where(database: sqlite3.Connection, where: str, keys: Sequence[object], limit: int) -> list[RunRow]:
+    """Return the runs of a condition on `runs`, newest first by their order in the file. sqlite3.Error.
+
+    What belongs to a run is read only for those returned; where it is damaged the run itself is still listed.
+    """
+    query = f"SELECT {_COLUMNS} FROM runs WHERE {where} ORDER BY runs.rowid DESC LIMIT ?"
+    found = database.execute(query, (*keys, limit)).fetchall()
+    run_ids = [run[0] for run in found]
+    try:
+        ends, parts = _ends(database, run_ids), _parts(database, run_ids)
+    except sqlite3.DatabaseError:
+        return [_row_alone(database, run) for run in found]
+    return [_row(run, ends.get(run[0], []), parts.get(run[0])) for run in found]
+
+
+def _row_alone(database: sqlite3.Connection, run: Sequence[Any]) -> RunRow:
+    """Return a run whose events or measurements may lie on a damaged page."""
+    try:
+        ends, parts = _ends(database, [run[0]]), _parts(database, [run[0]])
+    except sqlite3.DatabaseError:
+        return _row(run, [], None, damaged=True)
+    return _row(run, ends.get(run[0], []), parts.get(run[0]))
+
+
+Event = tuple[str, str]
+"""Kind and data."""
+
+
+def _ends(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, list[Event]]:
+    """Return, for each run, the events that say how it was begun and ended, in their order."""
+    kinds = (*ENDS, *_STARTS)
+    query = (
+        "SELECT run_id, kind, data FROM events INDEXED BY events_by_kind"
+        f" WHERE kind IN ({_marks(kinds)}) AND run_id IN ({_marks(run_ids)}) ORDER BY run_id, number"
+    )
+    found: dict[str, list[Event]] = {}
+    for run_id, kind, data in database.execute(query, (*kinds, *run_ids)):
+        found.setdefault(run_id, []).append((kind, data))
+    return found
+
+
+def _parts(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, Sequence[Any]]:
+    """Return the newest measurement of each run's product."""
+    query = (
+        "SELECT run_id, ront_um, tolerance_um, passed, diameter_mm, nominal_diameter_mm,"
+        " diameter_tolerance_um FROM measurements"
+        f" WHERE product = 1 AND run_id IN ({_marks(run_ids)}) ORDER BY run_id, number"
+    )
+    return {run_id: part for run_id, *part in database.execute(query, tuple(run_ids))}
+
+
+def _marks(values: Iterable[object]) -> str:
+    return ", ".join("?" for _ in values)
+
+
+def _row(run: Sequence[Any], ends: list[Event], part: Sequence[Any] | None, *, damaged: bool = False) -> RunRow:
+    run_id, started, job, machine, simulated, strategy, operator, stage, compensation, tolerance_um = run
+    ront_um, limit_um, passed, diameter_mm, nominal_mm, diameter_um = part or (None,) * 6
+    made = _made(ends) if stage is None else (stage, MODEL if compensation is None else str(compensation))
+    begun, ahead = date_of(started)
+    return RunRow(
+        run_id=run_id,
+        started=begun,
+        job=job,
+        machine=machine,
+        simulated=bool(simulated),
+        strategy=strategy,
+        operator=operator,
+        stage=made[0],
+        compensation=made[1],
+        ended=_ending(ends),
+        ront_um=ront_um,
+        tolerance_um=tolerance_um if tolerance_um is not None else limit_um,
+        diameter_mm=diameter_mm,
+        nominal_diameter_mm=nominal_mm,
+        diameter_tolerance_um=diameter_um,
+        passed=None if passed is None else bool(passed),
+        damaged=damaged or ahead,
+    )
+
+
+def date_of(text: str) -> tuple[datetime, bool]:
+    """Return a recorded date in UTC, and whether it cannot be read; the beginning of time then."""
+    try:
+        found = datetime.fromisoformat(text)
+        return (found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)), False
+    except (ValueError, TypeError, OverflowError):
+        return datetime.min.replace(tzinfo=UTC), True
+
+
+def _made(ends: list[Event]) -> tuple[str | None, str | None]:
+    """Return stage and compensation of a run of schema 1, which has them in some of its events."""
+    for _, data in reversed(ends):
+        event = table_of(data)
+        stage = event.get("stage")
+        if isinstance(stage, str) and "compensation" in event:
+            version = event["compensation"]
+            return stage, MODEL if version is None else str(version)
+    return None, None
+
+
+def _ending(ends: list[Event]) -> Ending:
+    """Return how a run ended. The first end counts: a stop after a whole cut does not undo it."""
+    kinds = [kind for kind, _ in ends]
+    whole = next((table_of(data) for kind, data in ends if kind in COMPLETE), None)
+    if whole is not None:
+        return Ending(how=How.DONE, turn=_number(whole.get("turn")))
+    for kind, data in ends:
+        event = table_of(data)
+        turn, reason = _number(event.get("turn", event.get("turns"))), str(event.get("reason", ""))
+        if kind == "held":
+            return Ending(how=How.HELD, turn=turn)
+        if kind == "ended_early":
+            return Ending(how=How.EARLY, turn=turn, reason=", ".join(map(str, event.get("reasons", ()))))
+        by = str(event.get("by") or "")
+        if kind == "stopped" and "started" in kinds:
+            return Ending(how=How.STOPPED, turn=turn, reason=reason, by=by)
+        if kind == "ended":
+            how = How.KILLED if reason == "killed" else How.STOPPED if event.get("stopped") else How.FAILED
+            return Ending(how=how, turn=turn, reason="" if how is How.KILLED else reason, by=by)
+    not_started = "armed" in kinds and "started" not in kinds
+    return Ending(how=How.NOT_STARTED if not_started else How.OPEN)
+
+
+def table_of(data: str) -> dict[str, Any]:
+    """Return the values of an event; nothing of one that is damaged."""
+    try:
+        found = from_json(data)
+    except (ValueError, TypeError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _number(value: object) -> float | None:
+    try:
+        return number(value)
+    except (TypeError, ValueError):
+        return None

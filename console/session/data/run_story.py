@@ -1,0 +1,285 @@
+"""Everything of one run: its texts, what was done and seen, each measured part, and the telemetry of its cuts."""
+
+from __future__ import annotations
+
+import sqlite3
+import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from console.session.data.record_schema import GATHERED_COLUMNS, TELEMETRY_COLUMNS
+from console.session.data.run_rows import RunRow, date_of, table_of
+from profiles.problem import Problem
+
+POLLED, GATHERED = "poll", "gather"
+"""Kinds of telemetry: status polls of the whole cut, and windows sampled by the controller."""
+
+COMMAND, RAISED, ACKNOWLEDGED, ENDED = "command", "alarm_raised", "alarm_acknowledged", "alarm_ended"
+TELEMETRY_END, ACCEPTED = "telemetry", "learned"
+"""Kinds of events: how much telemetry was kept of a cut, and an accepted learning step."""
+
+COLUMNS: Mapping[str, tuple[str, ...]] = {POLLED: TELEMETRY_COLUMNS, GATHERED: GATHERED_COLUMNS}
+
+Kept = TypeVar("Kept")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunEvent:
+    """An event of a run; `number` is its place in the file, `at` is UTC."""
+
+    number: int
+    at: datetime
+    kind: str
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmStory:
+    """An alarm of a run; when (UTC) it was raised, acknowledged, ended, None: not while the run was open."""
+
+    problem: Problem
+    priority: str
+    raised: datetime
+    acknowledged: datetime | None = None
+    ended: datetime | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedPart:
+    """A measured part of a run.
+
+    `part` names it among those of its run, empty for the only one; `product` is False of one that was cut for
+    comparison. `data` has the parameters, the harmonics ("harmonics": n, amplitude_um, phase_deg) and the proposed
+    learning step ("learning"). `trace` are the bytes of the trace's file, as `profiles.traces.parse_trace` takes
+    them; None where it was not kept or cannot be read. `trace_name` is that of an imported file.
+    """
+
+    number: int
+    at: datetime
+    part: str
+    product: bool
+    ront_um: float
+    tolerance_um: float | None
+    passed: bool | None
+    diameter_mm: float | None
+    nominal_diameter_mm: float | None
+    diameter_tolerance_um: float | None
+    lobe_um_pp: float | None
+    data: Mapping[str, Any]
+    trace_sha256: str | None = None
+    trace_name: str | None = None
+    trace: bytes | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Telemetry:
+    """Telemetry of one cut, or a gathered window: M `rows` of `columns`, float32, shape (M, len(columns)).
+
+    `part` names the cut as in `RecordedPart`, `begun` (UTC) is that of its first block.
+    """
+
+    part: str
+    kind: str
+    begun: datetime
+    columns: tuple[str, ...]
+    rows: NDArray[np.float32] = field(repr=False)
+
+    def column(self, name: str) -> NDArray[np.float32]:
+        """Return a column by its name, shape (M,)."""
+        return self.rows[:, self.columns.index(name)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunStory:
+    """Everything that is recorded of one run; what an older console did not record is None or empty.
+
+    `job_text` and `machine_text` are TOML. `setup` has the forces and the alignment of the cut. `complete` is
+    whether all telemetry of the cuts was kept; None where there was none to keep. `damaged` names what cannot be
+    read.
+    """
+
+    row: RunRow
+    software: str
+    python: str | None
+    controller: str | None
+    family: str | None
+    job_sha256: str
+    job_text: str | None = field(repr=False)
+    machine_sha256: str
+    machine_text: str | None = field(repr=False)
+    program: str = field(repr=False)
+    setup: Mapping[str, Any]
+    events: tuple[RunEvent, ...] = field(repr=False)
+    parts: tuple[RecordedPart, ...]
+    telemetry: tuple[Telemetry, ...]
+    damaged: tuple[str, ...] = ()
+
+    @property
+    def commands(self) -> tuple[RunEvent, ...]:
+        """The operator's actions during the run."""
+        return self._of_kind(COMMAND)
+
+    @property
+    def accepted(self) -> tuple[RunEvent, ...]:
+        """The learning steps that were accepted from its part."""
+        return self._of_kind(ACCEPTED)
+
+    @property
+    def alarms(self) -> tuple[AlarmStory, ...]:
+        """The alarms that stood during the run, in the order in which they were raised."""
+        return alarm_stories(self.events)
+
+    @property
+    def complete(self) -> bool | None:
+        """Whether all telemetry of the cuts was kept."""
+        ends = self._of_kind(TELEMETRY_END)
+        polled = sum(len(each.rows) for each in self.telemetry if each.kind == POLLED)
+        if not ends:
+            begun = self.python is not None and any(map(_begins_cut, self.events))
+            return False if polled or begun else None
+        return polled == sum(end.data.get("rows", -1) for end in ends) and not any(
+            end.data.get("lost") for end in ends
+        )
+
+    def _of_kind(self, kind: str) -> tuple[RunEvent, ...]:
+        return tuple(event for event in self.events if event.kind == kind)
+
+
+def _begins_cut(event: RunEvent) -> bool:
+    return event.kind == "started" or (event.kind == "step" and event.data.get("step") == "cut")
+
+
+def alarm_stories(events: Iterable[RunEvent]) -> tuple[AlarmStory, ...]:
+    """Return the alarms in some events; each raise begins one, what follows of the same code and key is of it."""
+    found: list[AlarmStory] = []
+    for event in events:
+        if event.kind not in (RAISED, ACKNOWLEDGED, ENDED):
+            continue
+        facts = {key: str(event.data.get(key, "")) for key in ("code", "where", "key", "value", "limit")}
+        problem = Problem(**facts)
+        if event.kind == RAISED:
+            priority = str(event.data.get("priority", ""))
+            found.append(AlarmStory(problem=problem, priority=priority, raised=event.at))
+            continue
+        for place in reversed(range(len(found))):
+            alarm = found[place]
+            if (alarm.problem.code, alarm.problem.key) != (problem.code, problem.key):
+                continue
+            if event.kind == ACKNOWLEDGED:
+                found[place] = replace(alarm, acknowledged=alarm.acknowledged or event.at)
+            else:
+                found[place] = replace(alarm, ended=alarm.ended or event.at)
+            break
+    return tuple(found)
+
+
+_RUN = """SELECT software, python, controller, family, job_sha256, job_text_sha256, machine_sha256,
+    machine_text_sha256, program, setup FROM runs WHERE run_id = ?"""
+_TEXT = "SELECT content FROM texts WHERE sha256 = ?"
+_EVENTS = "SELECT number, at_utc, kind, data FROM events WHERE run_id = ? ORDER BY number"
+_PARTS = """SELECT number, at_utc, part, product, ront_um, tolerance_um, passed, diameter_mm,
+    nominal_diameter_mm, diameter_tolerance_um, lobe_um_pp, data, trace_sha256, trace_name
+    FROM measurements WHERE run_id = ? ORDER BY number"""
+_TRACE = "SELECT content FROM traces WHERE run_id = ? AND number = ?"
+_TELEMETRY = "SELECT part, kind, begun_utc, data FROM telemetry WHERE run_id = ? ORDER BY number"
+
+
+def story_of(database: sqlite3.Connection, row: RunRow) -> RunStory:
+    """Return everything of a run; what is damaged is left out, and named in `damaged`. sqlite3.Error."""
+    damaged: list[str] = []
+
+    def kept(what: str, read: Callable[[], Kept]) -> Kept | None:
+        try:
+            return read()
+        except (sqlite3.DatabaseError, ValueError, TypeError, KeyError, zlib.error):
+            damaged.append(what)
+            return None
+
+    run_id = row.run_id
+    run = database.execute(_RUN, (run_id,)).fetchone()
+    software, python, controller, family, job_sha256, job, machine_sha256, machine, program, setup = run
+    events = kept("events", lambda: _events(database.execute(_EVENTS, (run_id,))))
+    parts = kept("measurements", lambda: tuple(map(_part, database.execute(_PARTS, (run_id,)))))
+    traced = [
+        replace(part, trace=kept(f"trace {part.number}", partial(_trace, database, run_id, part.number)))
+        for part in parts or ()
+    ]
+    telemetry = kept("telemetry", lambda: _telemetry(database.execute(_TELEMETRY, (run_id,))))
+    return RunStory(
+        row=row,
+        software=software,
+        python=python,
+        controller=controller or _controller(events or ()),
+        family=family,
+        job_sha256=job_sha256,
+        job_text=kept("job", partial(_text, database, job)),
+        machine_sha256=machine_sha256,
+        machine_text=kept("machine", partial(_text, database, machine)),
+        program=program,
+        setup={} if setup is None else table_of(setup),
+        events=events or (),
+        parts=tuple(traced),
+        telemetry=telemetry or (),
+        damaged=tuple(damaged),
+    )
+
+
+def _events(found: Iterable[Sequence[Any]]) -> tuple[RunEvent, ...]:
+    """Return events in the order of time: those of the log are written some moments later than the others."""
+    events = (RunEvent(number=n, at=date_of(at)[0], kind=kind, data=table_of(data)) for n, at, kind, data in found)
+    return tuple(sorted(events, key=lambda event: event.at))
+
+
+def _controller(events: Iterable[RunEvent]) -> str | None:
+    """Return the controller as it answered a run without a screen, which begins before it is asked."""
+    loads = (event.data for event in events if event.kind == "step" and event.data.get("step") == "load")
+    return next((str(data["detail"]) for data in loads if data.get("detail")), None)
+
+
+def _part(found: Sequence[Any]) -> RecordedPart:
+    number, at, part, product, ront_um, tolerance_um, passed, diameter_mm, *more = found
+    nominal_mm, diameter_um, lobe, data, sha256, name = more
+    return RecordedPart(
+        number=number,
+        at=date_of(at)[0],
+        part=part,
+        product=bool(product),
+        ront_um=ront_um,
+        tolerance_um=tolerance_um,
+        passed=None if passed is None else bool(passed),
+        diameter_mm=diameter_mm,
+        nominal_diameter_mm=nominal_mm,
+        diameter_tolerance_um=diameter_um,
+        lobe_um_pp=lobe,
+        data=table_of(data),
+        trace_sha256=sha256,
+        trace_name=name,
+    )
+
+
+def _text(database: sqlite3.Connection, sha256: str | None) -> str | None:
+    found = None if sha256 is None else database.execute(_TEXT, (sha256,)).fetchone()
+    return None if found is None else str(found[0])
+
+
+def _trace(database: sqlite3.Connection, run_id: str, number: int) -> bytes | None:
+    found = database.execute(_TRACE, (run_id, number)).fetchone()
+    return None if found is None else zlib.decompress(found[0])
+
+
+def _telemetry(found: Iterable[Sequence[Any]]) -> tuple[Telemetry, ...]:
+    """Join the blocks of each cut; ValueError of a block that is no whole number of rows."""
+    blocks: dict[tuple[str, str], tuple[str, list[NDArray[np.float32]]]] = {}
+    for part, kind, begun, data in found:
+        rows = np.frombuffer(data, dtype="<f4").reshape(-1, len(COLUMNS[kind]))
+        blocks.setdefault((part, kind), (begun, []))[1].append(rows)
+    return tuple(
+        Telemetry(part=part, kind=kind, begun=date_of(begun)[0], columns=COLUMNS[kind], rows=np.concatenate(rows))
+        for (part, kind), (begun, rows) in blocks.items()
+    )

@@ -1,0 +1,40 @@
+"""Text of the panel Lobe: what a part cut without compensation says of the lobe of its job."""
+
+from __future__ import annotations
+
+from console.session.learning.calibrating import PartLobe
+from console.session.work import Work
+from console.text.catalogue import Catalogue
+from console.tui.lines import Line, hanging, wrapped
+from console.tui.theme import Token
+from profiles.calibration.lobe import FoundLobe
+
+_MARK = ("! ", Token.WARNING)
+
+
+def lobe_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int) -> list[Line]:
+    """Return the fitted lobe with its confidence, why the job cannot take it, and what to know before it does."""
+    lines = [] if lobe.found is None else wrapped(_found_words(lobe.found, text), width, Token.STRONG)
+    problems = (*lobe.reasons, *(() if lobe.found is None else lobe.found.warnings))
+    for problem in problems:
+        lines += hanging(_MARK, text.problem(problem), width, Token.WARNING)
+    if is_taken(lobe, work) and work is not None:
+        lines += wrapped(text("inspect_page.lobe_taken", job=work.job.name), width)
+    return lines
+
+
+def is_taken(lobe: PartLobe | None, work: Work | None) -> bool:
+    """Whether the open job has the lobe of this part."""
+    if lobe is None or lobe.found is None or work is None:
+        return False
+    job, found = work.job, lobe.found
+    return (job.lobe_error_source, job.lobe_error_um_pp) == ("fitted", found.fit.error_um_pp)
+
+
+def _found_words(found: FoundLobe, text: Catalogue) -> str:
+    fit = found.fit
+    words = text("inspect_page.lobe", n=fit.jaws, error=f"{fit.error_um_pp:.2f}", ci=f"{2 * fit.lobe.ci_um:.2f}")
+    if found.past_jaw_deg is not None:
+        past = f"{found.past_jaw_deg:+z.1f}"
+        words += " · " + text("inspect_page.lobe_at", past=past, ci=f"{fit.lobe.ci_deg:.1f}")
+    return words + " · " + text("inspect_page.lobe_noise", noise=f"{fit.noise_um:.2f}")

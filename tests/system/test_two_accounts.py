@@ -1,0 +1,221 @@
+"""Two accounts at one lathe share its data folder: each finds what the other has made, and its lock."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sqlite3
+from argparse import Namespace
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from console.cli.library import data_of
+from console.cli.machine.data_folder_checks import data_folder_checks
+from console.session.data import calibrations, learned_store, stop_records
+from console.session.data.history import last_results
+from console.session.data.kept_files import jobs_folder
+from console.session.data.records import RunRecord, killed_runs
+from console.session.errors import SessionError
+from console.session.station.owning import take_lock
+from console.session.work import opened, saved_as
+from profiles.files import made_locked, remove_all_left
+from profiles.findings import Severity
+from profiles.problem import ProfileError
+from profiles.store import list_jobs, load_job, load_machine
+from tests.console.test_own_files import CALIBRATION, HOLDS, LEARNED, MACHINE, STOPS
+from tests.system.accounts import STRANGER, A, B, as_account, become, lathe_folder, needs_root
+
+pytestmark = [pytest.mark.system, needs_root]
+
+EXPERIMENT, ADDRESS = "lee-2001-experiment-1", "tcp:192.0.2.1:1025"
+RUN = {**dict.fromkeys(("software", "job_sha256", "machine_sha256", "strategy", "program"), ""), "simulated": 0}
+UMASKS = (0o077, 0o002)
+
+
+@pytest.fixture
+def data() -> Iterator[Path]:
+    with lathe_folder() as folder:
+        yield folder
+
+
+def works(data: Path, number: int) -> None:
+    """A day at the lathe: a job, a version, a calibration, a stop record, a measured part."""
+    saved_as(opened(load_job(EXPERIMENT), load_machine(MACHINE.name)), f"mine-{number}", jobs_folder(data))
+    learned_store.store(data, replace(LEARNED, version=number))
+    calibrations.store(data, CALIBRATION)
+    stop_records.store(data, MACHINE, STOPS)
+    record = RunRecord(data, {**RUN, "job": "ring", "machine": MACHINE.name})
+    record.add("measured", {"job": "ring", "ront_um": 2.5 + number})
+    record.close()
+
+
+def finds(data: Path, number: int) -> None:
+    """What another account has made so far is all there."""
+    assert {f"mine-{each}" for each in range(1, number + 1)} <= {
+        each.name for each in list_jobs(jobs_folder(data))
+    }
+    assert [each.version for each in learned_store.versions(data, HOLDS)] == list(range(1, number + 1))
+    assert calibrations.newest(data, "m", "wrench", "SC-160") is not None
+    assert len(calibrations.files_of(data, "m", "wrench")) == number
+    assert stop_records.load(data, MACHINE) == STOPS
+    last = last_results(data, simulated=False)["ring"]
+    assert (last.ront_um, last.parts) == (2.5 + number, number)
+
+
+@pytest.mark.parametrize("umask", UMASKS, ids=oct)
+def test_each_finds_replaces_and_continues_what_the_other_has_made(data: Path, umask: int) -> None:
+    as_account(A, lambda: works(data, 1), umask)
+    as_account(B, lambda: (finds(data, 1), works(data, 2)), umask)  # type: ignore[func-returns-value, arg-type]
+    as_account(A, lambda: (finds(data, 2), works(data, 3)), umask)  # type: ignore[func-returns-value, arg-type]
+    (check,) = data_folder_checks(data)
+    assert (check.code, check.severity) == ("data_folder_shared", Severity.OK)
+
+
+@pytest.mark.parametrize("umask", UMASKS, ids=oct)
+def test_a_lock_keeps_out_the_console_of_the_other_account_until_it_is_gone(data: Path, umask: int) -> None:
+    ready, held = os.pipe()
+    holder = os.fork()
+    if holder == 0:
+        try:
+            become(A, umask)
+            lock = take_lock(data, ADDRESS)
+            assert lock is not None
+            lock.keep(4711)
+            os.write(held, b"1")
+            signal.pause()
+        finally:
+            os._exit(1)
+    os.close(held)
+    assert os.read(ready, 1) == b"1"
+
+    def is_kept_out() -> None:
+        assert take_lock(data, ADDRESS) is None
+
+    def follows() -> None:
+        lock = take_lock(data, ADDRESS)
+        assert lock is not None and lock.last_number == 4711
+
+    try:
+        as_account(B, is_kept_out, umask)
+    finally:
+        os.kill(holder, signal.SIGKILL)
+        os.waitpid(holder, 0)
+    as_account(B, follows, umask)
+
+
+@pytest.mark.parametrize("umask", UMASKS, ids=oct)
+def test_what_a_killed_console_has_left_the_other_account_takes_over(data: Path, umask: int) -> None:
+    ready, begun = os.pipe()
+    killed = os.fork()
+    if killed == 0:
+        try:
+            become(A, umask)
+            record = RunRecord(data, {**RUN, "job": "ring", "machine": MACHINE.name})
+            record.add("started", {})
+            # The temporary file of a writer, which is no longer there.
+            made_locked(data / ".job.toml.0123abcd.tmp", 0o660)
+            os.fchmod(os.open(data / ".job.toml.0123abcd.tmp", os.O_WRONLY), 0o660)
+            os.write(begun, b"1")
+            signal.pause()
+        finally:
+            os._exit(1)
+    os.close(begun)
+    assert os.read(ready, 1) == b"1"
+
+    def leaves_the_living_alone() -> None:
+        assert killed_runs(data, MACHINE.name, simulated=False) == ()
+        remove_all_left(data)
+        assert (data / ".job.toml.0123abcd.tmp").exists() and list((data / "running").iterdir())
+
+    def takes_over() -> None:
+        assert {"records.sqlite3-wal", "records.sqlite3-shm"} < {path.name for path in data.iterdir()}
+        assert [each.code for each in killed_runs(data, MACHINE.name, simulated=False)] == ["record.killed"]
+        remove_all_left(data)
+        assert not (data / ".job.toml.0123abcd.tmp").exists() and not list((data / "running").iterdir())
+        with sqlite3.connect(data / "records.sqlite3") as database:
+            kinds = database.execute("SELECT kind FROM events ORDER BY number").fetchall()
+            assert kinds == [("started",), ("ended",)]
+
+    try:
+        as_account(B, leaves_the_living_alone, umask)
+    finally:
+        os.kill(killed, signal.SIGKILL)
+        os.waitpid(killed, 0)
+    as_account(B, takes_over, umask)
+
+
+def test_an_account_outside_the_group_reads_and_writes_nothing(data: Path) -> None:
+    as_account(A, lambda: works(data, 1))
+
+    def is_outside() -> None:
+        with pytest.raises(SessionError) as refused:
+            take_lock(data, ADDRESS)
+        assert refused.value.problems[0].code == "lock.unwritable"
+        with pytest.raises(SessionError) as closed:
+            data_of(Namespace(data=str(data)))
+        assert (closed.value.problems[0].code, closed.value.problems[0].value) == ("data.closed", str(STRANGER))
+        (check,) = data_folder_checks(data)
+        assert (check.code, check.severity) == ("data_folder_unusable", Severity.REFUSAL)
+        assert "drwxrws---" in check.found
+        (check,) = data_folder_checks(data.parent / "new")
+        assert (check.code, check.found) == ("data_folder_unmakeable", str(data.parent))
+
+    as_account(STRANGER, is_outside)
+
+
+def test_a_lock_of_another_group_is_refused_and_stays_as_it_is(data: Path) -> None:
+    def is_refused() -> None:
+        with pytest.raises(SessionError) as refused:
+            take_lock(data, ADDRESS)
+        assert refused.value.problems[0].code == "lock.unwritable"
+
+    as_account(A, lambda: locks(data))
+    (path,) = (data / "locks").iterdir()
+    os.chown(path, A, B)
+    path.chmod(0o666)
+    as_account(B, is_refused)
+    assert path.read_text() == "4711\n"
+
+
+def locks(data: Path) -> None:
+    lock = take_lock(data, ADDRESS)
+    assert lock is not None
+    lock.keep(4711)
+
+
+def test_a_folder_that_was_copied_by_hand_and_is_closed_is_said_not_taken_for_empty(data: Path) -> None:
+    as_account(A, lambda: works(data, 1))
+    learned = next((data / "learned").glob("*/*/*"))
+
+    def is_said() -> None:
+        with pytest.raises(SessionError) as refused:
+            data_of(Namespace(data=str(data)))
+        assert (refused.value.problems[0].code, refused.value.problems[0].where) == ("data.closed", f"{data}/jobs")
+        for reads in (lambda: stop_records.load(data, MACHINE), lambda: learned_store.versions(data, HOLDS)):
+            with pytest.raises(ProfileError) as unreadable:
+                reads()
+            assert unreadable.value.problems[0].code == "file.unreadable"
+
+    for folder in (data / "jobs", data / "stops", learned):
+        folder.chmod(0o700)
+    as_account(B, is_said)
+
+
+def test_doctor_says_what_is_wrong_with_the_rights(data: Path) -> None:
+    as_account(A, lambda: works(data, 1))
+    cases = {
+        0o2777: ["data_folder_open"],
+        0o2750: ["data_folder_half"],
+        0o0770: ["data_folder_not_setgid"],
+        0o3770: ["data_folder_sticky"],
+        0o2770: ["data_folder_shared"],
+    }
+    for mode, codes in cases.items():
+        data.chmod(mode)
+        assert [check.code for check in data_folder_checks(data)] == codes, oct(mode)
+    (data / "jobs" / "mine-1.toml").chmod(0o600)  # as a copy by hand is
+    (check,) = data_folder_checks(data)
+    assert (check.code, check.found, check.facts["number"]) == ("data_folder_closed", "jobs/mine-1.toml", "1")
