@@ -223,7 +223,7 @@ def test_a_part_is_listed_by_its_first_long_word_and_their_number() -> None:
     assert gather.long_words(10) == gather.long_words(11, 5) == gather.long_words(3, 0) == []
 
 
-@pytest.mark.parametrize(("period", "size", "before"), [(1, 10, 0), (1, 10, 4), (3, 10, 0), (3, 10, 4), (7, 2, 1)])
+@pytest.mark.parametrize(("period", "size", "before"), [(1, 10, 0), (1, 10, 4), (3, 10, 0), (3, 10, 4), (7, 4, 1)])
 def test_the_cycles_left_are_those_until_it_is_full(period: int, size: int, before: int) -> None:
     gather, _, _ = card([word("D"), word("D", 0x11)], period=period, size=size)
     gather.start()
