@@ -35,6 +35,7 @@ class PageName(StrEnum):
     ALIGN = "align"
     RUN = "run"
     INSPECT = "inspect"
+    RECORDS = "records"
 
 
 class Stops(Enum):
@@ -127,6 +128,23 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="inspect.state", keys=("s", "ㄴ"), shown="s", row="", stops=Stops.MOTION),
     Action(id="inspect.direction", keys=("d", "ㅇ"), shown="d", row="", stops=Stops.MOTION),
     Action(id="inspect.mark", keys=("j", "ㅓ"), shown="j", row="", stops=Stops.MOTION),
+    Action(id="records.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="records.down", keys=("down",), shown="↓", row=""),
+    Action(id="records.page_up", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="records.page_down", keys=("pagedown",), shown="PgDn", row=""),
+    Action(id="records.first", keys=("home",), shown="Home", row=""),
+    Action(id="records.last", keys=("end",), shown="End", row=""),
+    Action(id="records.open", keys=("enter",), shown="Enter"),
+    Action(id="records.back", keys=("left",), shown="←"),
+    Action(id="records.chart", keys=("c", "ㅊ"), shown="c"),
+    Action(id="records.mark", keys=("b", "ㅠ"), shown="b"),
+    Action(id="records.search", keys=("/",), shown="/"),
+    Action(id="records.failed", keys=("f", "ㄹ"), shown="f"),
+    Action(id="records.job", keys=("j", "ㅓ"), shown="j"),
+    Action(id="records.machines", keys=("m", "ㅡ"), shown="m", row=""),
+    Action(id="records.program", keys=("p", "ㅔ"), shown="p", row=""),
+    Action(id="records.cut", keys=("e", "ㄷ"), shown="e", row=""),
+    Action(id="records.figure", keys=("d", "ㅇ"), shown="d", row=""),
 )
 
 READING = (
