@@ -1,4 +1,4 @@
-"""A data folder with recorded runs, written by the functions that record a cut, and the page Records on its stage."""
+"""Recorded runs, written by the functions that record a cut, and the page Records on its stage."""
 
 from __future__ import annotations
 
@@ -77,6 +77,7 @@ def run(
     job: Job | None = None,
     off_um: float = 0.0,
     end: tuple[str, Mapping[str, object]] = ("cut", {"turn": 160.0}),
+    kind: str = "measured",
     **changes: Any,
 ) -> str:
     """Record a run of a minute, with telemetry; with a measured part where it has a lobe."""
@@ -95,7 +96,7 @@ def run(
         stage = Stage(changes.get("stage", "full"))
         more = {"jaw_1_deg": 12.63, "phase_known": True}
         part = part_record(job, roundness_of(measured), measured, stage, more=more)
-        written.add("measured", {"ront_um": part.ront_um}, part)
+        written.add(kind, {"ront_um": part.ront_um}, part)
     written.close()
     return written.run_id
 

@@ -61,7 +61,7 @@ class RecordsPage(ChartPage):
         self._filters = RunFilters()
         self._everywhere = False
         self._words = ""
-        self._count = PIECE
+        self._count, self._to_end = PIECE, False
         self._visits, self._away = 0, True
         self._list: RunList | None = None
         self._marked: str | None = None
@@ -169,6 +169,9 @@ class RecordsPage(ChartPage):
     def _at_its_run(self, listing: Listing) -> RunList:
         """Return a list with the selection on the same run as before, else near it."""
         before = self._list
+        if self._to_end and not listing.more:
+            self._to_end = False
+            return RunList(listing=listing, selected=max(len(listing.rows) - 1, 0), marked=self._marked)
         if before is None:
             return RunList(listing=listing, selected=0, marked=self._marked)
         place = before.selected
@@ -198,6 +201,7 @@ class RecordsPage(ChartPage):
             last = len(listing.listing.rows) - 1
             place = min(max(listing.selected + by, 0), max(last, 0))
             self._list = replace(listing, selected=place)
+            self._to_end = by == ALL and listing.listing.more
             if listing.listing.more and (by == ALL or place + page + PIECE // 2 > last):
                 self._count = ALL if by == ALL else max(self._count, last + 1 + PIECE)
 
@@ -253,7 +257,7 @@ class RecordsPage(ChartPage):
         self._begin_list()
 
     def _begin_list(self) -> None:
-        self._count, self._list = PIECE, None
+        self._count, self._to_end, self._list = PIECE, False, None
 
     def _go(self, mode: Mode) -> None:
         if mode is not self._mode:
