@@ -21,6 +21,7 @@ NAMES = (
     "stop_latency",
     "run_page",
     "simulation_speed",
+    "records",
     "command_start",
     "first_paint",
     "preview",

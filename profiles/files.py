@@ -130,8 +130,9 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
 def written_atomically(path: Path, *, overwrite: bool, private: bool = False) -> Iterator[BinaryIO]:
     """Yield a synchronised temporary file beside `path`, which becomes `path` when all of it was written.
 
-    A `private` file has the rights of its folder (`profiles.folder_rights`), whatever the umask. A symbolic link
-    is followed, so the link stays. Temporary files of the same name left by killed writers are removed.
+    A `private` file has the rights of its folder (`profiles.folder_rights`), whatever the umask; any other new one
+    has those of the umask, and in a shared folder those of its group. A symbolic link is followed, so the link
+    stays. Temporary files of the same name left by killed writers are removed.
     Raises `ProfileError` with `file.exists` (and `overwrite` is false) or `file.not_writable`.
     """
     where = printable(str(path))
@@ -141,12 +142,15 @@ def written_atomically(path: Path, *, overwrite: bool, private: bool = False) ->
         beside = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
         existing = _mode_of_existing(target)
         remove_left(target.parent, target.name)
-        mode = rights_in(target.parent).file if private else existing
+        rights = rights_in(target.parent)
+        mode = rights.file if private else existing
         descriptor = made_locked(beside, mode if private and mode is not None else 0o666)
         temporary = beside
         with os.fdopen(descriptor, "wb") as file:
             if mode is not None:
                 os.fchmod(file.fileno(), mode)
+            elif rights.shared:
+                os.fchmod(file.fileno(), stat.S_IMODE(os.fstat(file.fileno()).st_mode) | rights.file)
             yield file
             file.flush()
             os.fsync(file.fileno())

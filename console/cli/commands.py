@@ -33,6 +33,7 @@ COMMANDS = {
     "identify": "console.cli.machine.identify",
     "calibrate": "console.cli.measured.calibrate",
     "learn": "console.cli.measured.learn",
+    "records": "console.cli.measured.records",
     "reproduce": "console.cli.measured.reproduce",
 }
 

@@ -1,10 +1,10 @@
 """Statistics of parts in a row: run chart limits, capability with its confidence, trend.
 
-Sources: NIST/SEMATECH e-Handbook of Statistical Methods, 6.3.2.2 (individuals chart) and 6.1.6 (capability, with
-the interval of Cp by chi-square and that of a two-sided Cpk by Bissell's approximation); for one limit the
-interval is exact, by the noncentral t distribution (Owen 1968, as for one-sided tolerance limits). The indices
-suppose normally distributed parts in a stable process: look at the chart first. Roundness has no lower limit,
-cannot be below 0 and is skewed to the right, so that its index flatters a process near its limit.
+Sources: NIST/SEMATECH e-Handbook of Statistical Methods, 6.3.2.2 (individuals chart) and 6.1.6 (capability; the
+interval of Cp by chi-square, that of a two-sided Cpk by Bissell's approximation). For one limit the interval is
+exact, by the noncentral t distribution (Owen 1968, as for one-sided tolerance limits). The indices suppose
+normally distributed parts in a stable process: look at the chart first. Roundness cannot be below 0 and is skewed
+to the right, so that its index flatters a process near its limit.
 """
 
 from __future__ import annotations

@@ -37,6 +37,7 @@ DOCUMENTS = (
     "docs/planned-cut.md",
     "docs/plant.md",
     "docs/pmac-emulation.md",
+    "docs/records.md",
     "docs/screens.md",
     "docs/strategies.md",
     "docs/traces.md",

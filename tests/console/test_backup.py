@@ -208,12 +208,15 @@ def test_whatever_is_wrong_with_an_archive_nothing_is_written(data: Path, tmp_pa
         ([*files, (manifest, other_digit)], "restore.damaged"),
         ([*files[:-1], (manifest, said)], "restore.damaged"),
         ([*files, entry("data/jobs/more.toml"), (manifest, said)], "restore.damaged"),
+        ([*files, entry("data/more", tarfile.DIRTYPE), (manifest, said)], "restore.damaged"),
         ([*files, (manifest, said.replace(b'"schema": 1', b'"schema": 2'))], "schema.unsupported"),
         ([*files, (manifest, b"{}")], "restore.not_backup"),
         (files, "restore.not_backup"),
         ([*files, (manifest, said), (manifest, said)], "restore.unsafe"),
     ):
         packed(wrong, content)
+        with pytest.raises(ProblemError):
+            checked(wrong)
         assert code_of(wrong, place) == code
     for raw, code in (
         (plain.replace(b"spindle_speed_rpm = 1000", b"spindle_speed_rpm = 1001"), "restore.damaged"),
@@ -229,6 +232,20 @@ def test_whatever_is_wrong_with_an_archive_nothing_is_written(data: Path, tmp_pa
         assert code_of(wrong, place) in ("restore.damaged", "restore.not_backup")
     os.mkfifo(tmp_path / "pipe")
     assert [code_of(tmp_path / name, place) for name in ("pipe", "nowhere")] == ["file.unreadable"] * 2
+
+
+def test_an_archive_that_is_replaced_after_it_was_checked_is_not_restored(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, other, place = tmp_path / "b.tar.gz", tmp_path / "other.tar.gz", tmp_path / "place"
+    place.mkdir()
+    back_up(data, file)
+    learned = next((data / "learned").rglob("*.json"))
+    learned.write_bytes(learned.read_bytes().replace(b"27.5", b"28.5"))
+    back_up(data, other)
+    manifest = checked(file)
+    monkeypatch.setattr(restore, "checked", lambda _: manifest)
+    assert code_of(other, place) == "restore.damaged"
 
 
 def test_a_flipped_bit_anywhere_in_the_file_is_found_or_harmless(data: Path, tmp_path: Path) -> None:

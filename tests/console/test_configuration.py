@@ -6,12 +6,14 @@ import os
 import pwd
 import subprocess
 import sys
+from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from console.cli.configured import fill_in
 from console.session.configuration import Configuration, State, read_configuration
 from drivers.simulator.hosts.process import SimulatorProcess
 
@@ -177,6 +179,9 @@ def test_sim_simulates_whatever_link_is_configured(
     monkeypatch.setattr(SimulatorProcess, "start", starts)
     assert (console("--sim", "doctor").code, len(started)) == (1, 1)
     assert "does not count with --sim" in console("--sim", "config").out
+    options = Namespace(data=None, machine=None, link=None, lang=None, sim=True)
+    fill_in(options, read_configuration(os.environ, own))
+    assert (options.machine, options.link) == (OTHER, None)
 
 
 def test_a_broken_configuration_is_refused_by_all_but_the_commands_that_help(console: Console, own: Path) -> None:

@@ -24,7 +24,7 @@ from drivers.simulator.machine import SimulatedLathe
 from profiles.files import write_atomically
 from profiles.folder_rights import rights_in
 from profiles.store import load_job, load_machine
-from profiles.traces import Trace
+from profiles.traces import Trace, write_trace
 from tests.console.consoles import ADDRESS, MACHINE, console_of
 from tests.console.test_identified_store import RESPONSE
 
@@ -121,6 +121,7 @@ def test_which_folder_is_shared(tmp_path: Path) -> None:
         (0o0777,): False,
         (0o2770, 0o2755): True,
         (0o2770, 0o2700): False,
+        (0o2770, 0o2777): False,
         (0o2770, 0o0755): False,
     }
     for number, (modes, expected) in enumerate(cases.items()):
@@ -146,3 +147,13 @@ def test_what_is_saved_elsewhere_is_as_the_umask_says(tmp_path: Path) -> None:
     finally:
         os.umask(before)
     assert (tmp_path / "part.csv").stat().st_mode & 0o777 == 0o644
+
+
+def test_a_trace_that_is_saved_into_a_shared_folder_by_its_path_is_its_groups_too(tmp_path: Path) -> None:
+    data = shared(tmp_path / "lathe")
+    before = os.umask(0o077)
+    try:
+        write_trace(data / "part.csv", TRACE)
+    finally:
+        os.umask(before)
+    assert (data / "part.csv").stat().st_mode & 0o7777 == 0o660

@@ -64,28 +64,24 @@ def record_until_killed(data: Path, acknowledge: int, period_s: float) -> None:
         time.sleep(0.001)
 
 
-def killed_writers(
-    data: Path, count: int, after_s: Callable[[], float], period_s: float
-) -> list[tuple[bytes, float]]:
-    """Start writers, kill each after a time; return what each has said, and when it was killed."""
-    writers = []
-    for _ in range(count):
-        ours, theirs = os.pipe()
-        os.set_blocking(theirs, True)
-        child = forked(lambda theirs=theirs: record_until_killed(data, theirs, period_s))  # type: ignore[misc]
-        os.close(theirs)
-        writers.append((time.monotonic() + after_s(), child, ours))
-    killed = []
-    for at_s, child, ours in sorted(writers):
-        time.sleep(max(0.0, at_s - time.monotonic()))
-        os.kill(child, signal.SIGKILL)
-        killed.append((child, ours, time.monotonic()))
-    said = []
-    for child, ours, at_s in killed:
-        os.waitpid(child, 0)
-        with open(ours, "rb") as stream:
-            said.append((stream.read(), at_s))
-    return said
+def writer(data: Path, period_s: float) -> tuple[int, int]:
+    """Start a writer; return its process, and the pipe on which it says what is done."""
+    ours, theirs = os.pipe()
+    child = forked(lambda: record_until_killed(data, theirs, period_s))
+    os.close(theirs)
+    return child, ours
+
+
+def kill(child: int) -> float:
+    os.kill(child, signal.SIGKILL)
+    at_s = time.monotonic()
+    os.waitpid(child, 0)
+    return at_s
+
+
+def all_of(pipe: int) -> bytes:
+    with open(pipe, "rb") as stream:
+        return stream.read()
 
 
 def check_whole(data: Path) -> None:
@@ -98,7 +94,12 @@ def test_after_200_kills_at_any_moment_the_file_is_whole_and_has_what_was_acknow
     random.seed(1)
     begun = 0
     for _ in range(KILLS // AT_ONCE):
-        for said, _ in killed_writers(tmp_path, AT_ONCE, lambda: random.uniform(0.0, LONGEST_S), 0.01):
+        writers = [(random.uniform(0.0, LONGEST_S), writer(tmp_path, 0.01)) for _ in range(AT_ONCE)]
+        begun_s = time.monotonic()
+        for after_s, (child, _) in sorted(writers):
+            time.sleep(max(0.0, begun_s + after_s - time.monotonic()))
+            kill(child)
+        for said in [all_of(pipe) for _, (_, pipe) in writers]:
             if not said:
                 continue
             begun += 1
@@ -117,8 +118,12 @@ def test_after_200_kills_at_any_moment_the_file_is_whole_and_has_what_was_acknow
 def test_a_kill_loses_at_most_the_last_second_of_telemetry(tmp_path: Path) -> None:
     RunRecord(tmp_path, RUN).close()
     random.seed(2)
-    for said, killed_s in killed_writers(tmp_path, 4, lambda: random.uniform(1.2, 1.8), run_log.PERIOD_S):
-        given = [*ACKNOWLEDGED.iter_unpack(said)]
+    writers = [writer(tmp_path, run_log.PERIOD_S) for _ in range(3)]
+    begun = [os.read(pipe, ACKNOWLEDGED.size) for _, pipe in writers]  # each has begun
+    for (child, pipe), first in zip(writers, begun, strict=True):
+        time.sleep(random.uniform(1.05, 1.3) if child == writers[0][0] else random.uniform(0.0, 0.2))
+        killed_s = kill(child)
+        given = [*ACKNOWLEDGED.iter_unpack(first + all_of(pipe))]
         due = [number for _, number, at_s in given if at_s < killed_s - 1.0]
         (telemetry,) = story(tmp_path, given[0][0].hex()).telemetry
         assert due and telemetry.column("time_s")[-1] >= due[-1]

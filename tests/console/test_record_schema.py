@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import sqlite3
 import time
@@ -184,3 +185,13 @@ def killed_at(folder: Path, statement: int) -> None:
         opened(folder, time.monotonic() + 5.0)
     finally:
         os._exit(0)
+
+
+def test_the_queries_of_the_document_work(tmp_path: Path) -> None:
+    opened(tmp_path, time.monotonic() + 5.0).close()
+    document = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
+    queries = re.findall(r"^```sql\n(.*?)^```", document, re.MULTILINE | re.DOTALL)
+    assert len(queries) == 4
+    with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database:
+        for query in queries:
+            assert database.execute(query).fetchall() == []

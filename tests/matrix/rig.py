@@ -10,6 +10,7 @@ from pathlib import Path
 from random import Random
 
 from console.session.data import record_file
+from console.session.data.run_log import RunLog
 from console.session.station.context import StationContext
 from console.session.station.owning import Owning
 from console.session.station.state import StationState
@@ -81,14 +82,21 @@ def planned_once(job: Job, machine: MachineProfile, strategy: Strategy, **given:
     return _PLANS[target]
 
 
-def record_in_memory(folder: Path, until_s: float) -> sqlite3.Connection:
+def record_in_memory(folder: Path, until_s: float, *, checked: bool = False) -> sqlite3.Connection:
     """Open a record that each copy of a process has for itself."""
     path = folder / record_file.FILE_NAME
     path.touch()
     path.with_name(f"{path.name}-wal").touch()
     database = sqlite3.connect(":memory:", isolation_level=None)
-    record_file._made_ready(database, path)
+    record_file._made_ready(database, path, checked=checked)
     return database
+
+
+class LogNowhere(RunLog):
+    """The log beside a record in memory: there is no file that its thread could write."""
+
+    def _put(self, item: object) -> None:
+        pass
 
 
 def build_watched() -> Watched:

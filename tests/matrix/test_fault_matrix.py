@@ -22,7 +22,7 @@ from tests.matrix.faults import ROWS, Row
 from tests.matrix.judging import problems
 from tests.matrix.known import KNOWN
 from tests.matrix.page import page
-from tests.matrix.rig import RUN_OUT_S, TIMEOUT_S, planned_once, record_in_memory
+from tests.matrix.rig import RUN_OUT_S, TIMEOUT_S, LogNowhere, planned_once, record_in_memory
 from tests.matrix.situations import RUNNING_OUT, Situation
 
 PAGE = Path(__file__).parents[2] / "docs" / "fault-matrix.md"
@@ -33,6 +33,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan once for all cells, and keep records nowhere."""
     monkeypatch.setattr(run, "plan_cut", planned_once)
     monkeypatch.setattr(records, "opened", record_in_memory)
+    monkeypatch.setattr(records, "RunLog", LogNowhere)
 
 
 CELLS = [(row, situation) for row in ROWS for situation in Situation if tried(row.name, situation)]

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from profiles.store import load_job
+from tests.console.floor import LOGGED
 from tests.trainee import FIRST_JOB, Trainee, console
 
 RONT = r"RONt\D*?(\d+\.\d+)\D+?(\d+\.\d+)"
@@ -117,8 +118,9 @@ STOPS = {"en": presses_stop, "ko": line_stalls}
 
 def last_event(data: Path) -> tuple[str, dict[str, object]]:
     database = sqlite3.connect(data / "records.sqlite3")
-    kind, content = database.execute("SELECT kind, data FROM events ORDER BY number DESC LIMIT 1").fetchone()
+    found = database.execute("SELECT kind, data FROM events ORDER BY number DESC").fetchall()
     database.close()
+    kind, content = next((kind, data) for kind, data in found if kind not in LOGGED)
     return kind, json.loads(content)
 
 

@@ -166,6 +166,26 @@ def test_an_account_outside_the_group_reads_and_writes_nothing(data: Path) -> No
     as_account(STRANGER, is_outside)
 
 
+def test_a_lock_of_another_group_is_refused_and_stays_as_it_is(data: Path) -> None:
+    def is_refused() -> None:
+        with pytest.raises(SessionError) as refused:
+            take_lock(data, ADDRESS)
+        assert refused.value.problems[0].code == "lock.unwritable"
+
+    as_account(A, lambda: locks(data))
+    (path,) = (data / "locks").iterdir()
+    os.chown(path, A, B)
+    path.chmod(0o666)
+    as_account(B, is_refused)
+    assert path.read_text() == "4711\n"
+
+
+def locks(data: Path) -> None:
+    lock = take_lock(data, ADDRESS)
+    assert lock is not None
+    lock.keep(4711)
+
+
 def test_a_folder_that_was_copied_by_hand_and_is_closed_is_said_not_taken_for_empty(data: Path) -> None:
     as_account(A, lambda: works(data, 1))
     learned = next((data / "learned").glob("*/*/*"))

@@ -18,7 +18,7 @@ from console.cli.machine.run_request import RunRequest
 from console.cli.machine.stopping import Stopping
 from console.cli.output import agreed, show
 from console.cli.output import tell as tell_problems
-from console.session.cut.engine import CutContext, Step
+from console.session.cut.engine import CutContext, NotAsPlannedError, Step
 from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import LogRecorder, PartName, Recorder, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
@@ -30,6 +30,7 @@ from console.session.learning.learning import LearnResult, learn
 from console.session.operator import operator_name
 from console.session.signals import Interruption
 from console.session.stages import Stage
+from console.session.station.actions import stopped_by
 from console.session.station.reaching import Commissioned, Reached, guard, leave, machine_context, reach
 from console.text.catalogue import Catalogue
 from drivers.link.tracing import Tracing
@@ -205,19 +206,26 @@ def _recorded(
     except BaseException as error:
         # What ended the run matters more than a record that cannot be written.
         with suppress(SessionError):
-            stopped = _was_stopped(error)
-            by = {"by": operator_name()} if stopped else {}
-            record.add("ended", {"reason": str(error) or type(error).__name__, "stopped": stopped, **by})
+            _add_end(record, error)
         raise
     finally:
         record.close()
     return result
 
 
-def _was_stopped(error: BaseException) -> bool:
-    """Whether somebody stopped the run, rather than something that failed."""
-    codes = [problem.code for problem in error.problems] if isinstance(error, ProblemError) else []
-    return isinstance(error, KeyboardInterrupt) or "machine.stopped" in codes
+def _add_end(record: RunRecord, error: BaseException) -> None:
+    """Record what ended a run: the cut was not the planned one, somebody stopped it, or it failed."""
+    problems = list(error.problems) if isinstance(error, ProblemError) else []
+    cause = error.__cause__
+    if isinstance(cause, NotAsPlannedError):
+        record.add("ended_early", {"turns": cause.turns, "reasons": [problem.code for problem in cause.problems]})
+    said: dict[str, object] = {"reason": str(error) or type(error).__name__}
+    if isinstance(error, KeyboardInterrupt):
+        said |= {"stopped": True, "by": operator_name()}
+    for problem in problems:
+        if problem.code == "machine.stopped":
+            said |= {"stopped": True, "by": stopped_by(problem.value), "reason": problem.value}
+    record.add("ended", said)
 
 
 def _cut(

@@ -200,6 +200,7 @@ def part_record(
     `file` is the name and the bytes of an imported trace; without one the trace is kept as `console run --part`
     would write it, with `made`, how the part was cut, in its header. `more` is added to the figures.
     """
+    diameter_mm = mean_diameter_of(trace, result)
     judged = name.product and stage is Stage.FULL
     with_made = replace(trace, meta={**trace.meta, **(made or {})})
     return PartRecord(
@@ -207,14 +208,23 @@ def part_record(
         product=name.product,
         ront_um=result.ront_um,
         tolerance_um=job.roundness_tolerance_um,
-        passed=result.ront_um <= job.roundness_tolerance_um if judged else None,
-        diameter_mm=mean_diameter_of(trace, result),
-        nominal_diameter_mm=2.0 * job.finished_radius_mm,
+        passed=_passes(job, result, diameter_mm) if judged else None,
+        diameter_mm=diameter_mm,
+        nominal_diameter_mm=job.finished_diameter_mm,
+        diameter_tolerance_um=job.diameter_tolerance_um,
         lobe_um_pp=2.0 * result.amplitude_um(job.jaws),
         data={**result_data(result), **(more or {})},
         trace=trace_content(with_made) if file is None else file[1],
         trace_name=None if file is None else file[0],
     )
+
+
+def _passes(job: Job, result: RoundnessResult, diameter_mm: float | None) -> bool:
+    """Whether a part is round, and of its diameter where that is measured and has a tolerance."""
+    most_um, is_round = job.diameter_tolerance_um, result.ront_um <= job.roundness_tolerance_um
+    if most_um is None or diameter_mm is None:
+        return is_round
+    return is_round and abs(diameter_mm - job.finished_diameter_mm) * 1000.0 <= most_um
 
 
 def mean_diameter_of(trace: Trace, result: RoundnessResult) -> float | None:

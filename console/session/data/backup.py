@@ -6,9 +6,9 @@ import gzip
 import hashlib
 import io
 import os
+import secrets
 import sqlite3
 import tarfile
-import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -26,9 +26,9 @@ from console.session.data.backup_format import (
     manifest_text,
 )
 from console.session.data.kept_files import file_error, utc_now
-from console.session.data.record_file import FILE_NAME, is_damage, record_error, retrying
+from console.session.data.record_file import FILE_NAME, is_damage, opened_to_read, record_error, retrying
 from console.session.errors import SessionError
-from profiles.files import printable, written_atomically
+from profiles.files import made_locked, printable, written_atomically
 from profiles.problem import Problem
 
 WAIT_S = 5.0
@@ -56,11 +56,11 @@ def back_up(data: Path, archive: Path) -> tuple[Manifest, tuple[Problem, ...]]:
             gzip.GzipFile(filename="", fileobj=file, mode="wb", compresslevel=6) as zipped,
             tarfile.open(fileobj=zipped, mode="w|", format=tarfile.PAX_FORMAT) as tar,
         ):
-            manifest = _written(tar, data, left_out)
+            manifest = _written(tar, data, archive.resolve(), left_out)
     return manifest, tuple(left_out)
 
 
-def _written(tar: tarfile.TarFile, data: Path, left_out: list[Problem]) -> Manifest:
+def _written(tar: tarfile.TarFile, data: Path, archive: Path, left_out: list[Problem]) -> Manifest:
     files: dict[str, Stored] = {}
     folders: list[str] = []
     for entry in _entries(data):
@@ -70,7 +70,7 @@ def _written(tar: tarfile.TarFile, data: Path, left_out: list[Problem]) -> Manif
         elif not entry.is_file:
             left_out.append(Problem(code="backup.left_out", where=printable(str(data / entry.path))))
         else:
-            with _opened(data, entry) as source:
+            with _opened(data, entry, archive) as source:
                 if source is not None:
                     files[entry.path] = _added(tar, entry, data, source)
     software = f"trilobe {version('trilobe')}"
@@ -126,12 +126,14 @@ class _Reader:
 
 
 @contextmanager
-def _opened(data: Path, entry: Found) -> Iterator[BinaryIO | None]:
+def _opened(data: Path, entry: Found, archive: Path) -> Iterator[BinaryIO | None]:
     """Open a file of the data folder; None where it has been removed meanwhile. Of the records, a copy."""
     path = data / entry.path
     if entry.path == FILE_NAME:
-        with tempfile.TemporaryDirectory() as folder, _copy_of_records(path, Path(folder)).open("rb") as copy:
-            yield copy
+        with _beside(archive) as copy:
+            _copy_records(path, copy)
+            with copy.open("rb") as file:
+                yield file
         return
     try:
         # Neither follows a link nor waits for a pipe that was put there meanwhile.
@@ -145,14 +147,29 @@ def _opened(data: Path, entry: Found) -> Iterator[BinaryIO | None]:
         yield file
 
 
-def _copy_of_records(path: Path, folder: Path) -> Path:
-    """Copy the records as they are at one moment, with what is only in the journal yet; return the sound copy."""
-    copy = folder / FILE_NAME
+@contextmanager
+def _beside(archive: Path) -> Iterator[Path]:
+    """Yield an empty temporary file on the disk of the archive: the one for temporary files may be small.
+
+    It is named and locked as that of a writer, so that the next backup removes what a killed one has left.
+    """
+    path = archive.with_name(f".{archive.name}.{secrets.token_hex(4)}.tmp")
+    descriptor = made_locked(path, 0o600)
+    try:
+        yield path
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def _copy_records(path: Path, copy: Path) -> None:
+    """Copy the records as they are at one moment, with what is only in the journal yet; refuse damaged ones."""
     try:
         with (
-            closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=WAIT_S)) as source,
+            closing(opened_to_read(path, WAIT_S)) as source,
             closing(sqlite3.connect(copy, isolation_level=None)) as target,
         ):
+            target.execute("PRAGMA synchronous=OFF")  # nobody needs the copy after a power cut
             retrying(lambda: source.backup(target), time.monotonic() + WAIT_S)
             target.execute("PRAGMA journal_mode=DELETE")  # one file, without a journal beside it
             (found,) = target.execute("PRAGMA integrity_check(1)").fetchone()
@@ -160,4 +177,3 @@ def _copy_of_records(path: Path, folder: Path) -> Path:
         raise record_error("record.damaged" if is_damage(error) else "backup.records", path, error) from error
     if found != "ok":
         raise record_error("record.damaged", path, " ".join(str(found).split()))
-    return copy

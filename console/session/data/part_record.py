@@ -30,6 +30,7 @@ class PartRecord:
     passed: bool | None = None
     diameter_mm: float | None = None
     nominal_diameter_mm: float | None = None
+    diameter_tolerance_um: float | None = None
     lobe_um_pp: float | None = None
     trace_name: str | None = None
 
@@ -54,6 +55,7 @@ _COLUMNS = (
     "passed",
     "diameter_mm",
     "nominal_diameter_mm",
+    "diameter_tolerance_um",
     "lobe_um_pp",
     "trace_name",
 )

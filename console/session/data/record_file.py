@@ -28,10 +28,11 @@ Result = TypeVar("Result")
 _BUSY = frozenset((sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_PROTOCOL))
 
 
-def opened(folder: Path, until_s: float) -> sqlite3.Connection:
+def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Connection:
     """Open the records in a folder for writing; create both where they are missing.
 
-    Other writers are waited for until the deadline, in the time of `time.monotonic`.
+    Other writers are waited for until the deadline, in the time of `time.monotonic`. To have the tables `checked`
+    takes longer the more runs there are; without it, damage is found where it is touched.
 
     Raises:
         SessionError: `record.other_schema`, of a newer console, or not ours; `record.damaged`; nothing was
@@ -45,7 +46,7 @@ def opened(folder: Path, until_s: float) -> sqlite3.Connection:
     except (OSError, sqlite3.Error) as error:
         raise record_error("record.unwritable", path, error) from error
     try:
-        retrying(lambda: _made_ready(database, path), until_s)
+        retrying(lambda: _made_ready(database, path, checked=checked), until_s)
         # Records need the journal: a kill at any instant leaves them whole.
         retrying(lambda: database.execute("PRAGMA journal_mode=WAL"), until_s)
     except sqlite3.Error as error:
@@ -141,7 +142,7 @@ def record_error(code: str, path: Path, error: object) -> SessionError:
     return SessionError(Problem(code=code, where=printable(str(path)), value=printable(str(error))))
 
 
-def _made_ready(database: sqlite3.Connection, path: Path) -> None:
+def _made_ready(database: sqlite3.Connection, path: Path, *, checked: bool) -> None:
     """Check an existing file, bring it to the present schema, and create the tables in an empty one."""
     if _schema_of(database, path) != SCHEMA:
         database.execute("BEGIN IMMEDIATE")
@@ -157,12 +158,13 @@ def _made_ready(database: sqlite3.Connection, path: Path) -> None:
             if database.in_transaction:
                 database.execute("ROLLBACK")
             raise
-    _refuse_damaged(database, path, CHECKED_TABLES)
+    if checked:
+        _refuse_damaged(database, path, CHECKED_TABLES)
 
 
 def _refuse_damaged(database: sqlite3.Connection, path: Path, tables: tuple[str, ...]) -> None:
     for table in tables:
-        (found,) = database.execute(f"PRAGMA integrity_check({table})").fetchone()
+        (found,) = database.execute(f"PRAGMA quick_check({table})").fetchone()
         if found != "ok":
             raise record_error("record.damaged", path, " ".join(str(found).split()))
 

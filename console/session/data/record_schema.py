@@ -73,8 +73,8 @@ _TO_2 = (
     """CREATE TABLE measurements (
     run_id TEXT NOT NULL REFERENCES runs(run_id), number INTEGER NOT NULL, at_utc TEXT NOT NULL,
     part TEXT NOT NULL, product INTEGER NOT NULL, ront_um REAL NOT NULL, tolerance_um REAL, passed INTEGER,
-    diameter_mm REAL, nominal_diameter_mm REAL, lobe_um_pp REAL, trace_sha256 TEXT, trace_name TEXT,
-    data TEXT NOT NULL, PRIMARY KEY (run_id, number)
+    diameter_mm REAL, nominal_diameter_mm REAL, diameter_tolerance_um REAL, lobe_um_pp REAL,
+    trace_sha256 TEXT, trace_name TEXT, data TEXT NOT NULL, PRIMARY KEY (run_id, number)
 ) STRICT""",
     """CREATE TABLE traces (
     run_id TEXT NOT NULL REFERENCES runs(run_id), number INTEGER NOT NULL, content BLOB NOT NULL,

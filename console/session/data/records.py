@@ -92,7 +92,8 @@ def begin_record(
         "tolerance_um": facts.job.roundness_tolerance_um,
         "setup": shown(facts.setup),
     }
-    return RunRecord(folder, described, open_timeout_s=open_timeout_s, timeout_s=timeout_s)
+    # The file was checked when the console started; that takes too long where polls must not wait.
+    return RunRecord(folder, described, open_timeout_s=open_timeout_s, timeout_s=timeout_s, checked=False)
 
 
 def refuse_full(folder: Path) -> None:
@@ -120,6 +121,7 @@ class RunRecord:
         *,
         open_timeout_s: float = DRIVES_ON_TIMEOUT_S,
         timeout_s: float = DRIVES_ON_TIMEOUT_S,
+        checked: bool = True,
     ) -> None:
         """Open the file in `folder`, which is created when missing, and begin a run.
 
@@ -135,7 +137,7 @@ class RunRecord:
         self._timeout_s = timeout_s
         self.log = RunLog(folder, self.run_id)
         until_s = time.monotonic() + open_timeout_s
-        self._database = opened(folder, until_s)
+        self._database = opened(folder, until_s, checked=checked)
         try:
             self._mark = RunMark(folder, self.run_id)
         except OSError as error:
@@ -150,7 +152,8 @@ class RunRecord:
                 raise OSError(GONE)
         except (OSError, sqlite3.Error) as error:
             self.close()
-            raise record_error("record.unwritable", self._path, error) from error
+            damaged = isinstance(error, sqlite3.Error) and is_damage(error)
+            raise record_error("record.damaged" if damaged else "record.unwritable", self._path, error) from error
 
     def add(self, kind: str, data: Mapping[str, object], part: PartRecord | None = None) -> None:
         """Add an event, and the measurement that it is of; they are on disk when this returns.
@@ -205,7 +208,7 @@ def add_to_run(
     Raises SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`.
     """
     until_s = time.monotonic() + timeout_s
-    with closing(opened(folder, until_s)) as database:
+    with closing(opened(folder, until_s, checked=False)) as database:
         statements = [_event(run_id, kind, data), *measurement(run_id, part)]
         try:
             retrying(lambda: transaction(database, statements), until_s)

@@ -32,7 +32,7 @@ MOST_WAITING = 20_000
 """Polls that may wait: minutes of a real cut, and of a simulated one seconds on a busy disk."""
 
 WRITE_TIMEOUT_S = 5.0
-CLOSE_TIMEOUT_S = 10.0
+CLOSE_TIMEOUT_S = 6.0
 
 Rows = NDArray[np.floating]
 Poll = tuple[float, ...]

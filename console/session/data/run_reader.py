@@ -68,6 +68,7 @@ class PartPoint:
     tolerance_um: float | None
     diameter_mm: float | None
     nominal_diameter_mm: float | None
+    diameter_tolerance_um: float | None
     lobe_um_pp: float | None
     strategy: str
     stage: str | None
@@ -115,7 +116,7 @@ def story(folder: Path, run_id_prefix: str) -> RunStory:
 
 _MEASURED = """
 SELECT measurements.run_id, measurements.at_utc, part, ront_um, measurements.tolerance_um, runs.tolerance_um,
-    diameter_mm, nominal_diameter_mm, lobe_um_pp, strategy, stage, compensation
+    diameter_mm, nominal_diameter_mm, diameter_tolerance_um, lobe_um_pp, strategy, stage, compensation
 FROM runs JOIN measurements ON measurements.run_id = runs.run_id
 WHERE product = 1 AND job = ? AND machine = ? AND simulated = ?
 AND number = (SELECT max(number) FROM measurements AS again WHERE again.run_id = measurements.run_id
@@ -139,7 +140,8 @@ def measured_parts(
 
 
 def _point(found: Sequence[Any]) -> PartPoint:
-    run_id, at_utc, part, ront_um, of_part, of_run, diameter_mm, nominal_mm, lobe, strategy, stage, version = found
+    run_id, at_utc, part, ront_um, of_part, of_run, diameter_mm, nominal_mm, diameter_um, *more = found
+    lobe, strategy, stage, version = more
     return PartPoint(
         run_id=run_id,
         at=date_of(at_utc)[0],
@@ -148,6 +150,7 @@ def _point(found: Sequence[Any]) -> PartPoint:
         tolerance_um=of_part if of_part is not None else of_run,
         diameter_mm=diameter_mm,
         nominal_diameter_mm=nominal_mm,
+        diameter_tolerance_um=diameter_um,
         lobe_um_pp=lobe,
         strategy=strategy,
         stage=stage,

@@ -47,8 +47,9 @@ class RunRow:
 
     `started` is UTC, `compensation` the learned version or "none". `ront_um` is RONt of the product (not of a part
     cut for comparison), least squares circle, as filtered in `console.session.cut.run`; None where it was not
-    measured. `passed` is None of a part that was not meant to be good. `diameter_mm` is its mean diameter.
-    `damaged` says that some of its data cannot be read.
+    measured. `passed` is None of a part that was not meant to be good. `diameter_mm` is its mean diameter, that
+    may be off by `diameter_tolerance_um` either way, None where that is not judged. `damaged` says that some of
+    its data cannot be read.
     """
 
     run_id: str
@@ -65,6 +66,7 @@ class RunRow:
     tolerance_um: float | None = None
     diameter_mm: float | None = None
     nominal_diameter_mm: float | None = None
+    diameter_tolerance_um: float | None = None
     passed: bool | None = None
     damaged: bool = False
 
@@ -138,7 +140,8 @@ def _ends(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, lis
 def _parts(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, Sequence[Any]]:
     """Return the newest measurement of each run's product."""
     query = (
-        "SELECT run_id, ront_um, tolerance_um, passed, diameter_mm, nominal_diameter_mm FROM measurements"
+        "SELECT run_id, ront_um, tolerance_um, passed, diameter_mm, nominal_diameter_mm,"
+        " diameter_tolerance_um FROM measurements"
         f" WHERE product = 1 AND run_id IN ({_marks(run_ids)}) ORDER BY run_id, number"
     )
     return {run_id: part for run_id, *part in database.execute(query, tuple(run_ids))}
@@ -150,7 +153,7 @@ def _marks(values: Iterable[object]) -> str:
 
 def _row(run: Sequence[Any], ends: list[Event], part: Sequence[Any] | None, *, damaged: bool = False) -> RunRow:
     run_id, started, job, machine, simulated, strategy, operator, stage, compensation, tolerance_um = run
-    ront_um, limit_um, passed, diameter_mm, nominal_mm = part or (None,) * 5
+    ront_um, limit_um, passed, diameter_mm, nominal_mm, diameter_um = part or (None,) * 6
     made = _made(ends) if stage is None else (stage, MODEL if compensation is None else str(compensation))
     begun, ahead = date_of(started)
     return RunRow(
@@ -168,6 +171,7 @@ def _row(run: Sequence[Any], ends: list[Event], part: Sequence[Any] | None, *, d
         tolerance_um=tolerance_um if tolerance_um is not None else limit_um,
         diameter_mm=diameter_mm,
         nominal_diameter_mm=nominal_mm,
+        diameter_tolerance_um=diameter_um,
         passed=None if passed is None else bool(passed),
         damaged=damaged or ahead,
     )

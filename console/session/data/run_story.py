@@ -69,6 +69,7 @@ class RecordedPart:
     passed: bool | None
     diameter_mm: float | None
     nominal_diameter_mm: float | None
+    diameter_tolerance_um: float | None
     lobe_um_pp: float | None
     data: Mapping[str, Any]
     trace_sha256: str | None = None
@@ -183,8 +184,8 @@ _RUN = """SELECT software, python, controller, family, job_sha256, job_text_sha2
 _TEXT = "SELECT content FROM texts WHERE sha256 = ?"
 _EVENTS = "SELECT number, at_utc, kind, data FROM events WHERE run_id = ? ORDER BY number"
 _PARTS = """SELECT number, at_utc, part, product, ront_um, tolerance_um, passed, diameter_mm,
-    nominal_diameter_mm, lobe_um_pp, data, trace_sha256, trace_name FROM measurements WHERE run_id = ?
-    ORDER BY number"""
+    nominal_diameter_mm, diameter_tolerance_um, lobe_um_pp, data, trace_sha256, trace_name
+    FROM measurements WHERE run_id = ? ORDER BY number"""
 _TRACE = "SELECT content FROM traces WHERE run_id = ? AND number = ?"
 _TELEMETRY = "SELECT part, kind, begun_utc, data FROM telemetry WHERE run_id = ? ORDER BY number"
 
@@ -242,7 +243,8 @@ def _controller(events: Iterable[RunEvent]) -> str | None:
 
 
 def _part(found: Sequence[Any]) -> RecordedPart:
-    number, at, part, product, ront_um, tolerance_um, passed, diameter_mm, nominal_mm, lobe, data, *trace = found
+    number, at, part, product, ront_um, tolerance_um, passed, diameter_mm, *more = found
+    nominal_mm, diameter_um, lobe, data, sha256, name = more
     return RecordedPart(
         number=number,
         at=date_of(at)[0],
@@ -253,10 +255,11 @@ def _part(found: Sequence[Any]) -> RecordedPart:
         passed=None if passed is None else bool(passed),
         diameter_mm=diameter_mm,
         nominal_diameter_mm=nominal_mm,
+        diameter_tolerance_um=diameter_um,
         lobe_um_pp=lobe,
         data=table_of(data),
-        trace_sha256=trace[0],
-        trace_name=trace[1],
+        trace_sha256=sha256,
+        trace_name=name,
     )
 
 

@@ -48,7 +48,6 @@ from profiles.traces import Trace
 SIMULATED = ("simulated", "yes")  # header line of a simulated trace, which no gauge has measured
 OVERTONES = (1, 2, 3)
 LEAST_EXTRA = 2
-"""How long an operator waits for other writers of the record."""
 
 LEAST_FOLLOWED = 1.0 / AMPLIFICATION_LIMIT
 """Fraction of a command that the axis must follow for a harmonic to be learned."""

@@ -40,7 +40,7 @@ def stopped_by(reason: str) -> str:
     """Return who stopped the machine: the operator, by a key; the console itself, by a code; or a signal."""
     if "." in reason or reason in OWN_REASONS:
         return CONSOLE
-    return reason if reason.startswith("SIG") else operator_name()
+    return reason if reason.startswith("SIG") and reason != "SIGINT" else operator_name()
 
 
 def alarm_events(before: Alarms, after: Alarms) -> Iterator[Event]:

@@ -17,8 +17,9 @@ from console.session.data.records import add_to_run
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.imported import ImportedTrace, examined, refuse_unready
+from console.session.learning.learning_record import learning_event
 from console.session.learning.learning_steps import as_cut
-from console.session.learning.part_learning import learning_event, learning_of
+from console.session.learning.part_learning import learning_of
 from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, TakeTrace
 from console.session.station.context import StationContext

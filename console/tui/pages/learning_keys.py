@@ -8,7 +8,8 @@ from console.session.cut.compensated import chosen_problems, using, with_accepte
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
 from console.session.learning.calibrating import LOBE_TAKEN, PartLobe, accept_lobe, lobe_event
-from console.session.learning.part_learning import accept, record_accepted, record_kept, revert
+from console.session.learning.learning_record import record_accepted, record_kept
+from console.session.learning.part_learning import accept, revert
 from console.session.work import STAGES, Work, opened
 from console.tui.pages.lobe_lines import is_taken
 from console.tui.ui_context import UiContext

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 
-from console.session.data.run_reader import PartPoint, RunRow, measured_parts, story
+from console.session.data.run_reader import PartPoint, RunRow, measured_parts
 from console.session.stages import Stage
-from profiles.job import job_from_table
 from profiles.metrology.process_statistics import (
     LEAST_PARTS,
     Capability,
@@ -22,7 +20,6 @@ from profiles.metrology.process_statistics import (
     run_chart,
     trend,
 )
-from profiles.problem import ProfileError
 
 MOST_PARTS = 500
 MOST_BEYOND = 0.01
@@ -48,16 +45,12 @@ class NoClaim(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobParts:
-    """The full parts of a job cut with one strategy, oldest first, and how many others the record has.
-
-    `diameter_tolerance_um` is that of the newest part's job, None without one.
-    """
+    """The full parts of a job cut with one strategy, oldest first, and how many others the record has."""
 
     job: str
     strategy: str
     points: tuple[PartPoint, ...]
     others: int = 0
-    diameter_tolerance_um: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,22 +91,12 @@ def job_parts(data: Path, row: RunRow) -> JobParts:
     strategy = row.strategy
     found = measured_parts(data, row.job, row.machine, row.simulated, MOST_PARTS)
     points = tuple(p for p in found if p.strategy == strategy and p.stage in (None, Stage.FULL))
-    tolerance_um = _diameter_tolerance_um(data, points[-1].run_id) if points else None
     return JobParts(
         job=row.job,
         strategy=strategy,
         points=points,
         others=len(found) - len(points),
-        diameter_tolerance_um=tolerance_um,
     )
-
-
-def _diameter_tolerance_um(data: Path, run_id: str) -> float | None:
-    text = story(data, run_id).job_text
-    try:
-        return None if text is None else job_from_table(tomllib.loads(text)).diameter_tolerance_um
-    except (ProfileError, tomllib.TOMLDecodeError):
-        return None
 
 
 def job_chart(parts: JobParts, figure: Figure, *, judge: bool = True) -> JobChart:
@@ -122,7 +105,7 @@ def job_chart(parts: JobParts, figure: Figure, *, judge: bool = True) -> JobChar
     values = tuple(value for _, point in known if (value := _value_um(point, figure)) is not None)
     points = [point for _, point in known]
     begins = _begins(points)
-    lower_um, upper_um = _tolerance_um(parts, points, figure)
+    lower_um, upper_um = _tolerance_um(points, figure)
     alike = values[begins:]
     limits = run_chart(alike) if alike else None
     capability, no_claim = _claim(alike, lower_um, upper_um, limits, judge=judge)
@@ -155,19 +138,20 @@ def _value_um(point: PartPoint, figure: Figure) -> float | None:
 
 def _begins(points: Sequence[PartPoint]) -> int:
     """Return the first of the newest parts that were made alike."""
-    made = [(point.compensation, point.tolerance_um, point.nominal_diameter_mm) for point in points]
+    made = [
+        (each.compensation, each.tolerance_um, each.nominal_diameter_mm, each.diameter_tolerance_um)
+        for each in points
+    ]
     others = (place for place in range(len(made), 0, -1) if made[place - 1] != made[-1])
     return next(others, 0)
 
 
-def _tolerance_um(
-    parts: JobParts, points: Sequence[PartPoint], figure: Figure
-) -> tuple[float | None, float | None]:
+def _tolerance_um(points: Sequence[PartPoint], figure: Figure) -> tuple[float | None, float | None]:
     if not points:
         return None, None
     if figure is Figure.RONT:
         return None, points[-1].tolerance_um
-    off_um = parts.diameter_tolerance_um
+    off_um = points[-1].diameter_tolerance_um
     return (None, None) if off_um is None else (-off_um, off_um)
 
 

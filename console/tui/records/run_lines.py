@@ -227,7 +227,7 @@ def _command_lines(commands: tuple[RunEvent, ...], text: Catalogue, width: int) 
     lines: list[Line] = []
     for event in commands:
         name = printable(str(event.data.get("command", "")), 40)
-        said = text(f"records_page.command.{name}") if name in COMMANDS else name
+        said = text(f"records.command.{name}") if name in COMMANDS else name
         by = printable(str(event.data.get("by") or ""), 30)
         lines += hanging(dim(f"{_clock(event.at)} "), f"{said}  {by}".rstrip(), width)
     return lines

@@ -1,0 +1,68 @@
+"""`console records`: list recorded runs, show one in full, export them."""
+
+from __future__ import annotations
+
+import argparse
+from argparse import Namespace
+from collections.abc import Callable
+from datetime import datetime, timedelta
+
+from console.cli.arguments import whole_number, within
+from console.cli.commands import add_actions
+from console.cli.parser import Parser
+from console.text.catalogue import Catalogue
+
+Act = Callable[[Namespace, Catalogue], None]
+ACTIONS = ("list", "show", "export")
+SHOWN, MOST_SHOWN = 20, 100_000
+
+
+def add(parser: Parser, text: Catalogue) -> None:
+    """Add the actions, each with its arguments."""
+    actions = add_actions(parser, "records", ACTIONS, text)
+    actions["show"].add_argument("run", metavar="RUN", help=text("help.records.run"))
+    actions["export"].add_argument("folder", metavar="FOLDER", help=text("help.records.folder"))
+    for name in ("list", "export"):
+        action = actions[name]
+        action.add_argument("--job", metavar="NAME", help=text("help.records.job"))
+        # Not the machine that a configuration names: without the option, the runs on all of them.
+        of_machine = text("help.records.machine")
+        action.add_argument("--machine", metavar="NAME", dest="of_machine", help=of_machine)
+        action.add_argument("--since", metavar="DATE", type=_date, help=text("help.records.since"))
+        action.add_argument("--until", metavar="DATE", type=_end_of, help=text("help.records.until"))
+        action.add_argument("--failed", action="store_true", help=text("help.records.failed"))
+    limit = within(whole_number, 1, MOST_SHOWN, "usage.records_limit", MOST_SHOWN)
+    shown = text("help.records.limit", default=SHOWN)
+    actions["list"].add_argument("--limit", metavar="N", type=limit, default=SHOWN, help=shown)
+    exported = text("help.records.export_limit")
+    actions["export"].add_argument("--limit", metavar="N", type=limit, default=MOST_SHOWN, help=exported)
+    for name in ("traces", "telemetry"):
+        actions["export"].add_argument(f"--{name}", action="store_true", help=text(f"help.records.{name}"))
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """List, show or export what is recorded; nothing is changed."""
+    from console.cli.measured.records_export import export
+    from console.cli.measured.records_report import list_runs, show_run
+
+    acts: dict[str, Callable[[Namespace, Catalogue], None]] = {
+        "list": list_runs,
+        "show": show_run,
+        "export": export,
+    }
+    acts[options.action](options, text)
+    return 0
+
+
+def _date(word: str) -> datetime:
+    """Parse a date, or a date and time; local where it names no zone."""
+    try:
+        return datetime.fromisoformat(word).astimezone()
+    except (ValueError, OverflowError):
+        raise argparse.ArgumentTypeError(Parser.text("usage.records_date", value=word)) from None
+
+
+def _end_of(word: str) -> datetime:
+    """Parse the same as an end that is not included; a date alone includes its day."""
+    found = _date(word)
+    return found + timedelta(days=1) if len(word) <= len("2026-01-01") else found

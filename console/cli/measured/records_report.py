@@ -1,0 +1,279 @@
+"""Recorded runs for people and for JSON: a list, and one run in full."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from datetime import datetime
+from typing import Any
+
+from console.cli.library import data_of
+from console.cli.output import fields_of, show
+from console.session.data.run_reader import (
+    MODEL,
+    AlarmStory,
+    How,
+    RecordedPart,
+    RunEvent,
+    RunFilters,
+    RunRow,
+    RunStory,
+    Telemetry,
+    runs,
+    story,
+)
+from console.session.data.run_story import POLLED
+from console.session.stages import Stage
+from console.session.station.commands import Command
+from console.text.catalogue import Catalogue
+from console.text.columns import broken, table
+
+ID_DIGITS = 8
+WIDTH = 78
+INDENT = 2
+
+
+def filters_of(options: Namespace) -> RunFilters:
+    """Return what the arguments select."""
+    return RunFilters(
+        job=options.job,
+        machine=options.of_machine,
+        since=options.since,
+        until=options.until,
+        failed=options.failed,
+    )
+
+
+def list_runs(options: Namespace, text: Catalogue) -> None:
+    """Print the newest recorded runs that the options select."""
+    data, limit = data_of(options), options.limit
+    found = runs(data, filters_of(options), limit=limit + 1)
+    shown, more = found[:limit], len(found) > limit
+    show(
+        options,
+        lambda: {"runs": [row_fields(row) for row in shown], "more": more},
+        lambda: _list_lines(shown, more, text),
+    )
+
+
+def _list_lines(shown: tuple[RunRow, ...], more: bool, text: Catalogue) -> list[str]:
+    if not shown:
+        return [text("records.none")]
+    lines = [line for row in shown for line in row_lines(row, text)]
+    return [text("records.head"), "", *lines, *(["", text("records.more", count=len(shown))] if more else [])]
+
+
+def row_lines(row: RunRow, text: Catalogue) -> list[str]:
+    """Return a run on a line with its id, and what became of it on those below; nothing is cut off."""
+    sim = [text("sim")] if row.simulated else []
+    head = "  ".join([row.run_id[:ID_DIGITS], _local(row.started), *sim, row.job])
+    facts = [_result(row, text), _ended(row, text), row.machine, row.strategy]
+    facts += [each for each in (_stage(row, text), _compensation(row, text), row.operator or "") if each]
+    if row.damaged:
+        facts.append(text("records.damaged_row"))
+    below = broken(" · ".join(filter(None, facts)), WIDTH - INDENT)
+    return [head, *(" " * INDENT + line for line in below)]
+
+
+def _result(row: RunRow, text: Catalogue) -> str:
+    if row.ront_um is None:
+        return text("records.not_measured")
+    result = f"RONt {row.ront_um:.2f} um"
+    if row.tolerance_um is None:
+        return result
+    verdict = {True: "records.passed", False: "records.failed", None: "records.not_judged"}[row.passed]
+    return text(verdict, result=result, limit=f"{row.tolerance_um:g}")
+
+
+def _ended(row: RunRow, text: Catalogue) -> str:
+    ended = row.ended
+    said = text(f"records.how.{ended.how}")
+    if ended.turn is not None and ended.how is not How.DONE:
+        said = f"{said} ({text('records.turn', turn=f'{ended.turn:.1f}')})"
+    return " ".join(filter(None, (said, ended.reason, ended.by)))
+
+
+def _stage(row: RunRow, text: Catalogue) -> str:
+    known = row.stage in [each.value for each in Stage]
+    return text(f"stage.{row.stage}") if known else ""
+
+
+def _compensation(row: RunRow, text: Catalogue) -> str:
+    if row.compensation is None or row.compensation == MODEL:
+        return ""
+    return text("records.version", version=row.compensation)
+
+
+def row_fields(row: RunRow) -> dict[str, object]:
+    """Return a run for JSON; dates are UTC, null is not recorded."""
+    return {
+        "run": row.run_id,
+        "started": row.started.isoformat(),
+        **fields_of(row, "job", "machine", "simulated", "operator", "strategy", "stage", "compensation"),
+        "ended": asdict(row.ended),
+        **fields_of(row, "ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm"),
+        **fields_of(row, "diameter_tolerance_um"),
+        **fields_of(row, "failed", "damaged"),
+    }
+
+
+def show_run(options: Namespace, text: Catalogue) -> None:
+    """Print one run in full."""
+    found = story(data_of(options), options.run)
+    show(options, lambda: story_fields(found), lambda: _story_lines(found, text))
+
+
+def story_fields(found: RunStory) -> dict[str, object]:
+    """Return a run in full for JSON; of traces and telemetry what there is of them."""
+    return {
+        **row_fields(found.row),
+        **fields_of(found, "software", "python", "controller", "family", "job_sha256", "machine_sha256", "setup"),
+        "parts": [_part_fields(part) for part in found.parts],
+        "commands": [_event_fields(each) for each in found.commands],
+        "alarms": [
+            {
+                **asdict(each.problem),
+                "priority": each.priority,
+                **{stamp: _iso(getattr(each, stamp)) for stamp in ("raised", "acknowledged", "ended")},
+            }
+            for each in found.alarms
+        ],
+        "events": [_event_fields(each) for each in found.events],
+        "telemetry": [
+            {"part": each.part, "kind": each.kind, "columns": list(each.columns), "rows": len(each.rows)}
+            for each in found.telemetry
+        ],
+        "complete": found.complete,
+        "damaged_parts": list(found.damaged),
+        **fields_of(found, "job_text", "machine_text", "program"),
+    }
+
+
+def _part_fields(part: RecordedPart) -> dict[str, object]:
+    names = ("number", "part", "product", "ront_um", "tolerance_um", "passed", "diameter_mm")
+    return {
+        "at": part.at.isoformat(),
+        **fields_of(part, *names, "nominal_diameter_mm", "diameter_tolerance_um", "lobe_um_pp"),
+        **fields_of(part, "trace_name", "trace_sha256"),
+        "trace_bytes": None if part.trace is None else len(part.trace),
+        "result": part.data,
+    }
+
+
+def _event_fields(event: RunEvent) -> dict[str, object]:
+    return {"at": event.at.isoformat(), "kind": event.kind, "data": event.data}
+
+
+def _iso(date: datetime | None) -> str | None:
+    return None if date is None else date.isoformat()
+
+
+def _story_lines(found: RunStory, text: Catalogue) -> list[str]:
+    row = found.row
+    lines = [*row_lines(row, text), "", *table(_facts(found, text)), "", text("records.parts")]
+    lines += _indented(_part_line(part, text) for part in found.parts) or [_nothing(text)]
+    for name, told in (
+        ("commands", [_command_line(each, text) for each in found.commands]),
+        ("alarms", [_alarm_line(each, text) for each in found.alarms]),
+        ("learned", [_learned_line(each, text) for each in found.accepted]),
+    ):
+        lines += ["", text(f"records.{name}"), *(_indented(told) or [_nothing(text)])]
+    if found.damaged:
+        lines += ["", text("records.damaged", what=", ".join(found.damaged))]
+    return lines
+
+
+def _nothing(text: Catalogue) -> str:
+    return " " * INDENT + text("records.nothing")
+
+
+def _indented(lines: Iterable[str]) -> list[str]:
+    return [" " * INDENT + part for line in lines for part in broken(line, WIDTH - INDENT)]
+
+
+def _facts(found: RunStory, text: Catalogue) -> list[tuple[str, str]]:
+    """Return what the run rests on, as far as it is recorded."""
+    setup = found.setup
+    rows = {
+        "run": found.row.run_id,
+        "software": " · ".join(filter(None, (found.software, found.python and f"Python {found.python}"))),
+        "controller": " · ".join(filter(None, (found.controller, found.family))),
+        "job_hash": found.job_sha256[:16],
+        "machine_hash": found.machine_sha256[:16],
+        "force": _with_unit(setup, "force_n", "N", ".0f", "clamped_at"),
+        "jaw": _with_unit(setup, "jaw_1_deg", "deg", ".2f", "jaw_1_at"),
+        "radius": _with_unit(setup, "zero_radius_mm", "mm", ".3f", "touch_off_at"),
+        "diameter": _diameter(found.row, text),
+        "telemetry": _telemetry(found, text),
+    }
+    return [(text(f"records.{name}"), value) for name, value in rows.items() if value]
+
+
+def _with_unit(setup: Mapping[str, Any], key: str, unit: str, digits: str, stamp: str) -> str:
+    value = setup.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return ""
+    at = setup.get(stamp)
+    return f"{value:{digits}} {unit}" + (f" ({at})" if isinstance(at, str) else "")
+
+
+def _diameter(row: RunRow, text: Catalogue) -> str:
+    if row.diameter_mm is None:
+        return ""
+    nominal = row.nominal_diameter_mm
+    if nominal is None:
+        return f"{row.diameter_mm:.3f} mm"
+    off = "" if row.diameter_tolerance_um is None else f" ± {row.diameter_tolerance_um:g} um"
+    return f"{row.diameter_mm:.3f} mm ({text('records.nominal')} {nominal:.3f}{off})"
+
+
+def _telemetry(found: RunStory, text: Catalogue) -> str:
+    polled = [each for each in found.telemetry if each.kind == POLLED and len(each.rows)]
+    said = ", ".join(_samples(each, found.row.strategy, text) for each in polled)
+    return " · ".join(filter(None, (said, text("records.incomplete") if found.complete is False else "")))
+
+
+def _samples(telemetry: Telemetry, strategy: str, text: Catalogue) -> str:
+    seconds = f"{telemetry.column('time_s')[-1]:.1f}"
+    return text("records.samples", part=telemetry.part or strategy, rows=len(telemetry.rows), seconds=seconds)
+
+
+def _part_line(part: RecordedPart, text: Catalogue) -> str:
+    facts = [part.part, f"RONt {part.ront_um:.2f} um"]
+    if part.lobe_um_pp is not None:
+        facts.append(text("records.lobe", lobe=f"{part.lobe_um_pp:.2f}"))
+    if part.diameter_mm is not None:
+        facts.append(f"D {part.diameter_mm:.3f} mm")
+    facts += [text("records.reference")] if not part.product else []
+    return " · ".join(filter(None, (*facts, part.trace_name, _local(part.at))))
+
+
+COMMANDS = frozenset(each.__name__ for each in Command.__subclasses__())
+
+
+def _command_line(event: RunEvent, text: Catalogue) -> str:
+    name = str(event.data.get("command", ""))
+    said = text(f"records.command.{name}") if name in COMMANDS else name
+    plain = {key: value for key, value in event.data.items() if key not in ("command", "by") and value != []}
+    values = ", ".join(f"{key} {value}" for key, value in plain.items() if not isinstance(value, list | dict))
+    return "  ".join(filter(None, (_clock(event.at), said, values, str(event.data.get("by", "")))))
+
+
+def _alarm_line(alarm: AlarmStory, text: Catalogue) -> str:
+    stamps = {"acknowledged": alarm.acknowledged, "ended": alarm.ended}
+    told = [text(f"records.{name}", at=_clock(at)) for name, at in stamps.items() if at is not None]
+    return "  ".join([_clock(alarm.raised), text.problem(alarm.problem), *told])
+
+
+def _learned_line(event: RunEvent, text: Catalogue) -> str:
+    version, by = event.data.get("version"), event.data.get("by", "")
+    return f"{_local(event.at)}  {text('records.version', version=version)}  {by}".rstrip()
+
+
+def _local(date: datetime) -> str:
+    return date.astimezone().strftime("%Y-%m-%d %H:%M")
+
+
+def _clock(date: datetime) -> str:
+    return date.astimezone().strftime("%H:%M:%S")

@@ -1,0 +1,157 @@
+"""`console records`: what was cut is found again, read in full, and taken elsewhere."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from console.session.cut.run import roundness_of
+from console.session.data.record_file import FILE_NAME
+from console.session.data.records import RunRecord, add_to_run
+from console.session.data.run_reader import story
+from console.text.columns import cell_width
+from profiles.traces import parse_trace
+from tests.console.test_record_schema import write_schema_1
+from tests.console.test_run_reader import RUN, USER, part
+
+Console = Callable[..., Any]
+JobFile = Callable[..., Path]
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Path:
+    """Four runs: good, out of tolerance on another machine, stopped, and real."""
+    folder = tmp_path / "kept"
+    for job, machine, um, simulated in (
+        ("ring", "lathe", 2.5, 1),
+        ("ring", "other", 9.0, 1),
+        ("a bar with quite a long name, 65 mm", "lathe", None, 1),
+        ("ring", "lathe", 3.25, 0),
+    ):
+        run = RunRecord(folder, {**RUN, "job": job, "machine": machine, "simulated": simulated, "operator": "kim"})
+        run.add("started", {})
+        run.log.event("command", {"command": "Start", "by": "kim"})
+        run.log.event("alarm_raised", {"code": "cut.out_of_phase", "priority": "high"})
+        if um is None:
+            run.add("stopped", {"reason": "space", "by": "kim", "turn": 12.3456})
+        else:
+            run.add("cut", {"turn": 90.0})
+            run.add("measured", {}, part(um, diameter_mm=51.8, part="after"))
+        run.close()
+    return folder
+
+
+def test_each_run_is_listed_with_its_result_and_what_is_simulated_says_so(console: Console, kept: Path) -> None:
+    said_of = {
+        "en": ("NOT within 5", "stopped (turn 12.3) space kim"),
+        "ko": ("초과", "정지 (12.3 회전) space kim"),
+    }
+    for lang, words in said_of.items():
+        said = console("records", "list", "--data", str(kept), "--lang", lang)
+        assert said.code == 0
+        for word in (*words, "3.25", "9.00", "kim", "a bar with quite a long name, 65 mm"):
+            assert word in said.out
+        lines = said.out.splitlines()
+        heads = [line for line in lines[2:] if not line.startswith(" ")]
+        assert ["SIM" in head for head in heads] == [False, True, True, True]
+        assert max(map(cell_width, lines)) <= 80
+    fields = console("records", "list", "--data", str(kept), "--json").json
+    assert [run["ront_um"] for run in fields["runs"]] == [3.25, None, 9.0, 2.5] and fields["more"] is False
+    assert [run["simulated"] for run in fields["runs"]] == [False, True, True, True]
+
+
+def test_the_list_is_narrowed(console: Console, kept: Path) -> None:
+    def found(*words: str) -> list[Any]:
+        return [
+            run["ront_um"]
+            for run in console("records", "list", "--data", str(kept), "--json", *words).json["runs"]
+        ]
+
+    today, tomorrow = (datetime.now() + timedelta(days=days) for days in (0, 1))
+    assert found("--job", "ring") == [3.25, 9.0, 2.5]
+    assert found("--machine", "other") == [9.0]
+    assert found("--failed") == [None, 9.0]
+    assert found("--limit", "2") == [3.25, None]
+    assert found("--since", f"{today:%Y-%m-%d}", "--until", f"{tomorrow:%Y-%m-%d}") == [3.25, None, 9.0, 2.5]
+    assert found("--since", f"{tomorrow + timedelta(days=1):%Y-%m-%d}") == []
+    assert found("--until", f"{today - timedelta(days=2):%Y-%m-%d}") == []
+    assert "--limit N" in console("records", "list", "--data", str(kept), "--limit", "2").out
+    for words in (("--since", "yesterday"), ("--limit", "0")):
+        assert console("records", "list", *words).code == 2
+
+
+def test_a_run_is_shown_in_full_by_the_beginning_of_its_id(console: Console, kept: Path) -> None:
+    runs = console("records", "list", "--data", str(kept), "--json").json["runs"]
+    said = console("records", "show", runs[0]["run"][:8], "--data", str(kept))
+    for word in (runs[0]["run"], "ring", "kim", "RONt 3.25 um", "D 51.800 mm", "start", "Alarms", "phase"):
+        assert word in said.out
+    fields = console("records", "show", runs[1]["run"], "--data", str(kept), "--json").json
+    assert [event["kind"] for event in fields["events"]] and fields["ended"]["how"] == "stopped"
+    assert [alarm["code"] for alarm in fields["alarms"]] == ["cut.out_of_phase"]
+    refused = console("records", "show", "0123456789", "--data", str(kept))
+    assert refused.code == 1 and "console records list" in refused.err
+
+
+def test_a_cut_without_a_screen_is_found_and_taken_elsewhere(
+    console: Console, close: tuple[str, str], job_file: JobFile, data_folder: Path, tmp_path: Path
+) -> None:
+    data, out, file = data_folder / "trilobe", tmp_path / "out", tmp_path / "part.csv"
+    job = job_file(cut_length_mm="1.0")
+    said = console("run", str(job), "--sim", *close, "--json", "--part", str(file))
+    assert said.code == 0
+    (run,) = console("records", "list", "--json").json["runs"]
+    assert (run["ront_um"], run["passed"], run["operator"]) == (said.json["after"]["RONt_um"], True, USER)
+    told = story(data, run["run"])
+    assert [(each.part, each.product) for each in told.parts] == [("before", False), ("after", True)]
+    assert told.job_text == job.read_text(encoding="utf-8") and told.complete and told.controller
+    assert told.parts[1].trace == file.read_bytes()  # the same file as that of --part
+    done = console("records", "export", str(out), "--traces", "--telemetry", "--json").json
+    assert (done["runs"], done["files"], done["warnings"]) == (1, 4, [])
+    (row,) = csv.DictReader((out / "runs.csv").read_text(encoding="utf-8").splitlines())
+    assert (row["run"], row["simulated"], float(row["ront_um"])) == (run["run"], "True", run["ront_um"])
+    (line,) = (out / "runs.jsonl").read_text(encoding="utf-8").splitlines()
+    assert json.loads(line)["machine_text"] == told.machine_text
+    trace = parse_trace(next(out.glob("SIM-*after.trace.csv")).read_bytes())
+    assert roundness_of(trace).ront_um == run["ront_um"]
+    table = np.genfromtxt(next(out.glob("SIM-*after.poll.csv")), delimiter=",", names=True, skip_header=3)
+    assert np.array_equal(table["turn"].astype(np.float32), told.telemetry[1].column("turn"))
+    again = console("records", "export", str(out))
+    assert again.code == 1 and "exists" in again.err
+    learned = console("learn", str(file), "--job", str(job), *close, "--keep")
+    assert learned.code == 0, learned.err
+    assert [event.data["version"] for event in story(data, run["run"]).accepted] == [1]
+
+
+def test_what_schema_1_has_can_be_listed_shown_and_exported(console: Console, tmp_path: Path) -> None:
+    path = write_schema_1(tmp_path / "old")
+    before = path.read_bytes()
+    words = ("--data", str(tmp_path / "old"))
+    assert console("records", "list", *words).out.count("ring") == 6
+    for prefix in "abcdef":
+        assert console("records", "show", prefix, *words).code == 0
+    assert console("records", "export", str(tmp_path / "out"), *words, "--traces", "--json").json["runs"] == 6
+    assert path.read_bytes() == before
+
+
+def test_without_a_record_the_list_is_empty_and_a_damaged_one_is_refused(console: Console, tmp_path: Path) -> None:
+    said = console("records", "list", "--data", str(tmp_path / "new"))
+    assert (said.code, said.err) == (0, "") and "No recorded run" in said.out
+    (tmp_path / FILE_NAME).write_bytes(b"no database" * 500)
+    refused = console("records", "list", "--data", str(tmp_path))
+    assert refused.code == 1 and refused.err.count("\n") == 1
+
+
+def test_a_name_that_would_control_the_terminal_is_escaped(console: Console, tmp_path: Path) -> None:
+    run = RunRecord(tmp_path, {**RUN, "job": "ring\x1b[2J\nnext"})
+    run.close()
+    add_to_run(tmp_path, run.run_id, "measured", {}, part(1.0, trace_name="x\x1b]0;y.csv"))
+    for words in (("list",), ("show", run.run_id)):
+        said = console("records", *words, "--data", str(tmp_path))
+        assert said.code == 0 and "\x1b" not in said.out
