@@ -136,7 +136,8 @@ def pages_row(frame: Frame, width: int) -> list[Line]:
     job_width = cell_len(frame.job) + 1 if frame.job else 0
     if width_of(pieces) + job_width > width:
         pieces = (dim(" "), *(piece for name, token in names for piece in ((name, token), dim(" "))))
-    name = name_in(frame.job, max(width - width_of(pieces) - 1, 0))
+    room = max(width - width_of(pieces) - 1, 0)
+    name = name_in(frame.job, room, tail_fraction=0.75)
     return [ranged(pieces, ((f"{name} ", Token.STRONG),) if name else BLANK, width)]
 
 

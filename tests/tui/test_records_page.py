@@ -15,12 +15,14 @@ from typing import Any
 import pytest
 from rich.cells import cell_len
 
+from console.session.data import run_reader
 from console.session.data.record_file import FILE_NAME
 from console.session.station.state import Activity
 from console.session.work import Work
 from console.text.catalogue import load
 from console.tui.gate import FieldKind
 from console.tui.records import beside, listing, reading
+from console.tui.records.job_chart import Figure, JobChart, JobParts, job_chart
 from profiles.store import load_job
 from tests.tui.page_stage import NEXT_STEP_CELLS, READY, play_on
 from tests.tui.records_stage import RecordsScene, run
@@ -95,7 +97,7 @@ def test_the_list_is_filtered_by_failure_by_the_open_job_and_by_words(shop: Path
         await page.pilot.press(*"고리")
         await page.act(*keys("open"))
         (found,) = rows_of(page)
-        assert RING in found and page.page.field is FieldKind.NONE
+        assert RING in found and str(page.page.field) == str(FieldKind.NONE)
         await page.act(*keys("job"))
         assert rows_of(page) == [] and "No recorded run matches" in page.text
 
@@ -123,7 +125,7 @@ def test_a_run_is_shown_as_it_was(shop: Path) -> None:
         assert "cam, learned 2, full" in " ".join(full.split())
         assert "1314.0 N" in full and "12.63° (2 Jan 08:45)" in full and "R 76.013 mm" in full
         assert "The job's file is the same today." in full and "1000.0 rpm" in full
-        assert full.index("arm kim") < full.index("start kim") < full.index("release and measure kim")
+        assert full.index("arm kim") < full.index("start kim") < full.index("measure kim")
         assert "Simulated, not machined." in page.text and "jaw 1 at 12.6°" in page.text
         await page.act(*keys("program"))
         assert "OPEN PROG 10 CLEAR" in page.text
@@ -253,7 +255,7 @@ def test_a_slow_disk_never_holds_the_screen(shop: Path, monkeypatch: pytest.Monk
         assert answers.wait(60.0)
         return runs(*given, **options)
 
-    runs = listing.runs
+    runs = run_reader.runs
     monkeypatch.setattr(listing, "runs", slow)
     monkeypatch.setattr(beside, "SHORT_S", 0.0)
 
@@ -292,7 +294,15 @@ def test_what_works_in_the_list_alone_says_so_elsewhere(shop: Path) -> None:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_everything_fits_80_columns_in_both_languages(language: str, shop: Path) -> None:
-    ways = ([], ["open"], ["down", "open"], ["open", "cut"], ["open", "program"], ["chart"], ["chart", "figure"])
+    ways: tuple[list[str], ...] = (
+        [],
+        ["open"],
+        ["down", "open"],
+        ["open", "cut"],
+        ["open", "program"],
+        ["chart"],
+        ["chart", "figure"],
+    )
     pair = ["mark", "down", "down", "open"]
 
     async def scene(page: RecordsScene) -> None:
@@ -311,9 +321,13 @@ def test_everything_fits_80_columns_in_both_languages(language: str, shop: Path)
 def test_while_something_moves_no_statistics_are_loaded(shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Loading them holds up the thread that keeps the watchdog of the controller alive."""
     judged: list[bool] = []
-    chart = reading.job_chart
     monkeypatch.setattr(reading, "STATISTICS", "scipy.not_loaded_yet")
-    monkeypatch.setattr(reading, "job_chart", lambda *a, judge: judged.append(judge) or chart(*a, judge=judge))
+
+    def charted(parts: JobParts, figure: Figure, *, judge: bool) -> JobChart:
+        judged.append(judge)
+        return job_chart(parts, figure, judge=judge)
+
+    monkeypatch.setattr(reading, "job_chart", charted)
 
     async def scene(page: RecordsScene) -> None:
         page.control.state = replace(READY, activity=Activity.CUTTING)

@@ -87,7 +87,7 @@ def capability_words(found: Capability, text: Catalogue) -> str:
     if found.cp is not None and found.cp_low is not None and found.cp_high is not None:
         said.append(f"Cp {found.cp:.2f} ({found.cp_low:.2f} – {found.cp_high:.2f})")
     said.append(f"Cpk {found.cpk:.2f} ({found.cpk_low:.2f} – {found.cpk_high:.2f})")
-    return " · ".join([*said, text("records_page.chart.confidence", count=found.parts)])
+    return f"{' · '.join(said)} {text('records_page.chart.confidence', count=found.parts)}"
 
 
 def _lobe_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:

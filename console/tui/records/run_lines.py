@@ -46,22 +46,33 @@ def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     """Return whether the part is good, and how the cut ended."""
     part, row = run.product, run.story.row
-    lines = [verdict(part, text, width)] if part is not None else [line(dim(text("records_page.not_measured")))]
+    lines = verdict(part, text) if part is not None else [line(dim(text("records_page.not_measured")))]
     lines += wrapped(ending_words(row, text), width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
     if row.simulated:
         lines += wrapped(text("inspect_page.simulated"), width, Token.SIM)
     return lines
 
 
-def verdict(part: RecordedPart, text: Catalogue, width: int) -> Line:
-    """Return RONt of a part against its tolerance, as it was judged."""
+def verdict(part: RecordedPart, text: Catalogue) -> list[Line]:
+    """Return RONt of a part against its tolerance, and its diameter where that has one, as they were judged."""
     facts = {"value": f"{part.ront_um:.2f}", "limit": NOTHING}
     if part.tolerance_um is not None:
         facts["limit"] = f"{part.tolerance_um:.2f}"
     if part.passed is None:
-        return line((text("records_page.not_judged", **facts), Token.TEXT))
-    mark, token, word = ("✓ ", Token.STRONG, "pass") if part.passed else ("✗ ", Token.WARNING, "fail")
-    return line((mark + text(f"inspect_page.{word}", **facts), token))
+        return [line((text("records_page.not_judged", **facts), Token.TEXT))]
+    round_enough = part.passed if part.tolerance_um is None else part.ront_um <= part.tolerance_um
+    lines = [_judged("", facts, passes=round_enough, text=text)]
+    allowed_um, nominal_mm = part.diameter_tolerance_um, part.nominal_diameter_mm
+    if part.diameter_mm is not None and nominal_mm is not None and allowed_um is not None:
+        facts = {"value": f"{part.diameter_mm:.3f}", "limit": f"{allowed_um:g}"}
+        inside = 1000.0 * abs(part.diameter_mm - nominal_mm) <= allowed_um
+        lines.append(_judged("diameter_", facts, passes=inside, text=text))
+    return lines
+
+
+def _judged(what: str, facts: Mapping[str, str], *, passes: bool, text: Catalogue) -> Line:
+    mark, token, word = ("✓ ", Token.STRONG, "pass") if passes else ("✗ ", Token.WARNING, "fail")
+    return line((mark + text(f"inspect_page.{what}{word}", **facts), token))
 
 
 def ending_words(row: RunRow, text: Catalogue) -> str:
@@ -147,7 +158,9 @@ def figures(part: RecordedPart, run: OpenedRun, text: Catalogue) -> list[tuple[s
         rows.append((text("records_page.diameter"), f"{part.diameter_mm:.3f} mm"))
         if part.nominal_diameter_mm is not None:
             off_um = 1000.0 * (part.diameter_mm - part.nominal_diameter_mm)
-            rows.append((text("records_page.off_nominal"), f"{off_um:+.1f} um"))
+            allowed_um = part.diameter_tolerance_um
+            judged = "" if allowed_um is None else f" (± {allowed_um:g})"
+            rows.append((text("records_page.off_nominal"), f"{off_um:+.1f} um{judged}"))
     of_jaws = jaw_harmonics(part, run)
     rows += [(text("inspect_page.harmonic", n=n), f"{um_pp:.2f} um p-p") for n, um_pp in of_jaws]
     if not of_jaws and part.lobe_um_pp is not None:
