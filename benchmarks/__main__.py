@@ -30,6 +30,7 @@ NAMES = (
     "command_rate",
     "hostile_host",
     "roundness",
+    "flight_recorder",
 )
 """The longest come first."""
 

@@ -30,14 +30,8 @@ PERIOD_S = 0.1
 REPEATS = extent(15, 2)
 SCREENFUL = 20
 JOBS = ("ring", "bar", "cup", "tube")
-MEASURED = (
-    "list, newest screenful",
-    "list, of one job",
-    "list, failed ones",
-    "one run in full",
-    "chart of a job",
-    "open to cut",
-)
+LISTS = ("list, newest screenful", "list, of one job", "list, failed ones")
+MEASURED = (*LISTS, "one run in full", "chart of a job", "begin a run", "check at the start")
 
 
 def a_part(number: int) -> PartRecord:

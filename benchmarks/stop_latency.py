@@ -42,6 +42,7 @@ class Situation:
     screen: str = "none"
     baud: int = FAST_BAUD
     paced: bool = False
+    recorded: bool = False
 
     @property
     def byte_s(self) -> float:
@@ -55,6 +56,7 @@ SITUATIONS = {
     "serial, polls": Situation(),
     "serial, gathered data": Situation(work="gather"),
     "serial, polls, display": Situation(screen="console"),
+    "serial, polls, display, recorder": Situation(screen="console", recorded=True),
     "serial, gathered data, display": Situation(work="gather", screen="console"),
     "serial, gathered data, terminal stalled": Situation(work="gather", screen="stalled"),
     "TCP, gathered data, display": Situation(link="tcp", work="gather", screen="console"),
@@ -83,6 +85,8 @@ def measured(situation: Situation, card: Card, moments: Path, stops: int) -> lis
         at = bench(stack, situation.link, situation.baud, situation.byte_s, card)
         command = [sys.executable, "-m", "benchmarks.stop_latency_host", at.address, situation.work]
         command += [str(at.pipe), *([] if situation.screen == "none" else [str(moments)])]
+        if situation.recorded:
+            command.append(stack.enter_context(tempfile.TemporaryDirectory()))
         process = subprocess.Popen(
             command,
             stdin=at.terminal,

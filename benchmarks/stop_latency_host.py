@@ -19,7 +19,11 @@ from datetime import datetime
 from itertools import count
 from pathlib import Path
 
-from console.session.station.commands import Command
+from console.session.flight.notes import Inbox
+from console.session.flight.recorded_control import RecordedControl
+from console.session.flight.recorded_forms import Moment, work_of
+from console.session.flight.recorder import Recorder
+from console.session.station.commands import Command, Control
 from console.session.station.state import StationState
 from console.session.work import opened
 from console.text.catalogue import load
@@ -33,6 +37,7 @@ from drivers.lathe.stop import KILL_ALL, StopPath
 from drivers.link.address import SerialAddress, SimulatedAddress, parse_address
 from drivers.link.base import Link
 from drivers.link.opening import open_link
+from drivers.link.tapping import TappedLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.gathering.gather_client import DataGathering
 from profiles.store import load_job, load_machine
@@ -137,9 +142,12 @@ def for_ever(work: Callable[[], object]) -> None:
     threading.Thread(target=run, name="link", daemon=True).start()
 
 
-def show(moments: Sequence[StationState], stop: Stop, told: Told) -> None:
+def show(
+    moments: Sequence[StationState], stop: Stop, told: Told, record: Callable[[Control], Control] | None
+) -> None:
     """Run the console itself on the page Run; it is ready when the preview of its job was computed."""
     app: ConsoleApp
+    endless = Endless(moments, stop)
 
     def begin() -> None:
         app.go(PageName.RUN)
@@ -154,7 +162,7 @@ def show(moments: Sequence[StationState], stop: Stop, told: Told) -> None:
     app = ConsoleApp(
         text=load("en"),
         palette=COLOUR,
-        control=Endless(moments, stop),
+        control=endless if record is None else record(endless),
         machine=load_machine(MACHINE),
         data=Path(),
         begin=begin,
@@ -166,6 +174,20 @@ def show(moments: Sequence[StationState], stop: Stop, told: Told) -> None:
     app.run(mouse=False)
 
 
+def recording(data: Path, inbox: Inbox) -> Callable[[Control], Control]:
+    """Return what starts a flight recorder before a control."""
+
+    def record(control: Control) -> Control:
+        work = work_of(opened(load_job(EXPERIMENT), load_machine(MACHINE)))
+        recorder = Recorder(
+            data, load_machine(MACHINE), lambda: Moment(state=control.state, page="run", work=work), inbox
+        )
+        recorder.start()
+        return RecordedControl(control, inbox)
+
+    return record
+
+
 def main() -> None:
     """Work until the process is ended."""
     where, load_of_link, pipe, *files = sys.argv[1:]
@@ -173,17 +195,20 @@ def main() -> None:
     def told(at_s: float) -> None:
         os.write(int(pipe), struct.pack("d", at_s))
 
-    address = parse_address(where)
+    address, inbox = parse_address(where), Inbox(time.monotonic)
     assert not isinstance(address, SimulatedAddress)
     if load_of_link == "bare":
         assert isinstance(address, SerialAddress)
         stop = bare_stop(address.device, told)
     else:
         link = open_link(address)
+        if files[1:]:
+            link = TappedLink(link, inbox.put)
         stop = real_stop(link, told)
         for_ever(work_on(link, load_of_link))
     if files:
-        show(pickle.loads(Path(files[0]).read_bytes()), stop, told)
+        record = recording(Path(files[1]), inbox) if files[1:] else None
+        show(pickle.loads(Path(files[0]).read_bytes()), stop, told, record)
         return
     told(time.monotonic())
     while os.read(0, 1):

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 SCREEN = "console.tui.start"
-PLOTTED = {"reproduce": "console.tui.plot.paper_figures"}
-"""Modules that draw the plot of a command with `--plot`; only the screens can draw."""
+PLOTTED = {"reproduce": "console.tui.plot.paper_figures", "replay": "console.tui.replaying.start"}
+"""Modules that draw for a command: `reproduce` with `--plot`, `replay` always; only the screens can draw."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -35,6 +35,7 @@ COMMANDS = {
     "learn": "console.cli.measured.learn",
     "records": "console.cli.measured.records",
     "reproduce": "console.cli.measured.reproduce",
+    "replay": "console.cli.machine.replay",
 }
 
 SHOWS_CONFIGURATION = "config"

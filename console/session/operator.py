@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import cache
 
 from console.session.data.home import account_name
 
@@ -12,4 +13,10 @@ VARIABLE = "TRILOBE_OPERATOR"
 
 def operator_name() -> str:
     """Return the configured name of the operator, else the login name of this account."""
-    return os.environ.get(VARIABLE) or account_name()
+    return os.environ.get(VARIABLE) or _login(os.getuid())
+
+
+@cache
+def _login(uid: int) -> str:
+    """Return the login name of an account, asked once: a cut must not wait for the server of the accounts."""
+    return account_name()

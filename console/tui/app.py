@@ -16,7 +16,7 @@ from textual.containers import Container
 from textual.driver import Driver
 
 from console.session.station.commands import Control
-from console.session.station.state import Activity
+from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.driver import StopSent, TooFast, Written
 from console.tui.frame import ROWS, Frame, frame_rows, small_rows
@@ -41,7 +41,10 @@ SETTLED_S = 1.0  # time after the last command until a poll shows whether it cau
 
 
 class ConsoleApp(App[None]):
-    """The console of one machine. `begin` is called after the first paint; the rest is for screenshots."""
+    """The console of one machine. `begin` is called after the first paint, `heard` with the name of each key.
+
+    The rest is for screenshots.
+    """
 
     CSS = """
     Screen { layout: vertical; background: $background; color: $foreground; }
@@ -68,6 +71,7 @@ class ConsoleApp(App[None]):
         machine: LoadedMachine,
         data: Path,
         begin: Callable[[], None] = lambda: None,
+        heard: Callable[[str], object] = lambda key: None,
         local_time: Callable[[], datetime] = datetime.now,
         ticking: bool = True,
         driver_class: type[Driver] | None = None,
@@ -79,7 +83,7 @@ class ConsoleApp(App[None]):
         self.theme = theme.name
         self.title = f"SIM {machine.machine.name}" if control.state.simulated else machine.machine.name
         self.ui = UiContext(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
-        self._begin = begin
+        self._begin, self._heard = begin, heard
         self._ui_loop: asyncio.AbstractEventLoop | None = None
         self._leaving = False
         self.fault: Exception | None = None
@@ -144,7 +148,7 @@ class ConsoleApp(App[None]):
         view = View(state=state, work=ui.work, now_s=ui.control.now_s())
         page = self._pages[self._page]
         if self._is_small:
-            self._small.show(small_rows(ui.text, state, SMALLEST, max(self.size.width, 1)))
+            self._small.show(self.small_rows(state))
             return
         if not self._list.is_open and page.size.area:  # before the first layout no panel knows its room
             page.fit()
@@ -210,6 +214,8 @@ class ConsoleApp(App[None]):
     async def on_event(self, event: events.Event) -> None:
         """Judge every key before any widget sees it."""
         if isinstance(event, events.Key) and not event.is_forwarded:
+            written = self._field is FieldKind.TEXT and event.is_printable
+            self._heard("…" if written else event.key)  # what is written in free text is nobody's business
             if self._took(event):
                 return
         elif isinstance(event, events.Paste) and not event.is_forwarded and self._field is not FieldKind.TEXT:
@@ -250,6 +256,11 @@ class ConsoleApp(App[None]):
             self.exit()
 
     @property
+    def page(self) -> PageName:
+        """The page in front of the operator."""
+        return self._page
+
+    @property
     def _is_small(self) -> bool:
         return self.size.width < SMALLEST[0] or self.size.height < SMALLEST[1]
 
@@ -278,7 +289,15 @@ class ConsoleApp(App[None]):
         width = max(self.size.width - 2, 1)
         if self._list.is_open:
             self._list.lay_open(frame, page.in_full(view, width), width)
-        self._show_rows(frame_rows(frame, self.size.width, self.size.height))
+        self._show_rows(self.rows_of(frame))
+
+    def rows_of(self, frame: Frame) -> dict[str, list[Line]]:
+        """Return the rows around the page."""
+        return frame_rows(frame, self.size.width, self.size.height)
+
+    def small_rows(self, state: StationState) -> list[Line]:
+        """Return what a terminal shows that is too small for a page."""
+        return small_rows(self.ui.text, state, SMALLEST, max(self.size.width, 1))
 
     def _show_rows(self, rows: dict[str, list[Line]]) -> None:
         """Show the rows; a longer or shorter message changes the size of the page, which is filled again."""

@@ -31,7 +31,10 @@ _FIRST_SERVED = ("stop", "alarm", "next")  # rows that may have several lines, i
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """Input of the rows. `said` answers the last key; `clock` is local, `now_s` machine time."""
+    """Input of the rows. `said` answers the last key; `clock` is local, `now_s` machine time.
+
+    `badge` is shown before everything else: what is shown is not a machine.
+    """
 
     text: Catalogue
     state: StationState
@@ -43,6 +46,7 @@ class Frame:
     clock: datetime
     now_s: float
     job: str = ""
+    badge: str = ""
 
 
 def state_row(frame: Frame, width: int) -> list[Line]:
@@ -51,6 +55,8 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     head: list[tuple[str, Token]] = (
         [(f" {text('sim')} ", Token.SIM), ("  ", Token.TEXT)] if state.simulated else [(" ", Token.TEXT)]
     )
+    if frame.badge:
+        head = [(f" {frame.badge} ", Token.SELECTED), *head]
     attention = state.activity in (Activity.STOPPED, Activity.LOST, Activity.STOPPING)
     token = Token.WARNING if attention else Token.STRONG if state.moving else Token.TEXT
     activity = text(f"activity.{state.activity}")

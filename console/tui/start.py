@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 from console.cli.library import data_of, machine_of, simulated_address
 from console.session.data.calibrated_chuck import calibrated_or_stated
 from console.session.errors import SessionError
+from console.session.flight.notes import Inbox, Kind
+from console.session.flight.recorded_control import RecordedControl
 from console.session.signals import ENDING_SIGNALS
 from console.session.station.link_thread import LinkThread
 from console.session.station.whereabouts import address_of
@@ -31,6 +33,7 @@ from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
 if TYPE_CHECKING:
+    from console.session.flight.recorder import Recorder
     from console.session.station.station import Opened
 
 WRONG_USAGE = 2
@@ -58,34 +61,69 @@ def main(options: Namespace, text: Catalogue) -> int:
     machine = calibrated_or_stated(machine_of(options), data)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     address = address_of(machine.machine, options.link, simulated=options.sim)
-    tracing = Tracing(None if options.trace is None else Path(options.trace), f"console {machine.machine.name}")
+    inbox = Inbox(time.monotonic)
+    trace = None if options.trace is None else Path(options.trace)
+    tracing = Tracing(trace, f"console {machine.machine.name}", inbox.put)
     simulated = isinstance(address, SimulatedAddress)
     requested = simulated_address(options, machine.machine)
     if requested is not None and not simulated:
         print(f"console: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE
     link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
-    app = ConsoleApp(
-        text=text,
-        palette=MONO if os.environ.get("NO_COLOR") else COLOUR,
-        control=link,
-        machine=machine,
-        data=data,
-        begin=link.open,
-        driver_class=StopDriver,
-    )
+    app, control = _recorded(link, inbox, machine, data, text)
     ending = _Ending(link, app)
     ending.install()
     link.start()
     try:
         app.run(mouse=False)
     finally:
+        if control.recorder is not None:
+            control.recorder.leave()
         _leave(link, ending, text)
+        if control.recorder is not None:
+            control.recorder.close(ending.reason or ("crash" if app.fault is not None else ""))
         for problem in tracing.problems:
             _say(text.problem(problem))
     if app.fault is not None:
         raise app.fault
     return 0 if link.rested and ending.reason is None and app.return_code in (0, None) else 1
+
+
+def _recorded(
+    link: LinkThread, inbox: Inbox, machine: LoadedMachine, data: Path, text: Catalogue
+) -> tuple[ConsoleApp, RecordedControl]:
+    """Return the screens on the link, and their control, which has a recorder after the first paint."""
+    control = RecordedControl(link, inbox)
+
+    def begin() -> None:
+        link.open()
+        control.recorder = _recorder(control, app, machine, data, inbox)
+        control.recorder.start()
+
+    app = ConsoleApp(
+        text=text,
+        palette=MONO if os.environ.get("NO_COLOR") else COLOUR,
+        control=control,
+        machine=machine,
+        data=data,
+        begin=begin,
+        heard=lambda key: inbox.put(Kind.KEY, key),
+        driver_class=StopDriver,
+    )
+    return app, control
+
+
+def _recorder(
+    control: RecordedControl, app: ConsoleApp, machine: LoadedMachine, data: Path, inbox: Inbox
+) -> Recorder:
+    from console.session.flight.recorded_forms import Moment, work_of
+    from console.session.flight.recorder import Recorder
+
+    def observed() -> Moment:
+        """Return what is recorded now; all of it is read by reference, in the thread of the recorder."""
+        return Moment(state=control.state, page=app.page, work=work_of(app.ui.work), said=app.ui.said)
+
+    return Recorder(data, machine, observed, inbox)
 
 
 def _open(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:

@@ -20,6 +20,7 @@ from typing import Protocol
 
 from drivers.errors import DriverError, LinkError
 from drivers.link.base import Link, StopWay
+from drivers.link.tapping import Tap, TappedLink
 from profiles.problem import Problem
 
 CR, ACK, NUL = 0x0D, 0x06, 0x00
@@ -35,6 +36,33 @@ class Sink(Protocol):
         """Append a line, perhaps from a signal handler."""
 
 
+class Dialogue:
+    """Makes lines of the bytes of a link; `put` gets the time (s), the mark and the text of each."""
+
+    def __init__(self, put: Callable[[float, str, str], object]) -> None:
+        self._put = put
+        self._lines = {">": bytearray(), "<": bytearray()}
+
+    def heard(self, now_s: float, mark: str, data: bytes) -> None:
+        """Take bytes of one direction; those of the other begin a new line."""
+        self.end(now_s, "<" if mark == ">" else ">")
+        line = self._lines[mark]
+        for byte in data:
+            if byte != CR:
+                line.append(byte)
+            if byte == CR or byte in _ALONE:
+                self._put(now_s, mark, shown(line) or "[CR]")
+                line.clear()
+            elif len(line) >= LONGEST_LINE:
+                self.end(now_s, mark)
+
+    def end(self, now_s: float, mark: str) -> None:
+        """Put out a line that has no end yet."""
+        if line := self._lines[mark]:
+            self._put(now_s, mark, f"{shown(line)} [no CR]")
+            line.clear()
+
+
 class TracedLink:
     """Passes everything on to `link`. A trace that fails ends, and the link continues without it."""
 
@@ -42,7 +70,7 @@ class TracedLink:
         """Wrap `link`; `now_s` gives the times that are written."""
         self.address = link.address
         self._link, self._file, self._now_s = link, file, now_s
-        self._out, self._in = bytearray(), bytearray()
+        self._dialogue = Dialogue(self._put)
         self.problem: Problem | None = None
         """What ended the trace, `link.trace_lost`; None while it continues."""
 
@@ -58,15 +86,15 @@ class TracedLink:
 
     def send(self, data: bytes) -> None:
         """Send bytes in order."""
-        self._end("<", self._in)
         now_s = self._now_s()
+        self._dialogue.end(now_s, "<")
         try:
             self._link.send(data)
         except LinkError as error:
-            self._note(now_s, ">", self._out, data)
+            self._dialogue.heard(now_s, ">", data)
             self._fail(now_s, error)
             raise
-        self._note(now_s, ">", self._out, data)
+        self._dialogue.heard(now_s, ">", data)
 
     def send_urgent(self, data: bytes) -> None:
         """Send a stop now, then record it."""
@@ -85,31 +113,15 @@ class TracedLink:
             self._fail(self._now_s(), error)
             raise
         if data:
-            self._end(">", self._out)
-            self._note(self._now_s(), "<", self._in, data)
+            self._dialogue.heard(self._now_s(), "<", data)
         return data
 
     def close(self) -> None:
         """Close the link."""
-        self._end(">", self._out)
-        self._end("<", self._in)
+        now_s = self._now_s()
+        self._dialogue.end(now_s, ">")
+        self._dialogue.end(now_s, "<")
         self._link.close()
-
-    def _note(self, now_s: float, mark: str, line: bytearray, data: bytes) -> None:
-        for byte in data:
-            if byte != CR:
-                line.append(byte)
-            if byte == CR or byte in _ALONE:
-                self._put(now_s, mark, shown(line) or "[CR]")
-                line.clear()
-            elif len(line) >= LONGEST_LINE:
-                self._end(mark, line)
-
-    def _end(self, mark: str, line: bytearray) -> None:
-        """Write out a line that has no end yet."""
-        if line:
-            self._put(self._now_s(), mark, f"{shown(line)} [no CR]")
-            line.clear()
 
     def _fail(self, now_s: float, error: LinkError) -> None:
         problem = error.problems[0]
@@ -198,9 +210,13 @@ class TraceFile:
 class Tracing:
     """One trace file for all links of a command, one after the other; or none."""
 
-    def __init__(self, path: Path | None, title: str) -> None:
-        """Open the file, before anything moves. Raises DriverError: `link.trace_unwritable`."""
+    def __init__(self, path: Path | None, title: str, tap: Tap | None = None) -> None:
+        """Open the file, before anything moves; `tap` hears the same bytes without making lines of them.
+
+        Raises DriverError: `link.trace_unwritable`.
+        """
         self._file = None if path is None else TraceFile(path, title)
+        self._tap = tap
         self._traced: list[TracedLink] = []
 
     @property
@@ -210,6 +226,7 @@ class Tracing:
 
     def of(self, link: Link, now_s: Callable[[], float]) -> Link:
         """Return the link with its trace; `now_s` gives the times that are written."""
+        link = link if self._tap is None else TappedLink(link, self._tap)
         if self._file is None:
             return link
         traced = TracedLink(link, self._file, now_s)

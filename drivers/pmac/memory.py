@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -58,6 +59,9 @@ class Memory(Protocol):
 
     def write(self, pointer: Pointer, value: float) -> None:
         """Store a value; non-integers are rounded, bits that do not fit are lost."""
+
+    def bits_of(self, pointer: Pointer) -> Callable[[], int] | None:
+        """Return a quick way to read the bits of a D word again and again; None: there is none."""
 
 
 def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:

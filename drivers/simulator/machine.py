@@ -12,6 +12,7 @@ from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.motor import Motor
 from drivers.simulator.card.registers import CardMemory
 from drivers.simulator.card.saved_state import Flash
+from drivers.simulator.card.stretch import Loaded
 from drivers.simulator.card.watchdog import Background
 from drivers.simulator.faults.board import FaultBoard
 from drivers.simulator.faults.catalogue import AXES
@@ -66,6 +67,7 @@ class SimulatedLathe:
         tool.scale = self.tool.scale
         if self._drives.load is not None:
             self._drives.load.watch(tool, spindle, carriage)
+            self.controller.stretch.loaded = Loaded(self._drives.load, tool, (spindle, carriage))
         self._gains_revision = -1  # the saved gains may differ from the profile's
         self.controller.variables.memory = CardMemory(self.controller)
         self._ports: list[Port] = []

@@ -18,7 +18,7 @@ LANGUAGES = ("en", "ko")
 
 CODE = re.compile(
     r"(file|key|value|schema|job|machine|rule|trace|link|controller|cut|program|response|session|record"
-    r"|alignment|stop|simulator|screen)"
+    r"|alignment|stop|simulator|screen|flight)"
     r"\.[a-z0-9_]+"
 )
 QUOTED = re.compile(r"`([a-z]+\.[a-z0-9_]+)`")

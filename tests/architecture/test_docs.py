@@ -27,6 +27,7 @@ DOCUMENTS = (
     "docs/data.md",
     "docs/fault-matrix.md",
     "docs/faults.md",
+    "docs/flight-recorder.md",
     "docs/heartbeat.md",
     "docs/identification.md",
     "docs/learning.md",

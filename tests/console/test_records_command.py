@@ -12,11 +12,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.cli.machine.run_cut import add_end
+from console.session.cut.engine import NotAsPlannedError
 from console.session.cut.run import roundness_of
+from console.session.data import records
 from console.session.data.record_file import FILE_NAME
 from console.session.data.records import RunRecord, add_to_run
-from console.session.data.run_reader import story
+from console.session.data.run_reader import How, runs, story
+from console.session.errors import SessionError
 from console.text.columns import cell_width
+from profiles.problem import Problem
 from profiles.traces import parse_trace
 from tests.console.test_record_schema import write_schema_1
 from tests.console.test_run_reader import RUN, USER, part
@@ -88,11 +93,12 @@ def test_the_list_is_narrowed(console: Console, kept: Path) -> None:
 
 
 def test_a_run_is_shown_in_full_by_the_beginning_of_its_id(console: Console, kept: Path) -> None:
-    runs = console("records", "list", "--data", str(kept), "--json").json["runs"]
-    said = console("records", "show", runs[0]["run"][:8], "--data", str(kept))
-    for word in (runs[0]["run"], "ring", "kim", "RONt 3.25 um", "D 51.800 mm", "start", "Alarms", "phase"):
+    listed = console("records", "list", "--data", str(kept), "--json").json["runs"]
+    said = console("records", "show", listed[0]["run"][:8], "--data", str(kept))
+    assert max(map(cell_width, said.out.splitlines())) <= 80
+    for word in (listed[0]["run"], "ring", "kim", "RONt 3.25 um", "D 51.800 mm", "start", "Alarms", "phase"):
         assert word in said.out
-    fields = console("records", "show", runs[1]["run"], "--data", str(kept), "--json").json
+    fields = console("records", "show", listed[1]["run"], "--data", str(kept), "--json").json
     assert [event["kind"] for event in fields["events"]] and fields["ended"]["how"] == "stopped"
     assert [alarm["code"] for alarm in fields["alarms"]] == ["cut.out_of_phase"]
     refused = console("records", "show", "0123456789", "--data", str(kept))
@@ -127,6 +133,34 @@ def test_a_cut_without_a_screen_is_found_and_taken_elsewhere(
     learned = console("learn", str(file), "--job", str(job), *close, "--keep")
     assert learned.code == 0, learned.err
     assert [event.data["version"] for event in story(data, run["run"]).accepted] == [1]
+
+
+def test_a_run_without_a_screen_says_how_it_ended_and_who_stopped_it(tmp_path: Path) -> None:
+    early = SessionError(Problem(code="cut.ended_early"))
+    early.__cause__ = NotAsPlannedError(Problem(code="cut.ended_early"), turns=7.0)
+    ended = {
+        How.EARLY: (early, 7.0, "cut.ended_early", ""),
+        How.FAILED: (SessionError(Problem(code="session.busy")), None, str(Problem(code="session.busy")), ""),
+        How.STOPPED: (SessionError(Problem(code="machine.stopped", value="SIGTERM")), None, "SIGTERM", "SIGTERM"),
+    }
+    for error, *_ in ended.values():
+        run = RunRecord(tmp_path, RUN)
+        run.add("planned", {})
+        add_end(run, error)
+        run.close()
+    listed = [row.ended for row in reversed(runs(tmp_path))]
+    assert [(each.how, each.turn, each.reason, each.by) for each in listed] == [
+        (how, turn, reason, by) for how, (_, turn, reason, by) in ended.items()
+    ]
+
+
+def test_without_free_space_no_run_is_started(
+    console: Console, close: tuple[str, str], job_file: JobFile, data_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(records, "LEAST_FREE_BYTES", 10**18)
+    said = console("run", str(job_file(cut_length_mm="0.5")), "--sim", *close)
+    assert (said.code, said.out, said.err.count("\n")) == (1, "", 1) and "are free" in said.err
+    assert not (data_folder / "trilobe" / FILE_NAME).exists()
 
 
 def test_what_schema_1_has_can_be_listed_shown_and_exported(console: Console, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import os
 import pwd
 import sqlite3
 import subprocess
+import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
@@ -190,6 +191,26 @@ def test_telemetry_that_cannot_be_written_ends_no_cut_and_is_told_once(
     (row,) = runs(aligned.context.records)
     told = story(aligned.context.records, row.run_id)
     assert (row.ended.how, row.passed, told.complete) == (How.DONE, True, False)
+
+
+def test_a_cut_does_not_wait_for_a_disk_that_takes_its_time(
+    aligned: Floor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, free, write = threading.Event(), threading.Event(), RunLog._write
+
+    def slow(*given: Any) -> None:
+        begun.set()
+        assert free.wait(30.0)
+        write(*given)
+
+    monkeypatch.setattr(RunLog, "_write", slow)
+    aligned.arm(experiment_1())
+    assert begun.wait(30.0)  # that of the command itself hangs in the disk from here on
+    assert aligned.do(Start()).cut_done and not free.is_set()
+    free.set()
+    aligned.do(Measure())
+    (row,) = runs(aligned.context.records)
+    assert story(aligned.context.records, row.run_id).complete and aligned.state.alarms == ()
 
 
 def test_without_free_space_nothing_is_armed(aligned: Floor, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,6 +27,9 @@ class Words:
 
     values: dict[tuple[str, int], float] = field(default_factory=dict)
 
+    def bits_of(self, _: Pointer) -> None:
+        return None
+
     def read(self, pointer: Pointer) -> float:
         return self.values.get((pointer.space, pointer.address), 0.0)
 

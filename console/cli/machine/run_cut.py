@@ -206,14 +206,14 @@ def _recorded(
     except BaseException as error:
         # What ended the run matters more than a record that cannot be written.
         with suppress(SessionError):
-            _add_end(record, error)
+            add_end(record, error)
         raise
     finally:
         record.close()
     return result
 
 
-def _add_end(record: RunRecord, error: BaseException) -> None:
+def add_end(record: RunRecord, error: BaseException) -> None:
     """Record what ended a run: the cut was not the planned one, somebody stopped it, or it failed."""
     problems = list(error.problems) if isinstance(error, ProblemError) else []
     cause = error.__cause__

@@ -171,9 +171,10 @@ def _iso(date: datetime | None) -> str | None:
 
 def _story_lines(found: RunStory, text: Catalogue) -> list[str]:
     row = found.row
-    lines = [*row_lines(row, text), "", *table(_facts(found, text)), "", text("records.parts")]
-    lines += _indented(_part_line(part, text) for part in found.parts) or [_nothing(text)]
+    lines = [*row_lines(row, text), "", *table(_facts(found, text))]
     for name, told in (
+        ("parts", [_part_line(part, text) for part in found.parts]),
+        ("telemetry", _telemetry(found, text)),
         ("commands", [_command_line(each, text) for each in found.commands]),
         ("alarms", [_alarm_line(each, text) for each in found.alarms]),
         ("learned", [_learned_line(each, text) for each in found.accepted]),
@@ -205,7 +206,6 @@ def _facts(found: RunStory, text: Catalogue) -> list[tuple[str, str]]:
         "jaw": _with_unit(setup, "jaw_1_deg", "deg", ".2f", "jaw_1_at"),
         "radius": _with_unit(setup, "zero_radius_mm", "mm", ".3f", "touch_off_at"),
         "diameter": _diameter(found.row, text),
-        "telemetry": _telemetry(found, text),
     }
     return [(text(f"records.{name}"), value) for name, value in rows.items() if value]
 
@@ -228,10 +228,10 @@ def _diameter(row: RunRow, text: Catalogue) -> str:
     return f"{row.diameter_mm:.3f} mm ({text('records.nominal')} {nominal:.3f}{off})"
 
 
-def _telemetry(found: RunStory, text: Catalogue) -> str:
+def _telemetry(found: RunStory, text: Catalogue) -> list[str]:
     polled = [each for each in found.telemetry if each.kind == POLLED and len(each.rows)]
-    said = ", ".join(_samples(each, found.row.strategy, text) for each in polled)
-    return " · ".join(filter(None, (said, text("records.incomplete") if found.complete is False else "")))
+    said = [_samples(each, found.row.strategy, text) for each in polled]
+    return [*said, *([text("records.incomplete")] if found.complete is False else [])]
 
 
 def _samples(telemetry: Telemetry, strategy: str, text: Catalogue) -> str:

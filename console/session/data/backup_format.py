@@ -22,6 +22,7 @@ CONTENT = "data/"
 MANIFEST_CAP_BYTES = 64_000_000
 
 OF_RUNNING_CONSOLES = ("locks", "running")
+RINGS = "flight/running"  # of the flight recorder
 BESIDE_RECORDS = tuple(f"{FILE_NAME}-{each}" for each in ("wal", "shm", "journal"))
 
 
@@ -93,7 +94,8 @@ def is_safe(path: str) -> bool:
 def belongs_to_running(path: str) -> bool:
     """Whether something in the data folder is of use only while a console runs."""
     first, _, rest = path.partition("/")
-    return first in OF_RUNNING_CONSOLES or (not rest and first in BESIDE_RECORDS) or is_temporary(path)
+    ring = f"{path}/".startswith(f"{RINGS}/")
+    return ring or first in OF_RUNNING_CONSOLES or (not rest and first in BESIDE_RECORDS) or is_temporary(path)
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,6 +42,7 @@ def verify(context: StationContext, _: commands.Verify) -> None:
         settings = (*settings, *context.lathe.program.tables_left())
         if context.commissioned is not None:
             context.commissioned.take_fingerprint()
+            context.tell(uncommissioned=context.commissioned.lasting_problems())
     context.tell(alignment=replace(context.state.alignment, settings=settings))
 
 

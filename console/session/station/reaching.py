@@ -60,6 +60,16 @@ class Commissioned:
             *stop_record_problems(client, machine, dialect, self._data, self._simulated, date.today()),
         )
 
+    def lasting_problems(self) -> tuple[Problem, ...]:
+        """Return why the machine may not be armed whatever the operator does: it is not commissioned.
+
+        A simulated one measures its stops when it is first armed.
+        """
+        if self._simulated:
+            return ()
+        client, machine = self._client, self._machine
+        return stop_record_problems(client, machine, client.dialect, self._data, False, date.today())
+
     def _changed(self) -> tuple[Problem, ...]:
         before, dialect = self._fingerprint, self._client.dialect
         if before is None:

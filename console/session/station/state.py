@@ -163,7 +163,8 @@ class StationState:
     job, that was cut without compensation and measured. `refusals` answer the last command, and end with the next.
     `spindle_rpm` is None until enough was sampled. `stops` counts those that were settled. `marks_mm` is
     where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
-    cut, by however many cuts, None while no tool has been in it. `standing` is this console's role at the
+    cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
+    cut at all, as of the last time its settings were read. `standing` is this console's role at the
     machine, `holder` the number of the console that controls it.
     """
 
@@ -189,6 +190,7 @@ class StationState:
     cut_done: bool = False
     touched: TouchedBlank | None = None
     marks_mm: tuple[float, ...] = ()
+    uncommissioned: tuple[Problem, ...] = ()
     measured: MeasuredPart | None = None
     uncompensated: MeasuredPart | None = None
 

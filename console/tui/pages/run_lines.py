@@ -62,6 +62,7 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
     homed = () if snapshot.homed else (Problem(code="alignment.not_homed"),)
     rest = (Problem(code="screen.in_motion"),) if state.seen_moving else ()
     return (
+        *([Interlock(name="commissioned", problems=state.uncommissioned)] if state.uncommissioned else []),
         Interlock(name="no_stop", problems=stopped),
         # Disabled drives report none, whatever is wrong.
         Interlock(name="no_fault", problems=faults, waits=not faults and not snapshot.loops_closed),

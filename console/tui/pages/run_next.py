@@ -82,7 +82,7 @@ def _missing_word(view: View, machine: MachineProfile) -> str:
             return "arm_again"
         done_in_air = cut is not None and cut.in_air and cut.stage is CutStage.DONE
         return "arm_air" if done_in_air and view.work.stage == Stage.AIR else "arm"
-    return {"job": "set_up", "learned": "choose"}.get(failed[0], "align")
+    return {"job": "set_up", "learned": "choose", "commissioned": "commission"}.get(failed[0], "align")
 
 
 def _stage_word(cut: CutProgress) -> str:

@@ -96,6 +96,7 @@ class SetupPage(Page):
         self._selected = 0
         self._taken: frozenset[str] = frozenset()
         self._over: str | None = None
+        self._uncommissioned: tuple[Problem, ...] = ()
         self._locked: Problem | None = None
         self._placed: tuple[int, int, int] | None = None
         self._shown: object = None
@@ -117,6 +118,7 @@ class SetupPage(Page):
     def show(self, view: View) -> None:
         """Show the job, with the open entry."""
         self._locked = locked(view.state, *_LOCKED)
+        self._uncommissioned = view.state.uncommissioned
         if self.ui.copying and self.ui.work is not None:
             self.ui.copying = False
             self._ask_name(self.ui.work, copying=True)
@@ -150,7 +152,8 @@ class SetupPage(Page):
             return missing_lines(state, text, width)
         for problem in filter(None, (*refused, self._locked)):
             rows += hanging(("! ", Token.WARNING), text.problem(named(problem, text)), width)
-        return [*rows, *finding_lines(check(draft(state), self._machine), text, width, told=self._warnings)]
+        found = check(draft(state), self._machine)
+        return [*rows, *finding_lines(found, text, width, told=self._warnings, stops=self._uncommissioned)]
 
     def leave(self) -> None:
         """End an open entry: accept a good value, drop another one and report it."""
@@ -330,7 +333,7 @@ class SetupPage(Page):
     def _paint(self) -> None:
         work = self._work
         sizes = (self._form.size, self._speed.size, self._findings.size)
-        shown = (self._entering, self._entry.value, self._selected, self._locked, sizes)
+        shown = (self._entering, self._entry.value, self._selected, self._locked, self._uncommissioned, sizes)
         if work is self._shown_work and shown == self._shown:
             return
         self._shown_work, self._shown = work, shown
@@ -357,7 +360,8 @@ class SetupPage(Page):
             return
         speed = speed_lines(job, self._machine, text, *self._speed.size)
         self._speed.show(speed, text("setup.at_speed", speed=f"{job.spindle_speed_rpm:.1f}"))
-        findings = finding_lines(check(job, self._machine), text, *self._findings.size, self._warnings)
+        found, stops = check(job, self._machine), self._uncommissioned
+        findings = finding_lines(found, text, *self._findings.size, self._warnings, stops)
         self._findings.show(findings, text("setup.findings" if job is work.job else "setup.findings_draft"))
 
     def _place(self, entry: tuple[int, int, int] | None) -> None:
@@ -386,6 +390,8 @@ class SetupPage(Page):
             return text("setup.next.refused", count=len(refusing))
         if work is self.ui.draft:
             return text("setup.next.save_new")
+        if self._uncommissioned:
+            return text("setup.next.uncommissioned")
         if lobe := lobe_word(work, self._machine, simulated=self.ui.control.state.simulated):
             return text(f"setup.next.{lobe}")
         warned = self._warnings or any(finding.severity is Severity.WARNING for finding in findings)

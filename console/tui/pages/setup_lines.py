@@ -148,13 +148,17 @@ def finding_lines(
     width: int,
     height: int | None = None,
     told: Sequence[Problem] = (),
+    stops: Sequence[Problem] = (),
 ) -> list[Line]:
-    """Return unmet rules, warnings (`told`: those of calibrations), and the rules met, as far as they fit."""
+    """Return unmet rules, warnings (`told`: those of calibrations), and the rules met, as far as they fit.
+
+    `stops` is why this machine may not cut at all.
+    """
     refused, warned, held = (
         [finding.problem for finding in findings if finding.severity is severity]
         for severity in (Severity.REFUSAL, Severity.WARNING, Severity.OK)
     )
-    marked = [(problem, ("✗ ", Token.ALARM)) for problem in refused]
+    marked = [(problem, ("✗ ", Token.ALARM)) for problem in (*refused, *stops)]
     marked += [(problem, ("! ", Token.WARNING)) for problem in (*warned, *told)]
     lines: list[Line] = []
     for problem, mark in marked:

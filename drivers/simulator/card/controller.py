@@ -26,6 +26,7 @@ from drivers.simulator.card.motor import Motor
 from drivers.simulator.card.plc_programs import PlcPrograms
 from drivers.simulator.card.program_buffer import CardHost, OpenBuffer, Password
 from drivers.simulator.card.saved_state import Flash
+from drivers.simulator.card.stretch import Stretch
 from drivers.simulator.card.table_memory import TableMemory
 from drivers.simulator.plant.axis import BARE_COAST_S, BARE_ORIGIN, Axis, IdealAxis
 
@@ -37,7 +38,7 @@ class Controller:
     """State and behaviour of the controller; ports and plants are attached from outside.
 
     `servo_period_ms` is the true rate of the hardware; I10 is only the controller's setting of it. `programs` are
-    the lines of the stored motion programs, by number.
+    the lines of the stored motion programs, by number. `stretch` runs coupled motors.
     """
 
     def __init__(
@@ -52,8 +53,7 @@ class Controller:
         """Restore `flash`, see `Flash.power_up`. Motors without an axis in `axes` are ideal, with no mechanics."""
         self.servo_period_ms = servo_period_ms
         self.dialect = dialect
-        self.cycles = 0
-        self.watchdog_tripped = False
+        self.cycles, self.watchdog_tripped = 0, False
         self.variables = TimedVariables(i_variables, dialect, lambda: self.cycles)
         self.host = CardHost(self.switch_plc)
         self.plcs = PlcPrograms(self.variables, self.host)
@@ -65,15 +65,14 @@ class Controller:
             number: Motor(number, self.variables, *_behind(axes.get(number), servo_period_ms))
             for number in range(1, dialect.motor_count + 1)
         }
-        self.systems = {
-            number: CoordinateSystem(number, self.variables, self.motors, self._program_code, self.host)
-            for number in range(1, dialect.system_count + 1)
-        }
+        self._busy: set[int] = set()
+        self.systems = {number: self._system(number) for number in range(1, dialect.system_count + 1)}
         self.tables = TableMemory()
         self.gather = GatherBuffer(self.variables)
         self.conversion = Conversion(self.variables, self.motors)
         self._leads = Leads(self.variables, self.motors, self.systems, self.conversion, self.tables)
         self._all_systems = tuple(self.systems.values())
+        self.stretch = Stretch(self._leads, self._all_systems, self.gather)
         self._with_plant = frozenset(axes)
         self._profile = dict(i_variables), definitions
         self._awake: tuple[Motor, ...] = ()
@@ -111,11 +110,16 @@ class Controller:
         tracks: dict[int, list[float]] = {motor.number: [] for motor in self._awake}
         done = 0
         while done < cycles:
-            part = 1 if self._leads.refresh() or self.gather.running else cycles - done
-            interrupt = self.plcs.cycles_to_interrupt(self.cycles)
+            part, interrupt = cycles - done, self.plcs.cycles_to_interrupt(self.cycles)
             if self.plcs.foreground:
                 part = min(part, interrupt)
-            for number, track in self._run(part, self.cycle_ms).items():
+            if not (self._leads.refresh() or self.gather.running):
+                run = self._run(part, self.cycle_ms)
+            elif (part := self.stretch.length(self._awake, part, self.cycle_ms)) > 1:
+                run = self.stretch.run(self._awake, part, self.cycle_ms, self._count)
+            else:
+                run = self._run(1, self.cycle_ms)
+            for number, track in run.items():
                 tracks[number] += track
             if part == interrupt:
                 self.plcs.scan_foreground()
@@ -241,7 +245,7 @@ class Controller:
         if leads.active:
             leads.begin_cycle()
         commands: dict[int, list[float]] = {}
-        for system in self._all_systems:
+        for system in self._all_systems if self._busy else ():
             if system.busy:
                 commands.update(system.sample(cycles, cycle_ms))
         self.cycles += cycles
@@ -253,6 +257,12 @@ class Controller:
         if self.gather.running:
             self.gather.sample()
         return tracks
+
+    def _system(self, number: int) -> CoordinateSystem:
+        return CoordinateSystem(number, self.variables, self.motors, self._program_code, self.host, self._busy)
+
+    def _count(self, cycles: int) -> None:
+        self.cycles += cycles
 
     def _program_code(self, number: int) -> Code | None:
         """Return a stored program, None if there is none. Raises PmacError: 009 or 016, it is not well formed."""

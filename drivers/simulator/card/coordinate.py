@@ -35,8 +35,11 @@ class CoordinateSystem:
         motors: Mapping[int, Motor],
         library: Library,
         host: ProgramHost,
+        busy: set[int] | None = None,
     ) -> None:
+        """Take `busy`, the numbers of all systems that are busy."""
         self.number = number
+        self._all_busy: set[int] = set() if busy is None else busy
         self.frame = AxisFrame(motors)
         self.time_base = TimeBase(number, variables)
         self.motion = ProgramMotion(number, variables, motors, self.frame, self.time_base)
@@ -45,11 +48,19 @@ class CoordinateSystem:
         self.end_of_block_stop = False
         self.program_hold = False
         self.resume_error = False
-        self.busy = False
         self._variables = variables
         self._library = library
         self._host = host
         self._label: int | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether it has to be sampled in the next block."""
+        return self.number in self._all_busy
+
+    @busy.setter
+    def busy(self, busy: bool) -> None:
+        (self._all_busy.add if busy else self._all_busy.discard)(self.number)
 
     @property
     def running(self) -> bool:

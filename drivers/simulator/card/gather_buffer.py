@@ -22,7 +22,7 @@ from drivers.pmac.memory import WORD_BITS, Memory, Pointer
 from drivers.pmac.variables import VariableStore
 
 _LONG_BYTES = LONG_BITS // 8
-_Source = tuple[Pointer, Callable[[float], int], int]  # a register, its encoder, and its bit in a sample
+_Source = tuple[Callable[[], int], int]  # reads the bits of a register; its lowest bit in a sample
 
 
 class GatherBuffer:
@@ -70,7 +70,7 @@ class GatherBuffer:
             raise PmacError(ErrorCode.DATA_ERROR, f"{asked}: nothing that could be gathered")
         # What a sample needs, computed once: thousands are taken per second.
         places = zip(chosen, shifts_of(chosen), strict=True)
-        self._sources = tuple((source, _BITS[source.space], shift) for source, shift in places)
+        self._sources = tuple((_bits(self._memory, source), shift) for source, shift in places)
         self._padding = padding_of(chosen)
         self._sample_bytes = long_words_of(chosen) * _LONG_BYTES
         if not self._has_room:
@@ -89,16 +89,28 @@ class GatherBuffer:
         self.size = 0
         self._data.clear()
 
+    @property
+    def due(self) -> bool:
+        """Whether the next call of `sample` takes one."""
+        return is_due(self._cycle, self._period)
+
+    @property
+    def cycles_left(self) -> int:
+        """Return after how many more servo cycles the buffer is full."""
+        if not self._period:
+            return 1
+        samples = (self.size * _LONG_BYTES - len(self._data)) // self._sample_bytes
+        return -self._cycle % self._period + (samples - 1) * self._period + 1
+
     def sample(self) -> None:
         """Take the sample of a servo cycle, if one is due; stop when the buffer is full."""
         cycle = self._cycle
         self._cycle = cycle + 1
         if self._memory is None or not is_due(cycle, self._period):
             return
-        read = self._memory.read
         packed = self._padding
-        for pointer, bits_of, shift in self._sources:
-            packed |= bits_of(read(pointer)) << shift
+        for bits, shift in self._sources:
+            packed |= bits() << shift
         self._data += packed.to_bytes(self._sample_bytes, "little")
         if not self._has_room or not self._period:
             self.running = False
@@ -131,3 +143,8 @@ def _integer(bits: int) -> Callable[[float], int]:
 
 _BITS = {"X": _integer(WORD_BITS), "Y": _integer(WORD_BITS), "D": _integer(LONG_BITS), "L": encode_float}
 """Encoders of values by memory space."""
+
+
+def _bits(memory: Memory, pointer: Pointer) -> Callable[[], int]:
+    encode = _BITS[pointer.space]
+    return memory.bits_of(pointer) or (lambda: encode(memory.read(pointer)))

@@ -39,6 +39,7 @@ class JogMotion:
         self.pre_jog = False
         self.began_at = 0.0
         self._past_trigger = 0.0
+        self._rest: list[float] = []
         self._motor = motor
         self._variables = variables
 
@@ -84,10 +85,12 @@ class JogMotion:
         self.aborting = self.pre_jog = False
 
     def sample(self, cycles: int, cycle_ms: float, here: float) -> list[float]:
-        """Return the commands of a block."""
+        """Return the commands of a block: at rest the same list each time, so that an axis sees it at once."""
         player = self.player
         if player is None:
-            return [here] * cycles
+            if len(self._rest) != cycles or self._rest[0] != here:
+                self._rest = [here] * cycles
+            return self._rest
         commands = player.sample(cycles, cycle_ms)[0]
         if player.idle:
             self.player = None

@@ -8,7 +8,7 @@ followers use the counts of the master in the servo cycle that has just ended.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.pmac.compensation.table import CompensationTable, TableSource
@@ -98,18 +98,34 @@ class Leads:
         self._clocks: dict[int, _Clock] = {}
         self._followers: dict[int, _Follower] = {}
         self._corrected: dict[int, list[CompensationTable]] = {}
+        self._places: dict[int, int] | None = {}
+        self._sources: frozenset[int] = frozenset()
+
+    @property
+    def in_order(self) -> bool:
+        """Whether tables are all that is active, and motors can be run in an order in which sources come first."""
+        return self._places is not None
+
+    def place_of(self, motor: Motor) -> int:
+        """Return the place of a motor in that order."""
+        return (self._places or {}).get(motor.number, motor.number)
 
     def refresh(self) -> bool:
         """Read the settings if they may have changed; return whether any coupling is active."""
-        now = (self._variables.i_revision, self._conversion.revision, self._tables.revision)
-        if now != self._seen:
-            self._seen = now
+        settings, conversion, tables = self._seen
+        if (
+            self._variables.i_revision != settings
+            or self._conversion.revision != conversion
+            or self._tables.revision != tables
+        ):
+            self._seen = self._variables.i_revision, self._conversion.revision, self._tables.revision
             self._find_clocks()
             self._find_followers()
             self._corrected = {}
             for table in self._tables.tables.values() if self._variables.i(TABLES_ON) else ():
                 self._corrected.setdefault(table.definition.target, []).append(table)
             self.active = bool(self._clocks or self._followers or self._corrected)
+            self._find_order()
         return self.active
 
     def begin_cycle(self) -> None:
@@ -135,6 +151,62 @@ class Leads:
             motor.correction = sum(
                 table.correction(*map(self._place, table.definition.sources)) for table in tables
             )
+
+    def sources(self) -> dict[int, tuple[float, float]]:
+        """Return encoder and commanded position of each source of a table, as they are now."""
+        return {number: (self._motors[number].encoder, self._motors[number].desired) for number in self._sources}
+
+    def let_stand(self, sources: Mapping[int, tuple[float, float]], cycles: int) -> None:
+        """Let the sources keep their positions in a stretch, until one is run through it."""
+        for number, (encoder, desired) in sources.items():
+            replay = self._motors[number].replay
+            replay.encoders, replay.commands = [encoder] * cycles, [desired] * cycles
+
+    def corrections(
+        self, motor: Motor, cycles: int, before: Mapping[int, tuple[float, float]]
+    ) -> list[float] | None:
+        """Return the corrections of a motor in a stretch in which its sources have been run already.
+
+        None without a table. `before` are the `sources` before that stretch.
+        """
+        tables = self._corrected.get(motor.number)
+        if not tables:
+            return None
+        found = [0.0] * cycles
+        for table in tables:
+            places = [self._passed(source, motor, before) for source in table.definition.sources]
+            corrections = [table.correction(*there) for there in zip(*places, strict=True)]
+            found = [sum(each) for each in zip(found, corrections, strict=True)]
+        return found
+
+    def _passed(
+        self, source: TableSource, target: Motor, before: Mapping[int, tuple[float, float]]
+    ) -> Sequence[float]:
+        """Return the places of a source that the target sees: a cycle late if its own number is lower."""
+        replay = self._motors[source.motor].replay
+        start = before[source.motor][source.desired]
+        passed = replay.commands if source.desired else replay.encoders
+        return passed if source.motor < target.number else [start, *passed[:-1]]
+
+    def _find_order(self) -> None:
+        """Find an order of the motors in which sources come before their targets."""
+        self._places, self._sources = None, frozenset()
+        if self._clocks or self._followers or any(not self._motors[each].activated for each in self._corrected):
+            return
+        needs = {
+            target: {source.motor for table in tables for source in table.definition.sources}
+            for target, tables in self._corrected.items()
+        }
+        order: list[int] = []
+        waiting = list(self._motors)
+        while waiting:
+            ready = [number for number in waiting if needs.get(number, set()) <= set(order)]
+            if not ready:
+                return  # some correct each other, or one itself
+            order += ready
+            waiting = [number for number in waiting if number not in ready]
+        self._places = {number: place for place, number in enumerate(order)}
+        self._sources = frozenset().union(*needs.values())
 
     def _place(self, source: TableSource) -> float:
         motor = self._motors[source.motor]

@@ -9,6 +9,7 @@ from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.guard import Alarm, Guard, TravelLimits, read_guard
 from drivers.simulator.card.jog_motion import HomeSensor, JogMotion, Stage
+from drivers.simulator.card.replay import Replay
 from drivers.simulator.plant.axis import Axis, Scale, read_encoder
 
 _SEARCHING = Stage.SEARCHING  # a look-up less in every block
@@ -65,6 +66,8 @@ class MotorLoop:
         self.jog = JogMotion(number, variables)
         self._power_up_origin = axis.origin
         self._poller = 0
+        self._track, self._machine, self._origin = list[float](), list[float](), 0.0
+        self.replay = Replay()
         self._guard = read_guard(variables, number)
         self._guard_revision = variables.i_revision
 
@@ -121,36 +124,81 @@ class MotorLoop:
         """Return Ix`number` of this motor."""
         return self._variables.motor(self.number, number)
 
-    def run(self, cycles: int, cycle_ms: float, commands: Sequence[float] | None) -> list[float]:
-        """Run a block, of the motor's own jog without `commands`; return the true machine positions (counts)."""
-        if self._losing or self.axis.encoder_lost:
+    def run(
+        self,
+        cycles: int,
+        cycle_ms: float,
+        commands: Sequence[float] | None,
+        corrections: Sequence[float] | None = None,
+    ) -> list[float]:
+        """Run a block, of the motor's own jog without `commands`; return the true machine positions (counts).
+
+        `corrections` are those of tables in each cycle, where they change.
+        """
+        axis = self.axis
+        if self._losing or axis.encoder_lost:
             self._count_losses()
         if self.superimposed and not (self.offset_following or self.program_timer or self.jog.player):
             self._absorb()
+        if corrections is not None:
+            self.correction = corrections[-1]
         added = self.correction + self.superimposed
         if not self.enabled:
-            track = self.axis.coast(cycles) if self._output is None else self.axis.push(self._output, cycles)
+            track = axis.coast(cycles) if self._output is None else axis.push(self._output, cycles)
             self.velocity = 0.0
         else:
             commands = self.jog.sample(cycles, cycle_ms, self.desired) if commands is None else commands
-            track = self.axis.follow([command + added for command in commands] if added else commands)
+            track = axis.follow(_sum(commands, corrections, added))
             before = commands[-2] if cycles > 1 else self.desired
             self.desired, self.velocity = commands[-1], (commands[-1] - before) / cycle_ms
-        start, origin = self.true_position, self.axis.origin
-        machine = [position + origin for position in track] if origin else track
+        start, machine = self.true_position, self._in_machine(track, axis.origin)
         self.true_position = machine[-1]
-        self.pace = self.true_position - (machine[-2] if cycles > 1 else start)
+        self.pace = machine[-1] - (machine[-2] if cycles > 1 else start)
         self.cycles_run += cycles
-        self._last_actual = track[-2] if cycles > 1 else self.actual
         if self._losing:
             self._last_actual = self.actual
         else:
+            self._last_actual = track[-2] if cycles > 1 else self.actual
             self.actual = track[-1]
         if not self.enabled:
-            self.desired = self.encoder - added
+            self.desired = float(read_encoder(self.actual + self.scale.now)) - added
         if self.jog.stage is _SEARCHING:
             self._search(start, self.true_position)
         return machine
+
+    @property
+    def undisturbed(self) -> bool:
+        """Whether `show` can show each cycle: its encoder counts, is read in blocks, and it follows no master."""
+        in_blocks = not self.scale.noisy or (self.enabled and not self.axis.jammed)
+        return in_blocks and not (self._losing or self.axis.encoder_lost or self.superimposed)
+
+    def _in_machine(self, track: list[float], origin: float) -> list[float]:
+        """Return a track in machine counts. An axis at rest returns the same list, and so does this."""
+        if track is not self._track or origin != self._origin:
+            self._track, self._origin = track, origin
+            self._machine = [position + origin for position in track] if origin else track
+        return self._machine
+
+    def begin_stretch(self) -> None:
+        """Remember the state before a stretch of cycles."""
+        self.replay.begin(self.desired, self.actual, self.scale.now)
+
+    def keep_stretch(
+        self, cycle_ms: float, commands: Sequence[float] | None, corrections: Sequence[float] | None
+    ) -> None:
+        """Remember each cycle of the stretch that was just run with these, for `show`."""
+        track, told = self._track, commands
+        if self.enabled and commands is None:
+            told = [self.desired] * len(track)
+        corrected = corrections or [self.correction] * len(track)
+        self.replay.keep(track, self.scale.drawn, told if self.enabled else None, corrected, cycle_ms)
+
+    def show(self, at: int) -> None:
+        """Be as after cycle `at` of the last stretch, to all that reads registers."""
+        shown = self.replay.cycles[at]
+        self.desired, self.velocity, self.actual, self._last_actual, self.correction, now, before = shown
+        if self.scale.noisy:
+            self.scale.now, self.scale.before = now, before
 
     def passed_index(self, before: float, after: float) -> float | None:
         """Return the home trigger position between two machine positions, if any."""
@@ -172,7 +220,7 @@ class MotorLoop:
             self._poller = 0
             return None
         guard = self.guard
-        here = self.encoder
+        here = float(read_encoder(self.actual + self.scale.now))
         error = abs(self.desired + self.correction + self.superimposed - here) if self.enabled else 0.0
         travel = self.travel
         # A limit that is set is checked even inside Ix13 and Ix14.
@@ -247,3 +295,10 @@ class MotorLoop:
         self._last_actual -= offset
         self.jog.began_at -= offset
         self.stopped_at = None  # a program resumes from where the motor is, in the new counts
+
+
+def _sum(commands: Sequence[float], corrections: Sequence[float] | None, added: float) -> Sequence[float]:
+    """Return commands with what is added to them, in each cycle or all the time."""
+    if corrections is not None:
+        return [command + each for command, each in zip(commands, corrections, strict=True)]
+    return [command + added for command in commands] if added else commands

@@ -11,6 +11,7 @@ from drivers.pmac.trajectory.pieces import Piece, Vector, position_at
 
 Refill = Callable[[], Iterable[Piece]]
 Assign = Callable[[tuple[Deferred, ...]], None]
+FARTHEST_AHEAD = 1000  # cycles; pieces may be endless
 SAME_COUNTS = 1e-6  # two motions no further apart than this are the same
 
 
@@ -29,6 +30,8 @@ class Player:
         self._queue: deque[Piece] = deque()
         self._elapsed_ms = 0.0
         self._entered = False
+        self._pace = (0, 0.0)  # number and distance, ms, of the `_instants`
+        self._instants: list[float] = []
 
     @property
     def idle(self) -> bool:
@@ -76,8 +79,14 @@ class Player:
         runs backwards, but no further than the start of the present piece: there the position waits until the time
         has come again.
         """
-        track: list[list[float]] = [[] for _ in self.position]
         rate_ms = cycle_ms if rate_ms is None else rate_ms
+        if self._entered and self._queue and self._elapsed_ms >= 0.0:
+            # As most blocks: all of it in one piece, so that nothing of what follows has anything to do.
+            piece = self._queue[0]
+            step_ms = cycle_ms if piece.real_time else rate_ms
+            if step_ms > 0.0 and (piece.duration_ms - self._elapsed_ms) / step_ms >= count > 0:
+                return self._go_on(piece, count, step_ms)
+        track: list[list[float]] = [[] for _ in self.position]
         left = count
         before_ms = 0.0
         while left and self._enter():
@@ -106,6 +115,41 @@ class Player:
                 positions.extend([last] * left)
         elif count:
             self.position = tuple(positions[-1] for positions in track)
+        return track
+
+    def _go_on(self, piece: Piece, count: int, step_ms: float) -> list[list[float]]:
+        """Return positions within the present piece."""
+        start = self._elapsed_ms
+        if self._pace != (count, step_ms):
+            self._pace, self._instants = (count, step_ms), [step_ms * k for k in range(1, count + 1)]
+        return self._at(piece, [start + instant for instant in self._instants])
+
+    def whole_cycles(self, cycle_ms: float) -> int:
+        """Return for how many servo cycles the present piece certainly goes on in real time, and one more."""
+        if not (self._entered and self._queue and self._elapsed_ms >= 0.0):
+            return 0
+        left = (self._queue[0].duration_ms - self._elapsed_ms) / cycle_ms
+        return int(min(left, FARTHEST_AHEAD)) - 1
+
+    def sample_singly(self, count: int, cycle_ms: float) -> list[list[float]]:
+        """Return what so many calls for one cycle would, in real time; no more than `whole_cycles`."""
+        times, elapsed_ms = [], self._elapsed_ms
+        for _ in range(count):
+            elapsed_ms += cycle_ms
+            times.append(elapsed_ms)
+        return self._at(self._queue[0], times)
+
+    def _at(self, piece: Piece, times: list[float]) -> list[list[float]]:
+        """Play up to the last of these times."""
+        self._elapsed_ms = times[-1]
+        # Terms of the polynomial that are exactly 0 change nothing.
+        track = [
+            [((c3 * t + c2) * t + c1) * t + c0 for t in times]
+            if c2 or c3
+            else ([c1 * t + c0 for t in times] if c1 else [c0] * len(times))
+            for c0, c1, c2, c3 in piece.cubics
+        ]
+        self.position = tuple([positions[-1] for positions in track])
         return track
 
     def _enter(self) -> bool:

@@ -39,6 +39,8 @@ class PlcPrograms:
         self._host = host
         self._runs: dict[int, PlcRun] = {}
         self._addressed: dict[int, Addressed] = {}
+        self._order: tuple[int, ...] = ()
+        self._ordered = PlcSwitches(), 0.0
 
     @property
     def foreground(self) -> bool:
@@ -109,7 +111,13 @@ class PlcPrograms:
         """Run the scan of each of PLC 1 to 31 in this background cycle."""
         if not self.switches.enabled:
             return
-        for number in background_order(self._variables.i(PERMISSION), self.switches.enabled, self._runs):
+        permission = self._variables.i(PERMISSION)
+        switches, permitted = self._ordered
+        if switches is not self.switches or permitted != permission:
+            # The switches are another object whenever anything was enabled, disabled or stored.
+            self._order = background_order(permission, self.switches.enabled, self._runs)
+            self._ordered = self.switches, permission
+        for number in self._order:
             # An earlier one of this cycle may have disabled it.
             if number in self.switches.enabled:
                 self._scan(number)

@@ -176,6 +176,17 @@ class ProgramMotion:
             self._rest(player.position)
         return {motor.number: track for motor, track in zip(self._frame.motors, tracks, strict=True)}
 
+    def uneventful(self, cycle_ms: float) -> int:
+        """Return for how many servo cycles a piece of motion certainly goes on in real time; 1 if it does not."""
+        player = self._player
+        return 1 if player is None or not self._time_base.real_time else player.whole_cycles(cycle_ms)
+
+    def sample_singly(self, cycles: int, cycle_ms: float) -> dict[int, list[float]]:
+        """Return what `sample` would in so many calls for one cycle each, no more than `uneventful`."""
+        assert self._player is not None
+        tracks = self._player.sample_singly(cycles, cycle_ms)
+        return {motor.number: track for motor, track in zip(self._frame.motors, tracks, strict=True)}
+
     def _frozen(self, player: Player) -> bool:
         return self._time_base.stopped and not player.in_real_time
 

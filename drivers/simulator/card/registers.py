@@ -117,6 +117,15 @@ class CardMemory:
                     self._controller.motors[number].variable_jog = value
                 self._numbers[pointer.space, pointer.address, pointer.offset] = value
 
+    def bits_of(self, pointer: Pointer) -> Callable[[], int] | None:
+        """Return what reads the bits of a register in D, without finding it again each time."""
+        held = self._registers.get(("D", pointer.address)) if pointer.space == "D" else None
+        if held is None:
+            return None
+        name, number = held
+        value, controller, mask = READERS[name], self._controller, _mask(DOUBLE_BITS)
+        return lambda: _whole(value(controller, number)) & mask
+
     def word(self, space: str, address: int) -> int:
         """Return an unsigned 24-bit word; `space` is X or Y."""
         # Timers first, which are nothing else: the heartbeat PLC reads them in each of its scans.

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import copysign
 
 from drivers.simulator.plant.axis import EncoderAxis, Ends, Scale
 from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide
 from drivers.simulator.plant.tip_load import TipLoad
+
+ROUNDS = 1.5 * 2.0**52  # a number plus this, less this, is rounded half to even as by `round`: see `FARTHEST`
+FARTHEST = 1e12  # counts; far inside +-2^51, where that is so
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +42,10 @@ class ServoAxis(EncoderAxis):
     It is stepped a block of servo cycles at a time, and carries the mechanical state with its own: position and
     speed are the only two numbers exchanged in each cycle. `output_bits` is the last output, up to `limit_bits`
     either way.
+
+    `_follow_by_cycle` and `_drift_by_cycle` are the whole truth. `_close`, `_glide` and `_fall` are the same
+    operations in the same order, to the last bit, for an axis that is not jammed and whose encoder counts; `_stay`
+    returns the last block again where it has ended as it began.
     """
 
     def __init__(
@@ -67,69 +74,146 @@ class ServoAxis(EncoderAxis):
         self._command = 0.0
         self._command_step = 0.0
         self._integral = 0.0
+        self._last_commands: Sequence[float] | None = None
+        self._still: list[float] | None = None  # the last block, if the next one with its commands is the same
+        self._rest: list[float] = []
         self.set_gains(gains)
 
     def set_gains(self, gains: ServoGains) -> None:
         """Use other gains from the next cycle on."""
         scale = gains.ix30 / 2**19
-        self._k_error = scale * gains.ix08
-        self._k_velocity = self._k_error * gains.ix32 / 128
-        self._k_acceleration = self._k_error * gains.ix35 / 128
-        self._k_integral = self._k_error * gains.ix33 / 2**23 if gains.ix63 else 0.0
-        self._k_damping = scale * gains.ix31 * gains.ix09 / 128
+        k_error = scale * gains.ix08
+        self._k = (
+            k_error,
+            k_error * gains.ix32 / 128,
+            k_error * gains.ix35 / 128,
+            k_error * gains.ix33 / 2**23 if gains.ix63 else 0.0,
+            scale * gains.ix31 * gains.ix09 / 128,
+        )
         self._integrate_in_motion = gains.ix34 == 0
         self._full_output = gains.ix69
         self.limit_bits = min(gains.ix69, self._peak_bits)
+        self._still = None
 
     def close_loop(self) -> float:
         """Hold the present encoder position."""
         self._read()
         self._command = self._reading
         self._command_step = self._integral = self.output_bits = 0.0
+        self._still = None
         return self._command
 
     def _shift_reading(self, counts: float) -> None:
         super()._shift_reading(counts)
         self._command -= counts
 
+    def rebase(self, counts: float) -> None:
+        """Shift the motor's zero by `counts`."""
+        super().rebase(counts)
+        self._still = None
+
     def follow(self, commands: Sequence[float]) -> list[float]:
-        """Close the loop over the block. The local names are for speed: this is the innermost loop of all."""
+        """Close the loop over the block."""
         self.at_end = False
-        if self.encoder_lost or self.jammed or self._slide or self._may_reach_end(len(commands)):
+        if self.encoder_lost or self.jammed or not -FARTHEST < self._x < FARTHEST:
             return self._follow_by_cycle(commands)
-        x, v, force = self._x, self._v, self.output_bits
+        again = commands is self._last_commands
+        if again and self._still is not None:
+            return self._stay(self._still)
+        self._last_commands, self._still = commands, None
+        before = (
+            self._x,
+            self._v,
+            self.output_bits,
+            self._integral,
+            self._reading,
+            self._command,
+            self._command_step,
+        )
+        self._blind, noise = False, self.scale.draw(len(commands))
+        slide = self._slide
+        if slide is not None and self._load is not None and self._load.led:
+            singly = [
+                self._glide((told,), noise and noise[at : at + 1], slide) for at, told in enumerate(commands)
+            ]
+            return [position for (position,) in singly]
+        if slide is not None:
+            return self._glide(commands, noise, slide)
+        positions = self._close(commands, noise)
+        if again and noise is None and self._repeats(before, commands):
+            self._still = positions
+        return positions
+
+    def _close(self, commands: Sequence[float], noise: Sequence[float] | None) -> list[float]:
+        """Close the loop without friction. The local names are for speed: this is the innermost loop of all."""
+        x, v, force, integral = self._x, self._v, self.output_bits, self._integral
         last, last_step, last_encoder = self._command, self._command_step, self._reading
-        integral, limit, read = self._integral, self.limit_bits, self.scale.read
-        k_error, k_velocity, k_acceleration = self._k_error, self._k_velocity, self._k_acceleration
-        k_integral, k_damping, in_motion = self._k_integral, self._k_damping, self._integrate_in_motion
-        plant = self._plant
+        k_e, k_v, k_a, k_i, k_d = self._k
+        lowest, highest, whole, in_motion = -self.limit_bits, self.limit_bits, ROUNDS, self._integrate_in_motion
+        plant, ends, origin = self._plant, self._ends_near(len(commands)), self.origin
         decay, glide, push_x, push_v = plant.decay, plant.glide, plant.push_x, plant.push_v
         positions: list[float] = []
         for command in commands:
+            encoder = (x if noise is None else x + noise[len(positions)]) + whole - whole
             positions.append(x)
-            encoder = read(x)
-            error = command - encoder
-            step = command - last
-            output = (
-                k_error * error
-                + k_velocity * step
-                + k_acceleration * (step - last_step)
-                + k_integral * integral
-                - k_damping * (encoder - last_encoder)
-            )
+            error, step = command - encoder, command - last
+            feed = k_e * error + k_v * step + k_a * (step - last_step)
+            output = feed + k_i * integral - k_d * (encoder - last_encoder)
             last, last_step, last_encoder = command, step, encoder
-            if output > limit:
-                output = limit
-            elif output < -limit:
-                output = -limit
-            elif in_motion or step == 0.0:
-                integral += error
             # The output calculated in this cycle reaches the amplifier one cycle later.
             x, v = x + glide * v + push_x * force, decay * v + push_v * force
-            force = output
-        self._x, self._v, self.output_bits = x, v, force
+            if ends is not None and not ends.lowest <= x + origin <= ends.highest:
+                x, v = self._hold(x, ends)
+            if lowest <= output <= highest:
+                force = output
+                if in_motion or step == 0.0:
+                    integral += error
+            else:
+                force = highest if output > highest else lowest
+        self._x, self._v, self.output_bits, self._integral = x, v, force, integral
         self._command, self._command_step, self._reading = last, last_step, last_encoder
-        self._integral, self._blind = integral, False
+        return positions
+
+    def _glide(self, commands: Sequence[float], noise: Sequence[float] | None, slide: DrySlide) -> list[float]:
+        """Close the loop on dry guides, behind a current that lags, under the load of a cut."""
+        x, v, force, integral, driven = self._x, self._v, self.output_bits, self._integral, slide.driven
+        last, last_step, last_encoder = self._command, self._command_step, self._reading
+        k_e, k_v, k_a, k_i, k_d = self._k
+        lowest, highest, whole, in_motion = -self.limit_bits, self.limit_bits, ROUNDS, self._integrate_in_motion
+        friction, per_bit, left, mean, lag_x, lag_v, decay, glide, push_x, push_v = slide.constants
+        load, origin = self._begin_load(), self.origin
+        ends = self._ends_near(len(commands)) if load is None else self._ends
+        positions: list[float] = []
+        for command in commands:
+            encoder = (x if noise is None else x + noise[len(positions)]) + whole - whole
+            positions.append(x)
+            error, step = command - encoder, command - last
+            feed = k_e * error + k_v * step + k_a * (step - last_step)
+            output = feed + k_i * integral - k_d * (encoder - last_encoder)
+            last, last_step, last_encoder = command, step, encoder
+            drive = force * per_bit
+            late = driven - drive
+            driven = drive + left * late
+            drive = drive + mean * late if load is None else drive + mean * late + load.push(x + origin)
+            if v or not friction:
+                pull = drive - copysign(friction, v)
+                later = decay * v + push_v * pull + lag_v * late
+                if later * v > 0.0 or not friction:
+                    x, v = x + glide * v + push_x * pull + lag_x * late, later
+                else:
+                    x, v = slide.stop(x, v, drive)
+            elif not -friction <= drive <= friction:
+                x, v = slide.start(x, drive)
+            if ends is not None and not ends.lowest <= x + origin <= ends.highest:
+                x, v = self._hold(x, ends)
+            if lowest <= output <= highest:
+                force = output
+                if in_motion or step == 0.0:
+                    integral += error
+            else:
+                force = highest if output > highest else lowest
+        self._x, self._v, self.output_bits, self._integral, slide.driven = x, v, force, integral, driven
+        self._command, self._command_step, self._reading = last, last_step, last_encoder
         return positions
 
     def push(self, output: float, cycles: int) -> list[float]:
@@ -142,8 +226,78 @@ class ServoAxis(EncoderAxis):
         return self._drift(0.0, cycles)
 
     def _drift(self, held: float, cycles: int) -> list[float]:
+        """Run in open loop."""
+        self.at_end, self._still = False, None
+        if self.encoder_lost or self.jammed or not -FARTHEST < self._x < FARTHEST:
+            return self._drift_by_cycle(held, cycles)
+        if self._slide is None:
+            positions = self._fall(held, cycles)
+        elif held or self.output_bits or self._v or not self._sticks(self._slide, cycles):
+            return self._drift_by_cycle(held, cycles)
+        else:
+            positions = self._resting(cycles)
+        noise = self.scale.draw(cycles)
+        self._reading = (positions[-1] if noise is None else positions[-1] + noise[-1]) + ROUNDS - ROUNDS
+        self._blind = False
+        return positions
+
+    def _fall(self, held: float, cycles: int) -> list[float]:
+        """Run in open loop without friction."""
+        x, v, force, plant = self._x, self._v, self.output_bits, self._plant
+        decay, glide, push_x, push_v = plant.decay, plant.glide, plant.push_x, plant.push_v
+        if not held and not force and x + glide * v == x:
+            self._v = _faded(v, decay, cycles)
+            return self._resting(cycles)
+        ends, origin = self._ends_near(cycles), self.origin
         positions = []
-        self.at_end = False
+        for _ in range(cycles):
+            positions.append(x)
+            x, v = x + glide * v + push_x * force, decay * v + push_v * force
+            if ends is not None and not ends.lowest <= x + origin <= ends.highest:
+                x, v = self._hold(x, ends)
+            force = held
+        self._x, self._v, self.output_bits = x, v, force
+        return positions
+
+    def _sticks(self, slide: DrySlide, cycles: int) -> bool:
+        """Whether a dry slide at rest stays there while its current fades; if so, it has faded afterwards."""
+        return self._begin_load() is None and slide.fades(cycles)
+
+    def _resting(self, cycles: int) -> list[float]:
+        """Return a block at rest: the same list each time, so that others see at once that nothing has moved."""
+        if len(self._rest) != cycles or self._rest[0] != self._x:
+            self._rest = [self._x] * cycles
+        return self._rest
+
+    def _stay(self, positions: list[float]) -> list[float]:
+        """Return the last block again. What is left of the speed, too little to move anything, fades."""
+        if self._v:
+            self._v = _faded(self._v, self._plant.decay, len(positions))
+        return positions
+
+    def _repeats(self, before: tuple[float, ...], commands: Sequence[float]) -> bool:
+        """Whether the block just closed on constant commands will be the same again.
+
+        All but the speed is as before it, the output is 0, and the speed, which only fades, is too little to
+        change the position in a cycle.
+        """
+        x, v, force, *_ = before
+        if force or x + self._plant.glide * v != x:
+            return False
+        state = self._x, v, self.output_bits, self._integral, self._reading, self._command, self._command_step
+        return state == before and not self._command_step and commands.count(commands[0]) == len(commands)
+
+    def _begin_load(self) -> TipLoad | None:
+        """Begin a block of the load; None where there is none in this block."""
+        load = self._load
+        if load is None:
+            return None
+        load.begin()
+        return load if load.acts else None
+
+    def _drift_by_cycle(self, held: float, cycles: int) -> list[float]:
+        """Run in open loop, a cycle at a time."""
+        positions = []
         if self._load is not None:
             self._load.begin()
         for _ in range(cycles):
@@ -154,8 +308,9 @@ class ServoAxis(EncoderAxis):
         return positions
 
     def _follow_by_cycle(self, commands: Sequence[float]) -> list[float]:
-        """Close the loop under a fault: the same as `follow`, a cycle at a time."""
+        """Close the loop, a cycle at a time."""
         positions = []
+        self._still = None
         if self._load is not None:
             self._load.begin()
         for command in commands:
@@ -168,18 +323,19 @@ class ServoAxis(EncoderAxis):
         return positions
 
     def _respond(self, command: float, encoder_step: float) -> float:
-        """Return the output of one cycle, in DAC bits, as `follow` calculates it."""
+        """Return the output of one cycle, in DAC bits."""
+        k_e, k_v, k_a, k_i, k_d = self._k
         error, step = command - self._reading, command - self._command
         output = (
-            self._k_error * error
-            + self._k_velocity * step
-            + self._k_acceleration * (step - self._command_step)
-            + self._k_integral * self._integral
-            - self._k_damping * encoder_step
+            k_e * error
+            + k_v * step
+            + k_a * (step - self._command_step)
+            + k_i * self._integral
+            - k_d * encoder_step
         )
         self._command, self._command_step = command, step
         if abs(output) > self.limit_bits:
-            return math.copysign(self.limit_bits, output)
+            return copysign(self.limit_bits, output)
         if self._integrate_in_motion or step == 0.0:
             self._integral += error
         return output
@@ -198,17 +354,28 @@ class ServoAxis(EncoderAxis):
             self._x, self._v = self._slide.step(self._x, self._v, self.output_bits, load)
         else:
             plant, v, force = self._plant, self._v, self.output_bits
-            # In the order of `follow`, to the last bit: the results must be identical.
             self._x = self._x + plant.glide * v + plant.push_x * force
             self._v = plant.decay * v + plant.push_v * force
         ends = self._ends
         if ends is not None and not ends.lowest <= self._x + self.origin <= ends.highest:
-            self._x, self._v, self.at_end = ends.holds(self._x + self.origin) - self.origin, 0.0, True
+            self._x, self._v = self._hold(self._x, ends)
 
-    def _may_reach_end(self, cycles: int) -> bool:
-        """Whether an end of travel is near enough to be reached within so many cycles."""
-        if self._ends is None:
-            return False
-        time_s, place = cycles * self._cycle_s, self._x + self.origin
+    def _hold(self, x: float, ends: Ends) -> tuple[float, float]:
+        """Return position and speed at the end of travel that holds the axis."""
+        self.at_end = self.hit_end = True
+        return ends.holds(x + self.origin) - self.origin, 0.0
+
+    def _ends_near(self, cycles: int) -> Ends | None:
+        """Return the ends of travel if one is near enough to be reached within so many cycles without a load."""
+        ends, time_s = self._ends, cycles * self._cycle_s
+        if ends is None:
+            return None
         reach = (abs(self._v) + self._most_acceleration * time_s) * time_s
-        return not self._ends.lowest + reach < place < self._ends.highest - reach
+        return None if ends.lowest + reach < self._x + self.origin < ends.highest - reach else ends
+
+
+def _faded(v: float, decay: float, cycles: int) -> float:
+    """Return a speed after so many cycles without a force: each is its own rounding."""
+    for _ in range(cycles):
+        v = decay * v
+    return v

@@ -33,12 +33,18 @@ def _address_motor(scanner: Scanner, context: Context) -> None:
     if number is None:
         context.lines.append(str(context.motor_number))
         return
+    addressed = context.motor_number
+    select_motor(context, number)
+    if scanner.accept("->"):
+        context.motor_number = addressed
+        _define_axis(scanner, context, number)
+
+
+def select_motor(context: Context, number: int) -> None:
+    """`#1`: address a motor. Raises PmacError: 003, there is none."""
     if number not in context.controller.motors:
         raise PmacError(ErrorCode.DATA_ERROR, f"motor {number}, 1 to {context.dialect.motor_count}")
-    if scanner.accept("->"):
-        _define_axis(scanner, context, number)
-    else:
-        context.motor_number = number
+    context.motor_number = number
 
 
 def _address_bank(scanner: Scanner, context: Context) -> None:
@@ -75,10 +81,15 @@ def _address_system(scanner: Scanner, context: Context) -> None:
     number = scanner.take_integer()
     if number is None:
         context.lines.append(str(context.system_number))
-    elif number in context.controller.systems:
-        context.system_number = number
     else:
+        select_system(context, number)
+
+
+def select_system(context: Context, number: int) -> None:
+    """`&1`: address a coordinate system. Raises PmacError: 003, there is none."""
+    if number not in context.controller.systems:
         raise PmacError(ErrorCode.DATA_ERROR, f"&{number}, 1 to {len(context.controller.systems)}")
+    context.system_number = number
 
 
 def _undefine(scanner: Scanner, context: Context) -> None:

@@ -14,6 +14,7 @@ from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card import buffers
 from drivers.simulator.commands import addressing, buffer_words, card, jogs, status, systems, values
+from drivers.simulator.commands.polls import Step, compiled
 from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context, signed_constant
 
 _DAISY_CHAIN = 2  # bit 1 of I1: several controllers on one line, addressed with `@n`
@@ -53,6 +54,11 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
     heard = answers(context)
     if not heard and "@" not in text:
         return False
+    if not context.fills_buffer and not context.controller.tables.is_filled_by(context):
+        steps = compiled(text, _word, _PROGRAM_OR_LETTER) if heard else None
+        if steps is not None:
+            context.text = text
+            return (yield from _execute(steps, context))
     scanner = Scanner(text)
     context.text = text
     whole = scanner.mark()
@@ -72,6 +78,22 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
         if not ended:
             yield
     return heard
+
+
+def _execute(steps: tuple[Step, ...], context: Context) -> Generator[None, None, bool]:
+    """Execute a line that was read before; it names no controller."""
+    variables, last = context.controller.variables, len(steps)
+    revision = variables.i_revision
+    for number, step in enumerate(steps, 1):
+        # Another host may have changed how controllers are addressed: the rest is not for this one then.
+        heard = variables.i_revision == revision or answers(context)
+        if heard:
+            step(context)
+        context.work += _COMMAND_WORK
+        if not heard or number == last:
+            break
+        yield
+    return True
 
 
 def _command(scanner: Scanner, context: Context, *, first: bool) -> None:

@@ -74,13 +74,23 @@ REPORTING: Mapping[int, Action] = {
 ACTIONS: Mapping[int, Action] = {**ACTING, **REPORTING}  # others have no function, or edit the line itself
 
 
-def _status(scanner: Scanner, context: Context) -> None:
-    """`?` of the motor, `??` of the coordinate system, `???` of the controller. A space separates them."""
+def count_marks(scanner: Scanner, text: str) -> int:
+    """Consume the further marks of `??` and `???` in a line, up to a space; return their number in all."""
     marks = 1
-    while marks < len(_STATUS) and scanner.peek("?") and context.text[scanner.position - 1] == "?":
+    while marks < len(_STATUS) and scanner.peek("?") and text[scanner.position - 1] == "?":
         scanner.expect("?")
         marks += 1
-    context.lines.append(_STATUS[marks - 1](context))
+    return marks
+
+
+def of_marks(marks: int) -> Callable[[Context], None]:
+    """Return the command `?` of the motor, `??` of the coordinate system or `???` of the controller."""
+    report = _STATUS[marks - 1]
+    return lambda context: context.lines.append(report(context))
+
+
+def _status(scanner: Scanner, context: Context) -> None:
+    context.lines.append(_STATUS[count_marks(scanner, context.text) - 1](context))
 
 
 _STATUS: tuple[Callable[[Context], str], ...] = (
@@ -91,8 +101,18 @@ _STATUS: tuple[Callable[[Context], str], ...] = (
 
 WORDS: dict[str, Handler] = {"?": _status}
 
-LETTERS: dict[str, Handler] = {
-    "P": say(lambda context: reports.position(context.controller, context.motor)),
-    "V": say(lambda context: reports.velocity(context.motor)),
-    "F": say(lambda context: reports.following_error(context.motor)),
+_REPORTED: dict[str, Callable[[Context], str]] = {
+    "P": lambda context: reports.position(context.controller, context.motor),
+    "V": lambda context: reports.velocity(context.motor),
+    "F": lambda context: reports.following_error(context.motor),
 }
+
+LETTERS: dict[str, Handler] = {letter: say(report) for letter, report in _REPORTED.items()}
+
+
+def _saying(report: Callable[[Context], str]) -> Callable[[Context], None]:
+    return lambda context: context.lines.append(report(context))
+
+
+REPORTS = {letter: _saying(report) for letter, report in _REPORTED.items()}
+"""The same, without a scanner."""

@@ -54,9 +54,14 @@ def _start(start: Callable[[CoordinateSystem], None]) -> Handler:
 def _override(scanner: Scanner, context: Context) -> None:
     percent = scanner.take_number()
     if percent is None:
-        context.lines.append(format_number(context.system.time_base.percent))
+        say_override(context)
     else:
         context.system.set_override(percent)
+
+
+def say_override(context: Context) -> None:
+    """`%`: report the present time base."""
+    context.lines.append(format_number(context.system.time_base.percent))
 
 
 def _place(place: Place) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner, longest_of
@@ -51,6 +51,27 @@ def variable(scanner: Scanner, context: Context) -> bool:
     else:
         context.lines.extend(_reported(context, kind, indices))
     return True
+
+
+def reporting(kind: VariableKind, index: int) -> Callable[[Context], None]:
+    """Return the command that reports one variable, as `variable` does it."""
+    indices = range(index, index + 1)
+
+    def command(context: Context) -> None:
+        context.work += 1
+        context.lines.extend(_reported(context, kind, indices))
+
+    return command
+
+
+def setting(kind: VariableKind, index: int, value: float) -> Callable[[Context], None]:
+    """Return the command that sets one variable to a constant, as `variable` does it."""
+
+    def command(context: Context) -> None:
+        context.work += 1
+        context.variables.set(kind, index, value)
+
+    return command
 
 
 def _indices(scanner: Scanner, first: int, context: Context) -> range:

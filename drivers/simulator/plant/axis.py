@@ -48,14 +48,15 @@ class Axis(Protocol):
 class EncoderAxis:
     """The state that every axis has, in counts: its zero, where it is, and what its encoder reads.
 
-    `at_end` is whether an end of its travel has held the axis in the last block.
+    `at_end` is whether an end of its travel has held the axis in the last block, `hit_end` whether one has since
+    that was last cleared from outside: a block of the controller may be several of the axis.
     """
 
     def __init__(self, origin: float) -> None:
         self.origin = origin
         self.encoder_lost = False
         self.jammed = False
-        self.at_end = False
+        self.at_end = self.hit_end = False
         self._x = 0.0
         self._reading = 0.0  # the last one, while the encoder does not count
         self._blind = False  # whether the encoder was lost when it was last read
@@ -77,14 +78,25 @@ class EncoderAxis:
 
 
 class Scale:
-    """A scale without noise. `now` and `before` are the noise of its last two readings, in counts."""
+    """A scale without noise. `now` and `before` are the noise of its last two readings, in counts.
 
+    `drawn` is the noise of the readings that were last drawn together, None after a single one or without noise.
+    """
+
+    noisy = False
     now = before = 0.0
+    drawn: list[float] | None = None
     read = staticmethod(read_encoder)
+
+    def draw(self, count: int) -> list[float] | None:
+        """Return the noise of the next readings, at least one, counts; None without noise."""
+        return None
 
 
 class NoisyScale(Scale):
     """A scale whose every reading has independent Gaussian noise before it is rounded."""
+
+    noisy = True
 
     def __init__(self, rms_counts: float, seed: int) -> None:
         self._rms_counts = rms_counts
@@ -95,8 +107,24 @@ class NoisyScale(Scale):
         """Return the reading at a true position, counts."""
         if not self._drawn:
             self._drawn = self._generator.normal(0.0, self._rms_counts, DRAWN_AT_ONCE).tolist()
-        self.before, self.now = self.now, self._drawn.pop()
+        self.before, self.now, self.drawn = self.now, self._drawn.pop(), None
         return round(place + self.now)
+
+    def draw(self, count: int) -> list[float] | None:
+        """Return the noise of the next readings, as so many calls of `read` would draw it."""
+        drawn = self._drawn
+        if len(drawn) > count:
+            noise = drawn[: -count - 1 : -1]
+            del drawn[-count:]
+            self.before = noise[-2] if count > 1 else self.now
+            self.now, self.drawn = noise[-1], noise
+            return noise
+        noise = []
+        for _ in range(count):
+            self.read(0.0)
+            noise.append(self.now)
+        self.drawn = noise
+        return noise
 
 
 class IdealAxis(EncoderAxis):
@@ -113,6 +141,9 @@ class IdealAxis(EncoderAxis):
         self._step = 0.0
         self._keep = math.exp(-cycle_s / coast_s)
         self._full_step = OPEN_LOOP_COUNTS_PER_S * cycle_s
+        self._told: Sequence[float] | None = None
+        self._done: list[float] = []
+        self._rest: list[float] = []
 
     def close_loop(self) -> float:
         """Hold the present position, whatever the reading."""
@@ -127,17 +158,24 @@ class IdealAxis(EncoderAxis):
         """Shift the motor's zero by `counts`."""
         if self._blind and not self.encoder_lost:
             self._unseen = 0.0
+        self._told = None
         super().rebase(counts)
 
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Follow the commands; without an encoder, with the offset present when the loop was closed."""
         if self.jammed:
             return self._stand(len(commands))
-        positions = [command + self._unseen for command in commands] if self._unseen else list(commands)
+        if commands is self._told and not self._unseen:
+            # As in the last block, which is returned again: its motor sees at once that nothing has moved.
+            positions = self._done
+        else:
+            positions = [command + self._unseen for command in commands] if self._unseen else list(commands)
         if positions:
             before = positions[-2] if len(positions) > 1 else self._x
             self._x, self._step = positions[-1], positions[-1] - before
-        return self._within(positions)
+        done = self._within(positions)
+        self._told, self._done = (commands, done) if done is positions and not self._unseen else (None, done)
+        return done
 
     def push(self, output: float, cycles: int) -> list[float]:
         """Approach the speed of an open-loop output."""
@@ -145,6 +183,8 @@ class IdealAxis(EncoderAxis):
             return self._stand(cycles)
         positions = []
         gained = (1.0 - self._keep) * self._full_step * output
+        if not gained and self._x + self._keep * self._step == self._x:
+            return self._within(self._fade(cycles))
         for _ in range(cycles):
             self._step = self._keep * self._step + gained
             self._x += self._step
@@ -155,11 +195,22 @@ class IdealAxis(EncoderAxis):
         """Coast."""
         return self.push(0.0, cycles)
 
+    def _fade(self, cycles: int) -> list[float]:
+        """Stand, as the speed is too little to move anything and only fades: the same list in each block."""
+        keep, step = self._keep, self._step
+        for _ in range(cycles if step else 0):
+            step = keep * step + 0.0
+        self._step = step
+        if len(self._rest) != cycles or self._rest[0] != self._x:
+            self._rest = [self._x] * cycles
+        return self._rest
+
     def _within(self, positions: list[float]) -> list[float]:
         ends, self.at_end = self._ends, False
         if ends is not None and positions and ends.holds(self._x + self.origin) != self._x + self.origin:
             positions = [ends.holds(position + self.origin) - self.origin for position in positions]
-            self._x, self._step, self.at_end = positions[-1], 0.0, True
+            self._x, self._step = positions[-1], 0.0
+            self.at_end = self.hit_end = True
         self._blind = self.encoder_lost
         if not self._blind:
             self._reading = self._x

@@ -122,6 +122,17 @@ class CollisionWatch:
         """Remove the part."""
         self._part = None
 
+    def misses(self, least_mm: float, most_z_mm: float) -> bool:
+        """Whether a tip that stays outside `least_mm` and before `most_z_mm` can meet neither part nor jaws."""
+        if self._part is not None and least_mm < self._part.radius_mm - TOUCH_MM:
+            return False
+        return most_z_mm <= self._jaw_face_mm or least_mm > self._jaw_outer_mm
+
+    def pass_by(self, track: Track) -> None:
+        """Note where a path has ended that misses everything."""
+        self._furthest = None
+        self._before = (track.turns[-1], track.z_mm[-1], track.radius_mm[-1])
+
     def look(self, track: Track, *, at_end: bool = False) -> None:
         """Check a track, before it cuts; `at_end` is whether an axis is held by the end of its travel."""
         if at_end:

@@ -142,26 +142,51 @@ class DrySlide:
         self._cycle_s = cycle_s
         self._whole = self._one.held(cycle_s)
         self._lag = current_lag(self._one, cycle_s, lag_s) if lag_s else None
-        self._driven = 0.0  # counts/s2, by the current at the beginning of a cycle
+        self.driven = 0.0  # counts/s2, by the current at the beginning of a cycle
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """Friction, acceleration by a bit, the lag (0 without) and a whole cycle, for a loop that does `step`."""
+        whole, lag = self._whole, self._lag
+        late = (lag.left, lag.mean, lag.more_x, lag.more_v) if lag is not None else (0.0, 0.0, 0.0, 0.0)
+        return (self._friction, self._per_bit, *late, whole.decay, whole.glide, whole.push_x, whole.push_v)
 
     def step(self, x: float, v: float, force: float, load: float = 0.0) -> tuple[float, float]:
         """Return position and speed (counts, counts/s) a cycle later, by `force` (bits) and `load` (counts/s2)."""
         drive, more_x, more_v = force * self._per_bit, 0.0, 0.0
         if self._lag is not None:
-            lag, late = self._lag, self._driven - drive
-            self._driven = drive + lag.left * late
+            lag, late = self._lag, self.driven - drive
+            self.driven = drive + lag.left * late
             drive, more_x, more_v = drive + lag.mean * late, lag.more_x * late, lag.more_v * late
         drive += load
         whole, friction = self._whole, self._friction
         if friction and v == 0.0:
-            return self._from_rest(x, drive, self._cycle_s)
+            return self.start(x, drive)
         pull = drive - math.copysign(friction, v)
         later = whole.decay * v + whole.push_v * pull + more_v
         if later * v > 0.0 or not friction:
             return x + whole.glide * v + whole.push_x * pull + more_x, later
+        return self.stop(x, v, drive)
+
+    def start(self, x: float, drive: float) -> tuple[float, float]:
+        """Return position and speed after a cycle from rest, by the mean `drive` (counts/s2)."""
+        return self._from_rest(x, drive, self._cycle_s)
+
+    def stop(self, x: float, v: float, drive: float) -> tuple[float, float]:
+        """Return position and speed after a cycle in which the slide comes to rest, and may start again."""
+        pull = drive - math.copysign(self._friction, v)
         stops_s = min(self._time_to_rest(v, pull), self._cycle_s)
         part = self._one.held(stops_s)
         return self._from_rest(x + part.glide * v + part.push_x * pull, drive, self._cycle_s - stops_s)
+
+    def fades(self, cycles: int) -> bool:
+        """Let the current fade at rest without a command; False, and nothing is done, where that could move it."""
+        if not self._friction or abs(self.driven) > self._friction:
+            return False
+        if self._lag is not None:
+            for _ in range(cycles):
+                self.driven = 0.0 + self._lag.left * (self.driven - 0.0)
+        return True
 
     def _from_rest(self, x: float, drive: float, left_s: float) -> tuple[float, float]:
         if abs(drive) <= self._friction or left_s <= 0.0:

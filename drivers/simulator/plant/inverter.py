@@ -69,12 +69,17 @@ class InverterSpindle(EncoderAxis):
 
     def coast(self, cycles: int) -> list[float]:
         """Turn as the inverter commands, or coast."""
-        track = []
+        track, steady = [], False
+        x, speed, cycle_s, counts_per_rad = self._x, self._speed, self._cycle_s, self._counts_per_rad
         for _ in range(cycles):
-            before = self._speed
-            self._speed = self._next_speed()
-            self._x += 0.5 * (before + self._speed) * self._cycle_s * self._counts_per_rad
-            track.append(self._x)
+            before = speed
+            if not steady:
+                # The field that has come to its target stays, and so does all that follows from it.
+                steady = not self.jammed and self._field == self._target
+                speed = self._speed = self._next_speed()
+            x += 0.5 * (before + speed) * cycle_s * counts_per_rad
+            track.append(x)
+        self._x = x
         self._blind = self.encoder_lost
         if not self._blind:
             self._reading = read_encoder(self._x)

@@ -34,10 +34,12 @@ class RadialError:
         self._repeats_mm = [scale * value for value in raw]
         self._stray_mm = 0.25 * STRAY_FRACTION * um_pp / 1000.0
         self._strays = [(2.0 * math.pi * each, random.uniform(0.0, 2.0 * math.pi)) for each in STRAY_PER_TURN]
+        self.most_mm = max(max(self._repeats_mm), -min(self._repeats_mm)) + len(self._strays) * self._stray_mm
 
     def at_mm(self, turns: float) -> float:
         """Return the displacement of the work towards the tool, mm, at spindle position `turns` from its index."""
-        strays = sum(math.sin(rate * turns + phase) for rate, phase in self._strays)
+        (rate_1, phase_1), (rate_2, phase_2) = self._strays
+        strays = math.sin(rate_1 * turns + phase_1) + math.sin(rate_2 * turns + phase_2)
         return self._repeats_mm[int(turns % 1.0 * PLACES) % PLACES] + self._stray_mm * strays
 
 
@@ -129,25 +131,48 @@ class Spindle:
         rad_per_count = 2.0 * math.pi * self._per_turn / self._counts_per_turn
         # Another number of cycles per turn starts when this one has faded out.
         target = self.speed_ripple / rad_per_count if self._per_turn == self.ripple_per_turn else 0.0
-        turned = []
-        for mean in track:
-            place = mean + origin
-            if self._last is not None and not jammed:
-                self._fade(target, place - self._last)
-            self._last = place
-            turned.append(mean + self._amplitude * math.sin(rad_per_count * place + self._phase_rad))
+        if not self._amplitude and (jammed or (self._last is not None and self._creeps(track, self._last))):
+            turned = track  # without a ripple each is where its mean is
+            self._last = track[-1] + origin
+        else:
+            turned = self._rippled(track, target, rad_per_count)
         if not (self.speed_ripple or self._amplitude):
             self._last, self._speed = None, 0.0
         return turned
 
-    def _fade(self, target: float, step: float) -> None:
-        """Fade the amplitude for a cycle in which the mean position has moved a step."""
-        self._speed += (step / self._cycle_s - self._speed) * self._cycle_s / SMOOTHED_S
-        rpm = abs(self._speed) / (self._counts_per_turn / 60.0)
-        target *= min(max((rpm - NONE_BELOW_RPM) / (FULL_FROM_RPM - NONE_BELOW_RPM), 0.0), 1.0)
-        part = abs(self._speed) * self._cycle_s / (FADES_IN_TURNS * self._counts_per_turn)
-        if target < self._amplitude:
-            part = max(part, self._cycle_s / FADES_IN_S)
-        self._amplitude += (target - self._amplitude) * min(part, 1.0)
-        if not target and self._amplitude < GONE_COUNTS:
-            self._amplitude = 0.0
+    def _creeps(self, track: list[float], last: float) -> bool:
+        """Whether the spindle is too slow for a ripple to begin in a block; if so, its speed is followed."""
+        speed, origin, cycle_s, fastest = self._speed, self.origin, self._cycle_s, 0.0
+        for mean in track:
+            place = mean + origin
+            speed += ((place - last) / cycle_s - speed) * cycle_s / SMOOTHED_S
+            last = place
+            if speed > fastest or -speed > fastest:
+                fastest = abs(speed)
+        if fastest / (self._counts_per_turn / 60.0) > NONE_BELOW_RPM:
+            return False
+        self._speed = speed
+        return True
+
+    def _rippled(self, track: list[float], target: float, rad_per_count: float) -> list[float]:
+        """Return a track with the ripple, which fades towards an amplitude of `target` counts."""
+        origin, phase, cycle_s, last = self.origin, self._phase_rad, self._cycle_s, self._last
+        speed, amplitude, jammed = self._speed, self._amplitude, self.jammed
+        counts_per_rpm, fades_in = self._counts_per_turn / 60.0, FADES_IN_TURNS * self._counts_per_turn
+        turned = []
+        for mean in track:
+            place = mean + origin
+            if last is not None and not jammed:
+                speed += ((place - last) / cycle_s - speed) * cycle_s / SMOOTHED_S
+                rise = (abs(speed) / counts_per_rpm - NONE_BELOW_RPM) / (FULL_FROM_RPM - NONE_BELOW_RPM)
+                aim = target if rise >= 1.0 else target * rise if rise > 0.0 else 0.0
+                part = abs(speed) * cycle_s / fades_in
+                if aim < amplitude:
+                    part = max(part, cycle_s / FADES_IN_S)
+                amplitude += (aim - amplitude) * (part if part < 1.0 else 1.0)
+                if not aim and amplitude < GONE_COUNTS:
+                    amplitude = 0.0
+            last = place
+            turned.append(mean + amplitude * math.sin(rad_per_count * place + phase))
+        self._speed, self._amplitude, self._last = speed, amplitude, last
+        return turned

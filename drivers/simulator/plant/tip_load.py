@@ -7,6 +7,7 @@ spindle and tool is the main force of the law by which it is predicted, at the t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -35,6 +36,9 @@ def cutting_force_n(
 def cutting_torque_n_m(job: Job) -> float:
     """Return the torque of the cut of a job."""
     return cutting_force_n(job.depth_of_cut_mm, job.feed_mm_per_rev, material_of(job)) * job.radius_mm / 1000.0
+
+
+Ahead = tuple[float, float]  # place in a servo cycle, extrapolated from the last one, and the step of that; counts
 
 
 class Moving(Protocol):
@@ -95,10 +99,27 @@ class TipLoad:
         self._n_per_mm = 0.0
         self._turns = self._turn_step = 0.0
         self._cell: int | None = None
+        self._path: list[tuple[Ahead, Ahead]] = []
+
+    @property
+    def led(self) -> bool:
+        """Whether it looks at each cycle of a stretch by itself."""
+        return bool(self._path)
+
+    def lead(self, spindle: Sequence[Ahead], carriage: Sequence[Ahead]) -> None:
+        """Look at each cycle of a stretch, through which spindle and carriage have been run before the tool.
+
+        `begin` is called for each of its cycles.
+        """
+        self._path = list(zip(spindle, carriage, strict=True))[::-1]
 
     def watch(self, tool: Moving, spindle: Moving, carriage: Moving) -> None:
         """Use these motors from now on."""
         self._motors = tool, spindle, carriage
+
+    def watches(self) -> bool:
+        """Whether it looks at spindle and carriage in each block of servo cycles, because a blank is clamped."""
+        return self._stock is not None
 
     def clamp(self, stock: Stock | None) -> None:
         """Clamp a blank, or remove it."""
@@ -111,17 +132,29 @@ class TipLoad:
         if self._stock is None or self._motors is None:
             return
         tool, spindle, carriage = self._motors
+        if self._path:
+            (angle, turning), (place, feeding) = self._path.pop()
+        else:
+            angle, turning = _ahead(spindle, tool.cycles_run), spindle.pace
+            place, feeding = _ahead(carriage, tool.cycles_run), carriage.pace
         geometry, stock = self._geometry, self._stock
-        z_mm = _ahead(carriage, tool.cycles_run) / geometry.carriage_counts_per_mm + 0.5 * geometry.land_mm
-        self._turn_step = spindle.pace / geometry.spindle_counts_per_turn
+        z_mm = place / geometry.carriage_counts_per_mm + 0.5 * geometry.land_mm
+        self._turn_step = turning / geometry.spindle_counts_per_turn
         inside = stock.ends_mm[0] <= z_mm <= stock.ends_mm[1]
         self._enter(int(z_mm // STRIP_MM) if inside else None, stock)
         if inside and self._turn_step > 0.0:
-            self._turns = _ahead(spindle, tool.cycles_run) / geometry.spindle_counts_per_turn
-            feed_mm = carriage.pace / geometry.carriage_counts_per_mm / self._turn_step
+            self._turns = angle / geometry.spindle_counts_per_turn
+            feed_mm = feeding / geometry.carriage_counts_per_mm / self._turn_step
             self._n_per_mm = stock.passive_n_per_mm(feed_mm)
         if not self._n_per_mm:
             self._cell = None
+
+    @property
+    def acts(self) -> bool:
+        """Whether there may be a force in the block that has begun; without, `push` is 0."""
+        if not self._n_per_mm:
+            self.force_n = 0.0
+        return self._n_per_mm != 0.0
 
     def push(self, place: float) -> float:
         """Return the effect of the cut on the slide at a machine position (counts) in a cycle, counts/s2."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ ANGLES = 3600  # points of a section, equally spaced from the spindle index
 ROUGH_PLACES = 24
 # Least length of such a place along Z, never below the land: a tool that feeds a land per turn reaches each place.
 ROUGH_LENGTH_MM = 0.5
-CHUNK = 4096
+CHUNK = 4096  # samples of a path that are best processed at once
 REACH = 2  # samples that the interpolation needs on either side of an interval
 OVERLAP = 2 * REACH + 1  # samples kept from one chunk to the next: every interval is processed once
 EDGE_MM = 1e-6  # rounding of Z: a feed of exactly the land per turn must leave no gap between two turns
@@ -70,16 +69,23 @@ class Workpiece:
         self._rough_length_mm = max(land_mm, ROUGH_LENGTH_MM)
         self._rough_mm: dict[int, Floats] = {}
         self._radius_mm = np.full((len(self._sections_mm), ANGLES), blank.radius_mm)
-        self._pending: list[tuple[Sequence[float], Sequence[float], Sequence[float]]] = []
-        self._count = 0
         self._tail: Floats = np.empty((3, 0))
 
-    def cut(self, radius_mm: Sequence[float], turns: Sequence[float], z_mm: Sequence[float]) -> None:
-        """Let the tool tip pass: radius, spindle turns since the index and Z, one servo cycle apart."""
-        self._pending.append((radius_mm, turns, z_mm))
-        self._count += len(radius_mm)
-        if self._count >= CHUNK:
-            self._settle()
+    def cut(
+        self, radius_mm: Sequence[float] | Floats, turns: Sequence[float] | Floats, z_mm: Sequence[float] | Floats
+    ) -> None:
+        """Let the tool tip pass: radius, spindle turns since the index and Z, one servo cycle apart.
+
+        The surface does not depend on how the path is divided into calls.
+        """
+        samples = np.concatenate(
+            [self._tail, np.stack([np.asarray(each) for each in (radius_mm, turns, z_mm)])], axis=1
+        )
+        self._tail = samples[:, -OVERLAP:]
+        self._turn_down(samples)
+        if samples.shape[1] > OVERLAP:
+            for surface_mm, section_mm in zip(self._radius_mm, self._sections_mm, strict=True):
+                self._pass(surface_mm, samples, section_mm)
 
     def released_um(self, section: int, nominal_radius_mm: float) -> tuple[Floats, Floats]:
         """Return angles (deg, from the spindle index) and deviations (um, outward) of a section when free."""
@@ -89,7 +95,6 @@ class Workpiece:
 
     def clamped_um(self, section: int, nominal_radius_mm: float) -> Floats:
         """Return the deviations (um, outward) of a section while it is clamped, from the spindle index on."""
-        self._settle()
         clamped_um: Floats = (self._radius_mm[section] - nominal_radius_mm) * 1000.0
         return clamped_um
 
@@ -98,25 +103,10 @@ class Workpiece:
 
         A blank is known exactly; where it was cut, the least radius within 15 deg and a land of the tool.
         """
-        self._settle()
         rough_mm = self._rough_mm.get(math.floor(z_mm / self._rough_length_mm))
         if rough_mm is None:
             return self.blank.radius_mm
         return float(rough_mm[math.floor(turns * ROUGH_PLACES) % ROUGH_PLACES])
-
-    def _settle(self) -> None:
-        if not self._pending:
-            return
-        # All the numbers at once: an array for each of the short tracks would cost more than the cut itself.
-        tracks = [chain.from_iterable([part[i] for part in self._pending]) for i in range(3)]
-        fresh = [np.fromiter(track, np.float64, self._count) for track in tracks]
-        samples = np.concatenate([self._tail, np.stack(fresh)], axis=1)
-        self._pending, self._count = [], 0
-        self._tail = samples[:, -OVERLAP:]
-        self._turn_down(samples)
-        if samples.shape[1] > OVERLAP:
-            for surface_mm, section_mm in zip(self._radius_mm, self._sections_mm, strict=True):
-                self._pass(surface_mm, samples, section_mm)
 
     def _turn_down(self, samples: Floats) -> None:
         """Lower the rough surface to the tool at every sample in which the spindle turned."""

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from drivers.simulator.plant.collision import CollisionWatch, Track, clamped
 from drivers.simulator.plant.drives import Drives
 from drivers.simulator.plant.tip_load import Stock, cutting_torque_n_m, material_of
+from drivers.simulator.plant.tip_path import Block, TipPath
 from drivers.simulator.plant.true_parameters import TrueParameters
-from drivers.simulator.plant.workpiece import ANGLES, Workpiece
+from drivers.simulator.plant.workpiece import ANGLES, CHUNK, Workpiece
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_origin import with_modelled_lobe
@@ -25,6 +26,7 @@ from profiles.traces import Trace
 SECTIONS = (0.0, -0.4, 0.4)  # where the part is measured, cut lengths past its middle, towards the jaws
 MID_LENGTH = 0
 SAME_PLACE_MM = 1e-6
+LEAST_TIMES = 2  # how often a block that repeats itself is processed
 Floats = NDArray[np.float64]
 
 
@@ -72,10 +74,14 @@ class SimulatedWorkshop:
         self._inverter = drives.inverter
         self._tool, self._carriage = drives.tool, drives.carriage
         self._load, self._wander = drives.load, drives.wander
+        self._path = TipPath(machine, true, drives.wander)
+        self._pending: list[Block] = []  # of the path, not yet cut
+        self._count = 0
+        self._seen: tuple[object, ...] = ()
+        self._times_seen = 0
+        self._passed: Block | None = None
         self._gauge = Gauge(true)
         self._turns_per_count = 1.0 / (machine.spindle.counts_per_rev * true.belt_ratio)
-        self._mm_per_carriage_count = 1.0 / machine.carriage.counts_per_mm
-        self._mm_per_tool_count = 1.0 / machine.tool.counts_per_mm
         self._clampings = true.chance("clampings")
         self.watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
         self._part: Workpiece | None = None
@@ -91,6 +97,7 @@ class SimulatedWorkshop:
         if job.lobe_error_source == NO_LOBE:
             with suppress(ProfileError):  # of a material without data nothing is known: it does not spring back
                 job = with_modelled_lobe(job, self._machine)
+        self._pending, self._count, self._seen = [], 0, ()
         self._free_end_mm = true.jaw_face_mm - job.overhang_mm
         middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm
         growth_per_mm = true.growth_per_mm(job)
@@ -102,7 +109,7 @@ class SimulatedWorkshop:
         self._part = Workpiece(blank, sections_mm, true.wiper_land_mm)
         self._nominal_radius_mm = job.finished_radius_mm
         self._torque_n_m = cutting_torque_n_m(job)
-        self.watch.clamp(clamped(job, true.jaw_face_mm), self._part.clamped_radius_mm)
+        self.watch.clamp(clamped(job, true.jaw_face_mm), self._surface_mm)
         if self._load is not None:
             self._load.clamp(
                 Stock(
@@ -128,8 +135,9 @@ class SimulatedWorkshop:
         if part is None:
             raise RuntimeError("no part is mounted")
         section = self._section_at(past_middle_mm)
+        self._settle()
         if self._part is not None:
-            self._part, self._released = None, self._part
+            self._part, self._released, self._seen = None, self._part, ()
             self.watch.release()
             if self._load is not None:
                 self._load.clamp(None)
@@ -147,6 +155,7 @@ class SimulatedWorkshop:
         """Measure the part in the chuck with an indicator at the tool: the error of the spindle is included."""
         if self._part is None:
             raise RuntimeError("no part is mounted")
+        self._settle()
         clamped_um = self._part.clamped_um(MID_LENGTH, self._nominal_radius_mm)
         if self._wander is not None:
             clamped_um += 1000.0 * np.array([self._wander.at_mm(place / ANGLES) for place in range(ANGLES)])
@@ -164,7 +173,7 @@ class SimulatedWorkshop:
         past_deg = round(360.0 * turns - jaw_1_deg, 2) % 360.0
         gap_mm = None
         if part is not None and self._free_end_mm <= z_mm <= true.jaw_face_mm:
-            gap_mm = round(self._tips_mm((tool,))[0] - part.clamped_radius_mm(turns, z_mm), 3)
+            gap_mm = round(self._path.tips_mm((tool,))[0] - self._surface_mm(turns, z_mm), 3)
         return WorkshopView(
             jaw_1_past_mark_deg=round(past_deg - 360.0 if past_deg > 180.0 else past_deg, 2),
             tool_gap_mm=gap_mm,
@@ -172,31 +181,60 @@ class SimulatedWorkshop:
         )
 
     def pass_along(self, tracks: Mapping[int, Sequence[float]], end_ms: float) -> None:
-        """Move the tool along the tracks of the motors: detect collisions, then cut."""
-        machine, per_z, per_turn = self._machine, self._mm_per_carriage_count, self._turns_per_count
-        turns = [y * per_turn for y in tracks[machine.spindle.motor]]
-        radius_mm = self._tips_mm(tracks[machine.tool.motor])
-        if self._wander is not None:
-            radius_mm = [tip - self._wander.at_mm(turn) for tip, turn in zip(radius_mm, turns, strict=True)]
-        track = Track(
-            radius_mm=radius_mm,
-            turns=turns,
-            z_mm=[z * per_z for z in tracks[machine.carriage.motor]],
-            end_ms=end_ms,
-            cycle_ms=machine.controller.servo_period_ms,
-        )
-        self.watch.look(track, at_end=self._tool.at_end or self._carriage.at_end)
-        if self._part is None:
-            return
-        if self._inverter is not None:
-            in_part = self._free_end_mm <= track.z_mm[-1] <= self._true.jaw_face_mm
-            cutting = in_part and track.radius_mm[-1] < self._part.blank.radius_mm
-            self._inverter.load_n_m = self._torque_n_m if cutting else 0.0
-        self._part.cut(track.radius_mm, track.turns, track.z_mm)
+        """Move the tool along the tracks of the motors: detect collisions, then cut.
 
-    def _tips_mm(self, counts: Sequence[float]) -> list[float]:
-        """Return the radius of the tool tip at a reading of the tool's scale."""
-        true, per_mm, home_mm = self._true, self._mm_per_tool_count, self._true.home_radius_mm
-        if not true.scale_error_um:
-            return [home_mm - x * per_mm for x in counts]
-        return [home_mm - x * per_mm - true.scale_wrong_mm(x * per_mm) for x in counts]
+        The same block of the same lists a third time changes nothing any more: the collisions in it are found,
+        it is cut, and the two before it are what the next one joins on to.
+        """
+        machine = self._machine
+        tool, spindle = tracks[machine.tool.motor], tracks[machine.spindle.motor]
+        carriage = tracks[machine.carriage.motor]
+        at_end = self._tool.hit_end or self._carriage.hit_end
+        self._tool.hit_end = self._carriage.hit_end = False
+        seen = self._seen
+        if seen and tool is seen[0] and spindle is seen[1] and carriage is seen[2] and at_end is seen[3]:
+            self._times_seen += 1
+            if self._times_seen > LEAST_TIMES:
+                return
+        else:
+            self._seen, self._times_seen = (tool, spindle, carriage, at_end), 1
+        block = tool, spindle, carriage
+        if not at_end and self.watch.misses(self._path.least_radius_mm(tool), self._path.most_z_mm(carriage)):
+            self._passed, near = block, None
+        else:
+            near = self._look(block, end_ms, at_end)
+        if self._part is not None:
+            if self._inverter is not None:
+                self._load_spindle(near or self._path.track(block, end_ms))
+            self._pending.append(block)
+            self._count += len(tool)
+            if self._count >= CHUNK:
+                self._settle()
+
+    def _look(self, block: Block, end_ms: float, at_end: bool) -> Track:
+        """Look for collisions in a block, after those that cannot have had any."""
+        if self._passed is not None:
+            tool, spindle, carriage = self._passed
+            self.watch.pass_by(self._path.track((tool[-1:], spindle[-1:], carriage[-1:]), end_ms))
+            self._passed = None
+        track = self._path.track(block, end_ms)
+        self.watch.look(track, at_end=at_end)
+        return track
+
+    def _load_spindle(self, track: Track) -> None:
+        assert self._inverter is not None and self._part is not None
+        in_part = self._free_end_mm <= track.z_mm[-1] <= self._true.jaw_face_mm
+        cutting = in_part and track.radius_mm[-1] < self._part.blank.radius_mm
+        self._inverter.load_n_m = self._torque_n_m if cutting else 0.0
+
+    def _settle(self) -> None:
+        """Cut along the pending path."""
+        if self._part is not None and self._pending:
+            self._part.cut(*self._path.samples(self._pending, self._part.blank.radius_mm))
+        self._pending, self._count = [], 0
+
+    def _surface_mm(self, turns: float, z_mm: float) -> float:
+        """Return how far out the clamped surface is, see `Workpiece.clamped_radius_mm`."""
+        assert self._part is not None
+        self._settle()
+        return self._part.clamped_radius_mm(turns, z_mm)

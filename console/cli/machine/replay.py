@@ -1,0 +1,53 @@
+"""`console replay`: a frozen recording of the flight recorder, on the pages, as lines, or listed."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+
+from console.cli.parser import Parser
+from console.text.catalogue import Catalogue
+
+
+def add(parser: Parser, text: Catalogue) -> None:
+    """Add the file, and what is printed instead of the pages. The pages are drawn by the screens."""
+    parser.add_argument("file", metavar="FILE", nargs="?", help=text("help.replay.file"))
+    forms = parser.add_mutually_exclusive_group()
+    forms.add_argument("--list", action="store_true", help=text("help.replay.list"))
+    forms.add_argument("--text", action="store_true", help=text("help.replay.text"))
+    parser.set_defaults(plot=True)
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Print the recordings that there are, or what happened in one."""
+    from console.cli.library import data_of
+    from console.cli.machine.replay_report import listed, listed_lines, replay_fields, replay_lines
+    from console.cli.output import show, tell
+    from console.session.flight.frozen import frozen_in
+    from console.session.flight.recording import read_recording
+
+    if options.file is None or options.list:
+        found = listed(frozen_in(data_of(options)))
+        tell([problem for entry in found for problem in entry.problems], text)
+        show(
+            options,
+            lambda: {"recordings": [entry.fields() for entry in found if entry.header is not None]},
+            lambda: listed_lines(found, text),
+        )
+        return 0
+    recording = read_recording(path_of(options))
+    show(options, lambda: replay_fields(recording, text), lambda: replay_lines(recording, text))
+    return 0
+
+
+def path_of(options: Namespace) -> Path:
+    """Return the file that is meant: a path, or a name from the list."""
+    from console.cli.library import data_of
+    from console.session.flight.frozen import SUFFIX
+    from console.session.flight.ring import FOLDER
+
+    given = Path(options.file)
+    if given.exists() or given.name != options.file:
+        return given
+    named = data_of(options) / FOLDER / options.file
+    return next((each for each in (named, Path(f"{named}{SUFFIX}")) if each.exists()), given)

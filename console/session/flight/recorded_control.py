@@ -1,0 +1,66 @@
+"""The control of a machine with its recording: what the keys ask for is noted once it was passed on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from console.session.flight.notes import Inbox, Kind, command_words
+from console.session.station.alarms import Alarms, seen
+from console.session.station.state import StationState
+
+if TYPE_CHECKING:
+    from console.session.flight.recorder import Recorder
+    from console.session.station.commands import Command, Control
+
+
+class RecordedControl:
+    """Passes everything on at once; shows the alarms of the recorder after those of the machine.
+
+    There is a `recorder` after the first paint.
+    """
+
+    def __init__(self, control: Control, inbox: Inbox) -> None:
+        self.recorder: Recorder | None = None
+        self._control, self._inbox = control, inbox
+        self._joined: tuple[StationState, Alarms, StationState] | None = None
+
+    @property
+    def state(self) -> StationState:
+        """The newest state."""
+        state, recorder, joined = self._control.state, self.recorder, self._joined
+        if recorder is None or not recorder.alarms:
+            return state
+        alarms = recorder.alarms
+        if joined is None or joined[0] is not state or joined[1] is not alarms:
+            joined = self._joined = (state, alarms, replace(state, alarms=(*state.alarms, *alarms)))
+        return joined[2]
+
+    def now_s(self) -> float:
+        """Return machine time."""
+        return self._control.now_s()
+
+    def post(self, intent: Command) -> bool:
+        """Post a command."""
+        from console.session.station.commands import Acknowledge  # not for the first paint
+
+        taken = self._control.post(intent)
+        if self.recorder is not None and isinstance(intent, Acknowledge):
+            self.recorder.acknowledge(partial(seen, shown=intent.shown))
+        self._inbox.put(Kind.COMMAND, f"{command_words(intent)}{'' if taken else ' refused'}")
+        return taken
+
+    def stop(self, reason: str) -> None:
+        """Stop the machine now; note it afterwards."""
+        self._control.stop(reason)
+        self._inbox.put(Kind.STOP, reason)
+
+    def kill(self, reason: str) -> None:
+        """Open every loop now; note it afterwards."""
+        self._control.kill(reason)
+        self._inbox.put(Kind.KILL, reason)
+
+    def beat(self) -> None:
+        """Signal that the screen is alive."""
+        self._control.beat()

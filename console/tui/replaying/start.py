@@ -1,0 +1,40 @@
+"""Start of a replay: the recording is read first, and refused before anything is shown."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from argparse import Namespace
+from pathlib import Path
+
+from console.cli.machine import replay
+from console.text.catalogue import Catalogue
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Play a recording at the terminal, or print what a command without screens prints.
+
+    Raises:
+        ProblemError: no such recording, a damaged one, no terminal.
+    """
+    if options.file is None or options.list or options.text or options.json:
+        return replay.main(options, text)
+    from console.session.errors import SessionError
+    from console.session.flight.playback import Playback
+    from console.session.flight.recording import read_recording
+    from console.tui.replaying.replay_app import ReplayApp
+    from console.tui.theme import COLOUR, MONO
+    from profiles.problem import Problem
+
+    path = replay.path_of(options)
+    if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
+        raise SessionError(Problem(code="flight.no_terminal"))
+    playback = Playback(read_recording(path))
+    with tempfile.TemporaryDirectory(prefix="trilobe-replay-") as nothing:
+        palette = MONO if os.environ.get("NO_COLOR") else COLOUR
+        app = ReplayApp(playback, text=text, palette=palette, data=Path(nothing))
+        app.run(mouse=False)
+    if app.fault is not None:
+        raise app.fault
+    return app.return_code or 0

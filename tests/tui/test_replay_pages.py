@@ -1,0 +1,233 @@
+"""A replay shows the pages as they were, forward and back; it commands nothing, saves nothing, and says so."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import pytest
+from textual import events
+
+from console.session.flight.playback import SPEEDS, Playback
+from console.session.station.state import Activity, Armed
+from console.text.catalogue import load
+from console.tui.keymap import ACTIONS, KILL_KEYS, STOP_KEYS, PageName
+from console.tui.replaying.replay_app import ReplayApp
+from console.tui.theme import COLOUR, MONO
+from drivers.cutting.planning import Strategy, plan_cut
+from profiles.problem import Problem
+from tests.console.flight.bench import BEGAN_S, FlightBench
+from tests.tui.run_stage import MADE
+from tests.tui.scenes import (
+    ALIGNED,
+    application,
+    cut,
+    fixed_world,
+    machine,
+    played,
+    rows_of,
+    scene_of,
+    settle,
+    signed,
+)
+from tests.tui.stage import LANGUAGES
+
+SIZE = (80, 24)
+LIVE = [page for page in PageName if page is not PageName.PREVIEW]  # its numbers come from a thread of their own
+
+
+def at_once(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """Run a test that waits for an application."""
+
+    @wraps(test)
+    def run(**given: Any) -> None:
+        asyncio.run(test(**given))
+
+    return run
+
+
+class Clock:
+    now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@asynccontextmanager
+async def replayed(
+    bench: FlightBench, *, language: str = "en", size: tuple[int, int] = SIZE, palette: Any = COLOUR
+) -> AsyncIterator[tuple[ReplayApp, Any]]:
+    """A replay of what a bench has recorded, paused at its beginning."""
+    bench.recorder.close("SIGTERM")
+    bench.recorder._finish()
+    playback = Playback(bench.frozen[-1], playing=False)
+    nothing = bench.data / "nothing"
+    nothing.mkdir()
+    app = ReplayApp(playback, text=load(language), palette=palette, data=nothing, now_s=Clock(), ticking=False)
+    async with app.run_test(size=size) as pilot:
+        await settle(app, pilot)
+        yield app, pilot
+    assert list(nothing.iterdir()) == []
+
+
+def page_of(app: ReplayApp) -> str:
+    return app.page.value
+
+
+def a_cut(data: Path) -> FlightBench:
+    """Some seconds of a cut, with keys, a stop, an alarm, and rest; on two pages."""
+    bench = FlightBench(data, state=replace(machine(Activity.READY), alignment=ALIGNED), work=signed())
+    bench.page = "align"
+    bench.runs(3.0)
+    bench.page = "run"
+    bench.inbox.put("key", "5")
+    bench.state = replace(bench.state, activity=Activity.CUTTING, cut=cut())
+    turn = iter(range(1000))
+
+    def turns() -> None:
+        bench.state = replace(bench.state, cut=replace(cut(), turn=60.0 + next(turn)))
+
+    bench.runs(4.0, turns)
+    bench.stops("space")
+    bench.alarms()
+    bench.state = replace(bench.state, activity=Activity.STOPPED)
+    bench.runs(3.0)
+    return bench
+
+
+@pytest.mark.parametrize("page", LIVE)
+@at_once
+async def test_a_page_is_as_it_was(page: PageName, tmp_path: Path) -> None:
+    scene = replace(scene_of(page), keys=())
+    measured = scene.state.measured
+    if measured is not None:  # a learning step is not recorded
+        scene = replace(scene, state=replace(scene.state, measured=replace(measured, learning=None)))
+    with fixed_world():
+        (tmp_path / "live").mkdir()
+        live, _ = application(scene, tmp_path / "live")
+        async with played(live, scene, SIZE):
+            expected = rows_of(live)
+        bench = FlightBench(tmp_path / "data", state=scene.state, work=scene.work)
+        bench.page, bench.now_s = page, 100.0
+        bench.recorder.turn()
+        async with replayed(bench) as (app, _):
+            assert rows_of(app)[1:22] == expected[1:22]
+            assert rows_of(app)[0].startswith(" REPLAY ")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@at_once
+async def test_backward_shows_what_forward_showed(language: str, tmp_path: Path) -> None:
+    bench = a_cut(tmp_path)
+    async with replayed(bench, language=language) as (app, pilot):
+        shown: dict[float, list[str]] = {}
+        for key in ["full_stop", "n", "full_stop", "full_stop", "n", "full_stop", "end"]:
+            await pilot.press(key)
+            await settle(app, pilot)
+            shown[app.playback.at_s] = rows_of(app)
+        assert [*shown] == sorted(shown)
+        assert len({tuple(rows) for rows in shown.values()}) == 7
+        for at_s in reversed(shown):
+            app.playback.seek(at_s - app.playback.at_s)
+            await settle(app, pilot)
+            assert rows_of(app) == shown[at_s]
+
+
+@at_once
+async def test_it_plays_at_any_speed_and_follows_the_page(tmp_path: Path) -> None:
+    bench = a_cut(tmp_path)
+    async with replayed(bench) as (app, pilot):
+        clock = app._real_s
+        assert isinstance(clock, Clock)
+        assert page_of(app) == "align"
+        await pilot.press("space")
+        clock.now_s += 2.0
+        await settle(app, pilot)
+        assert app.playback.past_s == pytest.approx(2.0)
+        await pilot.press("plus", "plus")  # x5
+        clock.now_s += 0.5
+        await settle(app, pilot)
+        assert page_of(app) == "run"
+        assert app.playback.past_s == pytest.approx(4.5)
+        for _ in SPEEDS:
+            app._took(events.Key("-", "-"))
+        assert app.playback.speed == SPEEDS[0]
+        await pilot.press("2")
+        await settle(app, pilot)
+        assert page_of(app) == "setup"
+        await pilot.press("f")
+        for _ in SPEEDS:
+            app._took(events.Key("+", "+"))
+        await settle(app, pilot)
+        assert (page_of(app), app.playback.speed) == ("run", SPEEDS[-1])
+        clock.now_s += 60.0
+        await settle(app, pilot)
+        assert (app.playback.playing, app.playback.place) == (False, len(app.playback.recording.moments) - 1)
+        await pilot.press("pageup")
+        await settle(app, pilot)
+        assert app.playback.past_s == 0.0
+        await pilot.press("n")
+        assert app.playback.at_s == pytest.approx(BEGAN_S + 3.0)  # the key
+        await pilot.press("n")
+        assert app.playback.at_s == pytest.approx(BEGAN_S + 7.1)  # the stop
+        await pilot.press("b")
+        assert app.playback.at_s == pytest.approx(BEGAN_S + 3.0)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@at_once
+async def test_no_key_of_the_machine_does_anything_and_each_says_why(language: str, tmp_path: Path) -> None:
+    bench, text = a_cut(tmp_path), load(language)
+    ours = {"space", "left", "right", "pageup", "pagedown", "+", "-", ",", ".", "b", "n", "f", "ctrl+q"}
+    looks = {"1", "2", "3", "4", "5", "6", "?", "w", "backspace", "escape"}
+    keys = {action.keys[0] for action in ACTIONS} | {*STOP_KEYS, *KILL_KEYS}
+    async with replayed(bench, language=language) as (app, pilot):
+        for key in sorted(keys - ours - looks):
+            assert app._took(events.Key(key, key if len(key) == 1 else None))
+            assert (app._refused, app.playback.place, app.page) == (True, 0, PageName.ALIGN), key
+            app._refused = False
+        await pilot.press("f5")
+        await settle(app, pilot)
+        assert text.problem(Problem(code="flight.is_recording"))[:40] in rows_of(app)[1]
+        await pilot.press("full_stop")
+        await settle(app, pilot)
+        assert text.problem(Problem(code="flight.is_recording"))[:40] not in rows_of(app)[1]
+
+
+@pytest.mark.parametrize(("language", "palette"), [("en", MONO), ("ko", COLOUR)], ids=LANGUAGES)
+@at_once
+async def test_the_badge_the_time_and_the_keys_are_always_there(
+    language: str, palette: Any, tmp_path: Path
+) -> None:
+    text = load(language)
+    async with replayed(a_cut(tmp_path), language=language, palette=palette) as (app, pilot):
+        for key in ("1", "4", "question_mark", "w", "end", "f"):
+            await pilot.press(key)
+            await settle(app, pilot)
+            rows = rows_of(app)
+            assert rows[0].startswith(f" {text('replay.badge')}  {text('sim')} ")
+            assert "0:0" in rows[-2] and "●" in rows[-2]
+            assert text("replay.key.help") in rows[-1]
+            assert text("frame.stop") not in "".join(rows)
+        assert "!" in rows[-2]
+        await pilot.resize_terminal(50, 12)
+        await settle(app, pilot)
+        assert text("replay.small") in " ".join(" ".join(rows_of(app)).split())
+
+
+@at_once
+async def test_an_armed_cut_is_shown_without_its_program(tmp_path: Path) -> None:
+    work = signed()
+    plan = plan_cut(work.job, work.machine.machine, Strategy.PVT)
+    armed = Armed(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=ALIGNED, until_s=1e4, made=MADE)
+    state = replace(machine(Activity.READY), alignment=ALIGNED, armed=armed)
+    bench = FlightBench(tmp_path, state=state, work=signed())
+    bench.page = "run"
+    bench.runs(0.1)
+    async with replayed(bench) as (app, _):
+        assert "1000 rpm" in "\n".join(rows_of(app))
