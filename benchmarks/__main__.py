@@ -22,6 +22,7 @@ NAMES = (
     "run_page",
     "simulation_speed",
     "records",
+    "records_page",
     "command_start",
     "first_paint",
     "preview",

@@ -133,13 +133,18 @@ def _answer(frame: Frame, width: int) -> list[Line]:
 
 
 def pages_row(frame: Frame, width: int) -> list[Line]:
-    """Return the numbered pages, and the open job."""
-    pieces: list[tuple[str, Token]] = []
-    for number, page in enumerate(PageName, start=1):
-        name = f" {number} {frame.text(f'page.{page}')} "
-        pieces.append((name, Token.SELECTED if page is frame.page else Token.DIM))
-    name = name_in(frame.job, max(width - width_of(tuple(pieces)) - 1, 0))
-    return [ranged(tuple(pieces), ((f"{name} ", Token.STRONG),), width)]
+    """Return the numbered pages, and the open job; closer together where its name would be shortened."""
+    names = [
+        (f"{number} {frame.text(f'page.{page}')}", Token.SELECTED if page is frame.page else Token.DIM)
+        for number, page in enumerate(PageName, start=1)
+    ]
+    pieces: Line = tuple((f" {name} ", token) for name, token in names)
+    job_width = cell_len(frame.job) + 1 if frame.job else 0
+    if width_of(pieces) + job_width > width:
+        pieces = (dim(" "), *(piece for name, token in names for piece in ((name, token), dim(" "))))
+    room = max(width - width_of(pieces) - 1, 0)
+    name = name_in(frame.job, room, tail_fraction=0.75)
+    return [ranged(pieces, ((f"{name} ", Token.STRONG),) if name else BLANK, width)]
 
 
 def next_row(frame: Frame, width: int) -> list[Line]:

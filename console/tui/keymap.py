@@ -35,6 +35,7 @@ class PageName(StrEnum):
     ALIGN = "align"
     RUN = "run"
     INSPECT = "inspect"
+    RECORDS = "records"
 
 
 class Stops(Enum):
@@ -50,7 +51,8 @@ class Action:
     """One action. `shown` is the key in the help, with the words `key_help.<id>` of the catalogues.
 
     The key row writes `row` where that differs, "" leaves the action out there, with the words `key.<id>`.
-    `once`: holding the key down does it once. `stops`: the motion that the key stops.
+    `once`: holding the key down does it once. `stops`: the motion that the key stops. `beside`: the help names it
+    in the words of the key before.
     """
 
     id: str
@@ -60,6 +62,7 @@ class Action:
     moves: bool = False
     once: bool = False
     stops: Stops = Stops.NOTHING
+    beside: bool = False
 
     @property
     def page(self) -> PageName | None:
@@ -127,6 +130,23 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="inspect.state", keys=("s", "ㄴ"), shown="s", row="", stops=Stops.MOTION),
     Action(id="inspect.direction", keys=("d", "ㅇ"), shown="d", row="", stops=Stops.MOTION),
     Action(id="inspect.mark", keys=("j", "ㅓ"), shown="j", row="", stops=Stops.MOTION),
+    Action(id="records.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="records.down", keys=("down",), shown="↓", row=""),
+    Action(id="records.page_up", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="records.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="records.first", keys=("home",), shown="Home", row=""),
+    Action(id="records.last", keys=("end",), shown="End", row="", beside=True),
+    Action(id="records.open", keys=("enter",), shown="Enter"),
+    Action(id="records.back", keys=("left",), shown="←"),
+    Action(id="records.chart", keys=("c", "ㅊ"), shown="c"),
+    Action(id="records.mark", keys=("b", "ㅠ"), shown="b"),
+    Action(id="records.search", keys=("/",), shown="/"),
+    Action(id="records.failed", keys=("f", "ㄹ"), shown="f"),
+    Action(id="records.job", keys=("j", "ㅓ"), shown="j", row=""),
+    Action(id="records.machines", keys=("m", "ㅡ"), shown="m", row=""),
+    Action(id="records.program", keys=("p", "ㅔ"), shown="p", row=""),
+    Action(id="records.cut", keys=("e", "ㄷ"), shown="e", row=""),
+    Action(id="records.figure", keys=("d", "ㅇ"), shown="d", row=""),
 )
 
 READING = (
@@ -152,13 +172,14 @@ def help_lines(text: Catalogue, page: PageName, number: int, width: int) -> list
     if number == 1:
         rows = [line((text(f"page.{page}"), Token.TITLE))]
         for action in actions_of(page):
-            rows += _row(action.shown, text(f"key_help.{action.id}"), width)
+            if not action.beside:
+                rows += _row(action.shown, text(f"key_help.{action.id}"), width)
         return [*rows, BLANK, line(dim(text("help.more")))]
     rows = [line((text("help.everywhere"), Token.TITLE))]
     for shown, said in (("Space", text("help.stop")), ("F9", text("help.kill")), ("", text("help.unbound"))):
         rows += _row(shown, said, width)
     for action in ACTIONS:
-        if action.page is None:
+        if action.page is None and action is not CLOSE:  # the last row names it
             rows += _row(action.shown, text(f"key_help.{action.id}"), width)
     return [*rows, line(dim(text("help.close")))]
 

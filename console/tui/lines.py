@@ -43,13 +43,16 @@ def fitted(text: str, width: int) -> str:
     return set_cell_size(set_cell_size(text, max(width - 1, 0)) + "…", width) if width > 0 else ""
 
 
-def name_in(name: str, width: int) -> str:
-    """Return a name in at most `width` cells; a longer one loses its middle, because names differ at the end."""
+def name_in(name: str, width: int, *, tail_fraction: float = 0.5) -> str:
+    """Return a name in at most `width` cells; a longer one loses its middle, because names differ at the end.
+
+    `tail_fraction` of what is left is its end.
+    """
     if cell_len(name) <= width:
         return name
     if width < 4:
         return fitted(name, max(width, 0)).rstrip()
-    tail = _head(name[::-1], (width - 1) // 2)[::-1]
+    tail = _head(name[::-1], int((width - 1) * tail_fraction))[::-1]
     return _head(name, width - 1 - cell_len(tail)) + "…" + tail
 
 

@@ -1,7 +1,8 @@
-"""Six fixed scenes, one for each page, on the whole application, without clock and chance."""
+"""Seven fixed scenes, one for each page, on the whole application, without clock and chance."""
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
@@ -19,6 +20,7 @@ from console.session.cut.telemetry import Phase, SpindleRipple
 from console.session.data import records
 from console.session.data.kept_files import jobs_folder
 from console.session.data.made_parts import MadeWith
+from console.session.data.record_file import FILE_NAME
 from console.session.learning.learning_steps import taught_by
 from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
@@ -28,6 +30,7 @@ from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
 from console.tui.pages import jobs
+from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisState, Snapshot
@@ -37,6 +40,7 @@ from profiles.job import Job
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
+from tests.tui import records_stage
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
 CLOCK = datetime(2026, 1, 2, 8, 52)
@@ -88,6 +92,8 @@ def scene_of(page: PageName) -> Scene:
         case PageName.RUN:
             state = replace(machine(Activity.CUTTING), alignment=ALIGNED, cut=cut())
             return Scene(page=page, state=state, work=signed())
+        case PageName.RECORDS:
+            return Scene(page=page, state=machine(Activity.READY), work=signed(), keys=("down", "b", "down"))
         case PageName.INSPECT:
             after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
             state = replace(machine(Activity.READY), alignment=ALIGNED, measured=after, uncompensated=before)
@@ -207,11 +213,25 @@ def fill(data: Path) -> None:
     for name, changes in OWN_JOBS.items():
         save_job(replace(load_job(EXPERIMENT).job, name=name, **changes), folder / f"{name}.toml")  # type: ignore[arg-type]
     (folder / "unfinished.toml").write_text("name = 3\n", encoding="utf-8")
+    (data / FILE_NAME).write_bytes(recorded())
+
+
+@cache
+def recorded() -> bytes:
+    """The file of the run records: last results of some jobs, and four runs of this lathe."""
     names = ("software", "job", "job_sha256", "machine", "machine_sha256", "strategy", "program")
-    run = records.RunRecord(data, {**dict.fromkeys(names, ""), "simulated": 1})
-    for job, ront_um in MEASURED_UM.items():
-        run.add("measured", {"job": job, "strategy": "pvt", "ront_um": ront_um})
-    run.close()
+    with tempfile.TemporaryDirectory() as folder:
+        data = Path(folder)
+        run = records.RunRecord(data, {**dict.fromkeys(names, ""), "simulated": 1})
+        for job, ront_um in MEASURED_UM.items():
+            run.add("measured", {"job": job, "strategy": "pvt", "ront_um": ront_um})
+        run.close()
+        records_stage.run(data, 27.1, strategy="none", kind="part")
+        records_stage.run(data, 0.91, kind="part")
+        ring = replace(experiment().job, name="고리-60")
+        records_stage.run(data, None, job=ring, end=("stopped", {"reason": "space", "turn": 31.2, "by": "kim"}))
+        records_stage.run(data, 1.3, strategy="cam", compensation=2, kind="part")
+        return (data / FILE_NAME).read_bytes()
 
 
 # The application that shows them --------------------------------------------------------------------------------
@@ -227,6 +247,7 @@ def fixed_world() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(records, "utc_now", lambda: "2025-12-30T09:15:00.000+00:00")
         patch.setattr(jobs, "load_job", signed_job)
+        patch.setattr(beside, "SHORT_S", 60.0)  # no thread decides what is seen
         patch.setenv("TZ", "UTC")
         time.tzset()
         yield

@@ -106,7 +106,9 @@ def the_six_rows_of_the_frame_are_in_their_places(rows: tuple[str, ...], languag
     assert state.startswith(" SIM ")
     assert state.endswith(" 08:52 ")
     assert alarm.startswith((" · ", " – "))
-    assert [f" {n} {text(f'page.{name}')} " in pages for n, name in enumerate(PageName, start=1)] == [True] * 6
+    assert [f" {n} {text(f'page.{name}')} " in pages for n, name in enumerate(PageName, start=1)] == [True] * len(
+        PageName
+    )
     assert following.startswith(" ▶ ")
     assert stop.startswith(f" {text('frame.stop')} ")
     assert "SPACE" in stop

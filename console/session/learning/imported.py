@@ -84,7 +84,7 @@ def examined(path: Path, job: Job, answers: Mapping[str, str], *, simulated: boo
     header, warnings = header_of(trace.meta)
     open_ = tuple(key for key in _asked(header) if key not in given)
     problems = _refusals(trace, header, simulated=simulated)
-    turn = _one_turn(trace, header)
+    turn = one_turn(trace, header)
     result = None
     if not problems and header.state != UNKNOWN_STATE:
         result = evaluate(
@@ -96,7 +96,7 @@ def examined(path: Path, job: Job, answers: Mapping[str, str], *, simulated: boo
         sha256=hashlib.sha256(content).hexdigest(),
         trace=trace,
         header=header,
-        turn=_on_the_spindle(turn, header, job),
+        turn=on_the_spindle(turn, header, job.jaw_1_deg),
         asked=asked,
         open=open_,
         result=result,
@@ -142,7 +142,8 @@ def _refusals(trace: Trace, header: TraceHeader, *, simulated: bool) -> tuple[Pr
     return tuple(problems)
 
 
-def _one_turn(trace: Trace, header: TraceHeader) -> Trace:
+def one_turn(trace: Trace, header: TraceHeader) -> Trace:
+    """Return what repeats in each turn of a trace, as one turn; ProfileError `trace.turns`."""
     if header.turns == 1:
         return trace
     turns = several_turns(trace.angle_deg, trace.deviation_um, header.turns)
@@ -150,13 +151,16 @@ def _one_turn(trace: Trace, header: TraceHeader) -> Trace:
     return Trace(angle_deg=turns.angle_deg, deviation_um=turns.repeatable_um, meta=meta)
 
 
-def _on_the_spindle(turn: Trace, header: TraceHeader, job: Job) -> Trace:
-    """Return a turn at spindle angles, rising from 0; as it is where they are not known."""
-    jaw_1_deg = header.jaw_1_of(job.jaw_1_deg)
+def on_the_spindle(turn: Trace, header: TraceHeader, spindle_deg: float) -> Trace:
+    """Return a turn at spindle angles, rising from 0; as it is where they are not known.
+
+    `spindle_deg` is the spindle angle of jaw 1 in the cut.
+    """
+    jaw_1_deg = header.jaw_1_of(spindle_deg)
     if jaw_1_deg is None:
         return turn
     way = -1.0 if header.against_spindle else 1.0
-    angle_deg = np.mod(job.jaw_1_deg + way * (turn.angle_deg - jaw_1_deg), _FULL_TURN_DEG)
+    angle_deg = np.mod(spindle_deg + way * (turn.angle_deg - jaw_1_deg), _FULL_TURN_DEG)
     order = np.argsort(angle_deg, kind="stable")
     meta = {key: value for key, value in turn.meta.items() if key != "jaw_1_deg"}
     return Trace(

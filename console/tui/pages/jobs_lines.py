@@ -82,7 +82,7 @@ def summary_lines(jobs: JobList, text: Catalogue, width: int, *, edited: bool) -
     lines = [(("! " + text("jobs_page.in_hand"), Token.WARNING),)] if edited else []
     return [
         *lines,
-        *_job_lines(loaded.job, text, room),
+        *job_lines(loaded.job, text, room),
         *_last_lines(jobs.results.get(loaded.job.name), jobs.simulated, text, room),
         _fact(text("jobs_page.revision"), f"{loaded.sha256[:6]}, {kept}", room),
         *wrapped(provenance(loaded.job, text), width, Token.DIM),
@@ -123,7 +123,8 @@ def _reasons(entry: LibraryEntry, problems: Sequence[Problem], text: Catalogue, 
     return lines
 
 
-def _job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
+def job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
+    """Return what is cut and how, a line for each value."""
     solid = job.wall_thickness_mm >= job.radius_mm
     form = text("jobs_page.bar" if solid else "jobs_page.tube", material=job.material)
     source = text(f"source.{lobe_source(job)}")

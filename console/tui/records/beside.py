@@ -1,0 +1,45 @@
+"""Reading beside the screen: a slow disk delays what is shown, never a key or the next tick."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Hashable
+from typing import Generic, TypeVar
+
+from profiles.files import printable
+from profiles.problem import Problem, ProblemError
+
+Found = TypeVar("Found")
+Problems = tuple[Problem, ...]
+
+SHORT_S = 0.03
+"""How long a new question is waited for: a healthy disk answers in this time, and nothing flickers."""
+
+
+class Beside(Generic[Found]):
+    """Answer one question after the other in a thread; what is no longer asked is dropped."""
+
+    def __init__(self) -> None:
+        self._found: tuple[Hashable, Found | Problems] | None = None
+        self._thread: threading.Thread | None = None
+
+    def answer(self, question: Hashable, read: Callable[[], Found]) -> Found | Problems | None:
+        """Return the answer, or the problems of a refusal; None while it is read. Called at each tick."""
+        if self._thread is None or not self._thread.is_alive():
+            if self._found is None or self._found[0] != question:
+                work = (question, read)
+                self._thread = threading.Thread(target=self._read, args=work, name="records", daemon=True)
+                self._thread.start()
+                self._thread.join(SHORT_S)
+        found = self._found
+        return found[1] if found is not None and found[0] == question else None
+
+    def _read(self, question: Hashable, read: Callable[[], Found]) -> None:
+        found: Found | Problems
+        try:
+            found = read()
+        except ProblemError as error:
+            found = tuple(error.problems)
+        except Exception as fault:  # in a thread of its own: nobody else would hear of it
+            found = (Problem(code="session.fault", value=printable(f"{type(fault).__name__}: {fault}")),)
+        self._found = question, found

@@ -1,0 +1,147 @@
+"""Text of the list of recorded runs: one row a run, and which runs are listed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from console.session.data.run_reader import MODEL, How, RunRow
+from console.text.catalogue import Catalogue
+from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, name_in, to_the_right, wrapped
+from console.tui.records.listing import Listing, Wanted
+from console.tui.theme import Token
+from profiles.files import printable
+
+_SELECTED, _MARKED = "▸", "*"
+_NAME_LEAST = 24
+_TIME, _RONT, _HOW, _SIM = 17, 10, 15, 4
+_MORE = (("machine", 17), ("operator", 11), ("strategy", 10), ("version", 8), ("diameter", 11))
+"""Columns that are shown where there is room for them, with the name of the job not shortened."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunList:
+    """The runs, the place of the selected one, and the id of the one that is marked for comparing."""
+
+    listing: Listing
+    selected: int
+    marked: str | None = None
+
+    @property
+    def row(self) -> RunRow | None:
+        """The selected run, None where there are none."""
+        rows = self.listing.rows
+        return rows[self.selected] if 0 <= self.selected < len(rows) else None
+
+
+def local(date: datetime) -> str:
+    """Return a date as the list shows it, local time."""
+    return NOTHING if date.year < 2 else date.astimezone().strftime("%Y-%m-%d %H:%M")
+
+
+def judged(row: RunRow) -> Piece:
+    """Return RONt of a run with the mark of its verdict."""
+    if row.ront_um is None:
+        return to_the_right(f"{NOTHING}  ", _RONT), Token.DIM
+    mark, token = {True: ("✓", Token.TEXT), False: ("✗", Token.WARNING), None: ("·", Token.DIM)}[row.passed]
+    return to_the_right(f"{row.ront_um:.2f} {mark}", _RONT), token
+
+
+def title_words(wanted: Wanted, listing: Listing | None, text: Catalogue, *, everywhere: bool) -> str:
+    """Return how many runs are listed, and which."""
+    count = "" if listing is None else f"{len(listing.rows)}{'+' if listing.more else ''}"
+    said = [text("records_page.title", count=count)]
+    if everywhere:
+        said.append(text("records_page.everywhere"))
+    else:
+        said.append(text("records_page.simulated" if wanted.filters.simulated else "records_page.real"))
+    if wanted.filters.job is not None:
+        said.append(printable(wanted.filters.job, 24))
+    if wanted.words:
+        said.append(f"/{printable(wanted.words, 24)}")
+    if wanted.filters.failed:
+        said.append(text("records_page.failed_only"))
+    return " · ".join(said)
+
+
+def run_lines(runs: RunList, text: Catalogue, width: int, height: int, *, everywhere: bool) -> list[Line]:
+    """Return the heading and the rows around the selected run; cost by what is shown."""
+    columns = _columns(width, everywhere=everywhere)
+    name_width = max(width - 3 - _TIME - _RONT - _HOW - _SIM - sum(cells for _, cells in columns), 1)
+    head = [fitted(f"   {text('records_page.time')}", 3 + _TIME), fitted(text("records_page.job"), name_width)]
+    head += [to_the_right("RONt um  ", _RONT + 1), fitted(text("records_page.ended"), _HOW + _SIM - 1)]
+    head += [fitted(text(f"records_page.{name}"), cells) for name, cells in columns]
+    rows = [_row(runs, place, columns, name_width, text) for place in visible(runs, max(height - 1, 1))]
+    return [line(dim("".join(head))), *rows][: max(height, 0)]
+
+
+def visible(runs: RunList, room: int) -> range:
+    """Return the places of the runs that are seen in some rows."""
+    count = len(runs.listing.rows)
+    first = min(max(runs.selected - room // 2, 0), max(count - room, 0))
+    return range(first, min(first + room, count))
+
+
+def hidden_words(runs: RunList, text: Catalogue, height: int) -> str:
+    """Return how many runs are above and below the visible ones, "" for none."""
+    seen, rows = visible(runs, max(height - 1, 1)), len(runs.listing.rows)
+    below = f"{rows - seen.stop}{'+' if runs.listing.more else ''}"
+    words = ["↑ " + text("jobs_page.above", count=seen.start)] if seen.start else []
+    if rows > seen.stop or runs.listing.more:
+        words.append("↓ " + text("jobs_page.below", count=below))
+    return "  ".join(words)
+
+
+def nothing_lines(wanted: Wanted, text: Catalogue, width: int) -> list[Line]:
+    """Return why no run is listed, and what makes one."""
+    filters = wanted.filters
+    if filters.failed or filters.job is not None or wanted.words:
+        return wrapped(text("records_page.no_match"), width)
+    said = "nothing" if filters.machine is None else "nothing_here"
+    return [*wrapped(text(f"records_page.{said}"), width), BLANK, *wrapped(text("records_page.how"), width)]
+
+
+def _columns(width: int, *, everywhere: bool) -> list[tuple[str, int]]:
+    """Return the further columns that fit; the machine is the first where those of all are listed."""
+    columns: list[tuple[str, int]] = []
+    room = width - 3 - _TIME - _RONT - _HOW - _SIM - _NAME_LEAST
+    for name, cells in _MORE:
+        if (everywhere or name != "machine") and cells <= room:
+            columns.append((name, cells))
+            room -= cells
+    return columns if everywhere or room >= 0 else []
+
+
+def _row(runs: RunList, place: int, columns: Sequence[tuple[str, int]], name_width: int, text: Catalogue) -> Line:
+    row = runs.listing.rows[place]
+    chosen = place == runs.selected
+    mark = (_SELECTED if chosen else " ") + (_MARKED if row.run_id == runs.marked else " ")
+    mark += "!" if row.damaged else " "
+    name = fitted(name_in(printable(row.job), max(name_width - 1, 1)), name_width)
+    how = row.ended.how
+    ended_token = (
+        Token.TEXT if how is How.DONE else Token.WARNING if row.failed and row.passed is not False else Token.DIM
+    )
+    pieces: list[Piece] = [
+        (f"{mark}{fitted(local(row.started), _TIME)}{name}", Token.TEXT),
+        judged(row),
+        (" " + fitted(text(f"records_page.how.{how}"), _HOW - 1), ended_token),
+        (fitted(text("sim") if row.simulated else "", _SIM), Token.DIM),
+        *((fitted(_value(row, name, cells - 1), cells), Token.DIM) for name, cells in columns),
+    ]
+    return ((("".join(piece for piece, _ in pieces)), Token.SELECTED),) if chosen else tuple(pieces)
+
+
+def _value(row: RunRow, column: str, cells: int) -> str:
+    match column:
+        case "machine":
+            return name_in(printable(row.machine), cells)
+        case "operator":
+            return name_in(printable(row.operator or NOTHING), cells)
+        case "strategy":
+            return fitted(printable(row.strategy), cells)
+        case "version":
+            return NOTHING if row.compensation in (None, MODEL) else str(row.compensation)
+        case _:
+            return NOTHING if row.diameter_mm is None else f"{row.diameter_mm:.3f}"

@@ -1,0 +1,58 @@
+"""What the page Records reads: the list, one run or two, the chart of a job; each beside the screen."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from console.session.data.run_reader import RunRow
+from console.tui.records.beside import Beside, Problems
+from console.tui.records.job_chart import Figure, JobChart, job_chart, job_parts
+from console.tui.records.listing import Listing, Wanted, listed
+from console.tui.records.opened_run import OpenedRun, opened_run
+from profiles.store import LoadedMachine
+
+STATISTICS = "scipy.stats"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Opened:
+    """The runs that are open: one, or the marked one and another."""
+
+    runs: tuple[OpenedRun, ...]
+
+
+class RecordsReader:
+    """Read from the data folder; None is returned while something is read, its problems where it cannot be."""
+
+    def __init__(self, data: Path, machine: LoadedMachine) -> None:
+        self._data, self._machine = data, machine
+        self._list: Beside[Listing] = Beside()
+        self._runs: Beside[Opened] = Beside()
+        self._chart: Beside[JobChart] = Beside()
+        self._known: Listing | None = None
+
+    def listing(self, wanted: Wanted) -> Listing | Problems | None:
+        """Return the runs that are wanted; what is known of them is continued."""
+        known = self._known
+        found = self._list.answer(wanted, lambda: listed(self._data, wanted, known))
+        if isinstance(found, Listing):
+            self._known = found
+        return found
+
+    def opened(self, run_ids: tuple[str, ...], version: tuple[object, ...]) -> Opened | Problems | None:
+        """Return these runs in full."""
+
+        def read() -> Opened:
+            return Opened(runs=tuple(opened_run(self._data, run_id, self._machine) for run_id in run_ids))
+
+        return self._runs.answer((run_ids, version), read)
+
+    def chart(
+        self, row: RunRow, figure: Figure, version: tuple[object, ...], *, moving: bool
+    ) -> JobChart | Problems | None:
+        """Return the chart of a run's job. While something moves scipy is not loaded: it holds up the threads."""
+        judge = not moving or STATISTICS in sys.modules
+        question = (row.run_id, figure, judge, version)
+        return self._chart.answer(question, lambda: job_chart(job_parts(self._data, row), figure, judge=judge))

@@ -1,0 +1,274 @@
+"""Text of a recorded run: verdict, figures, set-up, job, learning, alarms, commands; what matters first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any
+
+from console.session.data.run_reader import MODEL, AlarmStory, How, RecordedPart, RunEvent, RunRow
+from console.session.station.commands import Command
+from console.text.catalogue import Catalogue
+from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wrapped
+from console.tui.pages.inspect_lines import FRONT_MULTIPLES
+from console.tui.pages.jobs_lines import job_lines
+from console.tui.records.list_lines import local
+from console.tui.records.opened_run import JobNow, OpenedRun
+from console.tui.theme import Token
+from profiles.files import printable
+from profiles.own_values import number
+from profiles.problem import Problem
+
+_LABEL = 15
+_WIDEST = 60
+STAGES = ("air", "partial", "full")
+COMMANDS = frozenset(each.__name__ for each in Command.__subclasses__())
+
+
+def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
+    """Return everything that is told of a run in words."""
+    room = min(width, _WIDEST)
+    lines = [*verdict_lines(run, text, width), *_damage_lines(run, text, width), *_cut_lines(run, text, room)]
+    for name, rows in (
+        ("figures", _figure_lines(run, text, room)),
+        ("setup", _setup_lines(run, text, room)),
+        ("job", _job_lines(run, text, width, room)),
+        ("learning", _learning_lines(run, text, width)),
+        ("alarms", _alarm_lines(run.story.alarms, text, width)),
+        ("commands", _command_lines(run.story.commands, text, width)),
+        ("software", _software_lines(run, text, width)),
+    ):
+        if rows:
+            lines += [BLANK, line((text(f"records_page.of.{name}"), Token.TITLE)), *rows]
+    return lines
+
+
+def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
+    """Return whether the part is good, and how the cut ended."""
+    part, row = run.product, run.story.row
+    lines = verdict(part, text) if part is not None else [line(dim(text("records_page.not_measured")))]
+    lines += wrapped(ending_words(row, text), width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
+    if row.simulated:
+        lines += wrapped(text("inspect_page.simulated"), width, Token.SIM)
+    return lines
+
+
+def verdict(part: RecordedPart, text: Catalogue) -> list[Line]:
+    """Return RONt of a part against its tolerance, and its diameter where that has one, as they were judged."""
+    facts = {"value": f"{part.ront_um:.2f}", "limit": NOTHING}
+    if part.tolerance_um is not None:
+        facts["limit"] = f"{part.tolerance_um:.2f}"
+    if part.passed is None:
+        return [line((text("records_page.not_judged", **facts), Token.TEXT))]
+    round_enough = part.passed if part.tolerance_um is None else part.ront_um <= part.tolerance_um
+    lines = [_judged("", facts, passes=round_enough, text=text)]
+    allowed_um, nominal_mm = part.diameter_tolerance_um, part.nominal_diameter_mm
+    if part.diameter_mm is not None and nominal_mm is not None and allowed_um is not None:
+        facts = {"value": f"{part.diameter_mm:.3f}", "limit": f"{allowed_um:g}"}
+        inside = 1000.0 * abs(part.diameter_mm - nominal_mm) <= allowed_um
+        lines.append(_judged("diameter_", facts, passes=inside, text=text))
+    return lines
+
+
+def _judged(what: str, facts: Mapping[str, str], *, passes: bool, text: Catalogue) -> Line:
+    mark, token, word = ("✓ ", Token.STRONG, "pass") if passes else ("✗ ", Token.WARNING, "fail")
+    return line((mark + text(f"inspect_page.{what}{word}", **facts), token))
+
+
+def ending_words(row: RunRow, text: Catalogue) -> str:
+    """Return how a run ended: after which turn, why, and by whom."""
+    ended = row.ended
+    said = [text(f"records_page.ending.{ended.how}")]
+    if ended.turn is not None:
+        said.append(text("records_page.turn", turn=f"{ended.turn:.1f}"))
+    if ended.reason:
+        said.append(_reason(ended.reason, text))
+    if ended.by:
+        said.append(printable(ended.by, 40))
+    return " · ".join(said)
+
+
+def made_of(row: RunRow, text: Catalogue) -> str:
+    """Return how a part was cut: strategy, compensation, stage."""
+    said = [row.strategy]
+    if row.compensation is not None:
+        model = row.compensation == MODEL
+        said.append(text("made.model") if model else text("made.learned", version=row.compensation))
+    if row.stage is not None:
+        said.append(text(f"made.{row.stage}") if row.stage in STAGES else row.stage)
+    return ", ".join(printable(each, 30) for each in said)
+
+
+def _reason(reason: str, text: Catalogue) -> str:
+    """Return a reason in words: that of a stop, or of problems, whose values are with the alarms."""
+    codes = reason.split(", ")
+    said = [_sentence(code, text) if "." in code else text.reason(code) for code in codes]
+    return printable(", ".join(said), 300)
+
+
+def _sentence(code: str, text: Catalogue) -> str:
+    """Return the sentence of a recorded code, whose values were not recorded with it."""
+    return text.problem(Problem(code=code, key=NOTHING, value=NOTHING, limit=NOTHING))
+
+
+def _damage_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
+    lines: list[Line] = []
+    if run.story.damaged:
+        what = printable(", ".join(run.story.damaged), 80)
+        lines += hanging(("! ", Token.WARNING), text("records_page.damaged", what=what), width, Token.WARNING)
+    if run.story.complete is False:
+        lines += hanging(("! ", Token.WARNING), text("records_page.incomplete"), width, Token.WARNING)
+    for problem in run.problems:
+        lines += hanging(("! ", Token.WARNING), text.problem(problem), width, Token.WARNING)
+    return lines
+
+
+def _cut_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
+    row = run.story.row
+    rows = {
+        "time": local(row.started),
+        "operator": printable(row.operator or NOTHING, 30),
+        "machine": printable(row.machine, 40),
+        "made": made_of(row, text),
+    }
+    return [_fact(text(f"records_page.{name}"), value, width) for name, value in rows.items()]
+
+
+def _figure_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
+    part = run.product
+    if part is None:
+        return []
+    rows = [_fact(name, value, width) for name, value in figures(part, run, text)]
+    for other in run.story.parts:
+        if not other.product:
+            rows.append(_fact(f"RONt {printable(other.part, 10)}", f"{other.ront_um:.2f} um", width))
+    if part.trace_name:
+        rows.append(_fact(text("records_page.trace"), printable(part.trace_name, 40), width))
+    return rows
+
+
+def figures(part: RecordedPart, run: OpenedRun, text: Catalogue) -> list[tuple[str, str]]:
+    """Return the figures of a part with their names, as they were evaluated."""
+    rows = [("RONt", f"{part.ront_um:.2f} um")]
+    for name in ("RONp", "RONv", "RONq"):
+        value = _number(part.data.get(f"{name}_um"))
+        if value is not None:
+            rows.append((name, f"{value:.2f} um"))
+    if part.diameter_mm is not None:
+        rows.append((text("records_page.diameter"), f"{part.diameter_mm:.3f} mm"))
+        if part.nominal_diameter_mm is not None:
+            off_um = 1000.0 * (part.diameter_mm - part.nominal_diameter_mm)
+            allowed_um = part.diameter_tolerance_um
+            judged = "" if allowed_um is None else f" (± {allowed_um:g})"
+            rows.append((text("records_page.off_nominal"), f"{off_um:+.1f} um{judged}"))
+    of_jaws = jaw_harmonics(part, run)
+    rows += [(text("inspect_page.harmonic", n=n), f"{um_pp:.2f} um p-p") for n, um_pp in of_jaws]
+    if not of_jaws and part.lobe_um_pp is not None:
+        rows.append((text("records_page.lobe"), f"{part.lobe_um_pp:.2f} um p-p"))
+    return rows
+
+
+def jaw_harmonics(part: RecordedPart, run: OpenedRun) -> list[tuple[int, float]]:
+    """Return the recorded harmonics of the jaws: undulations per revolution, um p-p; none of an unknown job."""
+    listed, found = part.data.get("harmonics"), []
+    wanted = [] if run.job is None else [run.job.jaws * multiple for multiple in range(1, FRONT_MULTIPLES + 1)]
+    for each in listed if isinstance(listed, list) else []:
+        n = each.get("n") if isinstance(each, dict) else None
+        amplitude_um = _number(each.get("amplitude_um")) if isinstance(each, dict) else None
+        if isinstance(n, int) and n in wanted and amplitude_um is not None:
+            found.append((n, 2.0 * amplitude_um))
+    return found
+
+
+def _setup_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
+    setup = run.story.setup
+    rows = (
+        ("force", _with_unit(setup, "force_n", "{:.1f} N"), setup.get("clamped_at")),
+        ("jaw", _with_unit(setup, "jaw_1_deg", "{:.2f}°"), setup.get("jaw_1_at")),
+        ("radius", _with_unit(setup, "zero_radius_mm", "R {:.3f} mm"), setup.get("touch_off_at")),
+    )
+    lines = []
+    for name, value, at in rows:
+        if value:
+            stamp = f" ({printable(at, 20)})" if isinstance(at, str) else ""
+            lines.append(_fact(text(f"records_page.{name}"), value + stamp, width))
+    if setup.get("aligned") is False:
+        lines += wrapped(text("records_page.not_aligned"), width, Token.DIM)
+    return lines
+
+
+def _job_lines(run: OpenedRun, text: Catalogue, width: int, room: int) -> list[Line]:
+    note = {JobNow.SAME: Token.DIM, JobNow.CHANGED: Token.WARNING, JobNow.GONE: Token.DIM}[run.job_now]
+    lines = wrapped(printable(run.story.row.job), width, Token.STRONG)
+    lines += wrapped(text(f"records_page.job_now.{run.job_now}"), width, note)
+    if run.machine_changed:
+        lines += wrapped(text("records_page.machine_changed"), width, Token.WARNING)
+    return [*lines, *([] if run.job is None else job_lines(run.job, text, room))]
+
+
+def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
+    """Return the learning step that the part has proposed, or why none; and those that were accepted."""
+    lines: list[Line] = []
+    proposed = None if run.product is None else run.product.data.get("learning")
+    if isinstance(proposed, dict):
+        if proposed.get("version") is not None:
+            left = _number(proposed.get("expected_ront_um"))
+            expected = NOTHING if left is None else f"{left:.2f}"
+            version = printable(str(proposed["version"]), 10)
+            lines += wrapped(text("records_page.proposed", version=version, expected=expected), width)
+        reasons = proposed.get("reasons")
+        for code in reasons if isinstance(reasons, list) else []:
+            lines += hanging(("· ", Token.TEXT), printable(_sentence(str(code), text), 300), width)
+    for event in run.story.accepted:
+        facts = {"version": printable(str(event.data.get("version", NOTHING)), 10), "at": local(event.at)}
+        by = printable(str(event.data.get("by") or ""), 30)
+        lines += wrapped(f"{text('records_page.accepted', **facts)} {by}".rstrip(), width)
+    return lines
+
+
+def _alarm_lines(alarms: tuple[AlarmStory, ...], text: Catalogue, width: int) -> list[Line]:
+    lines: list[Line] = []
+    for alarm in alarms:
+        stamps = {"acknowledged": alarm.acknowledged, "over": alarm.ended}
+        said = [text(f"records_page.{name}", at=_clock(at)) for name, at in stamps.items() if at is not None]
+        words = " ".join([text.problem(alarm.problem), *said])
+        lines += hanging(dim(f"{_clock(alarm.raised)} "), words, width)
+    return lines
+
+
+def _command_lines(commands: tuple[RunEvent, ...], text: Catalogue, width: int) -> list[Line]:
+    lines: list[Line] = []
+    for event in commands:
+        name = printable(str(event.data.get("command", "")), 40)
+        said = text(f"records.command.{name}") if name in COMMANDS else name
+        by = printable(str(event.data.get("by") or ""), 30)
+        lines += hanging(dim(f"{_clock(event.at)} "), f"{said}  {by}".rstrip(), width)
+    return lines
+
+
+def _software_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
+    told = run.story
+    python = f"Python {told.python}" if told.python else None
+    rows = [" · ".join(filter(None, each)) for each in ((told.software, python), (told.controller, told.family))]
+    said = [*rows, text("records_page.id", id=told.row.run_id)]
+    return [each for row in said if row for each in wrapped(printable(row), width, Token.DIM)]
+
+
+def _with_unit(setup: Mapping[str, Any], key: str, form: str) -> str:
+    value = _number(setup.get(key))
+    return "" if value is None else form.format(value)
+
+
+def _number(value: object) -> float | None:
+    try:
+        return None if value is None else number(value)
+    except (TypeError, ValueError):
+        return None
+
+
+def _clock(date: datetime) -> str:
+    return date.astimezone().strftime("%H:%M:%S")
+
+
+def _fact(label: str, value: str, width: int) -> Line:
+    return fact(label, value, width, label_width=min(_LABEL, max(width - 10, 0)))
