@@ -99,6 +99,14 @@ class CutWith:
         }
 
 
+def half_width_um_pp(lobe_sd_um: float, scatter_um: float) -> float:
+    """Return the 95 % half-width of a lobe expected from a part, um p-p.
+
+    `lobe_sd_um` is the standard error of the lobe read from the part, `scatter_um` that of one of two clampings.
+    """
+    return 2.0 * SIGNIFICANT * math.hypot(lobe_sd_um, scatter_um, scatter_um)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearningStep:
     """What was learned from a part: the next version, the changed harmonics, and the expected next part.
@@ -171,7 +179,7 @@ def next_version(
         learned=tuple(sorted(learned)),
         contractions=contractions,
         expected_lobe_um_pp=2.0 * abs(part.coefficients_um[job.jaws] - deeper[job.jaws]),
-        expected_half_width_um_pp=2.0 * SIGNIFICANT * math.hypot(read.lobe_sd_um, scatter_um, scatter_um),
+        expected_half_width_um_pp=half_width_um_pp(read.lobe_sd_um, scatter_um),
         reasons=(*part.reasons, *(plain.reasons() or _reasons(contractions, job.jaws, learned, cut.version))),
         warnings=plain.warnings(),
     )

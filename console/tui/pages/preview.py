@@ -12,6 +12,7 @@ from textual.events import Resize
 from console.session.cut.alignment import Alignment
 from console.session.cut.compensated import chosen_problems
 from console.session.cut.interlocks import of_lobe
+from console.session.learning.learning_steps import scatter_um
 from console.session.stages import Stage
 from console.session.station.state import StationState
 from console.session.work import Work, with_strategy
@@ -29,8 +30,9 @@ from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.theme import Palette, Token
 from console.tui.ui_context import UiContext, View
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
-from drivers.preview.band import Band, predicted_band
+from drivers.preview.band import predicted_band
 from drivers.preview.preview import Underway
+from profiles.compensations.next_version import half_width_um_pp
 from profiles.findings import Finding, Severity
 from profiles.job import NO_LOBE
 
@@ -270,7 +272,9 @@ class PreviewPage(ChartPage):
         picture = TracePicture(series=series, x_limits=_FULL_TURN, y_limits=limits, y_unit="um", x_unit="°")
         self._path.show(picture)
 
-    def _write(self, seen: Underway, strategy: Strategy, alignment: Alignment, band: Band | None) -> None:
+    def _write(
+        self, seen: Underway, strategy: Strategy, alignment: Alignment, band: preview_lines.Span | None
+    ) -> None:
         text, scale = self.ui.text, self._polar.scale_um_per_division
         width, window = max(self._caption.size.width, 1), window_words(seen.job, seen.machine)
         caption = preview_lines.roundness_caption(seen, strategy, alignment, scale, text, width, band)
@@ -296,12 +300,24 @@ _CHOICES: dict[str, Callable[[UiContext], None]] = {
 }
 
 
-def _band(work: Work, seen: Underway, strategy: Strategy) -> Band | None:
-    """Return the band of the remaining error; a learned path has none, because the model knows nothing of it."""
+def _band(work: Work, seen: Underway, strategy: Strategy) -> preview_lines.Span | None:
+    """Return the limits of the remaining error: by the model, or by the part that a learned path is from."""
     learned = work.compensation is not None and not work.compensation.is_model
-    if learned or work.stage == Stage.AIR:
+    if work.stage == Stage.AIR:
         return None
-    return predicted_band(seen, strategy)
+    if learned:
+        return _span_by_part(work, seen, strategy)
+    band = predicted_band(seen, strategy)
+    return None if band is None else (band.low_um, band.high_um)
+
+
+def _span_by_part(work: Work, seen: Underway, strategy: Strategy) -> preview_lines.Span | None:
+    """Return the limits by the confidence of the part's lobe and the scatter of two clampings; None if unknown."""
+    told, part = preview_lines.by_part(seen, strategy), work.compensation.part if work.compensation else None
+    if told is None or told.ront_um is None or part is None:
+        return None
+    half_um = half_width_um_pp(part.lobe_sd_um, scatter_um(seen.job, seen.machine))
+    return max(told.ront_um - half_um, 0.0), told.ront_um + half_um
 
 
 def _next_words(text: Catalogue, work: Work, seen: Underway) -> str:

@@ -12,7 +12,6 @@ from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, hanging, line,
 from console.tui.theme import Token
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
-from drivers.preview.band import Band
 from drivers.preview.closed_form import ClosedForm, closed_form
 from drivers.preview.preview import Prediction, Underway
 from profiles.compensations.learned import ExpectedPart
@@ -31,6 +30,10 @@ _LONGEST_BAR = 40
 _LEAST_BAR = 4
 _MARGIN_LABEL = 12
 _SPACED_ROWS = 2
+
+
+Span = tuple[float, float]
+"""Limits of what is left on a part, um p-p."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +127,7 @@ def roundness_caption(
     um_per_division: float,
     text: Catalogue,
     width: int,
-    band: Band | None,
+    band: Span | None,
 ) -> list[Line]:
     """Return the legend of the roundness traces, with the `band` of the strategy, and their scale."""
     without, with_ = seen.predictions.get(UNCOMPENSATED), seen.predictions.get(strategy)
@@ -215,13 +218,13 @@ def _margin(need: Margin, text: Catalogue, width: int, values: int, bar: int) ->
 
 
 def _trace_words(
-    key: str, name: str, token: Token, ront_um: str, width: int, band: Band | None = None
+    key: str, name: str, token: Token, ront_um: str, width: int, band: Span | None = None
 ) -> list[Line]:
     head, room = line((key, token), " ", name), max(width - 1, 0)
     alone = ranged(BLANK, line((f"{ront_um} um", token)), room)
     if band is None:
         return [head, alone]
-    span = f"{band.low_um:.1f}–{band.high_um:.1f}"
+    span = f"{band[0]:.1f}–{band[1]:.1f}"
     # The unit is that of the trace before it, where there is no room for another.
     for both in (f"{ront_um} ({span}) um", f"{ront_um} ({span})"):
         if len(both) <= room:
