@@ -183,7 +183,23 @@ async def test_it_plays_at_any_speed_and_follows_the_page(tmp_path: Path) -> Non
 @at_once
 async def test_no_key_of_the_machine_does_anything_and_each_says_why(language: str, tmp_path: Path) -> None:
     bench, text = a_cut(tmp_path), load(language)
-    ours = {"space", "left", "right", "pageup", "pagedown", "+", "-", ",", ".", "b", "n", "f", "ctrl+q"}
+    ours = {
+        "space",
+        "left",
+        "right",
+        "pageup",
+        "pagedown",
+        "+",
+        "-",
+        ",",
+        ".",
+        "b",
+        "n",
+        "f",
+        "home",
+        "end",
+        "ctrl+q",
+    }
     looks = {"1", "2", "3", "4", "5", "6", "?", "w", "backspace", "escape"}
     keys = {action.keys[0] for action in ACTIONS} | {*STOP_KEYS, *KILL_KEYS}
     async with replayed(bench, language=language) as (app, pilot):
