@@ -17,7 +17,7 @@ from console.session.flight.playback import SPEEDS, Playback
 from console.session.station.state import Activity, Armed
 from console.text.catalogue import load
 from console.tui.keymap import ACTIONS, KILL_KEYS, STOP_KEYS, PageName
-from console.tui.replaying.replay_app import ReplayApp
+from console.tui.replaying.replay_app import PAGES, ReplayApp
 from console.tui.theme import COLOUR, MONO
 from drivers.cutting.planning import Strategy, plan_cut
 from profiles.problem import Problem
@@ -38,7 +38,7 @@ from tests.tui.scenes import (
 from tests.tui.stage import LANGUAGES
 
 SIZE = (80, 24)
-LIVE = [page for page in PageName if page is not PageName.PREVIEW]  # its numbers come from a thread of their own
+LIVE = [page for page in PAGES if page is not PageName.PREVIEW]  # its numbers come from a thread of their own
 
 
 def at_once(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
