@@ -25,6 +25,7 @@ COMMANDS = {
     "simulator": "console.cli.machine.simulator",
     "fault": "console.cli.machine.fault",
     "roundness": "console.cli.measured.roundness",
+    "report": "console.cli.measured.report",
     "controller": "console.cli.machine.controller",
     "doctor": "console.cli.machine.doctor",
     "config": "console.cli.site.config",

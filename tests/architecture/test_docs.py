@@ -39,6 +39,7 @@ DOCUMENTS = (
     "docs/plant.md",
     "docs/pmac-emulation.md",
     "docs/records.md",
+    "docs/report.md",
     "docs/screens.md",
     "docs/strategies.md",
     "docs/traces.md",

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.dialect import DIALECTS, PMAC
 from drivers.pmac.gathering.gather import gather_settings
 from drivers.pmac.gathering.gather_client import motor_channel
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
@@ -28,7 +28,8 @@ from drivers.simulator.plant.axis import Ends, NoisyScale, Scale
 from drivers.simulator.plant.collision import CollisionWatch
 from drivers.simulator.plant.driven_mass import DrivenMass
 from drivers.simulator.plant.presets import plant_named
-from drivers.simulator.plant.spindle import Spindle
+from drivers.simulator.plant.spindle import RadialError, Spindle
+from drivers.simulator.plant.workpiece import OVERLAP
 from profiles.store import load_job
 from tests.compact import compact_machine
 
@@ -193,13 +194,14 @@ def told(seed: int) -> list[Any]:
     lines = ["I3=2 I6=1", *PROGRAM, *gathering, "#1J/#2J/#3J/"]
     lines += [random.choice(TABLES), "200", "-100", "30", "0", f"I51={seed % 2}"]
     lines += set_up_lines(machine, dialect, Policy.STOP) if seed % 3 == 0 else ()
+    lines += ["I123=-60 #1HM#3HM#2J+"] if seed % 4 == 1 else ()
     sim.mount(replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.5))
     for text in lines:
         host.receive(text.encode() + b"\r")
         sim.wait(0.006)
     for _ in range(25):
         sim.wait(random.choice((0.003, 0.02, 0.15)))
-        text = random.choice((*LINES, "DELETE GATHER", "DEFINE GATHER 90", "GATHER", "GATHER"))
+        text = random.choice((*LINES, *[f"ENDGATHER DELETE GATHER DEFINE GATHER {90 + seed} GATHER"] * 8))
         host.receive(text.encode() + (b"\r" if text >= " " else b""))
         if random.random() < 0.1:
             name, motor = random.choice(
@@ -212,6 +214,58 @@ def told(seed: int) -> list[Any]:
     host.receive(b"LIST GATHER\r")
     sim.wait(0.1)
     return [*seen, host.take_output(), sim.collisions, sim.measure().deviation_um.tolist()]
+
+
+def cut_under_load() -> list[Any]:
+    """A realistic lathe whose tool is led by its spindle, in material, with its registers gathered."""
+    machine, seen = compact_machine().machine, list[Any]()
+    sim = SimulatedLathe(machine, plant_named("realistic", machine, 7, mounted_by_hand=True))
+    job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.5)
+    sim.mount(job)
+    host, (tool, _, carriage) = sim.connect(), (sim.controller.motors[number] for number in (1, 2, 3))
+    in_mm = machine.tool.home_radius_mm - job.radius_mm + 0.1
+    in_counts = in_mm * machine.tool.counts_per_mm - tool.true_position
+    load = sim._drives.load
+    assert load is not None
+    to_mm = machine.carriage.jaw_face_mm - job.overhang_mm
+    to_counts = to_mm * machine.carriage.counts_per_mm - carriage.true_position
+    sources = [motor_channel(each, 1, PMAC.factory, PMAC).source for each in ("actual", "following_error")]
+    gathering = " ".join(f"I{index}={value}" for index, value in gather_settings(sources, 2, PMAC).items())
+    for text, seconds in (
+        ("I3=2 I6=1 I322=2000 I319=100 #1J/#2J/#3J/", 0.1),
+        (TABLES[0], 0.0),
+        ("200 -100 30 0", 0.1),
+        (f"I51=1 #2J+ #3J:{to_counts:.0f}", 0.7),
+        (f"#1J:{in_counts:.0f}", 0.6),
+        ("I322=20 #3J+", 0.2),
+        (f"{gathering} DEFINE GATHER 301", 0.1),
+        ("GATHER", 0.4),
+    ):
+        host.receive(text.encode() + b"\r")
+        for _ in range(max(1, round(seconds / 0.02))):
+            sim.wait(0.02)
+            seen.append((load.force_n, tool.actual, tool.desired, tool.correction, carriage.actual))
+    host.receive(b"LIST GATHER\r")
+    sim.wait(0.1)
+    assert max(force_n for force_n, *_ in seen) > 5.0, "nothing was cut"
+    return [*seen, host.take_output(), sim.measure().deviation_um.tolist()]
+
+
+def test_a_cut_under_load_is_the_same_at_any_speed(slowly: Callable[[], None]) -> None:
+    fast = cut_under_load()
+    slowly()
+    assert fast == cut_under_load()
+
+
+def test_far_outside_only_the_ends_of_a_path_are_exact() -> None:
+    machine = compact_machine().machine
+    true = plant_named("realistic", machine, 7)
+    path = tip_path.TipPath(machine, true, RadialError(1.2, Random(1)))
+    blocks = [([37.0 * k + n for n in range(11)], [40.0 * n for n in range(11)], [0.0] * 11) for k in range(4)]
+    exact = [radius for block in blocks for radius in path.track(block, 0.0).radius_mm]
+    near, far = (path.samples(blocks, outside_mm)[0].tolist() for outside_mm in (1000.0, 0.0))
+    assert near == exact
+    assert (far[:OVERLAP], far[-OVERLAP:]) == (exact[:OVERLAP], exact[-OVERLAP:])
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -221,3 +221,15 @@ def test_a_part_is_listed_by_its_first_long_word_and_their_number() -> None:
     assert gather.long_words(2, 3) == [2, 3, 4]
     assert gather.long_words(8, 100) == [8, 9]
     assert gather.long_words(10) == gather.long_words(11, 5) == gather.long_words(3, 0) == []
+
+
+@pytest.mark.parametrize(("period", "size", "before"), [(1, 10, 0), (1, 10, 4), (3, 10, 0), (3, 10, 4), (7, 4, 1)])
+def test_the_cycles_left_are_those_until_it_is_full(period: int, size: int, before: int) -> None:
+    gather, _, _ = card([word("D"), word("D", 0x11)], period=period, size=size)
+    gather.start()
+    run(gather, before)
+    left = gather.cycles_left
+    run(gather, left - 1)
+    assert gather.running
+    run(gather, 1)
+    assert not gather.running

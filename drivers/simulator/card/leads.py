@@ -28,6 +28,7 @@ from drivers.simulator.card.table_memory import TableMemory
 
 TABLES_ON = 51  # I51: whether compensation tables are in use
 _FOLLOWING = (5, 6, 7, 8)
+_ENABLE = 6
 _TIME_BASE_SOURCE = 93
 _WORD = (1 << WORD_BITS) - 1
 _METHOD = _WORD >> WORD_BITS - METHOD_SHIFT  # what is below the method digit of a set-up word
@@ -242,7 +243,12 @@ class Leads:
     def _find_followers(self) -> None:
         before, self._followers = self._followers, {}
         dialect = self._variables.dialect
+        offset, bit = dialect.offset_following
         for number, motor in self._motors.items():
+            if not int(motor.variable(_ENABLE)) & 1:
+                # As nearly all motors, nearly always: any setting that is written may lead here.
+                motor.offset_following = bool(int(motor.variable(offset)) >> bit & 1)
+                continue
             settings = {dialect.motor_index(number, each): motor.variable(each) for each in _FOLLOWING}
             setup = FollowingSetup.of_motor(number, settings, dialect)
             motor.offset_following = setup.offset

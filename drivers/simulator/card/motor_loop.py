@@ -112,6 +112,12 @@ class MotorLoop:
         guard = self.guard
         return self._poller > guard.polls and self._settled(abs(self.following_error), guard)
 
+    def judged(self) -> tuple[bool, bool]:
+        """Return `warning` and `in_position`, from one look at the following error."""
+        error, guard = abs(self.following_error), self.guard
+        settled = self._poller > guard.polls and self._settled(error, guard)
+        return self.fatal_error or error > guard.warning_error, settled
+
     @property
     def guard(self) -> Guard:
         """The monitored settings, as they are now."""

@@ -43,10 +43,12 @@ def following_error(motor: Motor) -> str:
 def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
     """The two words of `?`."""
     system = controller.system_of(motor.number)
+    travel, jog = motor.travel, motor.jog
+    warning, in_position = motor.judged()
     conditions = {
         "activated": motor.activated,
-        "negative_limit": motor.travel.negative,
-        "positive_limit": motor.travel.positive,
+        "negative_limit": travel.negative,
+        "positive_limit": travel.positive,
         "following_enabled": int(motor.variable(6)) & 1 == 1,
         "following_offset": motor.offset_following,
         "open_loop": not motor.enabled,
@@ -54,17 +56,17 @@ def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
         "integration_mode": motor.variable(34) != 0.0,
         "dwell": system is not None and system.motion.dwelling,
         "desired_velocity_zero": motor.enabled and motor.velocity == 0.0,
-        "abort_deceleration": motor.jog.aborting,
-        "home_search": motor.jog.stage is Stage.SEARCHING,
+        "abort_deceleration": jog.aborting,
+        "home_search": jog.stage is Stage.SEARCHING,
         "assigned": system is not None,
         "amplifier_enabled": motor.amplifier_enabled,
-        "stopped_on_limit": motor.travel.stopped,
+        "stopped_on_limit": travel.stopped,
         "home_complete": motor.home_complete,
-        "trigger_move": motor.jog.stage is not None,
+        "trigger_move": jog.stage is not None,
         "amplifier_fault": motor.amplifier_fault,
         "fatal_following_error": motor.fatal_error,
-        "warning_following_error": motor.warning,
-        "in_position": motor.in_position,
+        "warning_following_error": warning,
+        "in_position": in_position,
     }
     dialect = controller.dialect
     first, second = pack(conditions, dialect.motor_bits)
@@ -82,6 +84,7 @@ def system_words(controller: Controller, number: int) -> tuple[int, ...]:
     continuous = system.running and not motion.single_step and not variables.system(number, _BLENDING_OFF)
     interpolating = not (motion.dwelling or motion.homing)
     segmented = modes.mode in _SEGMENTED and variables.setting(Setting.SEGMENT_MS, number) > 0.0
+    judged = [motor.judged() for motor in motors]
     conditions = {
         **{f"{axis.lower()}_incremental": True for axis in modes.incremental},
         **{f"{axis.lower()}_feedrate": True for axis in modes.feedrate_axes},
@@ -95,13 +98,13 @@ def system_words(controller: Controller, number: int) -> tuple[int, ...]:
         "circle_radius_error": motion.radius_error,
         "amplifier_fault": any(motor.amplifier_fault for motor in motors),
         "fatal_following_error": any(motor.fatal_error for motor in motors),
-        "warning_following_error": any(motor.warning for motor in motors),
+        "warning_following_error": any(warning for warning, _ in judged),
         "end_of_block_stop": system.end_of_block_stop,
         "program_hold": system.program_hold,
         "resume_error": system.resume_error,
         "pre_jog": any(motor.jog.pre_jog for motor in motors),
         "segmented_move": segmented and system.moving and interpolating,
-        "in_position": bool(motors) and not system.moving and all(motor.in_position for motor in motors),
+        "in_position": bool(motors) and not system.moving and all(settled for _, settled in judged),
         **dict.fromkeys(_MODES.get(modes.mode, ()), True),
     }
     dialect = controller.dialect

@@ -176,8 +176,8 @@ class DrySlide:
         """Return position and speed after a cycle in which the slide comes to rest, and may start again."""
         pull = drive - math.copysign(self._friction, v)
         stops_s = min(self._time_to_rest(v, pull), self._cycle_s)
-        part = self._one.held(stops_s)
-        return self._from_rest(x + part.glide * v + part.push_x * pull, drive, self._cycle_s - stops_s)
+        glide, push = self._within(stops_s)
+        return self._from_rest(x + glide * v + push * pull, drive, self._cycle_s - stops_s)
 
     def fades(self, cycles: int) -> bool:
         """Let the current fade at rest without a command; False, and nothing is done, where that could move it."""
@@ -192,8 +192,16 @@ class DrySlide:
         if abs(drive) <= self._friction or left_s <= 0.0:
             return x, 0.0
         pull = drive - math.copysign(self._friction, drive)
-        part = self._one.held(left_s)
-        return x + part.push_x * pull, part.push_v * pull
+        glide, push = self._within(left_s)
+        return x + push * pull, glide * pull
+
+    def _within(self, time_s: float) -> tuple[float, float]:
+        """Return glide and push of `DrivenMass.held`, which are all that a part of a cycle needs."""
+        rate = self._one.damping_per_s
+        if rate * time_s < NO_DAMPING:
+            return time_s, 0.5 * time_s**2
+        glide = -math.expm1(-rate * time_s) / rate
+        return glide, (time_s - glide) / rate
 
     def _time_to_rest(self, v: float, pull: float) -> float:
         """Return when a pull has reduced a speed to 0: v exp(-rt) + pull (1 - exp(-rt)) / r = 0."""

@@ -1,0 +1,102 @@
+"""What the part taught, and how it stands among the parts of its job before it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from console.report.course_figure import chart_figure
+from console.report.drawing import figure
+from console.report.markup import Markup, listed, paragraph, section
+from console.report.quantities import number, time_in, um
+from console.report.reported_run import ReportedRun
+from console.report.verdict import code_words
+from console.text.catalogue import Catalogue
+from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, capability_below, run_chart, trend
+
+
+def learned(run: ReportedRun, text: Catalogue) -> Markup:
+    """Return the proposed learning step and whether it was accepted."""
+    lines = [*_proposed(run, text), *_accepted(run, text), *_series(run, text)]
+    body = listed(lines) if lines else paragraph(text("report.nothing_learned_here"))
+    return section("learned", text("report.learned"), body)
+
+
+def _proposed(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+    for part in run.parts:
+        step = part.recorded.data.get("learning")
+        if not isinstance(step, Mapping):
+            continue
+        if "version" in step:
+            waves = step.get("harmonics")
+            orders = ", ".join(map(str, waves)) if isinstance(waves, list) else ""
+            facts = {"lobe": um(step.get("expected_lobe_um_pp")), "ront": um(step.get("expected_ront_um"))}
+            gain, version = number(step.get("gain"), 3), str(step["version"])
+            yield text("report.proposed", version=version, orders=orders, gain=gain, **facts)
+        reasons = step.get("reasons")
+        if isinstance(reasons, list) and reasons:
+            yield text("report.not_proposed", reasons="; ".join(code_words(str(each), text) for each in reasons))
+
+
+def _accepted(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+    for event in run.story.accepted:
+        version, name = str(event.data.get("version", "")), str(event.data.get("by", ""))
+        yield text(
+            "report.accepted", version=version, name=name, at=time_in(run.zone, event.at, run.story.row.started)
+        )
+
+
+def _series(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+    """Yield how each of several parts in a row was corrected."""
+    results = [event.data for event in run.story.events if event.kind == "result"]
+    passes = results[-1].get("passes") if results else None
+    for place, each in enumerate(passes if isinstance(passes, list) else (), start=1):
+        taught = each.get("learned") if isinstance(each, Mapping) else None
+        if not isinstance(taught, Mapping):
+            continue
+        air = taught.get("air_lobe_error_um_pp")
+        if isinstance(air, list) and air:
+            yield text("report.pass_air", part=place, errors=" → ".join(number(um_pp, 2) for um_pp in air))
+        trim = taught.get("trim")
+        if isinstance(trim, list) and trim and isinstance(trim[0], Mapping):
+            yield text("report.pass_trim", part=place, value=um(trim[0].get("amplitude_um")))
+        waves = taught.get("learned_waves")
+        if isinstance(waves, list) and waves:
+            yield text("report.pass_learned", part=place, orders=", ".join(map(str, waves)))
+
+
+def chart(run: ReportedRun, text: Catalogue) -> Markup | None:
+    """Return the run chart of the parts up to this one; None with one part alone, which is no row of parts."""
+    points = run.points or ()
+    values = [point.ront_um for point in points]
+    if len(values) < 2:
+        return None
+    own = [place for place, point in enumerate(points) if point.run_id == run.story.row.run_id]
+    limits = run_chart(values)
+    tolerance_um = points[-1].tolerance_um
+    caption = text("report.chart_caption", count=len(values), limit=um(tolerance_um))
+    names = (text("report.chart_axis"), "RONt, µm")
+    drawing = chart_figure("run-chart", text("report.chart"), caption, names, values, own, tolerance_um, limits)
+    return section(
+        "chart", text("report.chart"), figure(drawing, caption), listed(_statistics(values, tolerance_um, text))
+    )
+
+
+def _statistics(values: Sequence[float], tolerance_um: float | None, text: Catalogue) -> Iterator[str]:
+    limits = run_chart(values)
+    if limits is None:
+        yield text("report.chart_few", count=len(values), least=LEAST_CHART)
+    else:
+        lower, upper = um(max(limits.lower, 0.0)), um(limits.upper)
+        yield text("report.chart_limits", mean=um(limits.mean), lower=lower, upper=upper)
+        yield text("report.chart_beyond", count=len(limits.beyond))
+    slope = trend(values)
+    if slope is not None:
+        key = "report.trend" if slope.significant else "report.no_trend"
+        yield text(key, slope=f"{slope.per_part:+z.3f}", half=number(slope.half_width, 3))
+    able = None if tolerance_um is None else capability_below(values, tolerance_um)
+    if able is None:
+        yield text("report.no_capability", least=LEAST_PARTS)
+    else:
+        facts = {"cpk": able.cpk, "low": able.cpk_low, "high": able.cpk_high}
+        shown = {key: number(value, 2) for key, value in facts.items()}
+        yield text("report.capability", parts=able.parts, **shown)

@@ -1,0 +1,255 @@
+"""What was measured: the part before and after compensation, drawn on one scale, in figures and in harmonics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from console.report.drawing import figure
+from console.report.evaluated import EvaluatedPart, Evaluation
+from console.report.harmonics_figure import harmonics_figure
+from console.report.markup import Markup, element, listed, paragraph, section, table
+from console.report.quantities import NOTHING, exact, mm, number, um
+from console.report.reported_run import ReportedRun
+from console.report.roundness_figure import Marks, Profile, division_um, roundness_figure, zone_of
+from console.report.verdict import SIGNS, Judgement
+from console.text.catalogue import Catalogue
+from drivers.cutting.strategy import Strategy
+from profiles.compensations.path import free_state_lobe
+from profiles.job import Job
+from profiles.metrology.circles import CIRCLES
+
+_TURN_DEG = np.arange(0.0, 360.0, 0.5)
+
+
+def measured(run: ReportedRun, text: Catalogue) -> Markup:
+    """Return the section; without a measured part it says so."""
+    title = text("report.measured")
+    if not run.parts:
+        return section("measured", title, paragraph(text("report.nothing_measured")))
+    return section(
+        "measured",
+        title,
+        _how(run, text),
+        _plots(run, text),
+        _figures(run, text),
+        _diameters(run, text),
+        _harmonics(run, text),
+        _all_parts(run, text),
+        _checks(run, text),
+    )
+
+
+def _how(run: ReportedRun, text: Catalogue) -> Markup | None:
+    """Return what applies to each figure: circle, filter, state, number of points."""
+    shown = run.product or run.parts[-1]
+    if shown.found is None:
+        return None
+    result = shown.found.result
+    state = text(f"state.{result.state}") if result.state in ("free", "clamped", "unknown") else result.state
+    upr = NOTHING if result.filter_upr is None else exact(result.filter_upr)
+    how = text("report.how_evaluated", upr=upr, state=state, points=result.points)
+    lines = [how, *(text.problem(each) for each in shown.found.warnings)]
+    if shown.recorded.trace_name:
+        lines.append(text("report.imported", name=shown.recorded.trace_name))
+    return listed(lines)
+
+
+def _plots(run: ReportedRun, text: Catalogue) -> Markup | None:
+    """Return both parts on one scale, and the product alone on its own."""
+    product = run.product.found if run.product else None
+    before, measured_before = _before(run)
+    if product is None:
+        if before is None or not measured_before:
+            return None
+        alone = Profile(angle_deg=before.angle_deg, deviation_um=before.deviation_um, bold=False)
+        return _plot("before", [alone], _marks(run, run.before, None), text, text("report.plot_before_only"))
+    mine = Profile(angle_deg=product.angle_deg, deviation_um=product.profile_um, bold=True)
+    marks = _marks(run, run.product, mine)
+    magnified = _plot("alone", [mine], marks, text, text("report.plot_alone"))
+    if before is None:
+        return magnified
+    key = "report.plot_both" if measured_before else "report.plot_stated"
+    both = _plot("both", [before, mine], marks, text, text(key))
+    if division_um([before, mine], marks) == division_um([mine], marks):
+        return both
+    return element("div", both, magnified, class_="pair")
+
+
+def _plot(name: str, profiles: list[Profile], marks: Marks, text: Catalogue, what: str) -> Markup:
+    words = [what, text("report.plot_scale", division=f"{division_um(profiles, marks):g}")]
+    if marks.zone_um is not None:
+        words.append(text("report.plot_zone", width=exact(round(marks.zone_um[1] - marks.zone_um[0], 9))))
+    words.append(text("report.plot_jaws") if marks.jaw_1_deg is not None else text("report.plot_no_jaws"))
+    caption = " ".join(words)
+    drawing = roundness_figure(
+        f"roundness-{name}", text("report.roundness_plot"), caption, profiles, marks, text("report.jaw")
+    )
+    return figure(drawing, caption, "round")
+
+
+def _before(run: ReportedRun) -> tuple[Profile | None, bool]:
+    """Return the part without compensation, turned to the jaws of the product, and whether it was measured."""
+    jaw_1_deg = run.product.jaw_1_deg if run.product else None
+    if run.before is not None and run.before.found is not None:
+        found = run.before.found
+        by_deg = 0.0 if jaw_1_deg is None or found.jaw_1_deg is None else jaw_1_deg - found.jaw_1_deg
+        return Profile(angle_deg=found.angle_deg + by_deg, deviation_um=found.profile_um, bold=False), True
+    if run.before is not None or run.job is None or jaw_1_deg is None or not run.job.lobe_error_um_pp:
+        return None, False
+    if not _follows_lobe(run.story.row.strategy):
+        return None, False
+    return _stated(run.job, jaw_1_deg), False
+
+
+def _follows_lobe(strategy: str) -> bool:
+    """Whether a strategy compensates; one that this console does not know is taken to."""
+    return strategy not in [each.value for each in Strategy if not each.traits.follows_lobe]
+
+
+def _stated(job: Job, jaw_1_deg: float) -> Profile:
+    """Return the lobe that a job states, with jaw 1 where it is in the trace."""
+    turned = _TURN_DEG - jaw_1_deg + job.jaw_1_deg
+    return Profile(angle_deg=_TURN_DEG, deviation_um=free_state_lobe(job).at_um(turned), bold=False)
+
+
+def _marks(run: ReportedRun, part: EvaluatedPart | None, mine: Profile | None) -> Marks:
+    tolerance_um = part.recorded.tolerance_um if part is not None else None
+    jaws = 0 if run.job is None else run.job.jaws
+    return Marks(
+        zone_um=None if mine is None or tolerance_um is None else zone_of(mine, tolerance_um),
+        jaw_1_deg=None if part is None or not jaws else part.jaw_1_deg,
+        jaws=jaws,
+    )
+
+
+def _pair(run: ReportedRun) -> list[tuple[str, EvaluatedPart, Evaluation]]:
+    """Return the parts of the columns, with the word of each."""
+    chosen = (("before", run.before), ("after", run.product))
+    return [(word, part, part.found) for word, part in chosen if part is not None and part.found is not None]
+
+
+def _figures(run: ReportedRun, text: Catalogue) -> Markup | None:
+    pair = _pair(run)
+    if not pair:
+        return None
+    head = [text("report.figure_um"), *(text(f"report.{word}") for word, _, _ in pair)]
+    rows = [
+        [f"RONt {kind}", *(number(found.result.circle(kind).ront_um, 3) for _, _, found in pair)]
+        for kind in CIRCLES
+    ]
+    rows += [
+        [f"{name} LSC", *(number(getattr(found.result, name.lower() + "_um"), 3) for _, _, found in pair)]
+        for name in ("RONp", "RONv", "RONq")
+    ]
+    rows.append([text("report.eccentricity"), *(number(f.result.eccentricity_um, 3) for _, _, f in pair)])
+    return table(text("report.figures"), head, rows, numeric=range(1, len(head)))
+
+
+def _diameters(run: ReportedRun, text: Catalogue) -> Markup | None:
+    """Return the mean diameter against its tolerance."""
+    part = run.product
+    if part is None or part.recorded.diameter_mm is None:
+        return paragraph(text("report.no_diameter")) if part is not None else None
+    diameter, off_um = mm(part.recorded.diameter_mm), run.diameter_off_um
+    if off_um is None:
+        return paragraph(text("report.diameter", diameter=diameter))
+    facts = {"diameter": diameter, "nominal": mm(part.recorded.nominal_diameter_mm), "off": f"{off_um:+z.1f} µm"}
+    limit_um = part.recorded.diameter_tolerance_um
+    passes = run.diameter_passes
+    if limit_um is None or passes is None:
+        return paragraph(text("report.diameter_free", **facts))
+    sign = SIGNS[Judgement.GOOD if passes else Judgement.BAD]
+    return paragraph(f"{sign} {text('report.diameter_judged', **facts, limit=exact(limit_um, 'µm'))}")
+
+
+def _harmonics(run: ReportedRun, text: Catalogue) -> Markup | None:
+    pair = _pair(run)
+    if not pair:
+        return None
+    orders = [harmonic.n for harmonic in pair[-1][2].result.harmonics]
+    parts = [(found.result, part.recorded.product) for _, part, found in pair]
+    jaws = 0 if run.job is None else run.job.jaws
+    caption = text("report.harmonics_caption")
+    names = (text("report.harmonics_axis"), text("report.amplitude_axis"))
+    drawing = harmonics_figure("harmonics", text("report.harmonics"), caption, names, orders, parts)
+    last = pair[-1][2]
+    head = [
+        text("report.order"),
+        *(text("report.amplitude_of", part=text(f"report.{word}")) for word, _, _ in pair),
+        text("report.past_jaw" if last.jaw_1_deg is not None else "report.phase"),
+    ]
+    rows = [
+        [
+            f"{n} ◂" if jaws and n % jaws == 0 else str(n),
+            *(number(found.result.amplitude_um(n), 3) for _, _, found in pair),
+            _phase(last, n),
+        ]
+        for n in orders
+    ]
+    said = table(text("report.harmonics_table"), head, rows, numeric=range(len(head)))
+    return element("div", figure(drawing, caption), said)
+
+
+def _phase(found: Evaluation, n: int) -> str:
+    harmonic = next(each for each in found.result.harmonics if each.n == n)
+    phase_deg = harmonic.phase_deg
+    if found.jaw_1_deg is not None:
+        phase_deg = harmonic.past_jaw_1_deg(found.jaw_1_deg, against_spindle=found.header.against_spindle)
+    # Rounded up to a whole undulation it would be no first maximum.
+    return number(0.0 if round(phase_deg, 2) >= round(360.0 / n, 2) else phase_deg, 2)
+
+
+def _all_parts(run: ReportedRun, text: Catalogue) -> Markup | None:
+    """Return every measurement of the run, where there are more than the two that are compared."""
+    again = [(part, text("report.measured_again")) for part in run.again]
+    parts = [(part.recorded, "") for part in run.parts]
+    if not again and all(part in (run.before, run.product) for part in run.parts):
+        return None
+    head = [text("report.part_name"), text("report.ront_um"), text("report.lobe_um"), text("report.diameter_mm")]
+    rows = [
+        [
+            " · ".join(filter(None, (part_words(part.part, text), note))),
+            number(part.ront_um, 3),
+            number(part.lobe_um_pp, 3),
+            number(part.diameter_mm, 4),
+            _passed(part.passed, text),
+        ]
+        for part, note in (*again, *parts)
+    ]
+    return table(text("report.all_parts"), [*head, text("report.judged")], rows, numeric=(1, 2, 3))
+
+
+def _passed(passed: bool | None, text: Catalogue) -> str:
+    if passed is None:
+        return text("report.not_judged")
+    sign = SIGNS[Judgement.GOOD if passed else Judgement.BAD]
+    return f"{sign} {text('report.good' if passed else 'report.bad')}"
+
+
+def part_words(name: str, text: Catalogue) -> str:
+    """Return the name of a part in this language: "part 2"."""
+    if not name:
+        return text("part.part")
+    word, _, number_of = name.partition(" ")
+    said = text(f"part.{word}")
+    return " ".join((word if said == f"part.{word}" else said, number_of)).strip()
+
+
+def _checks(run: ReportedRun, text: Catalogue) -> Markup:
+    """Return whether each trace gives what was recorded."""
+    lines = []
+    for part in run.parts:
+        name = part_words(part.recorded.part, text)
+        if part.recorded.trace is None:
+            lines.append(text("report.check_no_trace", part=name, value=um(part.recorded.ront_um)))
+        elif part.found is None:
+            why = "; ".join(text.problem(each) for each in part.problems)
+            lines.append(text("report.check_unusable", part=name, why=why))
+        elif part.differing:
+            facts = {"recorded": um(part.recorded.ront_um), "found": um(part.found.result.ront_um)}
+            lines.append(text("report.check_differs", part=name, figures=", ".join(part.differing), **facts))
+        else:
+            lines.append(text("report.check_same", part=name))
+        if not part.same_trace:
+            lines.append(text("report.check_hash", part=name))
+    return element("div", element("h3", text("report.checks")), listed(lines))

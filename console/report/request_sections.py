@@ -1,0 +1,164 @@
+"""What was asked for, what was set at the machine, and what was sent to its controller."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+
+from console.report.markup import Markup, facts_table, joined, listed, paragraph, section
+from console.report.quantities import deg, exact, mm, with_unit
+from console.report.reported_run import ReportedRun
+from console.text.catalogue import Catalogue
+from profiles.job import JOB_FIELDS, NO_LOBE, Job
+
+PART = ("material", "diameter_mm", "wall_thickness_mm", "overhang_mm", "jaws")
+CUT = ("chucking_force_n", "depth_of_cut_mm", "spindle_speed_rpm", "feed_mm_per_rev", "cut_length_mm")
+CONDITIONS = (
+    "lobe_force_n",
+    "lobe_spindle_speed_rpm",
+    "lobe_overhang_mm",
+    "lobe_wall_thickness_mm",
+    "lobe_diameter_mm",
+    "lobe_material",
+    "lobe_jaws",
+    "lobe_chuck",
+    "lobe_tool",
+    "lobe_past_jaw_deg",
+    "lobe_growth_percent_per_mm",
+)
+_SIGNS = {"um": "µm", "deg": "°"}
+_UNITS = {field.key: _SIGNS.get(field.unit, field.unit) for field in JOB_FIELDS}
+
+
+def asked(run: ReportedRun, text: Catalogue) -> Markup:
+    """Return the part and the cut as the job states them, and where its lobe is from."""
+    title, job = text("report.asked"), run.job
+    if job is None:
+        why = [text.problem(problem) for problem in run.job_problems] or [text("report.no_job_text")]
+        return section("asked", title, *(paragraph(each) for each in why))
+    diameter = exact(job.finished_diameter_mm, "mm")
+    off_um = job.diameter_tolerance_um
+    tolerances = [
+        (text("report.finished_diameter"), diameter),
+        (text("report.roundness_tolerance"), exact(job.roundness_tolerance_um, "µm RONt")),
+        (
+            text("report.diameter_tolerance"),
+            text("report.none_stated") if off_um is None else f"± {exact(off_um, 'µm')}",
+        ),
+    ]
+    return section(
+        "asked",
+        title,
+        facts_table(text("report.asked_part"), [*_rows(job, PART, text), *tolerances]),
+        facts_table(text("report.asked_cut"), _rows(job, CUT, text)),
+        facts_table(text("report.asked_lobe"), _lobe(job, text)),
+        paragraph(text("report.assumed_means"), class_="note") if job.assumed else None,
+        paragraph(text("report.job_source", source=job.source)) if job.source else None,
+        paragraph(text("report.job_copied", name=job.copied_from)) if job.copied_from else None,
+    )
+
+
+def _rows(job: Job, keys: tuple[str, ...], text: Catalogue) -> list[tuple[str, str]]:
+    """Return the fields of a job that have a value; those that its source does not give are marked."""
+    rows = []
+    for key in keys:
+        value = getattr(job, key)
+        if value is None:
+            continue
+        shown = value if isinstance(value, str) else exact(value, _UNITS[key])
+        assumed = f" ({text('report.assumed')})" if key in job.assumed else ""
+        rows.append((text(f"report.field.{key}"), shown + assumed))
+    return rows
+
+
+def _lobe(job: Job, text: Catalogue) -> list[tuple[str, str]]:
+    source = (text("report.lobe_source"), text(f"source.{job.lobe_error_source}"))
+    if job.lobe_error_source == NO_LOBE:
+        return [source]
+    return [*_rows(job, ("lobe_error_um_pp",), text), source, *_rows(job, ("lobe_phase_deg", *CONDITIONS), text)]
+
+
+def set_up(run: ReportedRun, text: Catalogue) -> Markup:
+    """Return the alignment and the forces of the cut, and when each was taken."""
+    setup, title = run.setup, text("report.set")
+    if not setup:
+        return section("set", title, paragraph(text("report.no_setup")))
+    rows = [
+        (
+            text("report.set_force"),
+            _stamped(with_unit(setup.get("force_n"), 1, "N"), setup.get("clamped_at"), text),
+        ),
+        (text("report.set_jaw"), _stamped(deg(setup.get("jaw_1_deg")), setup.get("jaw_1_at"), text)),
+        (text("report.set_zero"), _stamped(mm(setup.get("zero_radius_mm")), setup.get("touch_off_at"), text)),
+    ]
+    aligned = setup.get("aligned")
+    if isinstance(aligned, bool):
+        rows.append((text("report.set_origin"), text("report.aligned" if aligned else "report.from_files")))
+    rows += [
+        (text("report.calibration", name=str(name)), str(date)) for name, date in _items(setup.get("calibrations"))
+    ]
+    warnings = setup.get("warnings")
+    said = [str(each) for each in warnings] if isinstance(warnings, list | tuple) else []
+    return section(
+        "set",
+        title,
+        facts_table(text("report.set_table"), rows),
+        joined([paragraph(text("report.set_warnings")), listed(said)]) if said else None,
+    )
+
+
+def _stamped(value: str, at: object, text: Catalogue) -> str:
+    return text("report.taken_at", value=value, at=str(at)) if at else value
+
+
+def _items(value: object) -> list[tuple[object, object]]:
+    return list(value.items()) if isinstance(value, Mapping) else []
+
+
+def sent(run: ReportedRun, text: Catalogue) -> Markup:
+    """Return how the program was made, and what it is known by."""
+    story, row = run.story, run.story.row
+    version = row.compensation
+    stage = text("report.not_recorded") if row.stage is None else text(f"stage.{row.stage}")
+    if version is None:
+        learned = text("report.not_recorded")
+    elif version == "none":
+        learned = text("report.nothing_learned")
+    else:
+        learned = text("report.version", version=version)
+    inverted = run.setup.get("inverted")
+    lines = len(story.program.splitlines())
+    rows = [
+        (text("report.strategy"), text(f"strategy.{row.strategy}.named")),
+        (text("report.stage"), stage),
+        (text("report.compensation"), learned),
+        (text("report.inverted"), _inverted(inverted, text)),
+        (text("report.controller"), story.controller or text("report.not_recorded")),
+        (text("report.address"), _address(run.setup.get("address"), text)),
+        (text("report.program"), text("report.program_size", count=lines)),
+        (text("report.program_hash"), program_hash(story.program)),
+    ]
+    several = sum(part.recorded.product for part in run.parts) > 1
+    return section(
+        "sent",
+        text("report.sent"),
+        facts_table(text("report.sent_table"), rows),
+        paragraph(text("report.first_program")) if several else None,
+    )
+
+
+def _inverted(name: object, text: Catalogue) -> str:
+    if not name:
+        return text("report.not_recorded")
+    return text("report.inverted_model") if name == "model" else str(name)
+
+
+def _address(address: object, text: Catalogue) -> str:
+    if address is None:
+        return text("report.not_recorded")
+    return str(address) or text("report.own_process")
+
+
+def program_hash(program: str) -> str:
+    """Return the SHA-256 of a program."""
+    return hashlib.sha256(program.encode("utf-8", "surrogatepass")).hexdigest()

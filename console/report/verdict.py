@@ -1,0 +1,105 @@
+"""The verdict of a run in words, with a sign that needs no colour."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+from console.report.quantities import against_limit, mm
+from console.report.reported_run import ReportedRun
+from console.session.data.run_reader import Ending, How
+from console.session.data.run_rows import FAILED_HOW
+from console.session.stages import Stage
+from console.text.catalogue import Catalogue
+from profiles.problem import Problem
+
+
+class Judgement(StrEnum):
+    """What a report says of a part."""
+
+    GOOD = "good"
+    BAD = "bad"
+    DOUBTFUL = "doubtful"
+    OPEN = "open"
+
+
+LEFT_OPEN = "…"
+CODE = re.compile(r"[a-z]+\.[a-z0-9_]+")
+"""Code of a problem."""
+
+SIGNS = {Judgement.GOOD: "✓", Judgement.BAD: "✗", Judgement.DOUBTFUL: "?", Judgement.OPEN: "–"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """A judgement, and the sentences that say why."""
+
+    judgement: Judgement
+    reasons: tuple[str, ...]
+
+
+def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
+    """Return the verdict of a run: a part is good only if it was cut as planned, and the record agrees."""
+    row, product = run.story.row, run.product
+    judged = tuple(_judged(run, text))
+    contradiction = run.contradicts_itself or (product is not None and product.doubtful)
+    if row.damaged or run.story.damaged or contradiction:
+        return Verdict(judgement=Judgement.DOUBTFUL, reasons=(text("report.why.doubtful"), *judged))
+    if row.ended.how in FAILED_HOW:
+        return Verdict(judgement=Judgement.BAD, reasons=(ending_words(row.ended, text), *judged))
+    if row.ended.how in (How.OPEN, How.NOT_STARTED):
+        return Verdict(judgement=Judgement.OPEN, reasons=(ending_words(row.ended, text), *judged))
+    if product is None:
+        why = "report.why.air" if row.stage == Stage.AIR else "report.why.not_measured"
+        return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
+    passed = product.recorded.passed
+    if passed is None:
+        why = "report.why.partial" if row.stage == Stage.PARTIAL else "report.why.no_judgement"
+        return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
+    return Verdict(judgement=Judgement.GOOD if passed else Judgement.BAD, reasons=judged)
+
+
+def _judged(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+    """Yield what was measured against what was allowed."""
+    product = run.product
+    if product is None or product.recorded.passed is None:
+        return
+    recorded = product.recorded
+    if recorded.tolerance_um is not None:
+        value, limit = against_limit(recorded.ront_um, recorded.tolerance_um)
+        key = "report.why.round" if recorded.ront_um <= recorded.tolerance_um else "report.why.not_round"
+        yield text(key, value=value, limit=limit)
+    passes, off_um, limit_um = run.diameter_passes, run.diameter_off_um, recorded.diameter_tolerance_um
+    if passes is None or off_um is None or limit_um is None:
+        return
+    value, limit = against_limit(abs(off_um), limit_um)
+    key = "report.why.diameter" if passes else "report.why.not_diameter"
+    yield text(key, diameter=mm(recorded.diameter_mm), value=value, limit=limit)
+
+
+def ending_words(ending: Ending, text: Catalogue) -> str:
+    """Return how a run ended: after how many turns, for which reason, by whom."""
+    words = [text(f"report.ended.{ending.how}")]
+    if ending.turn is not None:
+        words.append(text("report.ended_after", turns=f"{ending.turn:.1f}"))
+    if ending.by:
+        words.append(text("report.ended_by", name=ending.by))
+    if ending.reason:
+        words.append(text("report.ended_for", reason=_reason(ending.reason, text)))
+    return "; ".join(words) + "."
+
+
+def _reason(reason: str, text: Catalogue) -> str:
+    """Return a reason in words: the name of a stop, codes of problems with commas, or a sentence as it is."""
+    words = reason.split(", ")
+    if all(CODE.fullmatch(word) for word in words):
+        return "; ".join(code_words(word, text) for word in words)
+    return text.reason(reason)
+
+
+def code_words(code: str, text: Catalogue) -> str:
+    """Return the sentence of a problem of which only the code was recorded: its facts are left open."""
+    said = text.problem(Problem(code=code, key=LEFT_OPEN, value=LEFT_OPEN, limit=LEFT_OPEN))
+    return code if said.startswith(code) else f"{said} ({code})"
