@@ -17,7 +17,7 @@ from console.session.flight.playback import SPEEDS, Playback
 from console.session.station.state import Activity, Armed
 from console.text.catalogue import load
 from console.tui.keymap import ACTIONS, KILL_KEYS, STOP_KEYS, PageName
-from console.tui.replaying.replay_app import ReplayApp
+from console.tui.replaying.replay_app import PAGES, ReplayApp
 from console.tui.theme import COLOUR, MONO
 from drivers.cutting.planning import Strategy, plan_cut
 from profiles.problem import Problem
@@ -38,7 +38,7 @@ from tests.tui.scenes import (
 from tests.tui.stage import LANGUAGES
 
 SIZE = (80, 24)
-LIVE = [page for page in PageName if page is not PageName.PREVIEW]  # its numbers come from a thread of their own
+LIVE = [page for page in PAGES if page is not PageName.PREVIEW]  # its numbers come from a thread of their own
 
 
 def at_once(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
@@ -183,7 +183,23 @@ async def test_it_plays_at_any_speed_and_follows_the_page(tmp_path: Path) -> Non
 @at_once
 async def test_no_key_of_the_machine_does_anything_and_each_says_why(language: str, tmp_path: Path) -> None:
     bench, text = a_cut(tmp_path), load(language)
-    ours = {"space", "left", "right", "pageup", "pagedown", "+", "-", ",", ".", "b", "n", "f", "ctrl+q"}
+    ours = {
+        "space",
+        "left",
+        "right",
+        "pageup",
+        "pagedown",
+        "+",
+        "-",
+        ",",
+        ".",
+        "b",
+        "n",
+        "f",
+        "home",
+        "end",
+        "ctrl+q",
+    }
     looks = {"1", "2", "3", "4", "5", "6", "?", "w", "backspace", "escape"}
     keys = {action.keys[0] for action in ACTIONS} | {*STOP_KEYS, *KILL_KEYS}
     async with replayed(bench, language=language) as (app, pilot):

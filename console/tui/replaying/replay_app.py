@@ -30,6 +30,10 @@ REFUSED = Problem(code="flight.is_recording")
 HELP = 1
 
 
+PAGES = tuple(page for page in PageName if page is not PageName.RECORDS)
+"""Pages that can be seen: what the page Records reads is not part of a recording."""
+
+
 class ReplayApp(ConsoleApp):
     """Plays a recording. `data` is an empty folder.
 
@@ -76,7 +80,7 @@ class ReplayApp(ConsoleApp):
         if moment.work is not self._shown:
             self._shown = moment.work
             self.ui.work = None if moment.work is None else _work(moment.work, self._loaded_machine)
-        if self._follows and moment.page in [*PageName] and moment.page != self.page and not self._list.is_open:
+        if self._follows and moment.page in PAGES and moment.page != self.page and not self._list.is_open:
             self.go(PageName(moment.page))
         self.ui.said = (REFUSED,) if self._refused else moment.said
         super().tick()
@@ -126,7 +130,7 @@ class ReplayApp(ConsoleApp):
 
     def _looked(self, key: str, character: str | None) -> None:
         """Show another page or a list; anything else is a key of the machine."""
-        pages = [*PageName]
+        pages = PAGES
         if key in ("?", "question_mark", "f1") or character == "?":
             self._list.open(PAGE if self._list.shown == HELP else HELP)
         elif key in ("w", "ㅈ") or character == "ㅈ":
