@@ -41,7 +41,7 @@ BITS_PER_V = 32_768 / 10
 class Push:
     """A force beside the motor, N outwards as the cut's, at each servo cycle."""
 
-    acts = True
+    acts, led = True, False
 
     def __init__(self, forces_n: list[float], mass_kg: float = 4.74) -> None:
         self._left = list(reversed(forces_n))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from drivers.lathe.snapshot import AxisName
 from drivers.link.memory import MemoryLink
@@ -15,8 +15,7 @@ from drivers.simulator.machine import SimulatedLathe
 MOTORS = {AxisName.TOOL: 1, AxisName.SPINDLE: 2, AxisName.CARRIAGE: 3}
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(NamedTuple):  # one for each block: made three times as fast
     """The end of one block of servo cycles: iron and reported positions in counts, amplifiers, program."""
 
     at_s: float
@@ -33,17 +32,18 @@ class WatchedLathe(SimulatedLathe):
         super().__init__(*given, **named)
         self.moments: list[Moment] = []
         self.energised: list[tuple[float, AxisName]] = []
+        self._watched = [self.controller.motors[number] for number in MOTORS.values()]
         for axis, number in MOTORS.items():
             self._watch_amplifier(axis, self.controller.motors[number])
 
     def keep(self) -> None:
-        motors = [self.controller.motors[number] for number in MOTORS.values()]
+        a, b, c = self._watched
         self.moments.append(
             Moment(
                 self.now_s(),
-                tuple(motor.true_position for motor in motors),
-                tuple(motor.position for motor in motors),
-                tuple(motor.amplifier_enabled for motor in motors),
+                (a.true_position, b.true_position, c.true_position),
+                (a.position, b.position, c.position),
+                (a.amplifier_enabled, b.amplifier_enabled, c.amplifier_enabled),
                 self.controller.systems[1].running,
             )
         )

@@ -67,7 +67,8 @@ class ServoAxis(EncoderAxis):
         self._cycle_s = cycle_s
         self._most_acceleration = mass.peak_output_bits * mass.acceleration_per_bit
         self._peak_bits = mass.peak_output_bits
-        self._plant = mass.held(cycle_s)
+        self._plant = plant = mass.held(cycle_s)
+        self._held = plant.decay, plant.glide, plant.push_x, plant.push_v
         self._slide = DrySlide(mass, cycle_s, lag_s) if mass.friction or lag_s or load else None
         self._v = 0.0  # counts/s
         self.output_bits = 0.0  # output of the previous cycle, DAC bits
@@ -120,7 +121,13 @@ class ServoAxis(EncoderAxis):
         again = commands is self._last_commands
         if again and self._still is not None:
             return self._stay(self._still)
-        self._last_commands, self._still = commands, None
+        self._last_commands, self._still, self._blind = commands, None, False
+        if self._slide is not None:
+            return self._glide_led(commands, self._slide)
+        if self.scale.noisy:
+            return self._follow_by_cycle(commands)
+        if not again:
+            return self._close(commands)
         before = (
             self._x,
             self._v,
@@ -130,49 +137,49 @@ class ServoAxis(EncoderAxis):
             self._command,
             self._command_step,
         )
-        self._blind, noise = False, self.scale.draw(len(commands))
-        slide = self._slide
-        if slide is not None and self._load is not None and self._load.led:
-            singly = [
-                self._glide((told,), noise and noise[at : at + 1], slide) for at, told in enumerate(commands)
-            ]
-            return [position for (position,) in singly]
-        if slide is not None:
-            return self._glide(commands, noise, slide)
-        positions = self._close(commands, noise)
-        if again and noise is None and self._repeats(before, commands):
+        positions = self._close(commands)
+        if self._repeats(before, commands):
             self._still = positions
         return positions
 
-    def _close(self, commands: Sequence[float], noise: Sequence[float] | None) -> list[float]:
+    def _close(self, commands: Sequence[float]) -> list[float]:
         """Close the loop without friction. The local names are for speed: this is the innermost loop of all."""
         x, v, force, integral = self._x, self._v, self.output_bits, self._integral
         last, last_step, last_encoder = self._command, self._command_step, self._reading
         k_e, k_v, k_a, k_i, k_d = self._k
         lowest, highest, whole, in_motion = -self.limit_bits, self.limit_bits, ROUNDS, self._integrate_in_motion
-        plant, ends, origin = self._plant, self._ends_near(len(commands)), self.origin
-        decay, glide, push_x, push_v = plant.decay, plant.glide, plant.push_x, plant.push_v
+        decay, glide, push_x, push_v = self._held
         positions: list[float] = []
+        append = positions.append
         for command in commands:
-            encoder = (x if noise is None else x + noise[len(positions)]) + whole - whole
-            positions.append(x)
-            error, step = command - encoder, command - last
+            append(x)
+            encoder = x + whole - whole
+            error = command - encoder
+            step = command - last
             feed = k_e * error + k_v * step + k_a * (step - last_step)
             output = feed + k_i * integral - k_d * (encoder - last_encoder)
             last, last_step, last_encoder = command, step, encoder
             # The output calculated in this cycle reaches the amplifier one cycle later.
             x, v = x + glide * v + push_x * force, decay * v + push_v * force
-            if ends is not None and not ends.lowest <= x + origin <= ends.highest:
-                x, v = self._hold(x, ends)
             if lowest <= output <= highest:
                 force = output
                 if in_motion or step == 0.0:
                     integral += error
             else:
                 force = highest if output > highest else lowest
+        if self._ends is not None and not self._ends.leave(min(positions), max(positions), x, self.origin):
+            return self._follow_by_cycle(commands)  # from where it was: nothing is kept yet
         self._x, self._v, self.output_bits, self._integral = x, v, force, integral
         self._command, self._command_step, self._reading = last, last_step, last_encoder
         return positions
+
+    def _glide_led(self, commands: Sequence[float], slide: DrySlide) -> list[float]:
+        """Close the loop on dry guides, a cycle at a time where the load is given for each."""
+        noise = self.scale.draw(len(commands))
+        if self._load is None or not self._load.led:
+            return self._glide(commands, noise, slide)
+        singly = [self._glide((told,), noise and noise[at : at + 1], slide) for at, told in enumerate(commands)]
+        return [position for (position,) in singly]
 
     def _glide(self, commands: Sequence[float], noise: Sequence[float] | None, slide: DrySlide) -> list[float]:
         """Close the loop on dry guides, behind a current that lags, under the load of a cut."""

@@ -228,6 +228,12 @@ class Ends:
     lowest: float
     highest: float
 
+    def leave(self, lowest: float, highest: float, last: float, origin: float) -> bool:
+        """Whether they do not touch an axis between two positions, and at a last one, all from its `origin`."""
+        if not self.lowest <= last + origin <= self.highest:
+            return False
+        return self.lowest <= lowest + origin and highest + origin <= self.highest
+
     def holds(self, place: float) -> float:
         """Return the position of the axis when something would move it to `place`."""
         return min(max(place, self.lowest), self.highest)
