@@ -37,7 +37,7 @@ from tests.system.lathe_sites import compact_text
 from tests.terminal import Terminal
 from tests.trainee import CLOSE_DEG, CLOSE_MM, SETTLES_DEG, SETTLES_MM, SPINDLE_STEPS, TOOL_STEPS, Trainee
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(240), pytest.mark.long]
 
 Result = TypeVar("Result")
 VALUES = ("steel", "60", "1.5", "25", "4", "2500", "0.1", "0.05", "600", "1", "5", "30")
