@@ -36,6 +36,7 @@ class PageName(StrEnum):
     RUN = "run"
     INSPECT = "inspect"
     RECORDS = "records"
+    ALARMS = "alarms"
 
 
 class Stops(Enum):
@@ -147,6 +148,14 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="records.program", keys=("p", "ㅔ"), shown="p", row=""),
     Action(id="records.cut", keys=("e", "ㄷ"), shown="e", row=""),
     Action(id="records.figure", keys=("d", "ㅇ"), shown="d", row=""),
+    Action(id="alarms.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="alarms.down", keys=("down",), shown="↓", row=""),
+    Action(id="alarms.page_up", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="alarms.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="alarms.first", keys=("home",), shown="Home", row=""),
+    Action(id="alarms.last", keys=("end",), shown="End", row="", beside=True),
+    Action(id="alarms.all", keys=("a", "ㅁ"), shown="a"),
+    Action(id="alarms.log", keys=("l", "ㅣ"), shown="l"),
 )
 
 READING = (
