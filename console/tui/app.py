@@ -100,8 +100,7 @@ class ConsoleApp(App[None]):
         self._orders = StandingOrders(self.ui)
         self._held = HeldKeys()
         self._collector_spared = False
-        self._previewer = Previewer()
-        self._path = ChosenPath()
+        self._previewer, self._path = Previewer(), ChosenPath()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
         self._list = ListPanel(palette, text)
         self._small = Sheet(palette, id="small")

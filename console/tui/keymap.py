@@ -75,7 +75,13 @@ CLOSE = Action(id="close", keys=("backspace",), shown="⌫")
 
 ACTIONS: tuple[Action, ...] = (
     *(
-        Action(id=f"page.{page}", keys=(str(number),), shown=str(number), stops=Stops.JOG)
+        Action(
+            id=f"page.{page}",
+            keys=(str(number),),
+            shown=str(number),
+            stops=Stops.JOG,
+            beside=page is PageName.ALARMS,
+        )
         for number, page in enumerate(PageName, start=1)
     ),
     Action(id="recover", keys=("f2",), shown="F2"),
@@ -188,7 +194,7 @@ def help_lines(text: Catalogue, page: PageName, number: int, width: int) -> list
     for shown, said in (("Space", text("help.stop")), ("F9", text("help.kill")), ("", text("help.unbound"))):
         rows += _row(shown, said, width)
     for action in ACTIONS:
-        if action.page is None and action is not CLOSE:  # the last row names it
+        if action.page is None and action is not CLOSE and not action.beside:  # the last row names it
             rows += _row(action.shown, text(f"key_help.{action.id}"), width)
     return [*rows, line(dim(text("help.close")))]
 
