@@ -211,7 +211,9 @@ def test_a_long_log_is_bounded_scrolls_and_follows_its_end(tmp_path: Path) -> No
 def test_no_key_breaks_an_empty_page(tmp_path: Path) -> None:
     async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
         keys = ("up", "down", "pageup", "pagedown", "home", "end", "a", "k")
-        assert "No alarm in this session." in await text_after(app, pilot, *keys)
+        shown = await text_after(app, pilot, *keys)
+        assert "No alarm in this session." in shown
+        assert shown.count("╭") == 1, "an empty panel"
         await text_after(app, pilot, "l", *keys, "w", "w", "l")
         assert (control.stops, control.kills) == ([], [])
 

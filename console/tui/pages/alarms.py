@@ -39,6 +39,8 @@ class AlarmsPage(Page):
         #alarms-frequent { height: 5; display: none; }
     }
     AlarmsPage.-roomy #alarms-frequent { display: block; }
+    AlarmsPage.-empty #alarms-whole { display: none; }
+    AlarmsPage.-empty #alarms-frequent { display: none; }
     AlarmsPage.-log #alarms-list { display: none; }
     AlarmsPage.-log #alarms-whole { display: none; }
     AlarmsPage.-log #alarms-frequent { display: none; }
@@ -153,10 +155,10 @@ class AlarmsPage(Page):
     def _show_alarms(self, view: View) -> None:
         text, history, entry = self.ui.text, self._history, self._entry
         width, height = self._list.size
+        self.set_class(entry is None, "-empty")
         if entry is None:
             rows = wrapped(text("alarms_page.none"), max(width, 1), Token.DIM)
             self._list.show(rows[:height], title_words(history, text), rate_words(history, view.now_s, text))
-            self._whole.show([], "", "")
         else:
             rows = alarm_lines(history, self._place, text, width, height)
             rate = rate_words(history, view.now_s, text)
