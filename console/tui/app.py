@@ -16,8 +16,10 @@ from textual.containers import Container
 from textual.driver import Driver
 
 from console.session.station.commands import Control
+from console.session.station.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
+from console.tui.alarms.logged_control import LoggedControl
 from console.tui.driver import StopSent, TooFast, Written
 from console.tui.frame import ROWS, Frame, frame_rows, small_rows
 from console.tui.gate import PASTED, FieldKind, HeldKeys, Situation, Verdict, is_page, is_stray, judge, stop_reason
@@ -82,7 +84,8 @@ class ConsoleApp(App[None]):
         self.register_theme(theme)
         self.theme = theme.name
         self.title = f"SIM {machine.machine.name}" if control.state.simulated else machine.machine.name
-        self.ui = UiContext(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
+        self._logs, self._typed = LoggedControl(control, local_time), False
+        self.ui = UiContext(text=text, palette=palette, control=self._logs, machine=machine, data=data, go=self.go)
         self._begin, self._heard = begin, heard
         self._ui_loop: asyncio.AbstractEventLoop | None = None
         self._leaving = False
@@ -97,8 +100,7 @@ class ConsoleApp(App[None]):
         self._orders = StandingOrders(self.ui)
         self._held = HeldKeys()
         self._collector_spared = False
-        self._previewer = Previewer()
-        self._path = ChosenPath()
+        self._previewer, self._path = Previewer(), ChosenPath()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
         self._list = ListPanel(palette, text)
         self._small = Sheet(palette, id="small")
@@ -139,6 +141,7 @@ class ConsoleApp(App[None]):
         state = ui.control.state
         self._spare_the_stop(state.may_move)
         ui.forget_stale_answer(state)
+        ui.log = self.log_of(state)
         # The link thread loads the numerics before it reads the settings; any page but the first needs them.
         loaded = state.alignment.settings is not None or self._page is not PageName.JOBS
         if ui.work is not None and loaded:
@@ -291,6 +294,10 @@ class ConsoleApp(App[None]):
             self._list.lay_open(frame, page.in_full(view, width), width)
         self._show_rows(self.rows_of(frame))
 
+    def log_of(self, state: StationState) -> SessionLog:
+        """Return the log of the session up to this state."""
+        return self._logs.followed(state, self.ui.said, typed=self._typed)
+
     def rows_of(self, frame: Frame) -> dict[str, list[Line]]:
         """Return the rows around the page."""
         return frame_rows(frame, self.size.width, self.size.height)
@@ -315,6 +322,7 @@ class ConsoleApp(App[None]):
         """Perform the action of a key; False when the key belongs to the focused field."""
         page = self._pages[self._page]
         now = self.situation()
+        self._typed = now.field is FieldKind.TEXT
         verdict, action = judge(event.key, event.character, now)
         match verdict:
             case Verdict.FIELD:
@@ -367,7 +375,7 @@ class ConsoleApp(App[None]):
                 self._acted_s = now_s
                 self._orders.recover()
             case ["acknowledge"]:
-                self._orders.acknowledge(all_of_them=self._list.shown == MESSAGES)
+                self._orders.acknowledge(all_of_them=self._list.shown == MESSAGES, chosen=page.chosen_alarm)
             case ["take_over"]:
                 self._orders.take_control()
             case _:

@@ -36,6 +36,7 @@ class PageName(StrEnum):
     RUN = "run"
     INSPECT = "inspect"
     RECORDS = "records"
+    ALARMS = "alarms"
 
 
 class Stops(Enum):
@@ -74,7 +75,13 @@ CLOSE = Action(id="close", keys=("backspace",), shown="⌫")
 
 ACTIONS: tuple[Action, ...] = (
     *(
-        Action(id=f"page.{page}", keys=(str(number),), shown=str(number), stops=Stops.JOG)
+        Action(
+            id=f"page.{page}",
+            keys=(str(number),),
+            shown=str(number),
+            stops=Stops.JOG,
+            beside=page is PageName.ALARMS,
+        )
         for number, page in enumerate(PageName, start=1)
     ),
     Action(id="recover", keys=("f2",), shown="F2"),
@@ -147,6 +154,14 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="records.program", keys=("p", "ㅔ"), shown="p", row=""),
     Action(id="records.cut", keys=("e", "ㄷ"), shown="e", row=""),
     Action(id="records.figure", keys=("d", "ㅇ"), shown="d", row=""),
+    Action(id="alarms.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="alarms.down", keys=("down",), shown="↓", row=""),
+    Action(id="alarms.page_up", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="alarms.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="alarms.first", keys=("home",), shown="Home", row=""),
+    Action(id="alarms.last", keys=("end",), shown="End", row="", beside=True),
+    Action(id="alarms.all", keys=("a", "ㅁ"), shown="a"),
+    Action(id="alarms.log", keys=("l", "ㅣ"), shown="l"),
 )
 
 READING = (
@@ -179,7 +194,7 @@ def help_lines(text: Catalogue, page: PageName, number: int, width: int) -> list
     for shown, said in (("Space", text("help.stop")), ("F9", text("help.kill")), ("", text("help.unbound"))):
         rows += _row(shown, said, width)
     for action in ACTIONS:
-        if action.page is None and action is not CLOSE:  # the last row names it
+        if action.page is None and action is not CLOSE and not action.beside:  # the last row names it
             rows += _row(action.shown, text(f"key_help.{action.id}"), width)
     return [*rows, line(dim(text("help.close")))]
 

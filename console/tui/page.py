@@ -15,6 +15,7 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line
 from console.tui.ui_context import UiContext, View
+from profiles.problem import Problem
 
 ROWS_FOR_PLOTS = 16  # rows of the page below which numbers take the room of the plots
 _ROOMY_ROWS, _TALL_ROWS = 22, 36
@@ -50,6 +51,11 @@ class Page(Container):
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return what the page asks the operator to do or to correct, uncut, for the list of messages."""
         return []
+
+    @property
+    def chosen_alarm(self) -> Problem | None:
+        """The alarm that the key of every page acknowledges here; None for the foremost."""
+        return None
 
     @property
     def field(self) -> FieldKind:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from console.session.station.alarms import foremost
 from console.tui.ui_context import UiContext
+from profiles.problem import Problem
 
 TAKE_OVER_WITHIN_S = 5.0  # time in which the key that takes control has to be pressed again
 
@@ -38,11 +39,11 @@ class StandingOrders:
             self._asked_over_s = float("-inf")
             ui.control.post(TakeControl())
 
-    def acknowledge(self, *, all_of_them: bool) -> None:
-        """Acknowledge what is shown: the alarm in the row, or all of them in the list of messages."""
+    def acknowledge(self, *, all_of_them: bool, chosen: Problem | None = None) -> None:
+        """Acknowledge what is shown: the chosen alarm, the one in the row, or all in the list of messages."""
         from console.session.station.commands import Acknowledge
 
         alarms = self._ui.control.state.alarms
         front = foremost(alarms)
-        listed = alarms if all_of_them or front is None else (front,)
-        self._ui.control.post(Acknowledge(shown=tuple(alarm.problem for alarm in listed)))
+        listed = tuple(alarm.problem for alarm in (alarms if all_of_them or front is None else (front,)))
+        self._ui.control.post(Acknowledge(shown=listed if all_of_them or chosen is None else (chosen,)))

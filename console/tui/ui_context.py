@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from console.session.station.commands import Control
+from console.session.station.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
@@ -39,7 +40,7 @@ class UiContext:
 
     `draft` is a new job that is being filled in: while it is, no job is open. `copying` asks the page Set-up for
     the name of a copy of the open job. `go` shows another page. `data` is the operator's folder. `jog` is the
-    action that requested the last jog step.
+    action that requested the last jog step. `log` is that of this session, up to the last tick.
     """
 
     text: Catalogue
@@ -52,6 +53,7 @@ class UiContext:
     draft: Work | None = None
     copying: bool = False
     jog: str | None = None
+    log: SessionLog = field(default_factory=SessionLog)
     _said: tuple[Problem, ...] = ()
     _said_at: Moment | None = None
 

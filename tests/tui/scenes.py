@@ -1,4 +1,4 @@
-"""Seven fixed scenes, one for each page, on the whole application, without clock and chance."""
+"""Eight fixed scenes, one for each page, on the whole application, without clock and chance."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import tempfile
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
-from dataclasses import dataclass, replace
-from datetime import datetime
+from dataclasses import dataclass, field, replace
+from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
 
@@ -23,7 +23,11 @@ from console.session.data.made_parts import MadeWith
 from console.session.data.record_file import FILE_NAME
 from console.session.learning.learning_steps import taught_by
 from console.session.learning.part_learning import PartLearning
+from console.session.station.alarm_history import Instant
+from console.session.station.alarms import FAULT, Alarms, Priority, cleared, raised
+from console.session.station.alarms import seen as seen_alarms
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
+from console.session.station.session_log import SessionLog, command_entry, with_state
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited
 from console.text.catalogue import load
@@ -37,6 +41,7 @@ from drivers.lathe.snapshot import AxisState, Snapshot
 from drivers.preview.preview import Preview, preview
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
+from profiles.problem import Problem
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
@@ -45,6 +50,7 @@ from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
 CLOCK = datetime(2026, 1, 2, 8, 52)
 NOW_S = 100.0
+RECORDED_AT = "2025-12-30T09:15:00.000+00:00"
 SHA256 = "3f9a1c" + "0" * 58
 
 ALIKE = 3
@@ -73,6 +79,7 @@ class Scene:
     state: StationState
     work: Work | None = None
     keys: tuple[str, ...] = ()
+    log: SessionLog = field(default_factory=SessionLog)
 
 
 def scene_of(page: PageName) -> Scene:
@@ -94,6 +101,9 @@ def scene_of(page: PageName) -> Scene:
             return Scene(page=page, state=state, work=signed())
         case PageName.RECORDS:
             return Scene(page=page, state=machine(Activity.READY), work=signed(), keys=("down", "b", "down"))
+        case PageName.ALARMS:
+            alarms, log = alarmed()
+            return Scene(page=page, state=replace(machine(Activity.READY), alarms=alarms), work=signed(), log=log)
         case PageName.INSPECT:
             after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
             state = replace(machine(Activity.READY), alignment=ALIGNED, measured=after, uncompensated=before)
@@ -107,6 +117,24 @@ def signed() -> Work:
     """Experiment 1 with a revision that stays when a word of its file changes."""
     work = experiment()
     return replace(work, loaded=replace(work.loaded, sha256=SHA256))
+
+
+def alarmed() -> tuple[Alarms, SessionLog]:
+    """Three alarms that stand, each in another state, the first of a group among them; and one that is over."""
+    ready = machine(Activity.READY)
+    fault = Problem(code=FAULT, key="poll", value="tool: amplifier_fault, tool: fatal_following_error")
+    log, alarms = SessionLog(), raised((), Problem(code="cut.spindle_stands"), Priority.MEDIUM, 20.0)
+    stands = alarms
+    alarms = raised(alarms, fault, Priority.HIGH, 41.0)
+    alarms = raised(alarms, Problem(code="stops.connection_lost"), Priority.HIGH, 42.5)
+    alarms = raised(alarms, Problem(code="record.lost", value="disk full"), Priority.LOW, 60.0)
+    acked = cleared(seen_alarms(alarms, (alarms[0].problem, alarms[3].problem)), "cut.spindle_stands")
+    last = raised(cleared(acked, "stops.connection_lost"), fault, Priority.HIGH, 80.0)
+    for now_s, now in ((20.0, stands), (60.0, alarms), (70.0, acked), (90.0, last)):
+        clock = CLOCK - timedelta(seconds=NOW_S - now_s)
+        log = log.with_entries(command_entry("Acknowledge", taken=True, at=clock)) if now is acked else log
+        log = with_state(log, replace(ready, alarms=now), (), Instant(now_s=now_s, clock=clock))
+    return last, log
 
 
 def seen() -> WorkshopView:
@@ -220,7 +248,8 @@ def fill(data: Path) -> None:
 def recorded() -> bytes:
     """The file of the run records: last results of some jobs, and four runs of this lathe."""
     names = ("software", "job", "job_sha256", "machine", "machine_sha256", "strategy", "program")
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(records, "utc_now", lambda: RECORDED_AT)  # kept for all tests, whichever asks first
         data = Path(folder)
         run = records.RunRecord(data, {**dict.fromkeys(names, ""), "simulated": 1})
         for job, ront_um in MEASURED_UM.items():
@@ -245,7 +274,7 @@ def fixed_world() -> Iterator[None]:
         return replace(load_job(where), sha256=SHA256)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(records, "utc_now", lambda: "2025-12-30T09:15:00.000+00:00")
+        patch.setattr(records, "utc_now", lambda: RECORDED_AT)
         patch.setattr(jobs, "load_job", signed_job)
         patch.setattr(beside, "SHORT_S", 60.0)  # no thread decides what is seen
         patch.setenv("TZ", "UTC")
@@ -269,6 +298,7 @@ def application(
         ticking=False,
     )
     app.ui.work = scene.work
+    app._logs.log = scene.log
     answer(app, scene)
     return app, control
 

@@ -87,7 +87,7 @@ def test_the_open_job_stands_beside_the_pages(page: PageName, language: str) -> 
         plain(pages_row(frame(language=language, page=page, job=f"lee-2001-experiment-{number}"), 80))
         for number in (1, 2)
     )
-    assert first.endswith("experiment-1") and second.endswith("experiment-2")
+    assert first.endswith("ment-1") and second.endswith("ment-2")
 
 
 def test_an_old_look_says_how_old_it_is() -> None:

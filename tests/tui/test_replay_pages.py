@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -38,7 +39,8 @@ from tests.tui.scenes import (
 from tests.tui.stage import LANGUAGES
 
 SIZE = (80, 24)
-LIVE = [page for page in PAGES if page is not PageName.PREVIEW]  # its numbers come from a thread of their own
+LIVE = [page for page in PAGES if page not in (PageName.PREVIEW, PageName.ALARMS)]
+"""Not Preview, whose numbers come from a thread of their own, nor Alarms, which has the times of the recording."""
 
 
 def at_once(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
@@ -200,7 +202,7 @@ async def test_no_key_of_the_machine_does_anything_and_each_says_why(language: s
         "end",
         "ctrl+q",
     }
-    looks = {"1", "2", "3", "4", "5", "6", "?", "w", "backspace", "escape"}
+    looks = {"1", "2", "3", "4", "5", "6", "8", "?", "w", "backspace", "escape"}
     keys = {action.keys[0] for action in ACTIONS} | {*STOP_KEYS, *KILL_KEYS}
     async with replayed(bench, language=language) as (app, pilot):
         for key in sorted(keys - ours - looks):
@@ -234,6 +236,37 @@ async def test_the_badge_the_time_and_the_keys_are_always_there(
         await pilot.resize_terminal(50, 12)
         await settle(app, pilot)
         assert text("replay.small") in " ".join(" ".join(rows_of(app)).split())
+
+
+@at_once
+async def test_the_page_of_alarms_has_what_was_raised_and_commanded_up_to_the_moment(tmp_path: Path) -> None:
+    bench = FlightBench(tmp_path)
+    bench.runs(2.0)
+    bench.inbox.put("command", "Home")
+    bench.inbox.put("command", "Jog axis=tool distance=0.01 refused")
+    bench.inbox.put("command", "__import__ os")
+    bench.runs(2.0)
+    bench.alarms()
+    bench.runs(2.0)
+    async with replayed(bench) as (app, pilot):
+        await pilot.press("8", "home")
+        await settle(app, pilot)
+        assert "Alarms (0)" in "\n".join(rows_of(app))
+        await pilot.press("end")
+        await settle(app, pilot)
+        assert "Alarms (1)" in "\n".join(rows_of(app))
+        assert "the spindle has stopped with the tool in the part" in " ".join(rows_of(app)[-12:])
+        await pilot.press("l")
+        await settle(app, pilot)
+        logged = [row[10:40] for row in rows_of(app) if re.match(r"│\d\d:\d\d:\d\d ", row)]
+        assert [row.rstrip()[:17] for row in logged] == [
+            "command      home",
+            "not taken    jog",
+            "alarm        no. ",
+        ]
+        await pilot.press("7")
+        await settle(app, pilot)
+        assert (app.page, app._refused) == (PageName.ALARMS, True)
 
 
 @at_once

@@ -5,18 +5,23 @@ A time shows the newest state at that time, so that the same time shows the same
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
+from datetime import datetime
 from enum import StrEnum
 from itertools import pairwise
 
 from console.session.flight.notes import Kind
 from console.session.flight.recorded_forms import Moment
 from console.session.flight.recording import Recording
+from console.session.station.alarm_history import Instant
 from console.session.station.alarms import Alarm, Priority
 from console.session.station.commands import Command
+from console.session.station.session_log import SessionLog, command_entry, with_state
 from console.session.station.state import StationState
 from profiles.problem import Problem
 
+COMMANDS = frozenset(each.__name__ for each in Command.__subclasses__())
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 JUST_S = 0.5  # an event that was passed less than this ago while playing is not the one before
 
@@ -42,6 +47,22 @@ class Event:
     word: str = ""
     problem: Problem | None = None
     is_low: bool = False
+
+
+def logs_of(recording: Recording) -> tuple[SessionLog, ...]:
+    """Return for each moment the log of the session as far as it is recorded; alarms are numbered from 1."""
+    commands = deque(note for note in recording.notes if note.kind is Kind.COMMAND)
+    log, found = SessionLog(), []
+    for at_s, moment in zip(recording.times_s, recording.moments, strict=True):
+        now = Instant(now_s=at_s, clock=datetime.fromtimestamp(recording.header.utc_of(at_s)))
+        while commands and commands[0].at_s <= at_s:
+            note = commands.popleft()
+            name, *more = note.text.split() or [""]
+            if name in COMMANDS:
+                log = log.with_entries(command_entry(name, taken=more[-1:] != ["refused"], at=now.at(note.at_s)))
+        log = with_state(log, moment.state, moment.said, now)
+        found.append(log)
+    return tuple(found)
 
 
 MARKED = frozenset({Happened.ALARM, Happened.STOPPED, Kind.KEY, Kind.STOP, Kind.KILL})
@@ -102,6 +123,7 @@ class Playback:
     def __post_init__(self) -> None:
         self.at_s = self.recording.times_s[0]
         self.events = events_of(self.recording)
+        self._logs = logs_of(self.recording)
         self._marked_s = sorted({event.at_s for event in self.events if event.kind in MARKED})
 
     @property
@@ -113,6 +135,11 @@ class Playback:
     def moment(self) -> Moment:
         """The moment that is shown."""
         return self.recording.moments[self.place]
+
+    @property
+    def log(self) -> SessionLog:
+        """The log of the session up to the moment that is shown."""
+        return self._logs[self.place]
 
     @property
     def past_s(self) -> float:

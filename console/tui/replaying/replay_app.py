@@ -12,12 +12,13 @@ from textual import events
 
 from console.session.flight.playback import Playback, ReplayControl
 from console.session.flight.recorded_forms import RecordedWork
+from console.session.station.session_log import SessionLog
 from console.session.station.state import StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.app import ConsoleApp
 from console.tui.frame import Frame
-from console.tui.keymap import READING, PageName
+from console.tui.keymap import READING, PageName, action_of
 from console.tui.lines import Line, line, wrapped
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.replaying.replay_keys import key_of, keys_line, move, replay_help
@@ -32,6 +33,10 @@ HELP = 1
 
 PAGES = tuple(page for page in PageName if page is not PageName.RECORDS)
 """Pages that can be seen: what the page Records reads is not part of a recording."""
+
+
+LOOKING = ("alarms.up", "alarms.down", "alarms.log")
+"""Actions of the pages that only show something else; the other keys of the same kind are those of the replay."""
 
 
 class ReplayApp(ConsoleApp):
@@ -85,6 +90,10 @@ class ReplayApp(ConsoleApp):
         self.ui.said = (REFUSED,) if self._refused else moment.said
         super().tick()
 
+    def log_of(self, state: StationState) -> SessionLog:
+        """Return the log of the session as far as it is recorded."""
+        return self.playback.log
+
     def rows_of(self, frame: Frame) -> dict[str, list[Line]]:
         """Return the rows, with the time in the place of the stop."""
         width = self.size.width
@@ -130,16 +139,20 @@ class ReplayApp(ConsoleApp):
 
     def _looked(self, key: str, character: str | None) -> None:
         """Show another page or a list; anything else is a key of the machine."""
-        pages = PAGES
+        pages = tuple(PageName)
+        action = action_of(key, character, self.page)
         if key in ("?", "question_mark", "f1") or character == "?":
             self._list.open(PAGE if self._list.shown == HELP else HELP)
         elif key in ("w", "ㅈ") or character == "ㅈ":
             self._list.open(PAGE if self._list.shown == MESSAGES else MESSAGES)
         elif key in ("backspace", "escape"):
             self._list.open(PAGE)
-        elif key.isdigit() and 0 < int(key) <= len(pages):
+        elif key.isdigit() and 0 < int(key) <= len(pages) and pages[int(key) - 1] in PAGES:
             self._follows = False
             self.go(pages[int(key) - 1])
+        elif action is not None and action.id in LOOKING:
+            self._list.open(PAGE)
+            self._pages[self.page].act(action.id)
         else:
             self._refused = True
 

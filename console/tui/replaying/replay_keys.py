@@ -92,7 +92,7 @@ def replay_help(text: Catalogue, width: int) -> list[Line]:
     """Return the list of the keys, and the marks of the time bar."""
     rows = [line((text("replay.help"), Token.TITLE))]
     pairs = [(each.shown, text(f"replay.help.{each.id}")) for each in KEYS]
-    for shown, said in (*pairs, ("1-6", text("replay.help.pages")), ("! ■ ·", text("replay.help.marks"))):
+    for shown, said in (*pairs, ("1-6 8", text("replay.help.pages")), ("! ■ ·", text("replay.help.marks"))):
         head, *more = wrapped(said, max(width - KEY_WIDTH, 1))
         rows.append(((fitted(shown, KEY_WIDTH), Token.KEY), *head))
         rows += [(dim(" " * KEY_WIDTH), *row) for row in more]

@@ -1,0 +1,74 @@
+"""Text of the log of this session: the entries that fit a panel, counted from the newest one shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from console.session.station.session_log import LogEntry, LogKind, SessionLog
+from console.text.catalogue import Catalogue
+from console.tui.alarms.alarm_lines import clock
+from console.tui.lines import Line, dim, fitted, hanging, wrapped
+from console.tui.pages.fields import named
+from console.tui.theme import Token
+
+_TIME, _KIND = 9, 13
+_TOKENS = {
+    LogKind.RAISED: Token.ALARM,
+    LogKind.STOPPED: Token.STRONG,
+    LogKind.MESSAGE: Token.WARNING,
+    LogKind.REFUSED: Token.WARNING,
+}
+_UNITS = {"tool": "mm", "carriage": "mm", "spindle": "deg"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogPart:
+    """What is seen of a log: its lines, and the places of the first and past the last entry."""
+
+    lines: list[Line]
+    first: int
+    end: int
+
+
+def log_part(log: SessionLog, end: int | None, text: Catalogue, width: int, height: int) -> LogPart:
+    """Return the entries up to the place `end` that fit, to the newest without one; cost by what is shown."""
+    entries = log.entries
+    if not entries:
+        return LogPart(lines=wrapped(text("alarms_page.log_empty"), width, Token.DIM), first=0, end=0)
+    end = len(entries) if end is None else min(max(end, 1), len(entries))
+    rows: list[Line] = []
+    first = end
+    while first > 0 and len(rows) < height:
+        first -= 1
+        rows = [*_entry_lines(entries[first], text, width), *rows]
+    if len(rows) >= height:
+        return LogPart(lines=rows[-height:] if height > 0 else [], first=first, end=end)
+    while end < len(entries) and len(rows) < height:  # the oldest ones: fill the panel from above
+        rows += _entry_lines(entries[end], text, width)
+        end += 1
+    return LogPart(lines=rows[:height], first=first, end=end)
+
+
+def _entry_lines(entry: LogEntry, text: Catalogue, width: int) -> list[Line]:
+    token = _TOKENS.get(entry.kind, Token.TEXT)
+    kind = text(f"alarms_page.log.{entry.kind}")
+    times = f" ×{entry.times}" if entry.times > 1 else ""
+    words = entry_words(entry, text) + times
+    return hanging(dim(fitted(clock(entry.at), _TIME) + fitted(kind, _KIND)), words, width, token)
+
+
+def entry_words(entry: LogEntry, text: Catalogue) -> str:
+    """Return an entry in words, without its time."""
+    if entry.problem is not None:
+        words = text.problem(named(entry.problem, text))
+        return text("alarms_page.log_alarm", number=entry.number, words=words) if entry.number else words
+    match entry.kind:
+        case LogKind.STOPPED:
+            return text.reason(entry.word)
+        case LogKind.REST:
+            return text("alarms_page.log_rest", seconds=entry.word)
+    words = text(f"records.command.{entry.word}")
+    if not entry.axis:
+        return words
+    axis = text(f"align_page.axis.{entry.axis}")
+    return f"{words}: {axis} {entry.distance:+.3f} {_UNITS.get(entry.axis, '')}".rstrip()

@@ -1,0 +1,193 @@
+"""Page Alarms: those that stand and those that are over, the selected one in full; and the log of this session."""
+
+from __future__ import annotations
+
+from console.session.station.alarm_history import AlarmEntry, AlarmHistory, AlarmState
+from console.tui.alarms.alarm_lines import (
+    alarm_lines,
+    all_lines,
+    frequent_lines,
+    rate_words,
+    title_words,
+    whole_lines,
+    whole_title,
+    window,
+)
+from console.tui.alarms.log_lines import log_part
+from console.tui.keymap import PageName
+from console.tui.lines import Line, Sheet, clipped, dim, line, wrapped
+from console.tui.page import Page
+from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
+from profiles.problem import Problem
+
+STEPS = {"alarms.up": -1, "alarms.down": 1, "alarms.page_up": -1, "alarms.page_down": 1}
+_ROOMY_ROWS = 22  # rows of the page from which the most frequent alarms have a panel
+
+
+class AlarmsPage(Page):
+    """Nothing on it moves anything. The selection stays on its alarm; without one it is on the foremost."""
+
+    name_ = PageName.ALARMS
+
+    DEFAULT_CSS = """
+    AlarmsPage {
+        layout: vertical;
+        Sheet { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
+        #alarms-list, #alarms-log { height: 1fr; }
+        #alarms-whole { height: 8; }
+        #alarms-frequent { height: 5; display: none; }
+    }
+    AlarmsPage.-roomy #alarms-frequent { display: block; }
+    AlarmsPage.-empty #alarms-whole { display: none; }
+    AlarmsPage.-empty #alarms-frequent { display: none; }
+    AlarmsPage.-log #alarms-list { display: none; }
+    AlarmsPage.-log #alarms-whole { display: none; }
+    AlarmsPage.-log #alarms-frequent { display: none; }
+    """
+
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        self._list, self._whole, self._frequent, self._log = (
+            Sheet(ui.palette, id=f"alarms-{name}") for name in ("list", "whole", "frequent", "log")
+        )
+        self.panels = (self._list, self._whole, self._frequent, self._log)
+        self._log.display = False
+        self._number: int | None = None
+        self._of_log = False
+        self._end: int | None = None  # past the newest entry shown, among all of the session
+        self._seen = 0
+
+    def act(self, action: str) -> None:
+        """Select or scroll, acknowledge all, show the other view."""
+        if action == "alarms.log":
+            self._of_log, self._end = not self._of_log, None
+            self._log.display = self._of_log
+            self.set_class(self._of_log, "-log")
+        elif action == "alarms.all" and self._of_log:  # none of them is seen there
+            self.ui.say("screen.alarms_list_first")
+        elif action == "alarms.all":
+            self._acknowledge_all()
+        elif self._of_log:
+            self._scroll(action)
+        else:
+            self._select(action)
+
+    def show(self, view: View) -> None:
+        """Show the newest state."""
+        if self._of_log:
+            self._show_log()
+        else:
+            self._show_alarms(view)
+
+    def fit(self) -> None:
+        """Show the most frequent alarms where there is room."""
+        self.set_class(self.size.height >= _ROOMY_ROWS, "-roomy")
+
+    @property
+    def chosen_alarm(self) -> Problem | None:
+        """The selected alarm where it waits to be acknowledged."""
+        entry = self._entry
+        waits = entry is not None and not entry.is_past and not entry.alarm.acknowledged
+        return entry.problem if entry is not None and waits and not self._of_log else None
+
+    def next_step(self, view: View) -> Line:
+        """Return what the keys do."""
+        entry = self._entry
+        word = "log" if self._of_log else "none" if entry is None else str(entry.state)
+        if word == AlarmState.RETURNED:
+            word = "new"
+        number = 0 if entry is None else entry.number
+        return line((self.ui.text(f"alarms_page.next.{word}", number=number), Token.ACTION))
+
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return the selected alarm, the rate and the most frequent ones, uncut."""
+        return all_lines(self._history, self._entry, view.now_s, self.ui.text, width)
+
+    def leave(self) -> None:
+        """Show the foremost alarm, and the end of the log, the next time."""
+        self._number = self._end = None
+
+    @property
+    def _history(self) -> AlarmHistory:
+        return self.ui.log.alarms
+
+    @property
+    def _place(self) -> int:
+        listed = self._history.listed
+        return next((place for place, entry in enumerate(listed) if entry.number == self._number), 0)
+
+    @property
+    def _entry(self) -> AlarmEntry | None:
+        listed = self._history.listed
+        return listed[self._place] if listed else None
+
+    def _select(self, action: str) -> None:
+        listed = self._history.listed
+        if not listed:
+            return
+        by = STEPS.get(action, 0) * (max(self._list.size.height - 2, 1) if "page" in action else 1)
+        ends = {"alarms.first": 0, "alarms.last": len(listed) - 1}
+        place = min(max(ends.get(action, self._place + by), 0), len(listed) - 1)
+        self._number = listed[place].number if place else None
+
+    def _scroll(self, action: str) -> None:
+        log = self.ui.log
+        newest = log.dropped + len(log.entries)
+        by = STEPS.get(action, 0) * (max(self._seen // 2, 1) if "page" in action else 1)  # half: none is skipped
+        if action == "alarms.first":
+            self._end = log.dropped + 1
+        elif action == "alarms.last":
+            self._end = None
+        else:
+            end = (newest if self._end is None else self._end) + by
+            self._end = None if end >= newest else max(end, log.dropped + 1)
+
+    def _acknowledge_all(self) -> None:
+        from console.session.station.commands import Acknowledge  # not for the first paint
+
+        waiting = tuple(each.problem for each in self._history.standing if not each.alarm.acknowledged)
+        if waiting:
+            self.ui.control.post(Acknowledge(shown=waiting))
+        else:
+            self.ui.say("screen.nothing_to_acknowledge")
+
+    def _show_alarms(self, view: View) -> None:
+        text, history, entry = self.ui.text, self._history, self._entry
+        width, height = self._list.size
+        self.set_class(entry is None, "-empty")
+        if entry is None:
+            rows = wrapped(text("alarms_page.none"), max(width, 1), Token.DIM)
+            self._list.show(rows[:height], title_words(history, text), rate_words(history, view.now_s, text))
+        else:
+            rows = alarm_lines(history, self._place, text, width, height)
+            rate = rate_words(history, view.now_s, text)
+            hidden = self._hidden_words(len(history.listed), height)
+            self._list.show(rows, title_words(history, text), f"{rate}  {hidden}".rstrip())
+            whole = whole_lines(history, entry, text, max(self._whole.size.width, 1))
+            lines = clipped(whole, self._whole.size.height, text("panel.more"))
+            self._whole.show(lines, whole_title(entry, text), "")
+        frequent = frequent_lines(history, text, self._frequent.size.width)
+        self._frequent.show(frequent, text("alarms_page.frequent"), "")
+
+    def _hidden_words(self, count: int, height: int) -> str:
+        first = window(count, self._place, height)
+        return self._around(first, count - first - max(height - 1, 1))
+
+    def _around(self, above: int, below: int) -> str:
+        text = self.ui.text
+        said = [f"↑ {text('jobs_page.above', count=above)}"] if above > 0 else []
+        said += [f"↓ {text('jobs_page.below', count=below)}"] if below > 0 else []
+        return "  ".join(said)
+
+    def _show_log(self) -> None:
+        log, size, text = self.ui.log, self._log.size, self.ui.text
+        end = None if self._end is None else self._end - log.dropped
+        part = log_part(log, end, text, max(size.width, 1), size.height)
+        self._seen = part.end - part.first
+        if self._end is not None and part.end:
+            self._end = log.dropped + part.end
+        title = text("alarms_page.log_title", count=len(log.entries))
+        if log.dropped:
+            title += " · " + text("alarms_page.log_dropped", count=log.dropped)
+        self._log.show(part.lines or [line(dim(""))], title, self._around(part.first, len(log.entries) - part.end))
