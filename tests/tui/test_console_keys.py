@@ -77,7 +77,7 @@ def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float
 def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
     once = {action.id for action in ACTIONS if action.once}
     orders = {"align.step", "align.take", "run.arm", "run.start", "run.hold", "run.retract", "take_over"}
-    assert once == orders | {"inspect.accept", "inspect.revert", "inspect.offset"}
+    assert once == orders | {"inspect.accept", "inspect.revert", "inspect.offset", "jobs.delete"}
 
 
 def test_presses_within_eight_tenths_of_a_second_are_one() -> None:
@@ -208,7 +208,7 @@ def test_a_character_for_a_field_is_written_into_it(tmp_path: Path) -> None:
         async with played(app, scene, (80, 24)) as pilot:
             app.post_message(Written("4", "4"))
             await pilot.pause()
-            written.append(app.query_one(Input).value)
+            written.append(app.query_one("SetupPage Input", Input).value)
 
     asyncio.run(run())
     assert written == ["4"]
