@@ -45,6 +45,7 @@ from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
 CLOCK = datetime(2026, 1, 2, 8, 52)
 NOW_S = 100.0
+RECORDED_AT = "2025-12-30T09:15:00.000+00:00"
 SHA256 = "3f9a1c" + "0" * 58
 
 ALIKE = 3
@@ -220,7 +221,9 @@ def fill(data: Path) -> None:
 def recorded() -> bytes:
     """The file of the run records: last results of some jobs, and four runs of this lathe."""
     names = ("software", "job", "job_sha256", "machine", "machine_sha256", "strategy", "program")
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        # Whichever test is the first to need it, in the fixed world or not.
+        patch.setattr(records, "utc_now", lambda: RECORDED_AT)
         data = Path(folder)
         run = records.RunRecord(data, {**dict.fromkeys(names, ""), "simulated": 1})
         for job, ront_um in MEASURED_UM.items():
@@ -245,7 +248,7 @@ def fixed_world() -> Iterator[None]:
         return replace(load_job(where), sha256=SHA256)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(records, "utc_now", lambda: "2025-12-30T09:15:00.000+00:00")
+        patch.setattr(records, "utc_now", lambda: RECORDED_AT)
         patch.setattr(shelf, "load_job", signed_job)
         patch.setattr(beside, "SHORT_S", 60.0)  # no thread decides what is seen
         patch.setenv("TZ", "UTC")
