@@ -73,7 +73,10 @@ def test_a_search_goes_over_name_material_and_tags_as_it_is_typed(own: Path, tmp
             assert stage.page.field is FieldKind.TEXT
             await typed(stage, words, enter=False)
             await indexed(stage)
-            assert names(stage) == found and f"(1 of {len(list_jobs()) + 2})" in stage.text
+            assert names(stage) == found
+            heading, typed_row = stage.text.splitlines()[:2]
+            assert f"(1 of {len(list_jobs()) + 2}) · /{words} · by name" in heading
+            assert words in typed_row and typed_row.count("│") == 4, "the entry covers no border"
             stage.page._entry.close()  # type: ignore[attr-defined]
             await stage.act("jobs.back")
         assert len(names(stage)) == len(list_jobs()) + 2

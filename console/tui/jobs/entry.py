@@ -27,7 +27,7 @@ class JobsEntry(Input):
 
     DEFAULT_CSS = """
     JobsEntry {
-        layer: entry; position: absolute; display: none; width: 54%; height: 1; offset: 3 1;
+        layer: entry; position: absolute; display: none; width: 50%; height: 1; offset: 3 1;
         background: $background; color: $foreground;
     }
     """

@@ -360,11 +360,8 @@ class JobsPage(Page):
         title = text("jobs_page.title", count=len(shelf.all))
         if shelf.words:
             title = text("jobs_page.title_found", count=len(shelf.entries), all=len(shelf.all))
-        parts = [
-            title,
-            text(f"jobs_page.sorted.{shelf.order}"),
-            f"/{printable(shelf.words)}" if shelf.words else "",
-        ]
+        words = f"/{printable(shelf.words)}" if shelf.words else ""
+        parts = (title, words, text(f"jobs_page.sorted.{shelf.order}"))
         return " · ".join(filter(None, (*parts, text("jobs_page.reading") if shelf.is_reading else "")))
 
     def _next_words(self, state: StationState) -> str:
