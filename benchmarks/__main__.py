@@ -23,6 +23,7 @@ NAMES = (
     "simulation_speed",
     "records",
     "records_page",
+    "jobs_page",
     "command_start",
     "first_paint",
     "preview",

@@ -7,7 +7,7 @@ may stand at the top or inside any tables, each key once.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from profiles.fields import Field, Kind, flatten, read_fields, schema_problem
@@ -35,7 +35,8 @@ class Job:
     in the middle of the cut; it grows by `lobe_growth_percent_per_mm` of itself with each mm from there towards
     the jaws. `diameter_tolerance_um` is how far the finished diameter may be off either way, None where that is
     not judged. `assumed` names the keys whose values the source does not give; `copied_from` is the job that this
-    one was copied from, whose source does not apply.
+    one was copied from, whose source does not apply. `note` and `tags` are words for people: no cut depends on
+    them, and jobs that differ in nothing else are equal.
     """
 
     name: str
@@ -68,6 +69,8 @@ class Job:
     assumed: tuple[str, ...] = ()
     source: str = ""
     copied_from: str | None = None
+    note: str = field(default="", compare=False)
+    tags: tuple[str, ...] = field(default=(), compare=False)
     schema: int = 1
 
     @property
@@ -163,9 +166,11 @@ _CONTENT = (
 JOB_FIELDS: tuple[Field, ...] = (
     Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
     *_CONTENT,
+    Field(key="note", kind=Kind.TEXT, default=""),
+    Field(key="tags", kind=Kind.TEXTS, default=()),
     Field(key="source", kind=Kind.TEXT, default=""),
     Field(key="copied_from", kind=Kind.TEXT, optional=True),
-    Field(key="assumed", kind=Kind.TEXTS, default=(), choices=tuple(field.key for field in _CONTENT)),
+    Field(key="assumed", kind=Kind.TEXTS, default=(), choices=tuple(each.key for each in _CONTENT)),
 )
 """Every key of a job with its limits, in the order in which a form or a file shows them."""
 

@@ -17,6 +17,7 @@ from typing import Any
 from profiles.fields import spelled
 from profiles.files import parse_toml, printable, read_toml, write_atomically
 from profiles.job import JOB_FIELDS, Job, job_from_table
+from profiles.job_labels import LABELS, hash_of_job, with_labels
 from profiles.machine import MachineProfile, machine_from_table
 from profiles.problem import ProfileError, refused
 
@@ -36,7 +37,10 @@ class LibraryEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedJob:
-    """A job with the file it came from, the hash (sha256, hexadecimal) of that file's bytes, and its text."""
+    """A job with the file it came from, the hash (sha256, hexadecimal) of that file's bytes, and its text.
+
+    Note and tags are no part of the hash (`profiles.job_labels`).
+    """
 
     job: Job
     path: Path
@@ -69,7 +73,7 @@ def load_job(reference: str, user_folder: Path | None = None) -> LoadedJob:
     path = _find(reference, list_jobs(user_folder), "job.unknown")
     content, table = read_toml(path)
     job = job_from_table(table, where=printable(str(path)))
-    return LoadedJob(job=job, path=path, sha256=_sha256(content), text=_text(content))
+    return LoadedJob(job=job, path=path, sha256=hash_of_job(content), text=_text(content))
 
 
 def load_machine(reference: str, user_folder: Path | None = None) -> LoadedMachine:
@@ -89,19 +93,66 @@ def save_job(job: Job, path: Path, *, overwrite: bool = False, private: bool = F
     where = printable(str(path))
     values = {key: value for key, value in asdict(job).items() if value is not None}
     job_from_table(values, where=where)
+    _refuse_bundled(path)
+    content = _job_text(values, path if overwrite else None).encode("utf-8")
+    write_atomically(path, content, overwrite=overwrite, private=private)
+
+
+def relabel_job(path: Path, *, note: str, tags: tuple[str, ...]) -> LoadedJob:
+    """Write note and tags into a job's file, and return it as `load_job`; all else in the file stays as it is.
+
+    Raises `ProfileError` with the problems of the file or of the labels, `file.bundled` or `file.not_writable`.
+    """
+    where = printable(str(path))
+    _refuse_bundled(path)
+    content, table = read_toml(path)
+    wanted = dataclasses.replace(job_from_table(table, where=where), note=note, tags=tags)
+    labelled = with_labels(content, note, tags)
+    try:
+        found = job_from_table(parse_toml(labelled, where))
+        fits = (found.note, found.tags) == (note, tags)
+    except ProfileError:  # the file spells a label otherwise, or the label is no text
+        fits = False
+    if fits:
+        write_atomically(path, labelled, overwrite=True)
+    else:
+        save_job(wanted, path, overwrite=True)
+    return load_job(str(path))
+
+
+def rename_job(path: Path, name: str) -> Path:
+    """Give a job another name: in its file, and as the name of that file, which is returned.
+
+    Raises `ProfileError` with the problems of the job, `file.exists`, `file.bundled` or `file.not_writable`.
+    The old file stays until the new one is complete.
+    """
+    where, target = printable(str(path)), path.with_name(f"{name}.toml")
+    _refuse_bundled(path)
+    _, table = read_toml(path)
+    job = dataclasses.replace(job_from_table(table, where=where), name=name)
+    values = {key: value for key, value in asdict(job).items() if value is not None}
+    job_from_table(values, where=where)
+    write_atomically(target, _job_text(values, path).encode("utf-8"), overwrite=False, private=True)
+    try:
+        path.unlink()
+    except OSError as error:
+        raise refused("file.not_writable", where=where, value=error.strerror or str(error)) from error
+    return target
+
+
+def job_text(job: Job) -> str:
+    """Return a job as the text of a new file."""
+    return _job_text({key: value for key, value in asdict(job).items() if value is not None}, None)
+
+
+def _refuse_bundled(path: Path) -> None:
+    where = printable(str(path))
     try:
         bundled = _LIBRARY.resolve() in path.resolve().parents
     except (OSError, ValueError, RuntimeError) as error:
         raise refused("file.not_writable", where=where, value=str(error)) from error
     if bundled:
         raise refused("file.bundled", where=where)
-    content = _job_text(values, path if overwrite else None).encode("utf-8")
-    write_atomically(path, content, overwrite=overwrite, private=private)
-
-
-def job_text(job: Job) -> str:
-    """Return a job as the text of a new file."""
-    return _job_text({key: value for key, value in asdict(job).items() if value is not None}, None)
 
 
 def _sha256(content: bytes) -> str:
@@ -154,6 +205,8 @@ def _job_text(values: dict[str, Any], existing: Path | None) -> str:
             continue
         plain = list(value) if isinstance(value, tuple) else value
         place = _place(document, field.key, field.table)
+        if field.key in LABELS and not value and field.key not in place:
+            continue
         if field.key not in place or place[field.key] != plain:  # an unchanged value keeps its spelling
             place[field.key] = plain
     text = tomlkit.dumps(document)

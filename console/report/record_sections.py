@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 
 from console.report.markup import Markup, element, facts_table, listed, paragraph, plain, section
@@ -12,6 +11,7 @@ from console.report.reported_run import ReportedRun
 from console.report.request_sections import program_hash
 from console.session.data.run_reader import How
 from console.text.catalogue import Catalogue
+from profiles.job_labels import hash_of_job
 
 
 def provenance(run: ReportedRun, text: Catalogue) -> Markup:
@@ -46,7 +46,7 @@ def _as_filed(run: ReportedRun, text: Catalogue) -> str:
     story = run.story
     if story.job_text is None:
         return text("report.job_not_kept")
-    same = hashlib.sha256(story.job_text.encode("utf-8", "replace")).hexdigest() == story.job_sha256
+    same = hash_of_job(story.job_text.encode("utf-8", "replace")) == story.job_sha256
     return text("report.job_as_filed" if same else "report.job_changed")
 
 

@@ -12,6 +12,7 @@ from drivers.cutting.strategy import DEFAULT_STRATEGY, UNCOMPENSATED
 from profiles.fields import Field, Kind, fault, spelled
 from profiles.files import printable
 from profiles.job import JOB_FIELDS, NO_LOBE, Job, copy_of
+from profiles.job_labels import LABELS
 from profiles.lobe.lobe_conditions import kept_condition
 from profiles.lobe.lobe_origin import MODEL, with_lobe_of, with_modelled_lobe, without_lobe
 from profiles.problem import Problem, ProfileError
@@ -28,7 +29,7 @@ _FIELDS = {field.key: field for field in JOB_FIELDS}
 
 _OF_LOBE = frozenset(key for key in _FIELDS if key.startswith("lobe_")) - {"lobe_error_source"}
 _NOT_OF_A_CUT = frozenset(
-    {"name", "roundness_tolerance_um", "diameter_tolerance_um", "source", "copied_from", "assumed"}
+    {"name", "roundness_tolerance_um", "diameter_tolerance_um", "source", "copied_from", "assumed", *LABELS}
 )
 
 NO_FOLDER = Path("/nonexistent")
@@ -240,11 +241,27 @@ def saved(work: Work) -> Work:
         ProfileError: `job.changed_elsewhere`, the file is not as it was opened; as `saved_as`.
     """
     path = work.loaded.path
-    if load_job(str(path)).sha256 != work.loaded.sha256:
+    if differs(load_job(str(path)), work.loaded):
         raise ProfileError(Problem(code="job.changed_elsewhere", where=printable(str(path)), key=path.stem))
     save_job(work.job, path, overwrite=True)
     fresh = opened(load_job(str(path)), work.machine)
     return replace(fresh, strategy=work.strategy, stage=work.stage)
+
+
+def differs(now: LoadedJob, before: LoadedJob) -> bool:
+    """Whether a job's file is not as it was: in what is cut, or in its note and tags."""
+    return now.sha256 != before.sha256 or _labels(now.job) != _labels(before.job)
+
+
+def relabelled(work: Work, loaded: LoadedJob) -> Work:
+    """Return the work after note and tags in its file were changed to those of `loaded`; the edits stay."""
+    note, tags = _labels(loaded.job)
+    undo = tuple((replace(job, note=note, tags=tags), missing) for job, missing in work.undo)
+    return replace(work, loaded=loaded, job=replace(work.job, note=note, tags=tags), undo=undo)
+
+
+def _labels(job: Job) -> tuple[str, tuple[str, ...]]:
+    return job.note, job.tags
 
 
 def _number(text: str, field_: Field) -> float | int | str:

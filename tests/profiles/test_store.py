@@ -176,7 +176,7 @@ def values_of(field: Field) -> st.SearchStrategy[object]:
     if field.kind is Kind.CHOICE:
         return st.sampled_from(field.choices)
     if field.kind is Kind.TEXTS:
-        return st.lists(st.sampled_from(field.choices)).map(tuple)
+        return st.lists(st.sampled_from(field.choices) if field.choices else TEXTS).map(tuple)
     if field.kind is Kind.TEXT:
         return TEXTS if field.required else TEXTS | st.just("")
     assert field.at_least is not None and field.at_most is not None

@@ -32,8 +32,8 @@ from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
+from console.tui.jobs import shelf
 from console.tui.keymap import PageName
-from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
 from drivers.cutting.planning import Strategy
@@ -275,7 +275,7 @@ def fixed_world() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(records, "utc_now", lambda: RECORDED_AT)
-        patch.setattr(jobs, "load_job", signed_job)
+        patch.setattr(shelf, "load_job", signed_job)
         patch.setattr(beside, "SHORT_S", 60.0)  # no thread decides what is seen
         patch.setenv("TZ", "UTC")
         time.tzset()

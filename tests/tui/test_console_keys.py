@@ -11,6 +11,7 @@ import pytest
 from textual.widgets import Input
 
 from console.session.cut.alignment import Alignment
+from console.session.data.kept_files import jobs_folder
 from console.session.station.commands import Command, Home
 from console.session.station.state import Activity, Armed, StationState, StopState
 from console.tui.app import ConsoleApp
@@ -77,7 +78,7 @@ def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float
 def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
     once = {action.id for action in ACTIONS if action.once}
     orders = {"align.step", "align.take", "run.arm", "run.start", "run.hold", "run.retract", "take_over"}
-    assert once == orders | {"inspect.accept", "inspect.revert", "inspect.offset"}
+    assert once == orders | {"inspect.accept", "inspect.revert", "inspect.offset", "jobs.delete"}
 
 
 def test_presses_within_eight_tenths_of_a_second_are_one() -> None:
@@ -208,7 +209,7 @@ def test_a_character_for_a_field_is_written_into_it(tmp_path: Path) -> None:
         async with played(app, scene, (80, 24)) as pilot:
             app.post_message(Written("4", "4"))
             await pilot.pause()
-            written.append(app.query_one(Input).value)
+            written.append(app.query_one("SetupPage Input", Input).value)
 
     asyncio.run(run())
     assert written == ["4"]
@@ -315,3 +316,45 @@ def test_a_character_that_does_not_belong_is_told_at_once_and_can_be_deleted(tmp
         tmp_path / "again", align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys))
     )
     assert mended.app.ui.work is not None and mended.app.ui.work.job.diameter_mm == 53.0
+
+
+def test_any_of_many_jobs_is_opened_in_five_keys(tmp_path: Path) -> None:
+    """A search, three characters that only one job has, Enter; the digits in it are no pages."""
+    fill(tmp_path)
+    source = (jobs_folder(tmp_path) / "ring-52.toml").read_text(encoding="utf-8")
+    for number in range(100, 160):
+        (jobs_folder(tmp_path) / f"flange-{number}.toml").write_text(
+            source.replace("ring-52", f"flange-{number}"), encoding="utf-8"
+        )
+    scene = Scene(page=PageName.JOBS, state=align_stage.state(), work=experiment())
+    app, control = application(scene, tmp_path)
+
+    async def run() -> None:
+        async with played(app, scene, (80, 24)) as pilot:
+            await pilot.press("slash", "1", "3", "7", "enter")
+            await pilot.pause()
+
+    asyncio.run(run())
+    assert app.fault is None and control.stops == []
+    assert app._page is PageName.SETUP
+    assert app.ui.work is not None and app.ui.work.job.name == "flange-137"
+
+
+def test_a_held_d_deletes_nothing(tmp_path: Path) -> None:
+    fill(tmp_path)
+    path = jobs_folder(tmp_path) / "ring-52.toml"
+    scene = Scene(page=PageName.JOBS, state=align_stage.state(), work=experiment())
+    app, control = application(scene, tmp_path)
+    there: list[bool] = []
+
+    async def run() -> None:
+        async with played(app, scene, (80, 24)) as pilot:
+            await pilot.press("down", "down")
+            for after_s in (0.0, 0.1, 0.2, 0.9, 2.0):
+                control.at(100.0 + after_s)
+                await pilot.press("d")
+                await pilot.pause()
+                there.append(path.exists())
+
+    asyncio.run(run())
+    assert there == [True, True, True, True, False]

@@ -43,7 +43,7 @@ class Stage(PageScene):
     @property
     def selected(self) -> str:
         (row,) = [row for row in self.text.splitlines() if "▸" in row]
-        return row.partition("▸ ")[2].split()[0]
+        return row.partition("▸")[2].lstrip(" ●").split()[0]
 
 
 play = partial(play_on, Stage)

@@ -54,6 +54,8 @@ def _fields(listed: Listed, text: Catalogue) -> dict[str, object]:
         "lobe_error_source": lobe_source(job),
         **fields_of(job, "roundness_tolerance_um", "lobe_frequency_hz"),
         "assumed": list(job.assumed),
+        "note": job.note,
+        "tags": list(job.tags),
         **fields_of(job, "source", "copied_from"),
     }
 

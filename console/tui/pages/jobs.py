@@ -1,27 +1,43 @@
-"""Page Jobs: pick a saved job. It is the first page, and is painted before anything heavy is loaded."""
+"""Page Jobs: find, open and keep the saved jobs. The first page, painted before anything heavy is loaded."""
 
 from __future__ import annotations
 
-from console.session.data.history import LastResults, last_results
+import os
+from pathlib import Path
+
+from textual.widgets import Input
+
+from console.session.data.history import last_results
 from console.session.data.kept_files import jobs_folder
+from console.session.job_files import import_folder, offered_jobs
 from console.session.station.state import StationState
-from console.session.work import Work, blank_form, opened
+from console.session.work import Work, blank_form, differs, opened
+from console.tui.gate import FieldKind
+from console.tui.jobs import changes
+from console.tui.jobs.entry import JobsEntry, Typing
+from console.tui.jobs.shelf import Shelf
 from console.tui.keymap import PageName
-from console.tui.lines import Line, Sheet, clipped, line, name_in
+from console.tui.lines import BLANK, Line, Sheet, clipped, line, name_in, wrapped
 from console.tui.page import Page
-from console.tui.pages.jobs_lines import JobList, Loaded, hidden_words, summary_lines, table_lines
+from console.tui.pages.jobs_lines import JobList, hidden_words, summary_lines, table_lines, visible
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View, locked
+from console.tui.ui_context import KEYS, UiContext, View, locked
 from profiles.files import printable
 from profiles.job import Job
-from profiles.problem import ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 
 _LOCKED = "screen.open_moving", "screen.open_armed"
+_UNCHANGED = "screen.jobs_moving", "screen.jobs_armed"  # what is written to disk waits for rest
+_ENDS = {"jobs.first": -1, "jobs.last": 1}
+_PAGES = {"jobs.page_up": -1, "jobs.page_down": 1}
+_STEPS = {"jobs.up": -1, "jobs.down": 1}
+_ENTRIES = {"jobs.rename": Typing.NAME, "jobs.note": Typing.NOTE, "jobs.tags": Typing.TAGS}
+_READS = ("jobs.open", "jobs.copy", "jobs.new", "jobs.search", "jobs.sort", "jobs.export")
+_FAR = 1_000_000
 
 
 class JobsPage(Page):
-    """The saved jobs, and details of the selected one."""
+    """The saved jobs, or files to import, and details of the selected one. Nothing on it moves anything."""
 
     name_ = PageName.JOBS
     SCOPED_CSS = False  # the size classes are set on the screen
@@ -29,6 +45,7 @@ class JobsPage(Page):
     DEFAULT_CSS = """
     JobsPage {
         layout: horizontal;
+        layers: base entry;
         Sheet { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
         .table { width: 58%; height: 1fr; }
         .summary { width: 1fr; height: 1fr; }
@@ -39,14 +56,14 @@ class JobsPage(Page):
         super().__init__(ui)
         self._table = Sheet(ui.palette, classes="table")
         self._summary = Sheet(ui.palette, classes="summary")
-        self.panels = (self._table, self._summary)
-        self._entries: tuple[LibraryEntry, ...] = ()
+        self._entry = JobsEntry()
+        self.panels = (self._table, self._summary, self._entry)
+        self._jobs_shelf, self._imports = Shelf(), Shelf()
+        self._importing = False
         self._fresh = False
-        self._selected = 0
-        self._loaded: dict[str, Loaded] = {}
-        self._results: LastResults = {}
         self._simulated = True
         self._warned: tuple[object, Job] | None = None
+        self._doomed: Path | None = None
         self._shown: object = None
 
     def show(self, view: View) -> None:
@@ -54,23 +71,38 @@ class JobsPage(Page):
         if not self._fresh or self._simulated != view.state.simulated:
             self._simulated = view.state.simulated
             self._read()
+        jobs = self._jobs_shelf
+        if jobs.is_reading or self._entry.typing is Typing.SEARCH:
+            if not view.state.may_move:  # a thread that reads for seconds is for a machine at rest
+                jobs.index.read_on(jobs.all)
+            jobs.arrange()
+        self._entry.keep_focus()
         self._paint()
 
     def leave(self) -> None:
-        """Discard the list: files may have changed by the next time."""
-        self._fresh, self._warned = False, None
+        """Discard the list, as files may have changed by the next time, and an entry that was not ended."""
+        if self._entry.typing not in (Typing.NOTHING, Typing.SEARCH):
+            self.ui.say("screen.job_entry_dropped")
+        self._entry.close()
+        self._fresh, self._importing, self._warned, self._doomed = False, False, None, None
+
+    @property
+    def field(self) -> FieldKind:
+        """Free text while something is typed."""
+        return FieldKind.NONE if self._entry.typing is Typing.NOTHING else FieldKind.TEXT
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Search at every keystroke."""
+        if self._entry.typing is Typing.SEARCH:
+            self._jobs_shelf.search(event.value.strip())
+            self._paint()
 
     def act(self, action: str) -> None:
-        """Move the selection, open the selected job or a copy of it, or begin a new one."""
-        if action in ("jobs.open", "jobs.copy"):
-            self._open(copying=action == "jobs.copy")
-        elif action == "jobs.new":
-            self._begin()
+        """Do what a key says; an open entry first gets the characters that came before."""
+        if self._entry.typing is Typing.NOTHING:
+            self._do(action)
         else:
-            self._warned = None
-            last = len(self._entries) - 1
-            self._selected = max(min(self._selected + (1 if action == "jobs.down" else -1), last), 0)
-        self._paint()
+            self._entry.call_later(self._end_entry if action == "jobs.open" else self._do_beside, action)
 
     def next_step(self, view: View) -> Line:
         """Return how to open the selected job, or why it cannot be."""
@@ -78,35 +110,171 @@ class JobsPage(Page):
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return why the selected file cannot be used."""
-        entry = self._jobs.entry
-        if entry is None or isinstance(self._load(entry), LoadedJob):
+        entry = self._shelf.entry
+        if entry is None or isinstance(self._shelf.load(entry), LoadedJob):
             return []
         return summary_lines(self._jobs, self.ui.text, width, edited=False)
 
-    def _read(self) -> None:
-        """List the files again; the selection stays on its job, at first the open one."""
-        before = self._jobs.entry
-        target = before.path if before else self.ui.work.loaded.path if self.ui.work else None
-        self._entries = list_jobs(jobs_folder(self.ui.data))
-        paths = [entry.path for entry in self._entries]
-        place = paths.index(target) if target in paths else self._selected
-        self._selected = max(min(place, len(paths) - 1), 0)
-        self._fresh = True
-        self._loaded.clear()
-        self._results = last_results(self.ui.data, simulated=self._simulated)
-        self._shown = None
+    # What the keys do ------------------------------------------------------------------------------------------
 
-    def _load(self, entry: LibraryEntry) -> Loaded:
-        """Read a job once; of a long list, only the visible part is read."""
-        if entry.name not in self._loaded:
-            try:
-                self._loaded[entry.name] = load_job(str(entry.path))
-            except ProfileError as error:
-                self._loaded[entry.name] = tuple(error.problems)
-        return self._loaded[entry.name]
+    @property
+    def _shelf(self) -> Shelf:
+        """What is listed now."""
+        return self._imports if self._importing else self._jobs_shelf
+
+    def _do(self, action: str) -> None:
+        moved = self._move(action)
+        if action != "jobs.delete":
+            self._doomed = None
+        if moved:
+            self._warned = None
+        elif self._importing:
+            self._do_importing(action)
+        elif action in _READS:
+            self._do_reading(action)
+        elif action == "jobs.back":
+            self._jobs_shelf.search("")
+        elif action == "jobs.path":
+            self.ui.say("screen.jobs_import_only")
+        elif refused := locked(self.ui.control.state, *_UNCHANGED):
+            self.ui.said = (refused,)
+        else:
+            with self.ui.answering():
+                self._change(action)
+        self._paint()
+
+    def _do_beside(self, action: str) -> None:
+        """Do what is possible during an entry: move the selection in what a search has found."""
+        if self._entry.typing is Typing.SEARCH:
+            self._move(action)
+            self._paint()
+
+    def _move(self, action: str) -> bool:
+        page = max(len(visible(self._jobs, self._table.size.height)) - 1, 1)
+        by = _STEPS.get(action, 0) + page * _PAGES.get(action, 0) + _FAR * _ENDS.get(action, 0)
+        self._shelf.move(by)
+        return by != 0
+
+    def _do_reading(self, action: str) -> None:
+        if action in ("jobs.open", "jobs.copy"):
+            self._open(copying=action == "jobs.copy")
+        elif action == "jobs.new":
+            self._begin()
+        elif action == "jobs.search":
+            self._entry.open(Typing.SEARCH, self._jobs_shelf.words)
+        elif action == "jobs.sort":
+            self._jobs_shelf.step_order()
+        elif (entry := self._shelf.entry) is not None:
+            with self.ui.answering():
+                changes.exported(self.ui, entry)
+
+    def _change(self, action: str) -> None:
+        entry = self._shelf.entry
+        if action == "jobs.import":
+            self._list_imports()
+        elif action == "jobs.undo":
+            if path := changes.brought_back(self.ui, self._names(own=True)):
+                self._read(path)
+        elif entry is not None and action == "jobs.delete":
+            self._delete(entry)
+        elif entry is not None and (typing := _ENTRIES.get(action, Typing.NOTHING)) is not Typing.NOTHING:
+            self._begin_entry(typing, entry)
+
+    def _do_importing(self, action: str) -> None:
+        """Take the selected file, type the path of another one, or go back to the jobs."""
+        if action in ("jobs.back", "jobs.import"):
+            self._importing, self._shown = False, None
+        elif action == "jobs.path":
+            self._entry.open(Typing.PATH, "")
+        elif action == "jobs.open":
+            entry = self._shelf.entry
+            if entry is not None:
+                self._import(entry.path)
+        else:
+            self.ui.say("screen.jobs_list_first")
+
+    def _list_imports(self) -> None:
+        files = offered_jobs(import_folder(self.ui.data))
+        entries = tuple(LibraryEntry(name=path.stem, path=path, bundled=False) for path in files)
+        self._imports.fill(entries, {}, None)
+        self._importing, self._shown = True, None
+
+    def _import(self, source: Path) -> None:
+        if refused := locked(self.ui.control.state, *_UNCHANGED):
+            self.ui.said = (refused,)
+            return
+        with self.ui.answering():
+            path = changes.imported(self.ui, source, self._names())
+            self._importing = False
+            self._read(path)
+
+    def _delete(self, entry: LibraryEntry) -> None:
+        """Delete a job on the second press in a row."""
+        changes.delete_refused(self.ui, entry)
+        if self._doomed != entry.path:
+            self._doomed = entry.path
+            self.ui.say("screen.job_delete_again", key=KEYS["jobs.delete"], value=printable(entry.name))
+            return
+        self._doomed = None
+        changes.deleted(self.ui, entry)
+        self._read()
+
+    def _begin_entry(self, typing: Typing, entry: LibraryEntry) -> None:
+        changes.own_or_refused(entry)
+        if typing is Typing.NAME:
+            changes.rename_refused(self.ui, entry)
+        job = load_job(str(entry.path)).job
+        self._entry.open(typing, {Typing.NAME: entry.name, Typing.NOTE: job.note}.get(typing, " ".join(job.tags)))
+
+    def _end_entry(self, _: str) -> None:
+        """Take what was typed; what is refused stays to be corrected."""
+        typing, entry, typed = self._entry.typing, self._shelf.entry, self._entry.value.strip()
+        if typing is Typing.SEARCH:
+            self._jobs_shelf.search(typed)
+            self._entry.close()
+            if typed and len(self._shelf.entries) == 1:
+                self._open(copying=False)
+        elif refused := locked(self.ui.control.state, *_UNCHANGED):
+            self.ui.said = (refused,)
+        else:
+            with self.ui.answering():
+                self._take_entry(typing, entry, typed)
+        self._paint()
+
+    def _take_entry(self, typing: Typing, entry: LibraryEntry | None, typed: str) -> None:
+        path = None if entry is None else entry.path
+        if typing is Typing.PATH:
+            self._entry.close()
+            if typed:
+                self._import(import_folder(self.ui.data) / os.path.expanduser(typed))
+            return
+        if entry is not None and typing is Typing.NOTE:
+            changes.labelled(self.ui, entry, note=typed)
+        elif entry is not None and typing is Typing.TAGS:
+            changes.labelled(self.ui, entry, tags=typed)
+        elif entry is not None and typed not in ("", entry.name):
+            path = changes.renamed(self.ui, entry, typed, self._names())
+        self._entry.close()
+        self._read(path)
+
+    def _names(self, *, own: bool = False) -> frozenset[str]:
+        """Return the names of all jobs as they are now, or of the own ones."""
+        entries = list_jobs(jobs_folder(self.ui.data))
+        return frozenset(each.name for each in entries if not (own and each.bundled))
+
+    def _read(self, target: Path | None = None) -> None:
+        """List the files again; the selection stays on its job, at first the open one."""
+        shelf, work = self._jobs_shelf, self.ui.work
+        if target is None and shelf.entry is not None:
+            target = shelf.entry.path
+        elif target is None and work is not None:
+            target = work.loaded.path
+        results = last_results(self.ui.data, simulated=self._simulated)
+        shelf.fill(list_jobs(jobs_folder(self.ui.data)), results, target)
+        self._fresh, self._shown = True, None
 
     def _open(self, *, copying: bool) -> None:
-        refused, entry = locked(self.ui.control.state, *_LOCKED), self._jobs.entry
+        refused, entry = locked(self.ui.control.state, *_LOCKED), self._shelf.entry
         if refused is not None:
             self.ui.said = (refused,)
         elif entry is not None:
@@ -138,7 +306,7 @@ class JobsPage(Page):
         kept = work is not None and work.loaded.path == loaded.path
         if not kept and self._loses((loaded.path, copying), self.ui.draft or work):
             return
-        if work is None or not kept or (not work.edited and work.loaded.sha256 != loaded.sha256):
+        if work is None or not kept or (not work.edited and differs(loaded, work.loaded)):
             # Loads numerics, which the first page does without.
             from console.session.cut.compensated import with_accepted
 
@@ -148,39 +316,65 @@ class JobsPage(Page):
         self.ui.draft, self.ui.copying = None, copying
         self.ui.go(PageName.SETUP)
 
+    # What is shown ---------------------------------------------------------------------------------------------
+
     @property
     def _jobs(self) -> JobList:
+        shelf, work = self._shelf, self.ui.work
         return JobList(
-            entries=self._entries,
-            selected=self._selected,
-            load=self._load,
-            results=self._results,
+            entries=shelf.entries,
+            selected=shelf.selected,
+            load=shelf.load,
+            results=shelf.results,
             simulated=self._simulated,
+            open_path=None if work is None else work.loaded.path,
         )
 
     def _paint(self) -> None:
-        work = self.ui.work
+        work, shelf = self.ui.work, self._shelf
         sizes = self._table.size, self._summary.size
-        shown = (self._entries, self._selected, work is not None and work.edited, sizes)
-        if shown == self._shown:
+        state = (shelf.entries, shelf.selected, self._title, self._entry.typing)
+        opened_now = None if work is None else (work.loaded.path, work.edited)
+        if (shown := (*state, opened_now, sizes)) == self._shown:
             return
         self._shown = shown
-        jobs, entry, text = self._jobs, self._jobs.entry, self.ui.text
+        jobs, entry, text = self._jobs, shelf.entry, self.ui.text
         edited = work is not None and entry is not None and work.edited and work.loaded.path == entry.path
         size, hidden = self._summary.size, hidden_words(jobs, text, self._table.size.height)
         rows = table_lines(jobs, text, *self._table.size)
-        self._table.show(rows, text("jobs_page.title", count=len(jobs.entries)), hidden)
+        if not jobs.entries and (self._importing or shelf.words):
+            rows = wrapped(text("jobs_page.no_imports" if self._importing else "jobs_page.no_match"), size.width)
+        if self._entry.typing is not Typing.NOTHING:
+            rows = [BLANK, *(rows[1:] if jobs.entries else rows)]
+        self._table.show(rows, name_in(self._title, max(self._table.size.width - 4, 1), tail_fraction=0.3), hidden)
         rows = summary_lines(jobs, text, size.width, edited=edited)
-        if entry is not None and not isinstance(self._load(entry), LoadedJob):  # it cannot be used
+        if entry is not None and not isinstance(shelf.load(entry), LoadedJob):  # it cannot be used
             rows = clipped(rows, size.height, text("panel.more"))
         self._summary.show(rows, name_in(printable(entry.name), size.width - 4) if entry else "")
 
+    @property
+    def _title(self) -> str:
+        text, shelf = self.ui.text, self._shelf
+        if self._importing:
+            return text("jobs_page.imports", count=len(shelf.all))
+        title = text("jobs_page.title", count=len(shelf.all))
+        if shelf.words:
+            title = text("jobs_page.title_found", count=len(shelf.entries), all=len(shelf.all))
+        words = f"/{printable(shelf.words)}" if shelf.words else ""
+        parts = (title, words, text(f"jobs_page.sorted.{shelf.order}"))
+        return " · ".join(filter(None, (*parts, text("jobs_page.reading") if shelf.is_reading else "")))
+
     def _next_words(self, state: StationState) -> str:
-        text, entry, refused = self.ui.text, self._jobs.entry, locked(state, *_LOCKED)
+        text, entry, typing = self.ui.text, self._shelf.entry, self._entry.typing
+        refused = locked(state, *_LOCKED)
+        if typing is not Typing.NOTHING:
+            return text(f"jobs_page.next.{typing}")
+        if self._importing:
+            return text("jobs_page.next.import" if entry else "jobs_page.next.import_none")
         if refused is not None:
             return text("jobs_page.next.moving") if state.moving else text("jobs_page.next.armed")
         if entry is None:
-            return text("jobs_page.next.none")
-        if not isinstance(self._load(entry), LoadedJob):
+            return text("jobs_page.next.no_match" if self._shelf.words else "jobs_page.next.none")
+        if not isinstance(self._shelf.load(entry), LoadedJob):
             return text("jobs_page.next.unreadable")
         return text("jobs_page.next.open", name=printable(entry.name))

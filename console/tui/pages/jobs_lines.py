@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from rich.cells import cell_len
 
@@ -20,6 +21,7 @@ from profiles.problem import Problem
 from profiles.store import LibraryEntry, LoadedJob
 
 Loaded = LoadedJob | tuple[Problem, ...]  # a job, or why its file cannot be read
+OPEN = "●"
 _NAME_LEAST = 16
 _LABEL = 16
 _SUMMARY_WIDTH = 60
@@ -34,6 +36,7 @@ class JobList:
     load: Callable[[LibraryEntry], Loaded]
     results: LastResults
     simulated: bool
+    open_path: Path | None = None
 
     @property
     def entry(self) -> LibraryEntry | None:
@@ -79,9 +82,12 @@ def summary_lines(jobs: JobList, text: Catalogue, width: int, *, edited: bool) -
         return _reasons(entry, loaded, text, width)
     room = min(width, _SUMMARY_WIDTH)
     kept = text("jobs.bundled") if entry.bundled else text("jobs.own")
-    lines = [(("! " + text("jobs_page.in_hand"), Token.WARNING),)] if edited else []
+    lines: list[Line] = [line(("! " + text("jobs_page.in_hand"), Token.WARNING))] if edited else []
+    if entry.path == jobs.open_path and not edited:
+        lines = [line((f"{OPEN} {text('jobs_page.open')}", Token.STRONG))]
     return [
         *lines,
+        *_label_lines(loaded.job, text, width),
         *job_lines(loaded.job, text, room),
         *_last_lines(jobs.results.get(loaded.job.name), jobs.simulated, text, room),
         _fact(text("jobs_page.revision"), f"{loaded.sha256[:6]}, {kept}", room),
@@ -102,7 +108,8 @@ def _columns(width: int, text: Catalogue) -> list[tuple[str, int]]:
 def _row(jobs: JobList, place: int, cells: Sequence[int], name_width: int, text: Catalogue) -> Line:
     entry, chosen = jobs.entries[place], place == jobs.selected
     loaded = jobs.load(entry)
-    name = fitted(("▸ " if chosen else "  ") + name_in(printable(entry.name), name_width), name_width + 2)
+    marks = ("▸" if chosen else " ") + (OPEN if entry.path == jobs.open_path else " ")
+    name = fitted(marks + name_in(printable(entry.name), name_width), name_width + 2)
     if not isinstance(loaded, LoadedJob):
         reason = _right("✗ " + text("jobs_page.unreadable"), sum(cells))
         return ((name + reason, Token.SELECTED),) if chosen else line(name, (reason, Token.WARNING))
@@ -142,6 +149,14 @@ def job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
         (text("jobs_page.tolerance"), f"{job.roundness_tolerance_um:.1f} um"),
     )
     return [_fact(label, value, width) for label, value in rows]
+
+
+def _label_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
+    """Return the note in full, then the tags."""
+    rows = wrapped(printable(job.note), width, Token.STRONG) if job.note else []
+    if job.tags:
+        rows += hanging(dim(f"{text('jobs_page.tags')} "), printable(" ".join(job.tags)), width)
+    return rows
 
 
 def _last_lines(last: LastResult | None, simulated: bool, text: Catalogue, width: int) -> list[Line]:

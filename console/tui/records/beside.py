@@ -17,9 +17,13 @@ SHORT_S = 0.03
 
 
 class Beside(Generic[Found]):
-    """Answer one question after the other in a thread; what is no longer asked is dropped."""
+    """Answer one question after the other in a thread; what is no longer asked is dropped.
 
-    def __init__(self) -> None:
+    One that never `waits` answers at a later tick: for many questions in a row.
+    """
+
+    def __init__(self, *, waits: bool = True) -> None:
+        self._waits = waits
         self._found: tuple[Hashable, Found | Problems] | None = None
         self._thread: threading.Thread | None = None
 
@@ -30,7 +34,8 @@ class Beside(Generic[Found]):
                 work = (question, read)
                 self._thread = threading.Thread(target=self._read, args=work, name="records", daemon=True)
                 self._thread.start()
-                self._thread.join(SHORT_S)
+                if self._waits:
+                    self._thread.join(SHORT_S)
         found = self._found
         return found[1] if found is not None and found[0] == question else None
 

@@ -1,0 +1,133 @@
+"""Files of the operator's own jobs: deleted and brought back, imported, exported. None is ever overwritten."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import stat
+from datetime import UTC, datetime
+from pathlib import Path
+
+from console.session.data.kept_files import file_error, jobs_folder, make_folder
+from profiles.files import TOML_CAP_BYTES, printable, read_regular_file, write_atomically
+from profiles.problem import Problem, ProfileError
+from profiles.store import load_job
+
+DELETED, IMPORT, EXPORTED = "deleted", "import", "exported-jobs"
+MOST_OFFERED = 500
+_STAMPED = re.compile(r"(.+)\.[0-9]{8}T[0-9]{12}Z(?:-[0-9]+)?\.toml", re.DOTALL)
+
+
+def delete_job(data: Path, path: Path) -> Path:
+    """Move a job into the folder of deleted ones, under its name and the time; return the file there.
+
+    Raises ProfileError: `file.not_writable`.
+    """
+    folder = jobs_folder(data) / DELETED
+    make_folder(folder)
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f") + "Z"
+    names = itertools.chain([stamp], (f"{stamp}-{number}" for number in itertools.count(2)))
+    target = next(each for name in names if not (each := folder / f"{path.stem}.{name}.toml").exists())
+    _move(path, target)
+    return target
+
+
+def last_deleted(data: Path) -> tuple[Path, str] | None:
+    """Return the job that was deleted last, with the name that it had; None where there is none.
+
+    Raises ProfileError: `file.unreadable`.
+    """
+    folder = jobs_folder(data) / DELETED
+    try:
+        found = [(each, _STAMPED.fullmatch(each.name)) for each in folder.iterdir()]
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise file_error("file.unreadable", folder, error) from error
+    named = [(each, match[1]) for each, match in found if match is not None]
+    return max(named, key=lambda pair: pair[0].name[len(pair[1]) :], default=None)
+
+
+def restore_job(data: Path, deleted: Path, name: str) -> Path:
+    """Move a deleted job back under its name; ProfileError `file.exists`, `file.not_writable`."""
+    target = jobs_folder(data) / f"{name}.toml"
+    _move(deleted, target)
+    return target
+
+
+def import_folder(data: Path) -> Path:
+    """Return the folder into which job files are put to be imported, created where it is missing."""
+    folder = data / IMPORT
+    make_folder(folder)
+    return folder
+
+
+def offered_jobs(folder: Path) -> tuple[Path, ...]:
+    """Return the job files in a folder, newest first; hidden ones and folders are left out.
+
+    Raises ProfileError: `file.unreadable`, the folder cannot be read.
+    """
+    found: list[tuple[int, str, Path]] = []
+    try:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if entry.name.endswith(".toml") and not entry.name.startswith("."):
+                    found += _dated(entry)
+    except OSError as error:
+        raise file_error("file.unreadable", folder, error) from error
+    return tuple(path for *_, path in sorted(found, reverse=True)[:MOST_OFFERED])
+
+
+def import_job(data: Path, source: Path) -> Path:
+    """Copy a sound job file among the own jobs, byte for byte under its own name; return the new file.
+
+    Raises ProfileError: every problem of the job, `file.exists`, `file.not_writable`.
+    """
+    content = load_job(str(source)).text.encode("utf-8")
+    folder = jobs_folder(data)
+    make_folder(folder)
+    path = folder / source.name
+    write_atomically(path, content, overwrite=False, private=True)
+    return path
+
+
+def export_job(data: Path, path: Path) -> Path:
+    """Copy a job file, byte for byte, to the folder of exported jobs under a free name; return the copy.
+
+    Raises ProfileError: as `read_regular_file`, `file.not_writable`.
+    """
+    content = read_regular_file(path, cap_bytes=TOML_CAP_BYTES)
+    folder = data / EXPORTED
+    make_folder(folder)
+    names = itertools.chain([path.stem], (f"{path.stem}-{number}" for number in itertools.count(2)))
+    target = next(each for name in names if not (each := folder / f"{name}.toml").exists())
+    write_atomically(target, content, overwrite=False, private=True)
+    return target
+
+
+def _move(path: Path, target: Path) -> None:
+    """Move a file to a name that is free, and to no other."""
+    try:
+        try:
+            os.link(path, target, follow_symlinks=False)  # fails in the same instant if the name is taken
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without hard links
+            if os.path.lexists(target):
+                raise FileExistsError(str(target)) from None
+            os.rename(path, target)
+            return
+        os.unlink(path)
+    except FileExistsError as error:
+        raise ProfileError(Problem(code="file.exists", where=printable(str(target)))) from error
+    except OSError as error:
+        raise file_error("file.not_writable", path, error) from error
+
+
+def _dated(entry: os.DirEntry[str]) -> list[tuple[int, str, Path]]:
+    try:
+        status = entry.stat()
+    except OSError:  # gone meanwhile, or a link to nowhere
+        return []
+    return [(status.st_mtime_ns, entry.name, Path(entry.path))] if stat.S_ISREG(status.st_mode) else []

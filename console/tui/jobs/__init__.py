@@ -1,0 +1,1 @@
+"""What the page Jobs is made of besides its panels."""
