@@ -15,6 +15,7 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line
 from console.tui.ui_context import UiContext, View
+from profiles.problem import Problem
 
 ROWS_FOR_PLOTS = 16  # rows of the page below which numbers take the room of the plots
 _ROOMY_ROWS, _TALL_ROWS = 22, 36
@@ -42,6 +43,10 @@ class Page(Container):
 
     def act(self, action: str) -> None:
         """Perform the action of one of the page's own keys."""
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why an action of the page cannot be done now: what its key answers. Empty where it can."""
+        return ()
 
     def next_step(self, view: View) -> Line:
         """Return the next thing to do, with its key."""

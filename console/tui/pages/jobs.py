@@ -14,7 +14,7 @@ from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, locked
 from profiles.files import printable
 from profiles.job import Job
-from profiles.problem import ProfileError
+from profiles.problem import Problem, ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 
 _LOCKED = "screen.open_moving", "screen.open_armed"
@@ -71,6 +71,16 @@ class JobsPage(Page):
             last = len(self._entries) - 1
             self._selected = max(min(self._selected + (1 if action == "jobs.down" else -1), last), 0)
         self._paint()
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why no job can be opened, copied or begun now, or why the selected one cannot be."""
+        if action not in ("jobs.open", "jobs.copy", "jobs.new"):
+            return ()
+        if refused := locked(view.state, *_LOCKED):
+            return (refused,)
+        entry = self._jobs.entry
+        loaded = None if entry is None or action == "jobs.new" else self._load(entry)
+        return loaded if isinstance(loaded, tuple) else ()
 
     def next_step(self, view: View) -> Line:
         """Return how to open the selected job, or why it cannot be."""
