@@ -74,7 +74,7 @@ class ConsoleApp(App[None]):
         self.ui = UiContext(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
         self._begin, self._heard = begin, heard
         self._ui_loop: asyncio.AbstractEventLoop | None = None
-        self._leaving = False
+        self._leaving = self._collector_spared = False
         self.fault: Exception | None = None
         self._local_time = local_time
         self._ticking = ticking
@@ -85,7 +85,6 @@ class ConsoleApp(App[None]):
         self._acted_s = float("-inf")
         self._orders = StandingOrders(self.ui)
         self._held = HeldKeys()
-        self._collector_spared = False
         self._previewer = Previewer()
         self._path = ChosenPath()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}

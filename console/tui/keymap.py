@@ -23,7 +23,7 @@ Escape closes the list of keys where one is open and nothing moves.
 KILL_KEYS = ("f9",)
 
 KEY_WIDTH = 8
-LISTS = 2
+LISTS = 2  # lists of keys
 
 
 class PageName(StrEnum):
@@ -198,7 +198,7 @@ def help_lines(text: Catalogue, page: PageName, number: int, width: int) -> list
     for action in ACTIONS:
         if action.page is None and action is not CLOSE:  # the last row names it
             rows += _row(action.shown, text(f"key_help.{action.id}"), width)
-    return [*rows, line(dim(text("help.close")))]
+    return [*rows, line(dim(text("help.terms")))]
 
 
 def _row(shown: str, said: str, width: int) -> list[Line]:

@@ -1,4 +1,4 @@
-"""What takes the place of the page while it is read: the lists of keys, or every message in full."""
+"""What takes the place of the page while it is read: keys, terms, the palette, or every message in full."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from console.text.catalogue import Catalogue
 from console.tui.frame import MARKS, Frame, answer_of
+from console.tui.glossary import glossary_lines
 from console.tui.keymap import LISTS, Action, help_lines
 from console.tui.lines import BLANK, Line, Sheet, dim, hanging, line, wrapped
 from console.tui.pages.fields import named
@@ -13,6 +14,7 @@ from console.tui.palette_list import QUERY_CAP, Entry, found, palette_lines
 from console.tui.theme import Palette, Token
 from profiles.problem import Problem
 
+TERMS = LISTS + 1  # the last list of help, after those of the keys
 PAGE, MESSAGES, SEARCH = 0, -1, -2
 """What is shown beside the numbers of the lists of keys, from 1: the page itself, the messages, the palette."""
 
@@ -75,8 +77,8 @@ class ListPanel(Sheet):
         return listed[min(self._selected, len(listed) - 1)] if listed else None
 
     def step(self) -> None:
-        """Show the next list of keys, and the page after the last."""
-        self.open((max(self.shown, 0) + 1) % (LISTS + 1))
+        """Show the next list of keys, then the terms of the page, then the page again."""
+        self.open((max(self.shown, 0) + 1) % (TERMS + 1))
 
     def read(self, action: Action, key: str = "") -> None:
         """Open or close the messages, or scroll the open list: by half its height, or to an end."""
@@ -98,6 +100,8 @@ class ListPanel(Sheet):
             self._lay(message_lines(frame, of_page, width))
         elif self.is_palette:
             self._lay_palette(width)
+        elif self.shown == TERMS:
+            self._lay(glossary_lines(frame.text, frame.page, width))
         else:
             self._lay(help_lines(frame.text, frame.page, self.shown, width))
 

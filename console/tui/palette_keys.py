@@ -57,17 +57,18 @@ class PaletteKeys:
     def take(self, page: PageName, perform: Callable[[Action], None]) -> None:
         """Perform the selected action, or show its page; what moves the machine is left to its key."""
         entry, ui = self._panel.chosen, self._ui
-        self._taken_s = ui.control.now_s()
         if entry is None:
             return
         action = entry.action
         if action.page not in (None, page):
             assert action.page is not None
+            self._taken_s = ui.control.now_s()
             ui.go(action.page)
             ui.say("screen.palette_page", key=action.shown)
         elif ui.answers(self._why_not(action)):
             return
         elif entry.is_started:
+            self._taken_s = ui.control.now_s()
             ui.said = ()
             self._panel.open(PAGE)
             perform(action)

@@ -70,7 +70,8 @@ def _names(action: Action) -> set[str]:
 
 
 def _searched(entry: Entry) -> str:
-    return f"{entry.action.shown} {entry.words} {entry.page_name}".casefold()
+    written = [key for key in entry.action.keys if len(key) > 1]
+    return " ".join((entry.action.shown, *written, entry.words, entry.page_name)).casefold()
 
 
 def palette_lines(

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.cells import cell_len
+from textual import events
+from textual.drivers.linux_driver import LinuxDriver
+from textual.message import Message
 from textual.pilot import Pilot
 
 from console.session.cut.alignment import Alignment
@@ -16,14 +20,16 @@ from console.session.station.state import Activity, StationState, StopState
 from console.session.work import Work, edited
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
-from console.tui.driver import Written
+from console.tui.driver import StopDriver, Written
+from console.tui.gate import FieldKind, HeldKeys, Situation
 from console.tui.keymap import ACTIONS, CLOSE, PALETTE, PageName, actions_of
+from console.tui.pace import Pace
 from console.tui.palette_list import STOPPING, Entry, entries, found
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON, REST
-from tests.tui.scenes import Scene, application, fill, machine, played, rows_of, scene_of, settle
-from tests.tui.stage import LANGUAGES, SIZES, FixedControl, experiment
+from tests.tui.scenes import Scene, application, fill, played, rows_of, scene_of, settle
+from tests.tui.stage import LANGUAGES, FixedControl, experiment
 from tests.tui.test_console_keys import armed
 
 Play = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
@@ -59,7 +65,7 @@ def codes(app: ConsoleApp) -> list[str]:
     return [problem.code for problem in app.ui.said]
 
 
-# The palette and the keys agree -----------------------------------------------------------------------------------
+# The palette and the keys agree --------------------------------------------------------------------------------
 
 STATES: dict[str, tuple[StationState, Work | None]] = {
     "no job": (align_stage.state(), None),
@@ -74,7 +80,7 @@ STATES: dict[str, tuple[StationState, Work | None]] = {
     "arming": (run_stage.state(activity=Activity.ARMING), experiment()),
     "stopped": (run_stage.state(activity=Activity.STOPPED, stop=STOP), experiment()),
     "observing": (align_stage.state(standing=Standing.OUSTED, holder=7), experiment()),
-    "connecting": (machine(Activity.CONNECTING), experiment()),
+    "connecting": (StationState(), experiment()),
     "lost": (align_stage.state(activity=Activity.LOST), experiment()),
     "in the part": (
         run_stage.state(snapshot=run_stage.look(tool=run_stage.SURFACE_COUNTS), cut=run_stage.cut()),
@@ -89,52 +95,64 @@ TELLS = {"trace.exported", "trace.not_stated"}
 """Answers to keys that did something."""
 
 
-@pytest.mark.parametrize("name", STATES)
-def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(name: str, tmp_path: Path) -> None:
-    state, work = STATES[name]
-    differ: list[tuple[str, list[str], list[str]]] = []
+def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(tmp_path: Path) -> None:
+    differ: list[tuple[str, str, list[str], list[str]]] = []
+    ways: dict[str, set[bool]] = {}
+
+    def compare(app: ConsoleApp, control: FixedControl, name: str, page: PageName) -> None:
+        state, work = STATES[name]
+        for action in actions_of(page):
+            control.state, app.ui.work, app.ui.draft, app.ui.copying = state, work, None, False
+            # Fresh presses: none of them is a repeat of the one before.
+            app._held, app.ui.said, control.orders = HeldKeys(), (), []
+            expected = [problem.code for problem in app._why_not(action)]
+            ways.setdefault(action.id, set()).add(not expected)
+            app._do(action, app._pages[page])
+            said = [code for code in codes(app) if code not in ASKS_AGAIN | TELLS]
+            if said != expected or (expected and control.orders):
+                differ.append((name, action.id, expected, codes(app)))
+            app._pages[page].leave()
+            if app.page is not page:
+                app.go(page)
 
     async def walk(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
-        for place, page in enumerate(PageName):
+        for page in PageName:
+            control.state, app.ui.work = STATES["aligned"]
             app.go(page)
             app.tick()
             await pilot.pause()
-            for number, action in enumerate(actions_of(page)):
-                control.state, app.ui.work, app.ui.draft, app.ui.copying = state, work, None, False
-                # Fresh presses: none of them is a repeat, and each is judged at the same age of the state.
-                app._held, app.ui.said, control.orders = type(app._held)(), (), []
-                expected = [problem.code for problem in app._why_not(action)]
-                app._do(action, app._pages[page])
-                said = [code for code in codes(app) if code not in ASKS_AGAIN | TELLS]
-                if said != expected or (expected and control.orders):
-                    differ.append((f"{place}.{number} {action.id}", expected, codes(app)))
-                app._pages[page].leave()
-                app.go(page)
+            for name in STATES:
+                compare(app, control, name, page)
 
-    play(tmp_path, walk, state=state, work=work)
+    play(tmp_path, walk, work=experiment())
     assert differ == []
-
-
-def test_every_page_has_keys_that_are_refused_somewhere_and_done_elsewhere(tmp_path: Path) -> None:
-    """So that the comparison above compares something."""
-    seen: dict[str, set[bool]] = {}
-    for name, (state, work) in STATES.items():
-
-        async def look(
-            app: ConsoleApp, pilot: Pilot[None], control: FixedControl, work: Work | None = work
-        ) -> None:
-            app.ui.work = work
-            for action in ACTIONS:
-                seen.setdefault(action.id, set()).add(not app._why_not(action))
-
-        play(tmp_path / name.replace(" ", "-"), look, state=state, work=work)
-    both = {action for action, ways in seen.items() if ways == {True, False}}
+    # Otherwise nothing would have been compared.
+    both = {action for action, seen in ways.items() if seen == {True, False}}
     assert both >= {"jobs.open", "setup.edit", "preview.strategy", "align.step", "align.take", "align.off"}
     assert both >= {"run.arm", "run.start", "run.retract", "inspect.measure", "inspect.accept", "records.job"}
-    assert both >= {"recover", "take_over"}
 
 
-# What is found ----------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("name", "refused"),
+    [
+        ("aligned", {"recover", "acknowledge", "take_over"}),
+        ("stopped", {"acknowledge", "take_over"}),
+        ("observing", {"recover", "acknowledge"}),
+    ],
+)
+def test_the_keys_of_every_page_are_refused_likewise(name: str, refused: set[str], tmp_path: Path) -> None:
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        for action in (each for each in ACTIONS if each.id in ("recover", "acknowledge", "take_over")):
+            app.ui.said = ()
+            reasons = [problem.code for problem in app._why_not(action)]
+            app._do(action, app._pages[app.page])
+            assert [code for code in codes(app) if code not in ASKS_AGAIN] == reasons
+            assert bool(reasons) is (action.id in refused), action.id
+
+    play(tmp_path, scene, state=STATES[name][0], work=experiment())
+
+
+# What is found -------------------------------------------------------------------------------------------------
 
 
 def listed(language: str, page: PageName = PageName.RUN) -> tuple[Entry, ...]:
@@ -165,7 +183,7 @@ def test_every_action_is_there_once_in_words_the_present_page_first_then_everywh
         ("ko", "다른 이름으로 저장", "setup.save_as"),
         ("en", "space", "stop"),
         ("en", "disable the drives at once", "kill"),
-        ("en", "pgdn program", "preview.down"),
+        ("en", "pagedown program", "preview.down"),
         ("en", "no such action", None),
     ],
 )
@@ -174,7 +192,7 @@ def test_an_action_is_found_by_words_and_by_key(language: str, query: str, first
     assert (hits[0].action.id if hits else None) == first
 
 
-# What its keys do -------------------------------------------------------------------------------------------------
+# What its keys do ----------------------------------------------------------------------------------------------
 
 
 def test_enter_shows_the_page_of_an_action_and_does_nothing_there(tmp_path: Path) -> None:
@@ -212,9 +230,9 @@ def test_enter_performs_on_this_page_only_what_moves_nothing(tmp_path: Path) -> 
         assert (control.orders, codes(app), app._list.is_palette) == ([], ["screen.palette_moves"], True)
         await pilot.press("escape", ":", *"f3", "enter")
         assert (len(control.orders), app._list.is_open) == (1, False)
-        control.at(102.0)
+        control.at(101.5)
         await pilot.press(":", *"redo", "enter")
-        assert codes(app) == ["screen.nothing_to_take_back"] and app._list.is_palette
+        assert (codes(app), app._list.is_palette) == (["screen.nothing_to_take_back"], True)
 
     play(tmp_path, scene, state=homing, work=experiment())
 
@@ -229,20 +247,20 @@ def test_no_moving_action_is_started_from_it_on_any_page(tmp_path: Path) -> None
 def test_backspace_takes_back_what_was_typed_and_then_closes(tmp_path: Path) -> None:
     async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
         await pilot.press(":", *"ab", "backspace", "backspace")
-        assert app._list.is_palette
+        seen = [app._list.is_palette]
         await pilot.press("backspace")
-        assert not app._list.is_open
+        seen.append(app._list.is_open)
         await pilot.press(":", "escape")
-        assert not app._list.is_open
+        assert [*seen, app._list.is_open] == [True, False, False]
         await pilot.press(":", "ctrl+p", "?")
-        assert app._list.is_palette, "a question mark is one of its characters"
+        assert app._list.chosen is not None, "a question mark is one of its characters"
         await pilot.press("f1")
-        assert app._list.is_open and not app._list.is_palette
+        assert [app._list.is_open, app._list.is_palette] == [True, False]
 
     assert play(tmp_path, scene).stops == []
 
 
-# Safety -----------------------------------------------------------------------------------------------------------
+# Safety --------------------------------------------------------------------------------------------------------
 
 
 def test_space_is_written_at_rest_and_the_stop_row_names_the_other_key(tmp_path: Path) -> None:
@@ -309,11 +327,54 @@ def test_characters_of_a_palette_that_has_closed_do_nothing_on_the_page(tmp_path
     play(tmp_path, scene)
 
 
-# How it looks -----------------------------------------------------------------------------------------------------
+class Terminal:
+    """The thread that reads keys, with a clock that is given; `heard` is what it passes to the application."""
+
+    def __init__(self, now: Situation, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now, self.heard = now, list[str]()
+        self.driver = StopDriver.__new__(StopDriver)
+        self.driver._pace, self.driver._stopped_s, self.driver._app = Pace(), -math.inf, self  # type: ignore[assignment]
+        monkeypatch.setattr(LinuxDriver, "process_message", lambda driver, message: self._hear(message))
+
+    def _hear(self, message: Message) -> None:
+        self.heard.append(message.key if isinstance(message, events.Key) else type(message).__name__)
+
+    def situation(self) -> Situation:
+        return self.now
+
+    def press(self, at_s: float, key: str) -> None:
+        self.heard += [each.key for each in self.driver._pace.due(at_s - 1e-6)]
+        self.driver._hear(events.Key(key, key if len(key) == 1 else None), at_s)
+
+    def later(self, at_s: float) -> list[str]:
+        return [*self.heard, *(each.key for each in self.driver._pace.due(at_s))]
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("language", LANGUAGES)
+SCANNED = (":", *"f4", "enter")
+
+
+@pytest.mark.parametrize("gap_s", [0.0, 0.01, 0.03])
+def test_a_scanner_neither_opens_the_palette_nor_takes_anything_in_it(
+    gap_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed = Terminal(Situation(page=PageName.ALIGN, at_rest=True), monkeypatch)
+    for number, key in enumerate(SCANNED):
+        closed.press(10.0 + gap_s * number, key)
+    assert ":" not in closed.later(12.0) and "enter" not in closed.later(12.0)
+    opened = Situation(page=PageName.ALIGN, field=FieldKind.TEXT, at_rest=True, reading=True, seeking=True)
+    typed = Terminal(opened, monkeypatch)
+    for number, key in enumerate((*"redo", "enter")):
+        typed.press(10.0 + gap_s * number, key)
+    typed.press(10.3, "enter")  # a slow line brings it late
+    assert [key for key in typed.later(12.0) if key != "TooFast"] == list("redo")
+    typed.press(13.0, "enter")
+    assert typed.later(14.0)[-1] == "enter", "somebody has read it"
+
+
+# How it looks --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("language", "size"), [("en", (80, 24)), ("ko", (80, 24)), ("en", (160, 48))])
 def test_it_fits_with_the_reason_of_the_selected_action_in_full(
     language: str, size: tuple[int, int], tmp_path: Path
 ) -> None:
@@ -324,8 +385,11 @@ def test_it_fits_with_the_reason_of_the_selected_action_in_full(
         await settle(app, pilot)
         rows = rows_of(app)
         assert all(cell_len(row) == size[0] for row in rows)
-        assert text("palette.title") in rows[3] and text("palette.foot", place=1, all=0)[:2] != ""
-        for key in ("end", "home", "pagedown", "down", "up", "pageup"):
+        assert (
+            text("palette.title") in rows[3]
+            and text("palette.foot", place=1, all=len(listed(language))) in rows[-4]
+        )
+        for key in ("pagedown", "end", "up"):
             await pilot.press(key)
             await settle(app, pilot)
             entry = app._list.chosen
