@@ -52,9 +52,17 @@ def entries(text: Catalogue, page: PageName, why_not: WhyNot) -> tuple[Entry, ..
 
 
 def _entry(text: Catalogue, action: Action, reasons: tuple[Problem, ...]) -> Entry:
-    key = f"help.{action.id}" if action in STOPPING else f"key_help.{action.id}"
     page_name = text("help.everywhere") if action.page is None else text(f"page.{action.page}")
-    return Entry(action=action, words=text(key), page_name=page_name, reasons=reasons)
+    return Entry(action=action, words=_words(text, action), page_name=page_name, reasons=reasons)
+
+
+def _words(text: Catalogue, action: Action) -> str:
+    """Return what the help says of an action; one without a row of its own has the words of the key before."""
+    key = f"help.{action.id}" if action in STOPPING else f"key_help.{action.id}"
+    if not action.beside or text(key) != key:
+        return text(key)
+    before = ACTIONS[: ACTIONS.index(action)]
+    return text(f"key_help.{next(each.id for each in reversed(before) if not each.beside)}")
 
 
 def found(listed: Sequence[Entry], query: str) -> tuple[Entry, ...]:
