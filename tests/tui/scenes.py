@@ -220,7 +220,8 @@ def fill(data: Path) -> None:
 def recorded() -> bytes:
     """The file of the run records: last results of some jobs, and four runs of this lathe."""
     names = ("software", "job", "job_sha256", "machine", "machine_sha256", "strategy", "program")
-    with tempfile.TemporaryDirectory() as folder:
+    # Kept for every test of this process: the day must not depend on which of them asks first.
+    with fixed_world(), tempfile.TemporaryDirectory() as folder:
         data = Path(folder)
         run = records.RunRecord(data, {**dict.fromkeys(names, ""), "simulated": 1})
         for job, ront_um in MEASURED_UM.items():
