@@ -39,8 +39,12 @@ for _name in [name for name in os.environ if name.startswith("TRILOBE_") and nam
 drivers.cutting.planning.run_through = run_through_once  # type: ignore[attr-defined]
 
 
+ALL_BUT_LONG = pytest.StashKey[bool]()
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Let each worker collect from another file on: what one has compiled, the others find."""
+    config.stash[ALL_BUT_LONG] = config.args == config.getini("testpaths") and not config.option.markexpr
     worker = getattr(config, "workerinput", None)
     if worker is None or config.args != config.getini("testpaths"):
         return
@@ -65,23 +69,27 @@ SYSTEM_UNTIL = 0.8
 """Share of the rest behind which no test at a real terminal begins: a long one must not be the last."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Spread the tests at real terminals, which mostly wait, among those that calculate.
 
-    The longest come first, then those that share what their file has started, which stay together.
+    The longest come first, then those that share what their file has started, which stay together. Where all tests
+    are run, those marked `long` are left out; a file or a name of them, or `-m long`, runs them.
     """
+    if config.stash[ALL_BUT_LONG]:
+        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("long")])
+        items[:] = [item for item in items if not item.get_closest_marker("long")]
     items.sort(key=lambda item: item.path)
     waiting = [item for item in items if item.get_closest_marker("system") is not None]
-    longest = [item for item in waiting if _is_long(item)]
-    together = [item for item in waiting if _shares(item) and not _is_long(item)]
-    alone = [item for item in waiting if not _shares(item) and not _is_long(item)]
+    longest = [item for item in waiting if _takes_long(item)]
+    together = [item for item in waiting if _shares(item) and not _takes_long(item)]
+    alone = [item for item in waiting if not _shares(item) and not _takes_long(item)]
     busy = [item for item in items if item.get_closest_marker("system") is None]
     places = [(SYSTEM_UNTIL * (i + 0.5) / len(alone), item) for i, item in enumerate(alone)]
     places += [((i + 0.5) / len(busy), item) for i, item in enumerate(busy)]
     items[:] = [*longest, *together, *(item for _, item in sorted(places, key=lambda place: place[0]))]
 
 
-def _is_long(item: pytest.Item) -> bool:
+def _takes_long(item: pytest.Item) -> bool:
     """Whether a test needs more than the usual time limit."""
     return any(marker.args[0] > LONG_S for marker in item.iter_markers("timeout"))
 

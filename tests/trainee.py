@@ -178,7 +178,7 @@ class Trainee:
                 expected = left - step if left > 0.0 else left + step
                 self.terminal.wait_for(self._arrived(to_go, expected, 0.1 * step + settles), 30.0)
         self._waits_for_rest()
-        assert abs(self._read(to_go)) <= max(close, steps[-1])
+        assert abs(self._read(to_go)) <= max(close, steps[-1]) + settles
 
     def _arrived(
         self, to_go: Callable[[], float | None], expected: float, most_off: float

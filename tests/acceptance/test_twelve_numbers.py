@@ -21,7 +21,7 @@ from profiles.paper.record import Record, Relation, Section
 from tests.acceptance.document import TEXT, compare_block, table_lines
 from tests.compact import close_together
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.timeout(300), pytest.mark.long]
 
 WANTED = {
     1: {"lathe.plain 1": (55.0, 0.1), "lathe.plain 2": (33.0, 0.1), "lathe.plain_lobe 1": (27.5, 0.02)},

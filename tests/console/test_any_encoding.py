@@ -176,6 +176,7 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
         "lines.py Segment",
         "plot/cell_view.py Segment",
         "lines.py to_strip",
+        "pages/records.py Input",
         "pages/setup.py Input",
         "pages/trace_chooser.py Input",
     }

@@ -29,6 +29,8 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import load_job
 from tests.compact import compact_machine
 
+pytestmark = pytest.mark.long
+
 MACHINE = compact_machine().machine
 JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=2.0)
 IN_CUT_S = 4.5

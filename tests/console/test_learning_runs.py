@@ -19,7 +19,7 @@ Console = Callable[..., Any]
 
 JobFile = Callable[..., Path]
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.timeout(300), pytest.mark.long]
 
 HALF_MM, QUARTER_MM = "4.0", "2.0"
 """Half and a quarter of the cut of the paper's jobs: there is less to learn from, and the limits are the same."""

@@ -21,6 +21,8 @@ from console.session.data.record_file import FILE_NAME
 from console.session.data.records import RunRecord
 from console.session.data.run_reader import runs, story
 
+pytestmark = pytest.mark.long
+
 KILLS, AT_ONCE, LONGEST_S = 200, 20, 0.15
 CONSOLES, EVENTS = 50, 5
 RUN = {

@@ -25,6 +25,8 @@ from tests.matrix.page import page
 from tests.matrix.rig import RUN_OUT_S, TIMEOUT_S, LogNowhere, planned_once, record_in_memory
 from tests.matrix.situations import RUNNING_OUT, Situation
 
+pytestmark = pytest.mark.long
+
 PAGE = Path(__file__).parents[2] / "docs" / "fault-matrix.md"
 
 

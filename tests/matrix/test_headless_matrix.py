@@ -18,6 +18,8 @@ from tests.matrix.headless_expected import HEADLESS, KNOWN, TRIED, right_of
 from tests.matrix.judging import sent_fits, strongest, told_fits
 from tests.matrix.rig import RUN_OUT_S, TIMEOUT_S
 
+pytestmark = pytest.mark.long
+
 BY_NAME = {row.name: row for row in (*ROWS, INTERRUPT)}
 
 

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.run_page import a_frame, moments_of_a_cut
 from console.session.station.state import StationState
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.long]
 
 FRAMES = 15
 

@@ -30,7 +30,7 @@ from tests.system.patient_card import PatientCard, patient_card
 from tests.system.run_over_link import Order
 from tests.terminal import Terminal
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.long]
 
 MACHINE, JOB = "shed-lathe", "bearing-ring"
 CUT_MM = 1.0

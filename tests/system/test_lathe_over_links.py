@@ -17,7 +17,7 @@ from drivers.pmac.gathering.gather_client import DataGathering
 from profiles.store import load_job
 from tests.system.lathe_sites import LINKS, MACHINES, Site, build, compact, opened
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.long]
 
 JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.25)
 STEP_COUNTS = 250.0

@@ -28,7 +28,7 @@ from drivers.simulator.machine import SimulatedLathe
 from tests.system.patient_card import PatientCard, patient_card
 from tests.system.run_over_link import Order, order
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.long]
 
 TOOL, SPINDLE, CARRIAGE = 1, 2, 3
 CUT_MM = 4.0

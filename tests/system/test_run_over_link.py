@@ -27,7 +27,7 @@ from tests.terminal import Terminal
 if TYPE_CHECKING:
     from tests.system.conftest import Serve, Served
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.long]
 
 TIMEOUT_S = 40.0
 SHORT_MM = 0.5

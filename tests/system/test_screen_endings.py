@@ -15,7 +15,7 @@ from console.session.station.link_thread import LEAVE_S
 from tests.terminal import Terminal
 from tests.trainee import Trainee, console, console_at, simulator_of
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.long]
 
 PROMPT_S = 6.0
 """For a console that is told to end in mid-motion: ramp, drives off, and the proof of rest after both."""

@@ -11,7 +11,7 @@ import pytest
 from console.tui.app import SETTLED_S
 from tests.trainee import Trainee, console, console_at
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(120), pytest.mark.long]
 
 SCANNED = "WO-10024\r"
 """A work order, as a scanner types it: its digits are those of pages, its Enter is that of a confirmation."""

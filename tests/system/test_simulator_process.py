@@ -29,7 +29,7 @@ from drivers.simulator.hosts.process import SimulatorProcess
 from profiles.roundness import evaluate
 from profiles.store import BUNDLED_MACHINES, load_job, load_machine
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.long]
 
 MACHINE = BUNDLED_MACHINES / "lee-2001-lathe.toml"
 JOB = load_job("lee-2001-experiment-1").job

@@ -25,7 +25,9 @@ MORE_THAN_THE_LINE_HOLDS = ("?",) * 81
 pytestmark = [pytest.mark.system, pytest.mark.timeout(180)]
 
 
-@pytest.mark.parametrize(("language", "columns", "rows"), [("en", 80, 24), ("ko", 100, 30)])
+@pytest.mark.parametrize(
+    ("language", "columns", "rows"), [("en", 80, 24), pytest.param("ko", 100, 30, marks=pytest.mark.long)]
+)
 def test_a_trainee_makes_a_round_part_with_a_stop_in_mid_cut(
     language: str, columns: int, rows: int, tmp_path: Path
 ) -> None:

@@ -61,9 +61,9 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
     asked = options.keep or bool(reasons)
     show(
         options,
-        lambda: {**_lesson_fields(found), "kept": kept and str(kept), "warnings": warnings},
+        lambda: {**_step_fields(found), "kept": kept and str(kept), "warnings": warnings},
         lambda: [
-            *_lesson_lines(found, text, fails=_fails(found, job)),
+            *_step_lines(found, text, fails=_fails(found, job)),
             *_kept_lines(following, kept, asked, options, text),
         ],
     )
@@ -120,7 +120,7 @@ def _refuse_unused(options: Namespace) -> None:
         raise SessionError(Problem(code="learned.unused", key=key, value=value))
 
 
-def _lesson_fields(found: Taught) -> dict[str, object]:
+def _step_fields(found: Taught) -> dict[str, object]:
     """Return a learning step; what cannot be determined from two parts is null."""
     step = found.step
     lobes = step.next.path.target.lobes
@@ -165,7 +165,7 @@ def _still_holds(version: LearnedCompensation, asked: HoldsFor) -> bool:
     return (holds.job_sha256, holds.machine_sha256) == (asked.job_sha256, asked.machine_sha256)
 
 
-def _lesson_lines(found: Taught, text: Catalogue, *, fails: bool) -> list[str]:
+def _step_lines(found: Taught, text: Catalogue, *, fails: bool) -> list[str]:
     """Return a learning step; for a part that `fails` also why it is not round."""
     step, made = found.step, found.made
     holds, part = step.next.holds_for, step.next.part
