@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
@@ -20,13 +19,16 @@ from console.session.station.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.alarms.logged_control import LoggedControl
+from console.tui.collector import Collector
 from console.tui.driver import StopSent, TooFast, Written
 from console.tui.frame import ROWS, Frame, frame_rows, small_rows
 from console.tui.gate import PASTED, FieldKind, HeldKeys, Situation, Verdict, is_page, is_stray, judge, stop_reason
-from console.tui.keymap import Action, PageName
+from console.tui.keymap import READING, TAKE, Action, PageName
+from console.tui.layout import CSS, SMALLEST, cramped, is_small
 from console.tui.lines import Line, Sheet
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.page import Page
+from console.tui.palette_keys import PaletteKeys
 from console.tui.previewing import ChosenPath, Previewer, fault_of
 from console.tui.standing_orders import StandingOrders
 from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette
@@ -37,8 +39,6 @@ from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
 TICK_S = 0.1
-SMALLEST = (60, 18)  # columns and rows below which no page is shown and nothing can be started
-SMALLEST_TO_MOVE = (80, 24)  # columns and rows below which pages are shown, but motion cannot be commanded
 SETTLED_S = 1.0  # time after the last command until a poll shows whether it causes motion
 
 
@@ -48,18 +48,7 @@ class ConsoleApp(App[None]):
     The rest is for screenshots.
     """
 
-    CSS = """
-    Screen { layout: vertical; background: $background; color: $foreground; }
-    .row { height: 1; width: 1fr; }
-    #body { height: 1fr; width: 1fr; }
-    .page { height: 1fr; width: 1fr; }
-    #list, #small { height: 1fr; width: 1fr; padding: 0 1; display: none; }
-    .page.-away { display: none; }
-    .reading #list { display: block; }
-    .reading .page { display: none; }
-    .small .row, .small #body { display: none; }
-    .small #small { display: block; padding: 0; }
-    """
+    CSS = CSS
     ENABLE_COMMAND_PALETTE = False
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-medium"), (160, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-low"), (30, "-mid"), (48, "-tall")]  # noqa: RUF012
@@ -88,7 +77,7 @@ class ConsoleApp(App[None]):
         self.ui = UiContext(text=text, palette=palette, control=self._logs, machine=machine, data=data, go=self.go)
         self._begin, self._heard = begin, heard
         self._ui_loop: asyncio.AbstractEventLoop | None = None
-        self._leaving = False
+        self._leaving, self._collector = False, Collector()
         self.fault: Exception | None = None
         self._local_time = local_time
         self._ticking = ticking
@@ -99,10 +88,10 @@ class ConsoleApp(App[None]):
         self._acted_s = float("-inf")
         self._orders = StandingOrders(self.ui)
         self._held = HeldKeys()
-        self._collector_spared = False
         self._previewer, self._path = Previewer(), ChosenPath()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
         self._list = ListPanel(palette, text)
+        self._palette = PaletteKeys(self.ui, self._list, self._why_not)
         self._small = Sheet(palette, id="small")
 
     def compose(self) -> ComposeResult:
@@ -139,7 +128,9 @@ class ConsoleApp(App[None]):
         ui = self.ui
         ui.control.beat()
         state = ui.control.state
-        self._spare_the_stop(state.may_move)
+        self._collector.spare(state.may_move)
+        if self._list.is_palette and ui.answers(self._orders.why_not("palette")):
+            self._list.open(PAGE)
         ui.forget_stale_answer(state)
         ui.log = self.log_of(state)
         # The link thread loads the numerics before it reads the settings; any page but the first needs them.
@@ -157,12 +148,6 @@ class ConsoleApp(App[None]):
             page.fit()
             self._safely(lambda: page.show(view))
         self._safely(lambda: self._show_frame(page, view))
-
-    def _spare_the_stop(self, may_move: bool) -> None:
-        """Collect only new objects while something moves: a full collection would delay a key by 0.1 s."""
-        if may_move is not self._collector_spared:
-            self._collector_spared = may_move
-            (gc.freeze if may_move else gc.unfreeze)()
 
     def go(self, name: PageName) -> None:
         """Show another page."""
@@ -190,10 +175,13 @@ class ConsoleApp(App[None]):
             jog=self.ui.jog,
             reading=self._list.is_open,
             at_rest=self._is_known_at_rest,
+            seeking=self._list.is_palette,
         )
 
     @property
     def _field(self) -> FieldKind:
+        if self._list.is_palette:  # in any doubt about motion Space stops
+            return FieldKind.TEXT if self._is_known_at_rest else FieldKind.NONE
         page = self._pages.get(self._page)
         return FieldKind.NONE if page is None else page.field
 
@@ -265,7 +253,7 @@ class ConsoleApp(App[None]):
 
     @property
     def _is_small(self) -> bool:
-        return self.size.width < SMALLEST[0] or self.size.height < SMALLEST[1]
+        return is_small(self.size)
 
     def _made(self, name: PageName) -> Page:
         if name not in self._pages:
@@ -282,7 +270,7 @@ class ConsoleApp(App[None]):
             state=state,
             machine=self.ui.machine.machine,
             page=self._page,
-            field=page.field,
+            field=self.situation().field,
             next_step=page.next_step(view),
             said=self.ui.said,
             clock=self._local_time(),
@@ -290,6 +278,8 @@ class ConsoleApp(App[None]):
             job="" if view.work is None else printable(view.work.job.name),
         )
         width = max(self.size.width - 2, 1)
+        if self._list.is_palette:
+            self._palette.offer(self._page)
         if self._list.is_open:
             self._list.lay_open(frame, page.in_full(view, width), width)
         self._show_rows(self.rows_of(frame))
@@ -324,9 +314,15 @@ class ConsoleApp(App[None]):
         now = self.situation()
         self._typed = now.field is FieldKind.TEXT
         verdict, action = judge(event.key, event.character, now)
+        if event.key in TAKE.keys and self._palette.still_taking():
+            verdict, action = Verdict.NOTHING, None
         match verdict:
+            case Verdict.FIELD if now.seeking:
+                self._palette.write(event.key, event.character)
             case Verdict.FIELD:
                 return False
+            case Verdict.ACTION if action is TAKE:
+                self._palette.take(self._page, lambda taken: self._do(taken, page))
             case Verdict.STOP if isinstance(event, Written) and event.stopped:
                 pass  # stopped by the thread that read it; here it is part of the number it interrupts
             case Verdict.STOP if action is None or not is_page(action):
@@ -337,8 +333,8 @@ class ConsoleApp(App[None]):
                 self.kill_now(event.key)
             case Verdict.ACTION if isinstance(event, Written):
                 self.ui.say("screen.entry_over")
-            case Verdict.ACTION if action is not None and action.id in ("messages", "list.up", "list.down"):
-                self._list.read(action)  # what was said stays said: it is to be read
+            case Verdict.ACTION if action is not None and (action.id == "messages" or action in READING):
+                self._list.read(action, event.key)  # what was said stays said: it is to be read
             case Verdict.ACTION | Verdict.STOP if action is not None:
                 self.ui.said = ()
                 self._dismissed = self.ui.control.state.refusals
@@ -355,9 +351,7 @@ class ConsoleApp(App[None]):
     def _do(self, action: Action, page: Page) -> None:
         now_s = self.ui.control.now_s()
         repeats = self._held.repeats(action, now_s)
-        columns, rows = SMALLEST_TO_MOVE
-        if action.moves and (self.size.width < columns or self.size.height < rows):
-            self.ui.say("screen.cramped", limit=f"{columns} x {rows}")
+        if self.ui.answers(cramped(action, self.size)):
             return
         if repeats:
             self.ui.say("screen.key_repeats")
@@ -365,6 +359,9 @@ class ConsoleApp(App[None]):
         match action.id.split("."):
             case ["page", name]:
                 self.go(PageName(name))
+            case ["palette"]:
+                if not self.ui.answers(self._orders.why_not("palette")):
+                    self._list.search()
             case ["help"]:
                 self._list.step()
             case ["close"]:
@@ -382,6 +379,12 @@ class ConsoleApp(App[None]):
                 self._list.open(PAGE)
                 self._acted_s = now_s
                 self._safely(lambda: page.act(action.id))
+
+    def _why_not(self, action: Action) -> tuple[Problem, ...]:
+        """Return why an action cannot be done now: what its key would answer."""
+        if action.page is None:
+            return self._orders.why_not(action.id)
+        return cramped(action, self.size) or self._made(action.page).why_not(action.id, self.ui.view)
 
     def _safely(self, work: Callable[[], None]) -> None:
         """Run an operation of one page. Its faults stay its own: the rows, the stop and the machine continue."""

@@ -10,7 +10,18 @@ import math
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from console.tui.keymap import CLOSE, KILL_KEYS, READING, STOP_KEYS, Action, PageName, Stops, action_of
+from console.tui.keymap import (
+    CLOSE,
+    KILL_KEYS,
+    PALETTE,
+    READING,
+    STOP_KEYS,
+    TAKE,
+    Action,
+    PageName,
+    Stops,
+    action_of,
+)
 
 NUMBER_CHARACTERS = frozenset("0123456789+-.,")
 FIELD_KEYS = frozenset({"backspace", "delete", "left", "right", "home", "end"})
@@ -47,7 +58,8 @@ class Situation:
 
     `reading`: a list is in place of the page, and the keys that scroll it do nothing else. `jogging` is
     whether the motion is a jog step, `jog` the action that requested the last one. `at_rest`: it is known that
-    nothing moves, nor is about to.
+    nothing moves, nor is about to. `seeking`: the list is the palette, into which words are typed; its `field` is
+    text only while it is known that nothing moves.
     """
 
     page: PageName
@@ -58,11 +70,14 @@ class Situation:
     jogging: bool = False
     jog: str | None = None
     at_rest: bool = False
+    seeking: bool = False
 
 
 def stops_at_once(key: str, now: Situation) -> bool:
     """Return whether a key stops in any state: not Space in free text, nor Escape that closes a list at rest."""
     if key == "space":
+        if now.seeking:
+            return now.moving or now.small or not now.at_rest or now.field is not FieldKind.TEXT
         # Nothing can be typed while a list is open, so Space is no space there.
         return now.reading or now.field is not FieldKind.TEXT
     return key in STOP_KEYS and not _closes_list(key, now)
@@ -80,6 +95,8 @@ def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Act
         return Verdict.KILL, None
     if _closes_list(key, now):
         return Verdict.ACTION, CLOSE
+    if now.seeking:
+        return _sought(key, character, now)
     if _writes(key, character, now.field) and not now.reading:
         return Verdict.FIELD, None
     action = _action(key, character, now)
@@ -87,6 +104,23 @@ def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Act
         return (Verdict.STOP if _changes(action, now) else Verdict.ACTION), action
     if now.moving and not is_modifier(key):
         return Verdict.STOP, None
+    return Verdict.NOTHING, None
+
+
+def _sought(key: str, character: str | None, now: Situation) -> tuple[Verdict, Action | None]:
+    """Return the decision about a key while the palette is open: text or a choice; in motion every key stops."""
+    if now.moving:
+        return (Verdict.NOTHING if is_modifier(key) else Verdict.STOP), None
+    of_page = action_of(key, character, now.page)
+    if not now.small:
+        chosen = next((each for each in (*READING, TAKE) if key in each.keys), None)
+        if chosen is not None:
+            return Verdict.ACTION, chosen
+        if key == "backspace" or (character is not None and character.isprintable()):
+            return Verdict.FIELD, None
+    everywhere = of_page is not None and of_page.page is None and not is_page(of_page)
+    if everywhere and (not now.small or key == "ctrl+q"):
+        return Verdict.ACTION, of_page
     return Verdict.NOTHING, None
 
 
@@ -103,6 +137,8 @@ def _action(key: str, character: str | None, now: Situation) -> Action | None:
         return scrolling
     action = action_of(key, character, now.page)
     if action is None or (now.small and action.id != "quit"):
+        return None
+    if action is PALETTE and now.field is not FieldKind.NONE:  # it has an entry of its own
         return None
     if now.field is not FieldKind.NONE and now.reading:
         return action if action.page is None and not is_page(action) else None

@@ -23,7 +23,7 @@ Escape closes the list of keys where one is open and nothing moves.
 KILL_KEYS = ("f9",)
 
 KEY_WIDTH = 8
-LISTS = 2
+LISTS = 2  # lists of keys
 
 
 class PageName(StrEnum):
@@ -72,6 +72,7 @@ class Action:
 
 
 CLOSE = Action(id="close", keys=("backspace",), shown="⌫")
+PALETTE = Action(id="palette", keys=(":", "colon", "ctrl+p"), shown=": ^P", row="")
 
 ACTIONS: tuple[Action, ...] = (
     *(
@@ -89,6 +90,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="take_over", keys=("t", "ㅅ"), shown="t", row="", once=True),
     Action(id="messages", keys=("w", "ㅈ"), shown="w", row=""),
     Action(id="help", keys=("?", "f1"), shown="?"),
+    PALETTE,
     Action(id="quit", keys=("ctrl+q",), shown="^Q"),
     CLOSE,
     Action(id="jobs.up", keys=("up",), shown="↑", row="↑↓"),
@@ -113,6 +115,10 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="jobs.export", keys=("x", "ㅌ"), shown="x", row=""),
     Action(id="setup.next", keys=("tab", "down"), shown="↓ Tab", row="↑↓"),
     Action(id="setup.previous", keys=("shift+tab", "up"), shown="↑", row=""),
+    Action(id="setup.page_up", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="setup.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="setup.first", keys=("home",), shown="Home", row=""),
+    Action(id="setup.last", keys=("end",), shown="End", row="", beside=True),
     Action(id="setup.edit", keys=("enter",), shown="Enter"),
     Action(id="setup.undo", keys=("u", "ㅕ"), shown="u"),
     Action(id="setup.save_as", keys=("s", "ㄴ"), shown="s"),
@@ -122,6 +128,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="preview.program", keys=("p", "ㅔ"), shown="p"),
     Action(id="preview.up", keys=("up", "pageup"), shown="↑", row="↑↓"),
     Action(id="preview.down", keys=("down", "pagedown"), shown="↓", row=""),
+    Action(id="preview.first", keys=("home",), shown="Home", row=""),
+    Action(id="preview.last", keys=("end",), shown="End", row="", beside=True),
     Action(id="align.step", keys=("f4",), shown="F4", moves=True, once=True),
     Action(id="align.take", keys=("enter",), shown="Enter", once=True),
     Action(id="align.enable", keys=("j", "ㅓ"), shown="j"),
@@ -146,8 +154,12 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="inspect.import", keys=("i", "ㅑ"), shown="i"),
     Action(id="inspect.export", keys=("x", "ㅌ"), shown="x", row=""),
     Action(id="inspect.next", keys=("enter",), shown="Enter"),
-    Action(id="inspect.up", keys=("up", "pageup"), shown="↑", row="", stops=Stops.MOTION),
-    Action(id="inspect.down", keys=("down", "pagedown"), shown="↓", row="", stops=Stops.MOTION),
+    Action(id="inspect.up", keys=("up",), shown="↑", row="", stops=Stops.MOTION),
+    Action(id="inspect.down", keys=("down",), shown="↓", row="", stops=Stops.MOTION, beside=True),
+    Action(id="inspect.page_up", keys=("pageup",), shown="PgUp", row="", stops=Stops.MOTION),
+    Action(id="inspect.page_down", keys=("pagedown",), shown="PgDn", row="", stops=Stops.MOTION, beside=True),
+    Action(id="inspect.first", keys=("home",), shown="Home", row="", stops=Stops.MOTION),
+    Action(id="inspect.last", keys=("end",), shown="End", row="", stops=Stops.MOTION, beside=True),
     Action(id="inspect.path", keys=("p", "ㅔ"), shown="p", row="", stops=Stops.MOTION),
     Action(id="inspect.state", keys=("s", "ㄴ"), shown="s", row="", stops=Stops.MOTION),
     Action(id="inspect.direction", keys=("d", "ㅇ"), shown="d", row="", stops=Stops.MOTION),
@@ -182,8 +194,13 @@ ACTIONS: tuple[Action, ...] = (
 READING = (
     Action(id="list.up", keys=("up", "pageup"), shown="↑"),
     Action(id="list.down", keys=("down", "pagedown"), shown="↓"),
+    Action(id="list.first", keys=("home",), shown="Home"),
+    Action(id="list.last", keys=("end",), shown="End"),
 )
 """Actions of these keys while a list is in place of the page, instead of those on the page."""
+
+TAKE = Action(id="list.take", keys=("enter",), shown="Enter", once=True)
+"""What Enter does in the palette: it shows the page of an action, or performs one that moves nothing."""
 
 
 def action_of(key: str, character: str | None, page: PageName) -> Action | None:
@@ -211,7 +228,7 @@ def help_lines(text: Catalogue, page: PageName, number: int, width: int) -> list
     for action in ACTIONS:
         if action.page is None and action is not CLOSE and not action.beside:  # the last row names it
             rows += _row(action.shown, text(f"key_help.{action.id}"), width)
-    return [*rows, line(dim(text("help.close")))]
+    return [*rows, line(dim(text("help.terms")))]
 
 
 def _row(shown: str, said: str, width: int) -> list[Line]:

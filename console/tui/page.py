@@ -44,6 +44,10 @@ class Page(Container):
     def act(self, action: str) -> None:
         """Perform the action of one of the page's own keys."""
 
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why an action of the page cannot be done now: what its key answers. Empty where it can."""
+        return ()
+
     def next_step(self, view: View) -> Line:
         """Return the next thing to do, with its key."""
         raise NotImplementedError

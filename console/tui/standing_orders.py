@@ -16,12 +16,27 @@ class StandingOrders:
         self._ui = ui
         self._asked_over_s = float("-inf")
 
+    def why_not(self, action: str) -> tuple[Problem, ...]:
+        """Return why an action of every page has no effect now."""
+        state, code = self._ui.control.state, ""
+        match action:
+            case "recover" if state.stop is None and (state.snapshot is None or not state.snapshot.lost):
+                code = "screen.nothing_to_recover"
+            case "acknowledge" if not state.alarms:
+                code = "screen.nothing_to_acknowledge"
+            case "take_over" if state.controls:
+                code = "screen.controls_already"
+            case "quit" if state.moving:
+                code = "screen.quit_moving"
+            case "palette" if state.may_move or state.seen_moving:
+                code = "screen.palette_moving"
+        return (Problem(code=code),) if code else ()
+
     def recover(self) -> None:
         """Recover after a stop or the loss of the machine."""
         from console.session.station.commands import Recover
 
-        state = self._ui.control.state
-        if state.stop is not None or (state.snapshot is not None and state.snapshot.lost):
+        if not self._ui.answers(self.why_not("recover")):
             self._ui.control.post(Recover())
 
     def take_control(self) -> None:
@@ -29,9 +44,9 @@ class StandingOrders:
         from console.session.station.commands import TakeControl
 
         ui = self._ui
-        if ui.control.state.controls:
-            ui.say("screen.controls_already")
-        elif ui.control.now_s() - self._asked_over_s > TAKE_OVER_WITHIN_S:
+        if ui.answers(self.why_not("take_over")):
+            return
+        if ui.control.now_s() - self._asked_over_s > TAKE_OVER_WITHIN_S:
             self._asked_over_s = ui.control.now_s()
             code = "screen.take_over_again" if ui.control.state.holder else "screen.take_control_again"
             ui.say(code, limit=f"{TAKE_OVER_WITHIN_S:g} s")
@@ -43,6 +58,8 @@ class StandingOrders:
         """Acknowledge what is shown: the chosen alarm, the one in the row, or all in the list of messages."""
         from console.session.station.commands import Acknowledge
 
+        if self._ui.answers(self.why_not("acknowledge")):
+            return
         alarms = self._ui.control.state.alarms
         front = foremost(alarms)
         listed = tuple(alarm.problem for alarm in (alarms if all_of_them or front is None else (front,)))

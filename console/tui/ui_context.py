@@ -85,9 +85,18 @@ class UiContext:
 
     def refuses(self, action: str) -> bool:
         """Whether the station cannot take the command of this action now; the answer says why."""
-        if word := waiting(self.control.state):
-            self.say(_REFUSALS[word], key=KEYS[action])
-        return bool(word)
+        return self.answers(refusal(self.control.state, action))
+
+    def answers(self, reasons: tuple[Problem, ...]) -> bool:
+        """Whether there are reasons against the action of the last key; they are its answer."""
+        if reasons:
+            self.said = reasons
+        return bool(reasons)
+
+    @property
+    def view(self) -> View:
+        """What the pages are shown now."""
+        return View(state=self.control.state, work=self.work, now_s=self.control.now_s())
 
     def say_until_key(self, problem: Problem) -> None:
         """Show until the next key a text that holds in any state, such as why the machine is being stopped."""
@@ -126,6 +135,12 @@ def waiting(state: StationState) -> str:
     if state.moving:
         return "stopping" if state.activity is Activity.STOPPING else "moving"
     return "" if state.activity is Activity.READY else "busy"
+
+
+def refusal(state: StationState, action: str) -> tuple[Problem, ...]:
+    """Return why the station cannot take the command of an action now, empty where it can."""
+    word = waiting(state)
+    return (Problem(code=_REFUSALS[word], key=KEYS[action]),) if word else ()
 
 
 def locked(state: StationState, moving: str, armed: str) -> Problem | None:

@@ -20,6 +20,14 @@ situations = st.builds(
     small=st.booleans(),
     reading=st.booleans(),
 )
+SCROLLS = {
+    "up": "list.up",
+    "down": "list.down",
+    "pageup": "list.up",
+    "pagedown": "list.down",
+    "home": "list.first",
+    "end": "list.last",
+}
 LETTERS = set(string.ascii_letters) | {chr(code) for code in range(0x3131, 0x3164)}
 
 
@@ -59,7 +67,7 @@ def test_what_moves_is_not_stopped_by_a_key_that_has_a_meaning_but_by_a_change_o
     }
     jogs = {"in", "out", "chuck", "tail", "forward", "backward"}
     # The list of traces is closed in motion, so that its keys mean nothing then.
-    of_list = {"up", "down", "path", "state", "direction", "mark"}
+    of_list = {"up", "down", "page_up", "page_down", "first", "last", "path", "state", "direction", "mark"}
     expected = {
         PageName.ALIGN: {f"align.{way}" for way in (*jogs, "off")},
         PageName.INSPECT: {f"inspect.{way}" for way in of_list},
@@ -138,12 +146,58 @@ def test_a_key_that_means_nothing_stops_what_moves(now: Situation, key: str) -> 
     assert verdict is (Verdict.STOP if now.moving else Verdict.NOTHING)
 
 
-@given(situations, st.sampled_from(["up", "down", "pageup", "pagedown"]))
+@given(situations, st.sampled_from(sorted(SCROLLS)))
 def test_while_a_list_is_read_the_keys_that_scroll_it_do_nothing_else(now: Situation, key: str) -> None:
     reading = replace(now, reading=True, small=False)
     verdict, action = judge(key, None, reading)
     assert verdict is Verdict.ACTION and action is not None
-    assert action.id == ("list.up" if "up" in key else "list.down") and not action.moves
+    assert action.id == SCROLLS[key] and not action.moves
+
+
+seeking = situations.map(lambda now: replace(now, reading=True, seeking=True, field=FieldKind.TEXT))
+
+
+@given(seeking, st.booleans())
+def test_space_is_a_word_of_the_palette_only_while_it_is_known_that_nothing_moves(
+    now: Situation, known: bool
+) -> None:
+    asked = replace(now, at_rest=known)
+    types = known and not now.moving and not now.small
+    assert judge("space", " ", asked)[0] is (Verdict.FIELD if types else Verdict.STOP)
+    unfocused = replace(asked, field=FieldKind.NONE)
+    assert judge("space", " ", unfocused)[0] is Verdict.STOP
+    for key in ("f12", "escape"):
+        closes = key == "escape" and types
+        assert judge(key, None, asked)[0] is (Verdict.ACTION if closes else Verdict.STOP)
+    assert judge("f9", None, asked)[0] is Verdict.KILL
+
+
+@given(
+    seeking,
+    st.sampled_from(["a", "ㅋ", "5", "?", ":", "f6", "f4", "f11", "up", "enter", "tab", "backspace", "alt+d"]),
+)
+def test_nothing_of_the_page_is_done_behind_the_palette_and_in_motion_every_key_stops(
+    now: Situation, key: str
+) -> None:
+    character = key if len(key) == 1 else None
+    verdict, action = judge(key, character, now)
+    if now.moving:
+        assert verdict is Verdict.STOP and action is None
+        assert stop_reason(key, character, action).startswith("unbound ")
+    else:
+        assert verdict in (Verdict.FIELD, Verdict.ACTION, Verdict.NOTHING)
+        assert action is None or (action.page is None and not action.moves)
+        assert (verdict is Verdict.FIELD) is (not now.small and (character is not None or key == "backspace"))
+
+
+@given(situations)
+def test_the_palette_is_no_stop_in_motion_and_opens_not_in_the_middle_of_an_entry(now: Situation) -> None:
+    for key, character in ((":", ":"), ("colon", ":"), ("ctrl+p", "\x10")):
+        verdict, action = judge(key, character, now)
+        if now.field is FieldKind.NONE and not now.small:
+            assert verdict is Verdict.ACTION and action is not None and action.id == "palette"
+        else:
+            assert action is None
 
 
 @pytest.mark.parametrize("key", ["left_shift", "right_ctrl", "caps_lock", "shift"])

@@ -12,8 +12,9 @@ from textual.pilot import Pilot
 
 from console.session.station.state import Activity
 from console.text.catalogue import load
-from console.tui.app import SMALLEST, ConsoleApp
+from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName, actions_of
+from console.tui.layout import SMALLEST
 from tests.tui.scenes import application, fill, played, rows_of, scene_of, settle
 from tests.tui.stage import LANGUAGES, FixedControl
 

@@ -73,6 +73,14 @@ class AlarmsPage(Page):
         else:
             self._select(action)
 
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why nothing can be acknowledged: none is seen in the log, or none waits."""
+        if action != "alarms.all":
+            return ()
+        if self._of_log:
+            return (Problem(code="screen.alarms_list_first"),)
+        return () if self._waiting() else (Problem(code="screen.nothing_to_acknowledge"),)
+
     def show(self, view: View) -> None:
         """Show the newest state."""
         if self._of_log:
@@ -146,11 +154,13 @@ class AlarmsPage(Page):
     def _acknowledge_all(self) -> None:
         from console.session.station.commands import Acknowledge  # not for the first paint
 
-        waiting = tuple(each.problem for each in self._history.standing if not each.alarm.acknowledged)
-        if waiting:
+        if waiting := self._waiting():
             self.ui.control.post(Acknowledge(shown=waiting))
         else:
             self.ui.say("screen.nothing_to_acknowledge")
+
+    def _waiting(self) -> tuple[Problem, ...]:
+        return tuple(each.problem for each in self._history.standing if not each.alarm.acknowledged)
 
     def _show_alarms(self, view: View) -> None:
         text, history, entry = self.ui.text, self._history, self._entry

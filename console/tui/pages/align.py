@@ -16,14 +16,14 @@ from console.tui.page import Page
 from console.tui.pages import align_lines
 from console.tui.pages.align_jog import JOGS, JogKeys
 from console.tui.pages.jog_lines import chuck_lines, jog_lines
+from console.tui.refusals.align_reasons import align_reasons
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View, waiting
+from console.tui.ui_context import UiContext, View, refusal, waiting
 from drivers.lathe.snapshot import AxisName
 from profiles.job import Job
 from profiles.problem import Problem
 
 CONFIRM_S = 3.0  # time in which a second Enter confirms the warning of the first
-_BY_HAND = {AlignStep.CLAMP: "screen.enter_does_it", AlignStep.JAW: "screen.jog_does_it"}
 
 
 class AlignPage(Page):
@@ -103,6 +103,14 @@ class AlignPage(Page):
             }
             answers[action](action)
 
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why the machine, the step or the jog is not ready for a key."""
+        if action in JOGS:
+            return self._jog.why_not(action, view.state, view.now_s)
+        if action in ("align.larger", "align.smaller"):
+            return ()
+        return refusal(view.state, action) or align_reasons(action, view.state, view.job, self.ui.machine.machine)
+
     def next_step(self, view: View) -> Line:
         """Return what to do now."""
         text, state, job = self.ui.text, view.state, view.job
@@ -154,17 +162,14 @@ class AlignPage(Page):
     def _do_step(self, key: str) -> None:
         """Run the present step, where the machine does it (F4)."""
         state, job = self.ui.control.state, self.ui.job
-        if self.ui.refuses(key):
+        if self.ui.answers(self.why_not(key, self.ui.view)):
             return
         match align_lines.step_now(state.alignment, job):
             case AlignStep.VERIFY:
                 self.ui.control.post(commands.Verify())
             case AlignStep.CLAMP if align_lines.is_in_part(state, self.ui.machine.machine):
                 # The tool must be retracted before the chuck is opened; that needs its drive.
-                if state.snapshot is not None and state.snapshot.loops_closed:
-                    self.ui.say("machine.tool_in_part")
-                else:
-                    self.ui.control.post(commands.EnableDrives())
+                self.ui.control.post(commands.EnableDrives())
             case AlignStep.CLAMP if align_lines.drives_are_on(state):
                 self.ui.control.post(commands.DisableDrives())
             case AlignStep.DRIVES:
@@ -173,35 +178,19 @@ class AlignPage(Page):
                 self.ui.control.post(commands.Home())
             case AlignStep.TOUCH_OFF if job is not None:
                 self.ui.control.post(commands.Approach(job=job))
-            case None:
-                self.ui.say("screen.nothing_to_align" if job is None else "screen.aligned")
-            case step:
-                self.ui.say(_BY_HAND[step])
 
     def _take(self, key: str) -> None:
         """Confirm what was done by hand, or take the present position (Enter). Nothing moves."""
         state, job = self.ui.control.state, self.ui.job
-        if self.ui.refuses(key):
-            return
-        if job is None:
-            self.ui.say("screen.nothing_to_align")
+        if self.ui.answers(self.why_not(key, self.ui.view)) or job is None:
             return
         match align_lines.step_now(state.alignment, job):
-            case AlignStep.CLAMP:
-                self._confirm_clamping(state, job)
-            case AlignStep.DRIVES if not align_lines.drives_are_on(state):
-                # Another blank: the chuck may have been opened since the drives were disabled after a cut.
-                self._confirm_clamping(state, job)
+            case AlignStep.CLAMP | AlignStep.DRIVES:
+                self.ui.control.post(commands.ConfirmClamping(job=job))
             case AlignStep.JAW:
                 self._take_jaw(state)
-            case AlignStep.TOUCH_OFF if not align_lines.is_over_part(state, self.ui.machine.machine):
-                self.ui.say("alignment.beside_part", key="tool")
             case AlignStep.TOUCH_OFF:
                 self.ui.control.post(commands.TakeTouchOff(radius_mm=job.radius_mm))
-            case None:
-                self.ui.say("screen.aligned")
-            case _:
-                self.ui.say("screen.f4_does_it")
 
     def _take_jaw(self, state: StationState) -> None:
         """Take jaw 1 at the present position; visibly far from the mark, only after a second press."""
@@ -217,34 +206,13 @@ class AlignPage(Page):
 
     def _take_back(self, key: str) -> None:
         """Forget the touch-off or, before it, jaw 1: that step is the present one again. Nothing moves."""
-        state = self.ui.control.state
-        if self.ui.refuses(key):
-            return
-        alignment = state.alignment
-        later = align_lines.step_now(alignment, self.ui.job) in (AlignStep.TOUCH_OFF, None)
-        if later and (alignment.jaw is not None or alignment.touch_off is not None):
+        if not self.ui.answers(self.why_not(key, self.ui.view)):
             self.ui.control.post(commands.Forget())
-        else:
-            self.ui.say("screen.nothing_to_take_back")
-
-    def _confirm_clamping(self, state: StationState, job: Job) -> None:
-        if align_lines.drives_are_on(state):
-            self.ui.say("screen.drives_not_off")
-        elif align_lines.is_in_part(state, self.ui.machine.machine):
-            self.ui.say("machine.tool_in_part")
-        elif refused := force_problems(job):
-            self.ui.said = refused
-        else:
-            self.ui.control.post(commands.ConfirmClamping(job=job))
 
     def _switch_off(self, key: str) -> None:
-        state = self.ui.control.state
-        if self._jog.stops_what_moves(state, key) or self.ui.refuses(key):
-            return
-        if align_lines.drives_are_on(state):
+        stops = self._jog.stops_what_moves(self.ui.control.state, key)
+        if not stops and not self.ui.answers(self.why_not(key, self.ui.view)):
             self.ui.control.post(commands.DisableDrives())
-        else:
-            self.ui.say("screen.drives_are_off")
 
     def _later(self, after_s: float, call: Callable[[], None]) -> None:
         if self.is_attached:

@@ -12,7 +12,7 @@ from console.session.station.jogging import JogEnable, Steps, is_too_long, longe
 from console.session.station.state import Activity, StationState
 from console.tui.pages.align_lines import step_now
 from console.tui.pages.jog_lines import JogView
-from console.tui.ui_context import KEYS, UiContext
+from console.tui.ui_context import KEYS, UiContext, refusal
 from drivers.lathe.snapshot import AxisName
 from profiles.problem import Problem
 
@@ -117,6 +117,21 @@ class JogKeys:
         self._jog = None
         self._presses.forget()
 
+    def why_not(self, key: str, state: StationState, now_s: float) -> tuple[Problem, ...]:
+        """Return why a jog key makes no step from rest: the machine, no enable, or too long a step."""
+        if reasons := refusal(state, key):
+            return reasons
+        if self._jog is None or not self._jog.holds(state, now_s):
+            return (Problem(code="screen.jog_not_enabled"),)
+        return self._too_long(key, state)
+
+    def _too_long(self, key: str, state: StationState) -> tuple[Problem, ...]:
+        step = self._steps.of(JOGS[key][0])
+        longest = longest_toward_mm(state.snapshot, self.ui.machine.machine, state.alignment)
+        if key != "align.in" or not is_too_long(step, longest):
+            return ()
+        return (Problem(code="screen.step_too_long", value=f"{step:.3f} mm", limit=f"<= {longest:.3f} mm"),)
+
     def enable(self, key: str) -> None:
         """Enable the jog keys for a while."""
         if not self.ui.refuses(key):
@@ -201,10 +216,8 @@ class JogKeys:
     def _jog_by(self, key: str, state: StationState) -> None:
         axis, sign = JOGS[key]
         step = self._steps.of(axis)
-        longest = longest_toward_mm(state.snapshot, self.ui.machine.machine, state.alignment)
-        if key == "align.in" and is_too_long(step, longest):
+        if self.ui.answers(self._too_long(key, state)):
             self._presses.forget()
-            self.ui.say("screen.step_too_long", value=f"{step:.3f} mm", limit=f"<= {longest:.3f} mm")
             return
         self._jogged, self.ui.jog = (step_now(state.alignment, self.ui.job), axis), key
         self.renew(self.ui.control.now_s())

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from decimal import Decimal
 
+from console.session.station.state import StationState
 from console.session.work import NO_VALUE, Work, edited
 from console.text.catalogue import Catalogue
+from console.tui.ui_context import locked
 from profiles.fields import Field, Kind
 from profiles.job import JOB_FIELDS, Job
 from profiles.problem import Problem, ProfileError
 
+LOCKED = "screen.locked_moving", "screen.locked_armed"
 FILE_NAME_CAP_CHARACTERS = 60
 _FILE_NAME_CAP_BYTES = 200
 NEXT_TO_NOTHING = 0.001  # fraction of the maximum below which a minimum is not worth its cells
@@ -58,6 +61,16 @@ FORM: tuple[FormField, ...] = (
     FormField(key="lobe_error_source", heading="cut"),
 )
 
+STEPS = {
+    "setup.next": 1,
+    "setup.previous": -1,
+    "setup.page_up": -5,
+    "setup.page_down": 5,
+    "setup.first": -len(FORM),
+    "setup.last": len(FORM),
+}
+"""Fields that each key of the form goes down."""
+
 _NAMED = {field.key for field in FORM} | {"lobe_error_um_pp"}
 
 
@@ -95,6 +108,20 @@ def bounds(field: FormField) -> str:
     tiny = least is not None and most is not None and 0 < least <= NEXT_TO_NOTHING * most
     pairs = ((">", 0.0 if tiny else rule.above), ("≥", None if tiny else least), ("≤", most))
     return " ".join(f"{sign}{bound:.10g}" for sign, bound in pairs if bound is not None)
+
+
+def why_not_changed(action: str, work: Work | None, state: StationState) -> tuple[Problem, ...]:
+    """Return why an action of the form cannot be done now, without an open entry; empty where it can."""
+    if work is None:
+        return (Problem(code="screen.no_job"),)
+    if action == "setup.undo" and not work.undo:
+        return (Problem(code="screen.nothing_to_undo"),)
+    lock = locked(state, *LOCKED)
+    if lock is not None and action in ("setup.edit", "setup.undo", "setup.save_as"):
+        return (lock,)
+    if action == "setup.save_as" and work.missing:
+        return (Problem(code="screen.values_missing", value=str(len(work.missing))),)
+    return ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import sys
+
 from textual.containers import Horizontal, Vertical
 
 from console.session.data.trace_folder import export_trace
-from console.session.errors import SessionError
 from console.session.station.commands import CorrectTouchOff, Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.tui.gate import FieldKind
@@ -19,6 +20,7 @@ from console.tui.pages.lobe_lines import is_taken, lobe_lines
 from console.tui.pages.stop_lines import mark_lines
 from console.tui.pages.trace_chooser import ANSWERS, TraceChooser
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
+from console.tui.refusals.inspect_reasons import inspect_reasons
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.files import printable
@@ -26,7 +28,8 @@ from profiles.problem import Problem
 
 _BORDER_ROWS = 2
 _STEP_ROWS = 2
-STEPS = {"inspect.up": -1, "inspect.down": 1}
+STEPS = {"inspect.up": -1, "inspect.down": 1, "inspect.first": -sys.maxsize, "inspect.last": sys.maxsize}
+PAGES = {"inspect.page_up": -1, "inspect.page_down": 1}
 WORSE = ("learned.diverges", "learned.harmonic_diverges")  # reasons to revert
 MADE_WORSE = "learned.worse"  # a reason to check the set-up: reverting would not help
 ELSEWHERE = "learned.lobe_elsewhere"  # a reason to check the set-up before anything is kept
@@ -89,6 +92,8 @@ class InspectPage(ChartPage):
 
     def act(self, action: str) -> None:
         """Measure the part, keep its learning step or revert, or continue with the next one."""
+        if self.ui.answers(self.why_not(action, self.ui.view)):
+            return
         if self._chooser.is_open:
             with self.ui.answering():
                 self._choose(action)
@@ -123,6 +128,12 @@ class InspectPage(ChartPage):
         else:
             super().show(view)
 
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why nothing can be measured, kept, read or written now; in the trace chooser, what it lacks."""
+        if self._chooser.is_open:
+            return self._chooser.why_not(action)
+        return inspect_reasons(action, view)
+
     @property
     def field(self) -> FieldKind:
         """Free text while a path is typed."""
@@ -153,54 +164,36 @@ class InspectPage(ChartPage):
 
     def _correct(self) -> None:
         """Correct the touch-off by the diameter of the part; the station refuses for the same reasons."""
-        part = self.ui.control.state.measured
-        if part is None or part.tool_offset_um is None:
-            self.ui.say("trace.no_part" if part is None else "offset.no_size", limit="# radius_mm: R")
-        elif not self.ui.refuses("inspect.offset"):
-            self.ui.control.post(CorrectTouchOff())
+        self.ui.control.post(CorrectTouchOff())
 
     def _import(self) -> None:
         """Open the trace chooser, at rest and with a job."""
-        if self.ui.work is None:
-            self.ui.say("screen.nothing_to_cut")
-        elif self.ui.control.state.moving:
-            self.ui.say("machine.moving")
-        else:
-            self._chooser.open()
+        self._chooser.open()
 
     def _choose(self, action: str) -> None:
         if action == "inspect.import":
             self._chooser.close()
         elif action in STEPS:
             self._chooser.step(STEPS[action])
+        elif action in PAGES:
+            self._chooser.step(PAGES[action] * self._chooser.page_rows)
         elif action in ANSWERS:
             self._chooser.answer(action)
         elif action == "inspect.path":
             self._chooser.type_path()
-        elif action == "inspect.next":
-            self._chooser.take()
         else:
-            self.ui.say("screen.close_traces")
+            self._chooser.take()
 
     def _export(self) -> None:
         """Write the trace of the part to a file of its own."""
         part = self.ui.control.state.measured
-        if part is None:
-            raise SessionError(Problem(code="trace.no_part"))
+        assert part is not None
         path = export_trace(self.ui.data, part.trace, job=part.job.name)
         self.ui.say("trace.exported", value=printable(str(path)))
 
     def _measure(self) -> None:
-        """Measure the part, or show why not: the station refuses for the same reasons."""
-        state = self.ui.control.state
-        if not state.simulated:
-            self.ui.say("session.no_gauge")
-        elif state.moving:
-            self.ui.say("machine.moving")
-        elif not state.cut_done:
-            self.ui.say("session.nothing_cut")
-        else:
-            self.ui.control.post(Measure())
+        """Measure the part; the station refuses for the same reasons."""
+        self.ui.control.post(Measure())
 
     def paint(self, view: View) -> None:
         """Show the last part that was measured; not under the trace chooser, which may have opened since."""

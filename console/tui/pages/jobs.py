@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from textual.widgets import Input
@@ -24,6 +25,7 @@ from console.tui.theme import Token
 from console.tui.ui_context import KEYS, UiContext, View, locked
 from profiles.files import printable
 from profiles.job import Job
+from profiles.problem import Problem, ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 
 _LOCKED = "screen.open_moving", "screen.open_armed"
@@ -33,6 +35,14 @@ _PAGES = {"jobs.page_up": -1, "jobs.page_down": 1}
 _STEPS = {"jobs.up": -1, "jobs.down": 1}
 _ENTRIES = {"jobs.rename": Typing.NAME, "jobs.note": Typing.NOTE, "jobs.tags": Typing.TAGS}
 _READS = ("jobs.open", "jobs.copy", "jobs.new", "jobs.search", "jobs.sort", "jobs.export")
+_MOVES = (*_STEPS, *_PAGES, *_ENDS)
+_IMPORTS = ("jobs.open", "jobs.path", "jobs.back", "jobs.import")
+_REFUSES: dict[str, Callable[[UiContext, LibraryEntry], None]] = {
+    "jobs.rename": changes.rename_refused,
+    "jobs.delete": changes.delete_refused,
+    "jobs.note": lambda _, entry: changes.own_or_refused(entry),
+    "jobs.tags": lambda _, entry: changes.own_or_refused(entry),
+}
 _FAR = 1_000_000
 
 
@@ -103,6 +113,29 @@ class JobsPage(Page):
             self._do(action)
         else:
             self._entry.call_later(self._end_entry if action == "jobs.open" else self._do_beside, action)
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why a key of this page can do nothing now, or nothing to the selected job."""
+        opens, entry = action in ("jobs.open", "jobs.copy", "jobs.new"), self._shelf.entry
+        if self._importing and action not in (*_MOVES, *_IMPORTS):
+            return (Problem(code="screen.jobs_list_first"),)
+        if action == "jobs.path" and not self._importing:
+            return (Problem(code="screen.jobs_import_only"),)
+        changing = action not in (*_MOVES, *_READS, "jobs.back")
+        if refused := locked(view.state, *(_LOCKED if opens else _UNCHANGED)) if opens or changing else None:
+            return (refused,)
+        loaded = self._shelf.load(entry) if entry is not None and opens and action != "jobs.new" else None
+        return loaded if isinstance(loaded, tuple) else self._change_refused(action, entry)
+
+    def _change_refused(self, action: str, entry: LibraryEntry | None) -> tuple[Problem, ...]:
+        """Return why the selected job cannot be changed in this way."""
+        refuses = _REFUSES.get(action)
+        try:
+            if entry is not None and refuses is not None and not self._importing:
+                refuses(self.ui, entry)
+        except ProfileError as error:
+            return tuple(error.problems)
+        return ()
 
     def next_step(self, view: View) -> Line:
         """Return how to open the selected job, or why it cannot be."""

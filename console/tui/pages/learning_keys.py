@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 from console.session.cut.compensated import chosen_problems, using, with_accepted, without_learned
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
@@ -10,10 +11,12 @@ from console.session.errors import SessionError
 from console.session.learning.calibrating import LOBE_TAKEN, PartLobe, accept_lobe, lobe_event
 from console.session.learning.learning_record import record_accepted, record_kept
 from console.session.learning.part_learning import accept, revert
+from console.session.station.state import MeasuredPart
 from console.session.work import STAGES, Work, opened
 from console.tui.pages.lobe_lines import is_taken
 from console.tui.ui_context import UiContext
-from profiles.problem import Problem
+from profiles.compensations.learned import LearnedCompensation
+from profiles.problem import Problem, ProblemError
 
 
 def accept_part(ui: UiContext) -> None:
@@ -24,35 +27,50 @@ def accept_part(ui: UiContext) -> None:
             `learned.edited_now`; those of `accept`; `lobe.taken`, and those of `accept_lobe`.
         ProfileError: as `accept` and `accept_lobe`. Nothing was changed.
     """
-    part = ui.control.state.measured
-    if part is not None and part.lobe is not None:
-        _take_lobe(ui, part.lobe, part.job.name, part.run_id)
+    part, work = ui.control.state.measured, ui.work
+    if reasons := why_not_accepted(part, work):
+        raise SessionError(*reasons)
+    assert part is not None and work is not None
+    if part.lobe is not None:
+        _take_lobe(ui, part.lobe, work, part.run_id)
         return
-    learning = None if part is None else part.learning
-    if part is None or learning is None:
-        raise SessionError(Problem(code="learned.no_part"))
-    if learning.taught is None:
-        raise SessionError(*learning.problems)
-    work, holds_for = ui.work, learning.taught.step.next.holds_for
-    if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
-        raise SessionError(Problem(code="learned.other_job", key=part.job.name))
-    _refuse_edited(work)
-    kept = accept(learning, ui.data)
+    assert part.learning is not None
+    kept = accept(part.learning, ui.data)
     ui.work = using(work, kept)
     ui.said = record_accepted(ui.data, part.run_id, kept)
 
 
-def _take_lobe(ui: UiContext, lobe: PartLobe, name: str, run_id: str | None) -> None:
-    """Keep the lobe of a plain part in its job, and open the job with it: the next cut is compensated."""
-    work = ui.work
+def why_not_accepted(part: MeasuredPart | None, work: Work | None) -> tuple[Problem, ...]:
+    """Return why nothing of a part can be kept for this work; `accept` may still find an older version in the way.
+
+    Nothing is read.
+    """
+    if part is not None and part.lobe is not None:
+        return _why_no_lobe(part.lobe, part.job.name, work)
+    learning = None if part is None else part.learning
+    if part is None or learning is None:
+        return (Problem(code="learned.no_part"),)
+    if learning.taught is None:
+        return learning.problems
+    holds_for = learning.taught.step.next.holds_for
+    if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
+        return (Problem(code="learned.other_job", key=part.job.name),)
+    return _edited(work) or learning.reasons
+
+
+def _why_no_lobe(lobe: PartLobe, name: str, work: Work | None) -> tuple[Problem, ...]:
     if is_taken(lobe, work):
-        raise SessionError(Problem(code="lobe.taken", key=name))
+        return (Problem(code="lobe.taken", key=name),)
     if lobe.reasons:
-        raise SessionError(*lobe.reasons)
+        return tuple(lobe.reasons)
     filed = lobe.loaded
     if work is None or filed is None or (work.loaded.path, work.loaded.sha256) != (filed.path, filed.sha256):
-        raise SessionError(Problem(code="learned.other_job", key=name))
-    _refuse_edited(work)
+        return (Problem(code="learned.other_job", key=name),)
+    return _edited(work)
+
+
+def _take_lobe(ui: UiContext, lobe: PartLobe, work: Work, run_id: str | None) -> None:
+    """Keep the lobe of a plain part in its job, and open the job with it: the next cut is compensated."""
     written = accept_lobe(lobe, work.machine.machine, ui.data)
     ui.work = with_accepted(opened(written, work.machine), ui.data, simulated=ui.control.state.simulated)
     if run_id is not None:
@@ -67,16 +85,29 @@ def revert_version(ui: UiContext) -> None:
         ProfileError: as `revert`. Nothing was changed.
     """
     work, simulated = ui.work, ui.control.state.simulated
-    if work is None:
-        raise SessionError(Problem(code="screen.nothing_to_cut"))
-    _refuse_edited(work)
+    if reasons := why_not_reverted(work):
+        raise SessionError(*reasons)
+    assert work is not None
     older = revert(work.compensation, work.loaded, work.machine, ui.data, simulated=simulated)
     ui.work = using(work, older)
 
 
+def why_not_reverted(work: Work | None) -> tuple[Problem, ...]:
+    """Return why there is no version to go back to. Nothing is read."""
+    if work is None:
+        return (Problem(code="screen.nothing_to_cut"),)
+    if work.compensation is None or work.compensation.is_model:
+        return _edited(work) or (Problem(code="learned.no_before", key=work.loaded.job.name),)
+    return _edited(work)
+
+
+def _edited(work: Work) -> tuple[Problem, ...]:
+    return (Problem(code="learned.edited_now", key=work.loaded.job.name),) if work.edited else ()
+
+
 def _refuse_edited(work: Work) -> None:
-    if work.edited:
-        raise SessionError(Problem(code="learned.edited_now", key=work.loaded.job.name))
+    if reasons := _edited(work):
+        raise SessionError(*reasons)
 
 
 def step_compensation(ui: UiContext) -> None:
@@ -92,16 +123,30 @@ def step_compensation(ui: UiContext) -> None:
     if work.compensation is not None and not work.set_aside:
         ui.work = without_learned(work)
         return
+    newest = _newest(work, ui.data, simulated=ui.control.state.simulated)
+    ui.work = using(work, newest)
+    ui.said = date_problems(newest)
+
+
+def why_no_compensation(work: Work, data: Path, *, simulated: bool) -> tuple[Problem, ...]:
+    """Return why `step_compensation` would raise for this work; reads the versions of its job."""
+    try:
+        if work.compensation is None or work.set_aside:
+            _newest(work, data, simulated=simulated)
+    except ProblemError as error:
+        return tuple(error.problems)
+    return ()
+
+
+def _newest(work: Work, data: Path, *, simulated: bool) -> LearnedCompensation:
     _refuse_edited(work)
-    simulated = ui.control.state.simulated
     asked = asked_for(work.loaded, work.machine, work.strategy, simulated=simulated)
-    known = versions(ui.data, asked)
+    known = versions(data, asked)
     if not known:
         raise SessionError(Problem(code="learned.none_yet", key=work.loaded.job.name))
     newest = chosen(NEWEST, known, asked)
     assert newest is not None
-    ui.work = using(work, newest)
-    ui.said = date_problems(newest)
+    return newest
 
 
 def step_stage(ui: UiContext) -> None:

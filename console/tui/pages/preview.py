@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -22,7 +23,12 @@ from console.tui.lines import Line, Sheet, clipped, line, wrapped
 from console.tui.page import ChartPage
 from console.tui.pages import preview_lines
 from console.tui.pages.learn_lines import chosen_words
-from console.tui.pages.learning_keys import say_what_does_not_hold, step_compensation, step_stage
+from console.tui.pages.learning_keys import (
+    say_what_does_not_hold,
+    step_compensation,
+    step_stage,
+    why_no_compensation,
+)
 from console.tui.pages.run_lines import window_words
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
@@ -35,6 +41,7 @@ from drivers.preview.preview import Underway
 from profiles.compensations.next_version import half_width_um_pp
 from profiles.findings import Finding, Severity
 from profiles.job import NO_LOBE
+from profiles.problem import Problem
 
 _FULL_TURN = (0.0, 360.0)
 _TURN_DEG = np.arange(361.0)
@@ -93,9 +100,11 @@ class ProgramView(Sheet):
             self._first = 0
         self._lay()
 
-    def scroll_pages(self, pages: float) -> None:
-        """Move by so many heights of the panel, downwards positive."""
-        self._first += round(pages * self.size.height)
+    def scroll(self, action: str) -> None:
+        """Move by half the height of the panel, or to an end of the program."""
+        half, all_of_it = round(_SCROLL_PAGES * self.size.height), sys.maxsize
+        ways = {"preview.up": -half, "preview.down": half, "preview.first": -all_of_it, "preview.last": all_of_it}
+        self._first += ways[action]
         self._lay()
 
     def on_resize(self, event: Resize) -> None:
@@ -176,6 +185,8 @@ class PreviewPage(ChartPage):
 
     def act(self, action: str) -> None:
         """Select the next strategy, compensation or stage, open or close the program, scroll in it."""
+        if self.ui.answers(self.why_not(action, self.ui.view)):
+            return
         if action in _CHOICES:
             with self.ui.answering():
                 _CHOICES[action](self.ui)
@@ -184,8 +195,18 @@ class PreviewPage(ChartPage):
         elif action == "preview.program":
             self._reading = not self._reading
             self.paint_again()
-        elif action in ("preview.up", "preview.down") and self._reading:
-            self._program.scroll_pages(_SCROLL_PAGES if action == "preview.down" else -_SCROLL_PAGES)
+        else:
+            self._program.scroll(action)
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why a choice cannot be made: no job, no version of it; and why nothing scrolls."""
+        if view.work is None:
+            return (Problem(code="screen.nothing_to_cut"),)
+        if action == "preview.learned":
+            return why_no_compensation(view.work, self.ui.data, simulated=view.state.simulated)
+        if action in _CHOICES or action == "preview.program" or self._reading:
+            return ()
+        return (Problem(code="screen.program_closed"),)
 
     def next_step(self, view: View) -> Line:
         """Return what comes next: mostly the alignment."""

@@ -21,6 +21,7 @@ from console.tui.records.reading import Opened, RecordsReader
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.fields import TEXT_CAP_CHARACTERS
+from profiles.problem import Problem
 
 STEPS = {"records.up": -1, "records.down": 1}
 JUMPS = ("records.page_up", "records.page_down", "records.first", "records.last")
@@ -87,8 +88,8 @@ class RecordsPage(ChartPage):
             self._open()
         elif action == "records.back":
             self._go(Mode.RUN if self._mode in BEHIND.values() else Mode.LIST)
-        elif action in FILTERS and self._mode is not Mode.LIST:
-            self.ui.say("screen.records_list_first")
+        elif self.ui.answers(self.why_not(action, self.ui.view)):
+            return
         elif action == "records.search":
             self._type_words()
         elif action in FILTERS:
@@ -99,6 +100,15 @@ class RecordsPage(ChartPage):
             self._look_behind(BEHIND[action])
         else:
             self._chart(action)
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why a filter, or what is behind a run, cannot be had here."""
+        behind_chart = action in BEHIND and self._mode is Mode.CHART
+        if behind_chart or (action in FILTERS and self._mode is not Mode.LIST):
+            return (Problem(code="screen.records_list_first"),)
+        if action == "records.job" and view.work is None and self._filters.job is None:
+            return (Problem(code="screen.nothing_to_cut"),)
+        return ()
 
     def show(self, view: View) -> None:
         """Read what is to be shown, and paint what has changed."""
@@ -220,8 +230,6 @@ class RecordsPage(ChartPage):
             if row is not None:
                 self._run_id = row.run_id
                 self._go(mode)
-        elif self._mode is Mode.CHART:
-            self.ui.say("screen.records_list_first")
         else:
             self._go(mode)
 
@@ -249,10 +257,7 @@ class RecordsPage(ChartPage):
             self._everywhere = not self._everywhere
         elif self._filters.job is not None:
             self._filters = replace(self._filters, job=None)
-        elif self.ui.job is None:
-            self.ui.say("screen.nothing_to_cut")
-            return
-        else:
+        elif self.ui.job is not None:
             self._filters = replace(self._filters, job=self.ui.job.name)
         self._begin_list()
 

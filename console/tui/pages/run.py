@@ -23,8 +23,9 @@ from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, 
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TracePicture, TraceView
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View
+from console.tui.ui_context import UiContext, View, refusal
 from drivers.cutting.strategy import Strategy
+from profiles.problem import Problem
 
 FULL_TURN_DEG = (0.0, 360.0)
 WIDEST_FACT = 56  # columns in which a label and its value are still read together
@@ -145,6 +146,27 @@ class RunPage(Page):
         if action in do:
             do[action]()
 
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why nothing can be armed, started, ended or retracted now."""
+        state, machine = view.state, self.ui.machine.machine
+        match action:
+            case "run.arm" if state.armed is None:
+                checked = run_lines.checks(state, view.work, machine)
+                return refusal(state, action) or run_lines.failing(checked)
+            case "run.start":
+                over = state.armed is None or view.now_s > state.armed.until_s
+                return (Problem(code="screen.not_armed"),) if over else refusal(state, action)
+            case "run.hold":
+                if state.activity is not Activity.CUTTING or state.cut is None:
+                    return (Problem(code="screen.nothing_to_hold"),)
+                return (Problem(code="screen.holding_already"),) if state.cut.holding else ()
+            case "run.retract":
+                refused = no_retract(state.snapshot, machine, state.alignment)
+                if refused is None and in_part(state, machine) is False:
+                    refused = Problem(code="screen.tool_is_out")
+                return refusal(state, action) or (() if refused is None else (refused,))
+        return ()
+
     def next_step(self, view: View) -> Line:
         """Return what to do now."""
         if view.state.activity is Activity.LOST:
@@ -177,11 +199,7 @@ class RunPage(Page):
         if state.armed is not None:
             self.ui.control.post(Disarm())
             return
-        if self.ui.refuses("run.arm"):
-            return
-        if reasons := run_lines.failing(run_lines.checks(state, work, self.ui.machine.machine)):
-            self.ui.said = reasons
-        elif work is not None:
+        if not self.ui.answers(self.why_not("run.arm", self.ui.view)) and work is not None:
             # The record must not name a file as the source of a job that differs from it.
             sha256 = f"{work.loaded.sha256} edited" if work.edited else work.loaded.sha256
             command = Arm(
@@ -195,30 +213,15 @@ class RunPage(Page):
             self.ui.control.post(command)
 
     def _start(self) -> None:
-        state = self.ui.control.state
-        if state.armed is None or self.ui.control.now_s() > state.armed.until_s:
-            self.ui.say("screen.not_armed")
-        elif not self.ui.refuses("run.start"):
+        if not self.ui.answers(self.why_not("run.start", self.ui.view)):
             self.ui.control.post(Start())
 
     def _hold(self) -> None:
-        state = self.ui.control.state
-        if state.activity is not Activity.CUTTING or state.cut is None:
-            self.ui.say("screen.nothing_to_hold")
-        elif state.cut.holding:
-            self.ui.say("screen.holding_already")
-        else:
+        if not self.ui.answers(self.why_not("run.hold", self.ui.view)):
             self.ui.control.post(EndCut())
 
     def _retract(self) -> None:
-        state = self.ui.control.state
-        if self.ui.refuses("run.retract"):
-            return
-        if refused := no_retract(state.snapshot, self.ui.machine.machine, state.alignment):
-            self.ui.said = (refused,)
-        elif in_part(state, self.ui.machine.machine) is False:
-            self.ui.say("screen.tool_is_out")
-        else:
+        if not self.ui.answers(self.why_not("run.retract", self.ui.view)):
             self.ui.control.post(Retract())
 
     def _show_before(self, view: View) -> None:

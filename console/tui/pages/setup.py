@@ -17,6 +17,8 @@ from console.tui.lines import NOTHING, Line, Sheet, clipped, dim, hanging, line,
 from console.tui.page import Page
 from console.tui.pages.fields import (
     FORM,
+    LOCKED,
+    STEPS,
     FormField,
     entry_of,
     free_name,
@@ -24,6 +26,7 @@ from console.tui.pages.fields import (
     name_problem,
     named,
     suggested_name,
+    why_not_changed,
     with_unit,
 )
 from console.tui.pages.setup_lines import (
@@ -46,7 +49,6 @@ from profiles.store import list_jobs
 
 _NUMBER_CAP_CHARACTERS = 24
 _TIGHT_BELOW_ROWS = 16
-_LOCKED = "screen.locked_moving", "screen.locked_armed"
 
 
 class Entering(Enum):
@@ -117,7 +119,7 @@ class SetupPage(Page):
 
     def show(self, view: View) -> None:
         """Show the job, with the open entry."""
-        self._locked = locked(view.state, *_LOCKED)
+        self._locked = locked(view.state, *LOCKED)
         self._uncommissioned = view.state.uncommissioned
         if self.ui.copying and self.ui.work is not None:
             self.ui.copying = False
@@ -135,6 +137,10 @@ class SetupPage(Page):
             self._do(action)
         else:
             self._entry.call_later(self._do, action)
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why a key of the form has no effect now; an open entry is judged when it ends."""
+        return why_not_changed(action, self._work, view.state)
 
     def next_step(self, view: View) -> Line:
         """Return what to do with the form."""
@@ -168,11 +174,11 @@ class SetupPage(Page):
     # What the keys do ------------------------------------------------------------------------------------------
 
     def _do(self, action: str) -> None:
-        work = self._work
-        if work is None:
-            self.ui.say("screen.no_job")
-        elif action in ("setup.next", "setup.previous"):
-            self._step(1 if action == "setup.next" else -1)
+        work, idle = self._work, self._entering is Entering.NOTHING
+        if work is None or (idle and self.why_not(action, self.ui.view)):
+            self.ui.answers(self.why_not(action, self.ui.view))
+        elif action in STEPS:
+            self._step(STEPS[action])
         elif action == "setup.edit":
             match self._entering:
                 case Entering.NOTHING:
@@ -181,8 +187,10 @@ class SetupPage(Page):
                     self._take()
                 case Entering.NAME:
                     self._save()
+        elif action == "setup.undo" and not idle:
+            self._close()
         elif action == "setup.undo":
-            self._undo(work)
+            self._keep(undone(work))
         elif action == "setup.save_as" and self._take():
             self._ask_name(self._work or work)
         self._paint()
@@ -243,14 +251,6 @@ class SetupPage(Page):
         self._close()
         return True
 
-    def _undo(self, work: Work) -> None:
-        if self._entering is not Entering.NOTHING:
-            self._close()
-        elif not work.undo:
-            self.ui.say("screen.nothing_to_undo")
-        elif not self._refused_by_lock():
-            self._keep(undone(work))
-
     def _ask_name(self, work: Work, *, copying: bool = False) -> None:
         """Ask for a name: that of its own file for changes to it, else a free one; none for an unfinished job."""
         if self._entering is Entering.NAME or self._refused_by_lock():
@@ -297,7 +297,7 @@ class SetupPage(Page):
         self._close()
 
     def _refused_by_lock(self) -> bool:
-        if lock := locked(self.ui.control.state, *_LOCKED):
+        if lock := locked(self.ui.control.state, *LOCKED):
             self.ui.said = (lock,)
         return lock is not None
 

@@ -28,6 +28,10 @@ Found = ImportedTrace | tuple[Problem, ...]
 ANSWERS = {"inspect.state": "state", "inspect.direction": "direction", "inspect.mark": "start_mark"}
 """Question that an action answers."""
 
+_ALWAYS = frozenset(
+    f"inspect.{name}" for name in ("import", "path", "up", "down", "page_up", "page_down", "first", "last")
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Question:
@@ -126,6 +130,11 @@ class TraceChooser(Horizontal):
         self._end_typing()
         self._choice = None
 
+    @property
+    def page_rows(self) -> int:
+        """Rows that PgUp and PgDn go."""
+        return max(self._files.size.height - 1, 1)
+
     def step(self, by: int) -> None:
         """Select another file."""
         if self._choice is not None and self._choice.files:
@@ -137,13 +146,23 @@ class TraceChooser(Horizontal):
         choice, key = self._choice, ANSWERS[action]
         if choice is None or not isinstance(choice.found, ImportedTrace):
             return
-        if key not in choice.found.asked:
-            self._ui.say("trace.stated", key=self._ui.text(f"trace_import.{key}"))
-            return
         answers = QUESTIONS[key]
         given = choice.answers.get(key)
         following = answers[0 if given is None else (answers.index(given) + 1) % len(answers)]
         self._choice = replace(choice, answers={**choice.answers, key: following})
+
+    def why_not(self, action: str) -> tuple[Problem, ...]:
+        """Return why a key cannot be used while the chooser is open."""
+        choice, key = self._choice, ANSWERS.get(action, "")
+        if choice is None or action in _ALWAYS or (action == "inspect.next" and self.is_typing):
+            return ()
+        if action == "inspect.next":
+            taken = isinstance(choice.found, ImportedTrace) and choice.ready and self._ui.work is not None
+            return () if taken else (Problem(code="trace.not_ready"),)
+        if not key:
+            return (Problem(code="screen.close_traces"),)
+        stated = isinstance(choice.found, ImportedTrace) and key not in choice.found.asked
+        return (Problem(code="trace.stated", key=self._ui.text(f"trace_import.{key}")),) if stated else ()
 
     def type_path(self) -> None:
         """Open the entry of a path."""
@@ -159,10 +178,8 @@ class TraceChooser(Horizontal):
         if self.is_typing:
             self._take_path(choice)
             return
-        work = self._ui.work
-        found = choice.found
-        if work is None or not isinstance(found, ImportedTrace) or not choice.ready:
-            self._ui.say("trace.not_ready")
+        work, found = self._ui.work, choice.found
+        if work is None or not isinstance(found, ImportedTrace):
             return
         loaded = None if work.edited else work.loaded
         self._ui.control.post(

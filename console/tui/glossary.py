@@ -1,0 +1,94 @@
+"""Terms of each page, explained by the third list of `?`; the words are `term.<name>` and `glossary.<name>`."""
+
+from __future__ import annotations
+
+from console.text.catalogue import Catalogue
+from console.tui.keymap import PageName
+from console.tui.lines import BLANK, Line, dim, fitted, line, wrapped
+from console.tui.theme import Token
+
+TERM_WIDTH = 17
+
+TERMS: dict[PageName, tuple[str, ...]] = {
+    PageName.JOBS: (
+        "lobe",
+        "lobe_error",
+        "ront",
+        "lsc",
+        "upr",
+        "free",
+        "overhang",
+        "depth",
+        "force",
+    ),
+    PageName.SETUP: (
+        "lobe",
+        "lobe_error",
+        "frequency",
+        "overhang",
+        "depth",
+        "force",
+        "margin",
+        "window",
+        "wrench",
+    ),
+    PageName.PREVIEW: (
+        "ront",
+        "lsc",
+        "free",
+        "pvt",
+        "cam",
+        "timebase",
+        "paper",
+        "target",
+        "command",
+        "servo",
+        "window",
+    ),
+    PageName.ALIGN: (
+        "homed",
+        "jaw",
+        "touch_off",
+        "jog",
+        "following",
+        "stop_distance",
+    ),
+    PageName.RUN: (
+        "armed",
+        "lobe",
+        "tool_error",
+        "following_run",
+        "phase",
+        "synchronised",
+        "ripple",
+        "target",
+    ),
+    PageName.INSPECT: (
+        "ront",
+        "ronp",
+        "lsc",
+        "upr",
+        "free",
+        "harmonic",
+        "from_jaw",
+        "gain",
+        "noise",
+    ),
+    PageName.RECORDS: (
+        "run",
+        "ended",
+        "ront",
+        "chart",
+        "cpk",
+    ),
+}
+
+
+def glossary_lines(text: Catalogue, page: PageName, width: int) -> list[Line]:
+    """Return the terms of a page, one line each where the terminal is wide enough."""
+    rows = [line((text("glossary.title", page=text(f"page.{page}")), Token.TITLE))]
+    for term in TERMS.get(page, ()):
+        head, *more = wrapped(text(f"glossary.{term}"), max(width - TERM_WIDTH, 1))
+        rows.append(((fitted(text(f"term.{term}"), TERM_WIDTH), Token.KEY), *head))
+        rows += [(dim(" " * TERM_WIDTH), *row) for row in more]
+    return [*rows, BLANK, line(dim(text("help.close")))]

@@ -1,0 +1,79 @@
+"""Why a key of the page Align cannot do its step now, once the machine itself is ready."""
+
+from __future__ import annotations
+
+from console.session.cut.alignment import AlignStep, force_problems
+from console.session.station.state import StationState
+from console.tui.pages import align_lines
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+_BY_HAND = {AlignStep.CLAMP: "screen.enter_does_it", AlignStep.JAW: "screen.jog_does_it"}
+
+
+def align_reasons(
+    action: str, state: StationState, job: Job | None, machine: MachineProfile
+) -> tuple[Problem, ...]:
+    """Return why the step of a key cannot be done, empty where it can, or where the key has no step."""
+    match action:
+        case "align.step":
+            return _against_step(state, job, machine)
+        case "align.take":
+            return _against_take(state, job, machine)
+        case "align.back":
+            return _against_back(state, job)
+        case "align.off" if not align_lines.drives_are_on(state):
+            return _because("screen.drives_are_off")
+    return ()
+
+
+def _against_step(state: StationState, job: Job | None, machine: MachineProfile) -> tuple[Problem, ...]:
+    match align_lines.step_now(state.alignment, job):
+        case AlignStep.CLAMP if align_lines.is_in_part(state, machine):
+            closed = state.snapshot is not None and state.snapshot.loops_closed
+            return _because("machine.tool_in_part") if closed else ()
+        case AlignStep.CLAMP if align_lines.drives_are_on(state):
+            return ()
+        case AlignStep.TOUCH_OFF if job is None:
+            return _because("screen.nothing_to_align")
+        case None:
+            return _because("screen.nothing_to_align" if job is None else "screen.aligned")
+        case step if step in _BY_HAND:
+            return _because(_BY_HAND[step])
+    return ()
+
+
+def _against_take(state: StationState, job: Job | None, machine: MachineProfile) -> tuple[Problem, ...]:
+    if job is None:
+        return _because("screen.nothing_to_align")
+    match align_lines.step_now(state.alignment, job):
+        case AlignStep.CLAMP:
+            return _against_clamping(state, job, machine)
+        case AlignStep.DRIVES if not align_lines.drives_are_on(state):
+            # Another blank: the chuck may have been opened since the drives were disabled after a cut.
+            return _against_clamping(state, job, machine)
+        case AlignStep.TOUCH_OFF if not align_lines.is_over_part(state, machine):
+            return (Problem(code="alignment.beside_part", key="tool"),)
+        case AlignStep.JAW | AlignStep.TOUCH_OFF:
+            return ()
+        case None:
+            return _because("screen.aligned")
+    return _because("screen.f4_does_it")
+
+
+def _against_clamping(state: StationState, job: Job, machine: MachineProfile) -> tuple[Problem, ...]:
+    if align_lines.drives_are_on(state):
+        return _because("screen.drives_not_off")
+    return _because("machine.tool_in_part") if align_lines.is_in_part(state, machine) else force_problems(job)
+
+
+def _against_back(state: StationState, job: Job | None) -> tuple[Problem, ...]:
+    alignment = state.alignment
+    later = align_lines.step_now(alignment, job) in (AlignStep.TOUCH_OFF, None)
+    taken = alignment.jaw is not None or alignment.touch_off is not None
+    return () if later and taken else _because("screen.nothing_to_take_back")
+
+
+def _because(code: str) -> tuple[Problem, ...]:
+    return (Problem(code=code),)

@@ -1,0 +1,402 @@
+"""The palette: every action is found by its words and key, and is refused for the reason that its key gives."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.cells import cell_len
+from textual import events
+from textual.drivers.linux_driver import LinuxDriver
+from textual.message import Message
+from textual.pilot import Pilot
+
+from console.session.cut.alignment import Alignment
+from console.session.station.state import Activity, StationState, StopState
+from console.session.work import Work, edited
+from console.text.catalogue import load
+from console.tui.app import ConsoleApp
+from console.tui.driver import StopDriver, Written
+from console.tui.gate import FieldKind, HeldKeys, Situation
+from console.tui.keymap import ACTIONS, CLOSE, PALETTE, PageName, actions_of
+from console.tui.pace import Pace
+from console.tui.palette_list import STOPPING, Entry, entries, found
+from drivers.lathe.standing import Standing
+from tests.tui import align_stage, run_stage
+from tests.tui.machine_states import CLAMPED, ON, REST
+from tests.tui.scenes import Scene, application, fill, played, rows_of, scene_of, settle
+from tests.tui.stage import LANGUAGES, FixedControl, experiment
+from tests.tui.test_console_keys import armed
+
+Play = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
+STOP = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.4)
+CLAMP = Alignment(settings=())
+
+
+def play(
+    data: Path,
+    scene: Play,
+    *,
+    state: StationState | None = None,
+    page: PageName = PageName.ALIGN,
+    work: Work | None = None,
+    language: str = "en",
+    size: tuple[int, int] = (80, 24),
+) -> FixedControl:
+    """Run a scene on the whole console, from one page."""
+    fill(data)
+    begun = Scene(page=page, state=state or align_stage.state(), work=work)
+    app, control = application(begun, data, language=language)
+
+    async def run() -> None:
+        async with played(app, begun, size) as pilot:
+            await scene(app, pilot, control)
+
+    asyncio.run(run())
+    assert app.fault is None
+    return control
+
+
+def codes(app: ConsoleApp) -> list[str]:
+    return [problem.code for problem in app.ui.said]
+
+
+# The palette and the keys agree --------------------------------------------------------------------------------
+
+STATES: dict[str, tuple[StationState, Work | None]] = {
+    "no job": (align_stage.state(), None),
+    "not verified": (align_stage.state(Alignment()), experiment()),
+    "to be clamped": (align_stage.state(CLAMP, snapshot=align_stage.look(REST)), experiment()),
+    "drives on": (align_stage.state(replace(CLAMP, drives_on=True)), experiment()),
+    "to be homed": (align_stage.state(Alignment(settings=(), clamping=CLAMPED, drives_on=True)), experiment()),
+    "jaw 1": (align_stage.state(), experiment()),
+    "aligned": (run_stage.state(), experiment()),
+    "edited": (run_stage.state(), edited(experiment(), "chucking_force_n", "1400")),
+    "armed": (run_stage.state(armed=armed()), experiment()),
+    "arming": (run_stage.state(activity=Activity.ARMING), experiment()),
+    "stopped": (run_stage.state(activity=Activity.STOPPED, stop=STOP), experiment()),
+    "observing": (align_stage.state(standing=Standing.OUSTED, holder=7), experiment()),
+    "connecting": (StationState(), experiment()),
+    "lost": (align_stage.state(activity=Activity.LOST), experiment()),
+    "in the part": (
+        run_stage.state(snapshot=run_stage.look(tool=run_stage.SURFACE_COUNTS), cut=run_stage.cut()),
+        experiment(),
+    ),
+    "cut": (run_stage.state(cut_done=True, simulated=True), experiment()),
+    "measured": (scene_of(PageName.INSPECT).state, scene_of(PageName.INSPECT).work),
+}
+ASKS_AGAIN = {"screen.jaw_far", "screen.take_over_again", "screen.take_control_again", "screen.edits_unsaved"}
+ASKS_AGAIN |= {"screen.quit_unsaved"}
+TELLS = {"trace.exported", "trace.not_stated"}
+"""Answers to keys that did something."""
+
+
+def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(tmp_path: Path) -> None:
+    differ: list[tuple[str, str, list[str], list[str]]] = []
+    ways: dict[str, set[bool]] = {}
+
+    def compare(app: ConsoleApp, control: FixedControl, name: str, page: PageName) -> None:
+        state, work = STATES[name]
+        for action in actions_of(page):
+            control.state, app.ui.work, app.ui.draft, app.ui.copying = state, work, None, False
+            # Fresh presses: none of them is a repeat of the one before.
+            app._held, app.ui.said, control.orders = HeldKeys(), (), []
+            expected = [problem.code for problem in app._why_not(action)]
+            ways.setdefault(action.id, set()).add(not expected)
+            app._do(action, app._pages[page])
+            said = [code for code in codes(app) if code not in ASKS_AGAIN | TELLS]
+            if said != expected or (expected and control.orders):
+                differ.append((name, action.id, expected, codes(app)))
+            app._pages[page].leave()
+            if app.page is not page:
+                app.go(page)
+
+    async def walk(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        for page in PageName:
+            control.state, app.ui.work = STATES["aligned"]
+            app.go(page)
+            app.tick()
+            await pilot.pause()
+            for name in STATES:
+                compare(app, control, name, page)
+
+    play(tmp_path, walk, work=experiment())
+    assert differ == []
+    # Otherwise nothing would have been compared.
+    both = {action for action, seen in ways.items() if seen == {True, False}}
+    assert both >= {"jobs.open", "setup.edit", "preview.strategy", "align.step", "align.take", "align.off"}
+    assert both >= {"run.arm", "run.start", "run.retract", "inspect.measure", "inspect.accept", "records.job"}
+
+
+@pytest.mark.parametrize(
+    ("name", "refused"),
+    [
+        ("aligned", {"recover", "acknowledge", "take_over"}),
+        ("stopped", {"acknowledge", "take_over"}),
+        ("observing", {"recover", "acknowledge"}),
+    ],
+)
+def test_the_keys_of_every_page_are_refused_likewise(name: str, refused: set[str], tmp_path: Path) -> None:
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        for action in (each for each in ACTIONS if each.id in ("recover", "acknowledge", "take_over")):
+            app.ui.said = ()
+            reasons = [problem.code for problem in app._why_not(action)]
+            app._do(action, app._pages[app.page])
+            assert [code for code in codes(app) if code not in ASKS_AGAIN] == reasons
+            assert bool(reasons) is (action.id in refused), action.id
+
+    play(tmp_path, scene, state=STATES[name][0], work=experiment())
+
+
+# What is found -------------------------------------------------------------------------------------------------
+
+
+def listed(language: str, page: PageName = PageName.RUN) -> tuple[Entry, ...]:
+    return entries(load(language), page, lambda action: ())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_action_is_there_once_in_words_the_present_page_first_then_everywhere(language: str) -> None:
+    for page in PageName:
+        shown = listed(language, page)
+        actions = [entry.action for entry in shown]
+        assert set(actions) == {*ACTIONS, *STOPPING} - {CLOSE, PALETTE} and len(actions) == len(set(actions))
+        ranks = [0 if each.page is page else 1 if each.page is None else 2 for each in actions]
+        assert ranks == sorted(ranks)
+        bare = [entry.words for entry in shown if "key_help." in entry.words or "help." in entry.words]
+        assert bare == []
+
+
+@pytest.mark.parametrize(
+    ("language", "query", "first"),
+    [
+        ("en", "f5", "run.arm"),
+        ("en", "F5", "run.arm"),
+        ("en", "save name", "setup.save_as"),
+        ("en", "touch-off redo", "align.back"),
+        ("en", "b", "align.back"),
+        ("ko", "ㅠ", "align.back"),
+        ("ko", "다른 이름으로 저장", "setup.save_as"),
+        ("en", "space", "stop"),
+        ("en", "disable the drives at once", "kill"),
+        ("en", "pagedown program", "preview.down"),
+        ("en", "no such action", None),
+    ],
+)
+def test_an_action_is_found_by_words_and_by_key(language: str, query: str, first: str | None) -> None:
+    hits = found(listed(language), query)
+    assert (hits[0].action.id if hits else None) == first
+
+
+# What its keys do ----------------------------------------------------------------------------------------------
+
+
+def test_enter_shows_the_page_of_an_action_and_does_nothing_there(tmp_path: Path) -> None:
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        await pilot.press(":", *"f5", "enter")
+        # Enter is still held down: it is not for the page either.
+        await pilot.press("enter")
+        assert (app.page, codes(app), app._list.is_open) == (PageName.RUN, ["screen.palette_page"], False)
+
+    assert play(tmp_path, scene, state=run_stage.state(), work=experiment()).orders == []
+
+
+def test_a_held_enter_confirms_nothing_on_the_page_that_it_shows(tmp_path: Path) -> None:
+    state = align_stage.state(CLAMP, snapshot=align_stage.look(REST))
+
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        await pilot.press("ctrl+p", *"f4")
+        for tenth in range(20):
+            control.at(100.0 + 0.1 * tenth)
+            await pilot.press("enter")
+        assert app.page is PageName.ALIGN and control.orders == []
+        control.at(104.0)
+        app.tick()
+        await pilot.press("enter")
+        assert len(control.orders) == 1, "a press of its own confirms"
+
+    play(tmp_path, scene, state=state, page=PageName.JOBS, work=experiment())
+
+
+def test_enter_performs_on_this_page_only_what_moves_nothing(tmp_path: Path) -> None:
+    homing = align_stage.state(Alignment(settings=(), clamping=CLAMPED, drives_on=True))
+
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        await pilot.press(":", *"f4", "enter")
+        assert (control.orders, codes(app), app._list.is_palette) == ([], ["screen.palette_moves"], True)
+        await pilot.press("escape", ":", *"f3", "enter")
+        assert (len(control.orders), app._list.is_open) == (1, False)
+        control.at(101.5)
+        await pilot.press(":", *"redo", "enter")
+        assert (codes(app), app._list.is_palette) == (["screen.nothing_to_take_back"], True)
+
+    play(tmp_path, scene, state=homing, work=experiment())
+
+
+def test_no_moving_action_is_started_from_it_on_any_page(tmp_path: Path) -> None:
+    for action in ACTIONS:
+        if action.moves:
+            assert not Entry(action=action, words="", page_name="").is_started
+    assert not any(Entry(action=action, words="", page_name="").is_started for action in STOPPING)
+
+
+def test_backspace_takes_back_what_was_typed_and_then_closes(tmp_path: Path) -> None:
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        await pilot.press(":", *"ab", "backspace", "backspace")
+        seen = [app._list.is_palette]
+        await pilot.press("backspace")
+        seen.append(app._list.is_open)
+        await pilot.press(":", "escape")
+        assert [*seen, app._list.is_open] == [True, False, False]
+        await pilot.press(":", "ctrl+p", "?")
+        assert app._list.chosen is not None, "a question mark is one of its characters"
+        await pilot.press("f1")
+        assert [app._list.is_open, app._list.is_palette] == [True, False]
+
+    assert play(tmp_path, scene).stops == []
+
+
+# Safety --------------------------------------------------------------------------------------------------------
+
+
+def test_space_is_written_at_rest_and_the_stop_row_names_the_other_key(tmp_path: Path) -> None:
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        await pilot.press(":", *"save", "space", "n")
+        await settle(app, pilot)
+        assert control.stops == [] and any("find an action: save n" in row for row in rows_of(app))
+        assert any("[F12] STOP" in row for row in rows_of(app))
+        await pilot.press("f12")
+        assert control.stops == ["f12"]
+
+    play(tmp_path, scene)
+
+
+def test_space_stops_where_nobody_knows_that_nothing_moves(tmp_path: Path) -> None:
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        await pilot.press(":", "a")
+        control.at(110.0)  # the last poll is old
+        await settle(app, pilot)
+        assert any("[SPACE] STOP" in row for row in rows_of(app))
+        await pilot.press("space")
+        assert control.stops == ["space"]
+
+    play(tmp_path, scene)
+
+
+MOVES = align_stage.look(ON - {"desired_velocity_zero"})
+
+
+@pytest.mark.parametrize(
+    "moving",
+    [
+        align_stage.state(activity=Activity.JOGGING),
+        align_stage.state(snapshot=MOVES, standing=Standing.OUSTED, holder=7),
+    ],
+    ids=["by this console", "by another"],
+)
+def test_it_neither_opens_nor_stays_open_while_something_moves(moving: StationState, tmp_path: Path) -> None:
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        rest = control.state
+        control.state = moving
+        await pilot.press(":")
+        assert (app._list.is_open, codes(app), control.stops) == (False, ["screen.palette_moving"], [])
+        control.state = rest
+        await pilot.press(":", "a")
+        assert app._list.is_palette
+        control.state = moving
+        await pilot.press("space")
+        assert control.stops == ["space"]
+        app.tick()
+        assert (app._list.is_open, codes(app)) == (False, ["screen.palette_moving"])
+
+    play(tmp_path, scene)
+
+
+def test_characters_of_a_palette_that_has_closed_do_nothing_on_the_page(tmp_path: Path) -> None:
+    """The thread that reads the terminal took them for text: they were not held back as an action is."""
+
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        app.post_message(Written("j", "j"))
+        await pilot.pause()
+        assert codes(app) == ["screen.entry_over"] and control.orders == []
+
+    play(tmp_path, scene)
+
+
+class Terminal:
+    """The thread that reads keys, with a clock that is given; `heard` is what it passes to the application."""
+
+    def __init__(self, now: Situation, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now, self.heard = now, list[str]()
+        self.driver = StopDriver.__new__(StopDriver)
+        self.driver._pace, self.driver._stopped_s, self.driver._app = Pace(), -math.inf, self  # type: ignore[assignment]
+        monkeypatch.setattr(LinuxDriver, "process_message", lambda driver, message: self._hear(message))
+
+    def _hear(self, message: Message) -> None:
+        self.heard.append(message.key if isinstance(message, events.Key) else type(message).__name__)
+
+    def situation(self) -> Situation:
+        return self.now
+
+    def press(self, at_s: float, key: str) -> None:
+        self.heard += [each.key for each in self.driver._pace.due(at_s - 1e-6)]
+        self.driver._hear(events.Key(key, key if len(key) == 1 else None), at_s)
+
+    def later(self, at_s: float) -> list[str]:
+        return [*self.heard, *(each.key for each in self.driver._pace.due(at_s))]
+
+
+SCANNED = (":", *"f4", "enter")
+
+
+@pytest.mark.parametrize("gap_s", [0.0, 0.01, 0.03])
+def test_a_scanner_neither_opens_the_palette_nor_takes_anything_in_it(
+    gap_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed = Terminal(Situation(page=PageName.ALIGN, at_rest=True), monkeypatch)
+    for number, key in enumerate(SCANNED):
+        closed.press(10.0 + gap_s * number, key)
+    assert ":" not in closed.later(12.0) and "enter" not in closed.later(12.0)
+    opened = Situation(page=PageName.ALIGN, field=FieldKind.TEXT, at_rest=True, reading=True, seeking=True)
+    typed = Terminal(opened, monkeypatch)
+    for number, key in enumerate((*"redo", "enter")):
+        typed.press(10.0 + gap_s * number, key)
+    typed.press(10.3, "enter")  # a slow line brings it late
+    assert [key for key in typed.later(12.0) if key != "TooFast"] == list("redo")
+    typed.press(13.0, "enter")
+    assert typed.later(14.0)[-1] == "enter", "somebody has read it"
+
+
+# How it looks --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("language", "size"), [("en", (80, 24)), ("ko", (80, 24)), ("en", (160, 48))])
+def test_it_fits_with_the_reason_of_the_selected_action_in_full(
+    language: str, size: tuple[int, int], tmp_path: Path
+) -> None:
+    text = load(language)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        await pilot.press(":")
+        await settle(app, pilot)
+        rows = rows_of(app)
+        assert all(cell_len(row) == size[0] for row in rows)
+        assert (
+            text("palette.title") in rows[3]
+            and text("palette.foot", place=1, all=len(listed(language))) in rows[-4]
+        )
+        for key in ("pagedown", "end", "up"):
+            await pilot.press(key)
+            await settle(app, pilot)
+            entry = app._list.chosen
+            assert entry is not None and sum("▶" in row for row in rows_of(app)) >= 1
+            words = "".join("".join(rows_of(app)).split())
+            assert "".join(entry.words.split()) in words, key
+            for problem in entry.reasons:
+                assert "".join(text.problem(problem).split()) in words, key
+
+    play(tmp_path, scene, work=experiment(), language=language, size=size)
