@@ -90,8 +90,9 @@ STATES: dict[str, tuple[StationState, Work | None]] = {
     "measured": (scene_of(PageName.INSPECT).state, scene_of(PageName.INSPECT).work),
 }
 ASKS_AGAIN = {"screen.jaw_far", "screen.take_over_again", "screen.take_control_again", "screen.edits_unsaved"}
-ASKS_AGAIN |= {"screen.quit_unsaved"}
-TELLS = {"trace.exported", "trace.not_stated"}
+ASKS_AGAIN |= {"screen.quit_unsaved", "screen.job_delete_again"}
+TELLS = {"trace.exported", "trace.not_stated", "screen.job_exported", "screen.nothing_deleted"}
+TELLS |= {"screen.job_entry_dropped"}
 """Answers to keys that did something."""
 
 

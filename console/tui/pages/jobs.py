@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 from textual.widgets import Input
@@ -16,6 +15,7 @@ from console.session.work import Work, blank_form, differs, opened
 from console.tui.gate import FieldKind
 from console.tui.jobs import changes
 from console.tui.jobs.entry import JobsEntry, Typing
+from console.tui.jobs.refusals import CHANGES, ENDS, OPENS, PAGES, READS, STEPS, refused_now
 from console.tui.jobs.shelf import Shelf
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, name_in, wrapped
@@ -25,24 +25,10 @@ from console.tui.theme import Token
 from console.tui.ui_context import KEYS, UiContext, View, locked
 from profiles.files import printable
 from profiles.job import Job
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 
-_LOCKED = "screen.open_moving", "screen.open_armed"
-_UNCHANGED = "screen.jobs_moving", "screen.jobs_armed"  # what is written to disk waits for rest
-_ENDS = {"jobs.first": -1, "jobs.last": 1}
-_PAGES = {"jobs.page_up": -1, "jobs.page_down": 1}
-_STEPS = {"jobs.up": -1, "jobs.down": 1}
 _ENTRIES = {"jobs.rename": Typing.NAME, "jobs.note": Typing.NOTE, "jobs.tags": Typing.TAGS}
-_READS = ("jobs.open", "jobs.copy", "jobs.new", "jobs.search", "jobs.sort", "jobs.export")
-_MOVES = (*_STEPS, *_PAGES, *_ENDS)
-_IMPORTS = ("jobs.open", "jobs.path", "jobs.back", "jobs.import")
-_REFUSES: dict[str, Callable[[UiContext, LibraryEntry], None]] = {
-    "jobs.rename": changes.rename_refused,
-    "jobs.delete": changes.delete_refused,
-    "jobs.note": lambda _, entry: changes.own_or_refused(entry),
-    "jobs.tags": lambda _, entry: changes.own_or_refused(entry),
-}
 _FAR = 1_000_000
 
 
@@ -116,26 +102,7 @@ class JobsPage(Page):
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why a key of this page can do nothing now, or nothing to the selected job."""
-        opens, entry = action in ("jobs.open", "jobs.copy", "jobs.new"), self._shelf.entry
-        if self._importing and action not in (*_MOVES, *_IMPORTS):
-            return (Problem(code="screen.jobs_list_first"),)
-        if action == "jobs.path" and not self._importing:
-            return (Problem(code="screen.jobs_import_only"),)
-        changing = action not in (*_MOVES, *_READS, "jobs.back")
-        if refused := locked(view.state, *(_LOCKED if opens else _UNCHANGED)) if opens or changing else None:
-            return (refused,)
-        loaded = self._shelf.load(entry) if entry is not None and opens and action != "jobs.new" else None
-        return loaded if isinstance(loaded, tuple) else self._change_refused(action, entry)
-
-    def _change_refused(self, action: str, entry: LibraryEntry | None) -> tuple[Problem, ...]:
-        """Return why the selected job cannot be changed in this way."""
-        refuses = _REFUSES.get(action)
-        try:
-            if entry is not None and refuses is not None and not self._importing:
-                refuses(self.ui, entry)
-        except ProfileError as error:
-            return tuple(error.problems)
-        return ()
+        return refused_now(self.ui, view, action, self._shelf, importing=self._importing)
 
     def next_step(self, view: View) -> Line:
         """Return how to open the selected job, or why it cannot be."""
@@ -163,13 +130,13 @@ class JobsPage(Page):
             self._warned = None
         elif self._importing:
             self._do_importing(action)
-        elif action in _READS:
+        elif action in READS:
             self._do_reading(action)
         elif action == "jobs.back":
             self._jobs_shelf.search("")
         elif action == "jobs.path":
             self.ui.say("screen.jobs_import_only")
-        elif refused := locked(self.ui.control.state, *_UNCHANGED):
+        elif refused := locked(self.ui.control.state, *CHANGES):
             self.ui.said = (refused,)
         else:
             with self.ui.answering():
@@ -184,7 +151,7 @@ class JobsPage(Page):
 
     def _move(self, action: str) -> bool:
         page = max(len(visible(self._jobs, self._table.size.height)) - 1, 1)
-        by = _STEPS.get(action, 0) + page * _PAGES.get(action, 0) + _FAR * _ENDS.get(action, 0)
+        by = STEPS.get(action, 0) + page * PAGES.get(action, 0) + _FAR * ENDS.get(action, 0)
         self._shelf.move(by)
         return by != 0
 
@@ -233,7 +200,7 @@ class JobsPage(Page):
         self._importing, self._shown = True, None
 
     def _import(self, source: Path) -> None:
-        if refused := locked(self.ui.control.state, *_UNCHANGED):
+        if refused := locked(self.ui.control.state, *CHANGES):
             self.ui.said = (refused,)
             return
         with self.ui.answering():
@@ -267,7 +234,7 @@ class JobsPage(Page):
             self._entry.close()
             if typed and len(self._shelf.entries) == 1:
                 self._open(copying=False)
-        elif refused := locked(self.ui.control.state, *_UNCHANGED):
+        elif refused := locked(self.ui.control.state, *CHANGES):
             self.ui.said = (refused,)
         else:
             with self.ui.answering():
@@ -307,7 +274,7 @@ class JobsPage(Page):
         self._fresh, self._shown = True, None
 
     def _open(self, *, copying: bool) -> None:
-        refused, entry = locked(self.ui.control.state, *_LOCKED), self._shelf.entry
+        refused, entry = locked(self.ui.control.state, *OPENS), self._shelf.entry
         if refused is not None:
             self.ui.said = (refused,)
         elif entry is not None:
@@ -316,7 +283,7 @@ class JobsPage(Page):
 
     def _begin(self) -> None:
         """Begin a new job on a blank form, or continue the one that was begun."""
-        if refused := locked(self.ui.control.state, *_LOCKED):
+        if refused := locked(self.ui.control.state, *OPENS):
             self.ui.said = (refused,)
             return
         if self.ui.draft is None:
@@ -399,7 +366,7 @@ class JobsPage(Page):
 
     def _next_words(self, state: StationState) -> str:
         text, entry, typing = self.ui.text, self._shelf.entry, self._entry.typing
-        refused = locked(state, *_LOCKED)
+        refused = locked(state, *OPENS)
         if typing is not Typing.NOTHING:
             return text(f"jobs_page.next.{typing}")
         if self._importing:
