@@ -34,6 +34,7 @@ from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.jobs import shelf
 from console.tui.keymap import PageName
+from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
 from drivers.cutting.planning import Strategy
@@ -275,7 +276,8 @@ def fixed_world() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(records, "utc_now", lambda: RECORDED_AT)
-        patch.setattr(shelf, "load_job", signed_job)
+        for module in (shelf, jobs):
+            patch.setattr(module, "load_job", signed_job)
         patch.setattr(beside, "SHORT_S", 60.0)  # no thread decides what is seen
         patch.setenv("TZ", "UTC")
         time.tzset()
