@@ -21,7 +21,7 @@ from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
 from console.tui import gate
-from console.tui.keymap import STOP_KEYS, Action, PageName
+from console.tui.keymap import KILL_KEYS, STOP_KEYS, Action, PageName
 from console.tui.pace import QUIET_S, Pace
 
 WAIT_S = 0.1  # time that the reading thread waits for a key before it checks whether to end
@@ -115,9 +115,10 @@ class StopDriver(LinuxDriver):
         target = cast(StopTarget, self._app)
         try:
             now = target.situation()
-        except Exception:  # in doubt assume motion: this thread continues, and every stop key stops
-            now = gate.Situation(page=PageName.JOBS, moving=True)
-        verdict, action = gate.judge(key.key, key.character, now)
+            verdict, action = gate.judge(key.key, key.character, now)
+        except Exception:  # in doubt assume motion: this thread continues, and every key stops, whatever it means
+            now, kills = gate.Situation(page=PageName.JOBS, moving=True), key.key in KILL_KEYS
+            verdict, action = (gate.Verdict.KILL if kills else gate.Verdict.STOP), None
         written = now.field is not gate.FieldKind.NONE
         if verdict in (gate.Verdict.STOP, gate.Verdict.KILL):
             send = target.kill_now if verdict is gate.Verdict.KILL else target.stop_now

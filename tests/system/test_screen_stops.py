@@ -210,11 +210,11 @@ def test_what_a_terminal_says_of_itself_does_nothing_at_rest(tmp_path: Path) -> 
             # The key behind it is answered, on the page that was there; neither help nor another page came.
             trainee.scans("")  # what came close to it would be no key of a person
             trainee.press(key)
-            terminal.wait_for(rf"▸ *lee-2001-experiment-{number}", 5.0)
+            terminal.wait_for(rf"▸[ ●]*lee-2001-experiment-{number}", 5.0)
             trainee.press("enter")
             terminal.wait_for(f"Set-up: lee-2001-experiment-{number}", 3.0)
             trainee.press("1")
-            terminal.wait_for(rf"▸ *lee-2001-experiment-{number}", 3.0)
+            terminal.wait_for(rf"▸[ ●]*lee-2001-experiment-{number}", 3.0)
         terminal.press("ctrl+q")
         assert terminal.wait_exit(2.0) == 0
 

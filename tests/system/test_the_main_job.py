@@ -19,7 +19,7 @@ from tests.trainee import FIRST_JOB, Trainee, console
 RONT = r"RONt\D*?(\d+\.\d+)\D+?(\d+\.\d+)"
 
 OTHER_JOB = "two-jaws-60"
-MORE_THAN_THE_LINE_HOLDS = ("?",) * 81
+MORE_THAN_THE_LINE_HOLDS = ("?",) * 84
 """Lists of keys to be painted, one key as if it were held down, until the screen waits for a stalled line."""
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(180)]
@@ -80,7 +80,7 @@ def opens_the_other_job(trainee: Trainee) -> None:
     trainee.press("1")
     terminal.wait_for(OTHER_JOB, 5.0)
     for _ in range(20):
-        if re.search(rf"▸ *{OTHER_JOB}", terminal.text):
+        if re.search(rf"▸[ ●]*{OTHER_JOB}", terminal.text):
             break
         before = terminal.text
         trainee.press("down")
