@@ -53,7 +53,7 @@ async def times(folder: Path, count: int) -> list[float]:
         paint = await until(scene, lambda text: "complete" in text)
         key = await until(scene, lambda text: "▸" in text, "down")
         run = await until(scene, lambda text: "RONt" in text and "div" in text, "first", "open")
-        chart = await until(scene, lambda text: "mean" in text, "back", "chart")
+        chart = await until(scene, lambda text: "parts, " in text, "back", "chart")
         everything = await until(scene, lambda text: f"Runs ({count})" in text, "back", "last")
     return [paint, key, run, chart, everything]
 
