@@ -165,7 +165,8 @@ class StationState:
     where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
     cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
     cut at all, as of the last time its settings were read. `standing` is this console's role at the
-    machine, `holder` the number of the console that controls it.
+    machine, `holder` the number of the console that controls it. `jogs` counts the jogs that ended in position,
+    `ends_s` is when the present motion should end (machine time), None where that is not known.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -185,6 +186,8 @@ class StationState:
     refusals: tuple[Problem, ...] = ()
     stop: StopState | None = None
     stops: int = 0
+    jogs: int = 0
+    ends_s: float | None = None
     armed: Armed | None = None
     cut: CutProgress | None = None
     cut_done: bool = False

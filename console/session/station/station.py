@@ -199,7 +199,8 @@ class Station:
             context.log_command(command)
         if not isinstance(command, Start):
             context.tell(armed=None)  # what was read in the summary may have changed
-        context.tell(refusals=(), activity=activity if context.state.stop is None else context.state.activity)
+        shown = activity if context.state.stop is None else context.state.activity
+        context.tell(refusals=(), ends_s=None, activity=shown)
 
         def worked() -> None:
             work(context, command)
