@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
+from console.session.station.lost_link import LostLink
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import NOBODY, Standing
 from drivers.simulator.plant.workshop_view import WorkshopView
@@ -165,7 +166,8 @@ class StationState:
     where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
     cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
     cut at all, as of the last time its settings were read. `standing` is this console's role at the
-    machine, `holder` the number of the console that controls it.
+    machine, `holder` the number of the console that controls it. `lost_link` is the loss of the link, until F2
+    after it is back.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -185,6 +187,7 @@ class StationState:
     refusals: tuple[Problem, ...] = ()
     stop: StopState | None = None
     stops: int = 0
+    lost_link: LostLink | None = None
     armed: Armed | None = None
     cut: CutProgress | None = None
     cut_done: bool = False
