@@ -6,7 +6,6 @@ import asyncio
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
-from importlib import import_module
 from pathlib import Path
 
 from textual import events
@@ -28,6 +27,7 @@ from console.tui.layout import CSS, SMALLEST, cramped, is_small
 from console.tui.lines import Line, Sheet
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.page import Page
+from console.tui.page_class import page_class
 from console.tui.palette_keys import PaletteKeys
 from console.tui.previewing import ChosenPath, Previewer, fault_of
 from console.tui.standing_orders import StandingOrders
@@ -257,8 +257,7 @@ class ConsoleApp(App[None]):
 
     def _made(self, name: PageName) -> Page:
         if name not in self._pages:
-            page = getattr(import_module(f"console.tui.pages.{name}"), f"{name.capitalize()}Page")
-            self._pages[name] = page(self.ui)
+            self._pages[name] = page_class(name)(self.ui)
         return self._pages[name]
 
     def _show_frame(self, page: Page, view: View) -> None:

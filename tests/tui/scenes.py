@@ -33,7 +33,7 @@ from console.session.work import Work, edited
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.jobs import shelf
-from console.tui.keymap import PageName
+from console.tui.keymap import ACTIONS, DIGITS, PageName
 from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
@@ -105,6 +105,8 @@ def scene_of(page: PageName) -> Scene:
         case PageName.ALARMS:
             alarms, log = alarmed()
             return Scene(page=page, state=replace(machine(Activity.READY), alarms=alarms), work=signed(), log=log)
+        case PageName.MORE | PageName.SETTINGS:
+            return Scene(page=page, state=machine(Activity.READY), work=signed())
         case PageName.INSPECT:
             after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
             state = replace(machine(Activity.READY), alignment=ALIGNED, measured=after, uncompensated=before)
@@ -316,12 +318,20 @@ def answer(app: ConsoleApp, scene: Scene) -> None:
         app._previewer._settled = (work, alignment, None)
 
 
+def keys_to(page: PageName) -> tuple[str, ...]:
+    """The keys that show a page: its digit, or that of More and its letter there."""
+    if page in DIGITS:
+        return (DIGITS[page],)
+    letter = next(action.keys[0] for action in ACTIONS if action.id == f"more.{page}")
+    return DIGITS[PageName.MORE], letter
+
+
 @asynccontextmanager
 async def played(app: ConsoleApp, scene: Scene, size: tuple[int, int]) -> AsyncIterator[Pilot[None]]:
     """Run the application, go to the page of the scene, press its keys, and wait until nothing changes."""
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
-        await pilot.press(str(list(PageName).index(scene.page) + 1), *scene.keys)
+        await pilot.press(*keys_to(scene.page), *scene.keys)
         await settle(app, pilot)
         yield pilot
 
