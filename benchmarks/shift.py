@@ -1,4 +1,4 @@
-"""Memory of the console over a shift of eight hours: parts are cut and measured, pages are looked at, time goes by.
+"""Memory of the console over a shift of eight hours: parts are cut and measured, pages looked at, time goes by.
 
 python -m benchmarks.shift
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
+from console.session.station.lost_link import LostLink
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import NOBODY, Standing
 from drivers.simulator.plant.workshop_view import WorkshopView
@@ -166,7 +167,8 @@ class StationState:
     cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
     cut at all, as of the last time its settings were read. `standing` is this console's role at the
     machine, `holder` the number of the console that controls it. `jogs` counts the jogs that ended in position,
-    `ends_s` is when the present motion should end (machine time), None where that is not known.
+    `ends_s` is when the present motion should end (machine time), None where that is not known. `lost_link` is the
+    loss of the link, until F2 after it is back.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -188,6 +190,7 @@ class StationState:
     stops: int = 0
     jogs: int = 0
     ends_s: float | None = None
+    lost_link: LostLink | None = None
     armed: Armed | None = None
     cut: CutProgress | None = None
     cut_done: bool = False

@@ -25,6 +25,7 @@ from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
 from console.session.station.progress import SpindleWatch
 from console.session.station.reaching import Commissioned, reach
+from console.session.station.reconnecting import Reconnecting
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops
 from console.session.station.watches import ChuckSight, LinkTime, watch_axes, watch_loss, watch_phase, watch_poll
@@ -54,6 +55,7 @@ class Station:
         self._link_time = LinkTime()
         self._spindle = SpindleWatch(context.loaded_machine.machine.spindle.counts_per_rev)
         self._stops, self._sight = Stops(context, self._spindle.forget), ChuckSight(context)
+        self._reconnecting = Reconnecting(context, self._stops)
 
     @property
     def state(self) -> StationState:
@@ -163,9 +165,11 @@ class Station:
     def _step(self, command: Command | None) -> None:
         context = self._context
         if self._stops.gone:
+            self._reconnecting.step()
             return
         if context.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
+            self._reconnecting.settled()
         elif command is not None:
             self._carry_out(command)
         else:
@@ -301,6 +305,7 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         commissioned=Commissioned(
             reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
         ),
+        reopening=reached.reopening,
     )
     context.tell(address=reached.address)
     for problem in warnings_of(machine):
