@@ -162,6 +162,7 @@ class StationState:
 
     `cut_done` means that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
     job, that was cut without compensation and measured. `refusals` answer the last command, and end with the next.
+    `loading_until_s` is about when the program will have been loaded, machine time; None while none is.
     `spindle_rpm` is None until enough was sampled. `stops` counts those that were settled. `marks_mm` is
     where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
     cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
@@ -191,6 +192,7 @@ class StationState:
     jogs: int = 0
     ends_s: float | None = None
     lost_link: LostLink | None = None
+    loading_until_s: float | None = None
     armed: Armed | None = None
     cut: CutProgress | None = None
     cut_done: bool = False

@@ -20,6 +20,7 @@ from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import killed_or_refused
 from console.session.errors import SessionError, fault_problem
 from console.session.station.alarms import OF_A_CUT, Priority, seen
+from console.session.station.armed_watch import watch_armed
 from console.session.station.commands import Acknowledge, Arm, Command, EndCut, Recover, Start, TakeControl, Verify
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
@@ -81,6 +82,7 @@ class Station:
         )
         context.tell_standing()
         watch_poll(context, before, snapshot)
+        watch_armed(context, snapshot)
         self._stops.watch(snapshot)
         if context.seen is not None:
             context.seen(snapshot)
