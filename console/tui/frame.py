@@ -17,6 +17,7 @@ from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
 from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, actions_of
 from console.tui.lines import BLANK, Line, clipped, dim, hanging, line, name_in, plain, ranged, width_of, wrapped
+from console.tui.link.holder_lines import observing, onlookers
 from console.tui.link.lost_lines import is_watched, lost_step
 from console.tui.pages.fields import named
 from console.tui.theme import Token
@@ -70,9 +71,8 @@ def state_row(frame: Frame, width: int) -> list[Line]:
         activity = f"{activity} · {text(f'frame.sync.{state.cut.synchronisation}')}"
         token = Token.WARNING if state.cut.is_lost else token
     if _observes(state):
-        held = text("frame.looks_on", holder=state.holder) if state.holder else text("frame.looks_on_free")
-        activity, token = held, Token.WARNING
-    right = (*_age(frame), dim(f"   {frame.clock:%H:%M} "))
+        activity, token = observing(text, state, frame.clock), Token.WARNING
+    right = (*onlookers(text, state), *_age(frame), dim(f"   {frame.clock:%H:%M} "))
     room = width - width_of((*head, *right)) - cell_len(activity) - 1
     machine, job = _names(state.machine, frame.job, room)
     names = [(f"{name} · ", token) for name, token in ((machine, Token.DIM), (job, Token.STRONG)) if name]

@@ -24,9 +24,10 @@ from console.session.station.armed_watch import watch_armed
 from console.session.station.commands import Acknowledge, Arm, Command, EndCut, Recover, Start, TakeControl, Verify
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
+from console.session.station.link.holding import HolderWatch
+from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
 from console.session.station.reaching import Commissioned, reach
-from console.session.station.reconnecting import Reconnecting
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops
 from console.session.station.watches import ChuckSight, LinkTime, watch_axes, watch_loss, watch_phase, watch_poll
@@ -56,6 +57,7 @@ class Station:
         self._link_time = LinkTime()
         self._spindle = SpindleWatch(context.loaded_machine.machine.spindle.counts_per_rev)
         self._stops, self._sight = Stops(context, self._spindle.forget), ChuckSight(context)
+        self._holder = HolderWatch(context)
         self._reconnecting = Reconnecting(context, self._stops)
 
     @property
@@ -231,6 +233,7 @@ class Station:
             raise DriverError(Problem(code="machine.fault", key="poll", value=", ".join(faults)))
         context.end_alarms("link.silent")
         watch_axes(context, snapshot)
+        self._holder.look()
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Run an operation on the machine; on any error, report it and stop the machine."""
@@ -308,6 +311,7 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
             reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
         ),
         reopening=reached.reopening,
+        onlookers=reached.onlookers,
     )
     context.tell(address=reached.address)
     for problem in warnings_of(machine):

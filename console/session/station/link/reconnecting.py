@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import recovered
 from console.session.station.context import StationContext
-from console.session.station.lost_link import LostLink, Validity, validity_of
+from console.session.station.link.lost_link import LostLink, Validity, validity_of
 from console.session.station.state import Activity
 from console.session.station.stops import Stops
 from console.session.station.watches import watch_axes
