@@ -147,6 +147,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="align.backward", keys=("pagedown",), shown="PgDn", row="", moves=True, stops=Stops.MOTION),
     Action(id="align.larger", keys=("+", "="), shown="+", row="+-", stops=Stops.JOG),
     Action(id="align.smaller", keys=("-",), shown="-", row="", stops=Stops.JOG),
+    Action(id="align.goto", keys=("g", "ㅎ"), shown="g", row=""),
+    Action(id="align.go", keys=("f6",), shown="F6", row="", moves=True, once=True),
     Action(id="align.back", keys=("b", "ㅠ"), shown="b", row=""),
     Action(id="align.off", keys=("f3",), shown="F3", stops=Stops.MOTION),
     Action(id="run.arm", keys=("f5",), shown="F5", once=True),

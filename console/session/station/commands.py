@@ -66,6 +66,14 @@ class Jog(Command):
     distance: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class GoTo(Command):
+    """Go to a typed target with one jog: Z, mm from its zero, or C, degrees from the index the shorter way."""
+
+    axis: AxisName
+    target: float
+
+
 class TakeJaw(Command):
     """Record the present spindle angle as the one at which jaw 1 meets the mark."""
 
