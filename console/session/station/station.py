@@ -20,6 +20,7 @@ from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import killed_or_refused
 from console.session.errors import SessionError, fault_problem
 from console.session.station.alarms import OF_A_CUT, Priority, seen
+from console.session.station.armed_watch import watch_armed
 from console.session.station.commands import Acknowledge, Arm, Command, EndCut, Recover, Start, TakeControl, Verify
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
@@ -83,6 +84,7 @@ class Station:
         )
         context.tell_standing()
         watch_poll(context, before, snapshot)
+        watch_armed(context, snapshot)
         self._stops.watch(snapshot)
         if context.seen is not None:
             context.seen(snapshot)
@@ -205,7 +207,8 @@ class Station:
             context.log_command(command)
         if not isinstance(command, Start):
             context.tell(armed=None)  # what was read in the summary may have changed
-        context.tell(refusals=(), activity=activity if context.state.stop is None else context.state.activity)
+        shown = activity if context.state.stop is None else context.state.activity
+        context.tell(refusals=(), ends_s=None, activity=shown)
 
         def worked() -> None:
             work(context, command)
