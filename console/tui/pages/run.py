@@ -209,6 +209,7 @@ class RunPage(Page):
                 loaded=None if work.edited else work.loaded,
                 compensation=work.compensation,
                 stage=work.stage,
+                inverts=work.inverts,
             )
             self.ui.control.post(command)
 
