@@ -130,6 +130,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="setup.save_as", keys=("s", "ㄴ"), shown="s"),
     Action(id="preview.strategy", keys=("c", "ㅊ"), shown="c"),
     Action(id="preview.learned", keys=("l", "ㅣ"), shown="l"),
+    Action(id="preview.response", keys=("i", "ㅑ"), shown="i"),
     Action(id="preview.stage", keys=("s", "ㄴ"), shown="s"),
     Action(id="preview.program", keys=("p", "ㅔ"), shown="p"),
     Action(id="preview.up", keys=("up", "pageup"), shown="↑", row="↑↓"),

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from console.session.data.identified import ChosenResponse
     from console.session.station.state import StationState
     from drivers.cutting.strategy import Strategy
     from profiles.compensations.learned import LearnedCompensation
@@ -95,6 +96,7 @@ class Arm(Command):
 
     `loaded` is the file that the job is from, None where it differs from it: then nothing was learned of it.
     `compensation` is what was learned of it, None the model's; `stage` is a `console.session.stages.Stage`.
+    `inverts` is the identified response that a cut without anything learned inverts, None the model's.
     """
 
     job: Job
@@ -104,6 +106,7 @@ class Arm(Command):
     compensation: LearnedCompensation | None = None
     stage: str = "full"
     valid_s: float = LEAST_ARMED_S
+    inverts: ChosenResponse | None = None
 
 
 class Disarm(Command):
