@@ -20,6 +20,7 @@ from console.session.station.context import StationContext
 from console.session.station.cutting import arm, disarm, retract, start
 from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
 from console.session.station.state import Activity
+from console.session.station.tuning import read_loop
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
@@ -222,6 +223,7 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.TakeJaw: (Activity.READY, take_jaw),
     commands.TakeTouchOff: (Activity.READY, take_touch_off),
     commands.Forget: (Activity.READY, forget),
+    commands.ReadLoop: (Activity.VERIFYING, read_loop),
     commands.Arm: (Activity.ARMING, arm),
     commands.Disarm: (Activity.READY, disarm),
     commands.Start: (Activity.POSITIONING, start),

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from console.session.station.progress import CutProgress
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
+    from drivers.identification.tool_loop import ToolLoop
     from profiles.job import Job
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
@@ -165,7 +166,8 @@ class StationState:
     where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
     cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
     cut at all, as of the last time its settings were read. `standing` is this console's role at the
-    machine, `holder` the number of the console that controls it.
+    machine, `holder` the number of the console that controls it. `tool_loop` is the loop of the tool as it was
+    read last, None before.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -193,6 +195,7 @@ class StationState:
     uncommissioned: tuple[Problem, ...] = ()
     measured: MeasuredPart | None = None
     uncompensated: MeasuredPart | None = None
+    tool_loop: ToolLoop | None = None
 
     @property
     def moving(self) -> bool:
