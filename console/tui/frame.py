@@ -17,6 +17,7 @@ from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
 from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, actions_of
 from console.tui.lines import BLANK, Line, clipped, dim, hanging, line, name_in, plain, ranged, width_of, wrapped
+from console.tui.link.lost_lines import is_watched, lost_step
 from console.tui.pages.fields import named
 from console.tui.theme import Token
 from drivers.lathe.lengths import settings_of
@@ -175,8 +176,8 @@ def next_row(frame: Frame, width: int) -> list[Line]:
     step: Line = frame.next_step
     if answer_of(frame) and unseen_alarm(state) is not None:
         return _answer(frame, width)
-    if state.activity is Activity.LOST:
-        step = line((text("frame.lost"), Token.ACTION))
+    if lost := lost_step(text, state):
+        step = line((lost, Token.ACTION))
     elif state.activity is Activity.CONNECTING:
         step = line(dim(text("frame.connecting")))
     elif _observes(state) and state.stop is None:
@@ -202,6 +203,8 @@ def stop_row(frame: Frame, width: int) -> list[Line]:
 
 def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:
     stop = state.stop
+    if is_watched(state):
+        return text("lost_link.not_delivered"), Token.WARNING
     if stop is not None and not stop.delivered:
         return text("frame.not_delivered"), Token.ALARM
     if state.activity is Activity.LOST:

@@ -104,6 +104,26 @@ class Lathe:
             raise RefusedError(Problem(code="controller.family_differs", where=where, value=kind, limit=limit))
         return version, kind
 
+    def reconnect(self) -> Snapshot:
+        """Set up a link that was opened anew, and read the machine and who controls it; return what it does.
+
+        Nothing is claimed, stopped or renewed: what this console had guarded is left to the controller.
+        Raises RefusedError: `controller.family_differs`.
+        """
+        if self._heartbeat is not None:
+            self._heartbeat.forgo()
+        self.connect()
+        return self.snapshot()
+
+    @property
+    def ends_within_s(self) -> float:
+        """How long the controller may take to end what its host no longer guards; 0 where it ends nothing."""
+        return 0.0 if self._heartbeat is None else self._heartbeat.ends_within_s
+
+    def is_ending(self) -> bool:
+        """Query whether the controller is ending something that lost its host."""
+        return self._heartbeat is not None and self._heartbeat.is_ending()
+
     def claim(self) -> None:
         """Claim control of the machine for this console; without ownership there is nothing to claim.
 

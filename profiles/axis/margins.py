@@ -17,6 +17,9 @@ import numpy as np
 from profiles.arrays import Floats
 from profiles.axis.sampled_loop import SampledLoop
 
+LEAST_GAIN_MARGIN, LEAST_PHASE_MARGIN_DEG, MOST_SENSITIVITY = 2.0, 45.0, 2.0
+"""What is usual for a servo; the book recommends a gain margin of 2 to 5, 30 to 60 deg, and Ms of 1.2 to 2."""
+
 _LOWEST_HZ = 1e-3
 _POINTS = 4000
 _HALVINGS = 60

@@ -19,6 +19,7 @@ from console.session.station.alarms import Alarms, Priority, cleared, raised
 from console.session.station.commands import Command
 from console.session.station.owning import Owning
 from console.session.station.reaching import Commissioned
+from console.session.station.reopening import Reopening
 from console.session.station.state import Armed, StationState
 from drivers.clock import Clock
 from drivers.cutting.planning import CutPlan
@@ -35,9 +36,9 @@ from profiles.store import LoadedMachine
 class StationContext:
     """Everything that one command needs. `state` is replaced by `tell`, from any thread.
 
-    Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only. `client`
-    is that of the controller, for what the lathe has no function for. `plan` is that of the last arming, `started`
-    what was last started; `seen` gets every status poll during a cut.
+    Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only. Without
+    `reopening` a lost link stays lost. `client` is that of the controller, for what the lathe has no function for.
+    `plan` is that of the last arming, `started` what was last started; `seen` gets every status poll during a cut.
     `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
     """
@@ -50,6 +51,7 @@ class StationContext:
     records: Path
     local_time: Callable[[], str]
     commissioned: Commissioned | None = None
+    reopening: Reopening | None = None
     client: PmacClient | None = None
     plan: CutPlan | None = None
     started: Armed | None = None

@@ -13,6 +13,7 @@ from console.session.data.stop_records import stop_record_problems
 from console.session.errors import refuse
 from console.session.signals import Interruption
 from console.session.station.owning import Owning, take_lock
+from console.session.station.reopening import Reopening
 from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.lathe.heartbeat import Heartbeat
@@ -22,8 +23,9 @@ from drivers.lathe.safety import safety_problems
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
-from drivers.link.address import LinkAddress, SimulatedAddress
+from drivers.link.address import LinkAddress, SimulatedAddress, WiredAddress
 from drivers.link.opening import open_link
+from drivers.link.renewable import RenewableLink
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
@@ -90,6 +92,7 @@ class Reached:
     clock: Clock
     address: str
     shop: SimulatorProcess | None
+    reopening: Reopening | None = None
     close: Callable[[], None] = field(repr=False)
 
     @property
@@ -122,8 +125,9 @@ def reach(
             )
             opened.callback(process.close)
             address = process.address
-        link = open_link(address)
+        link, reopening = _renewable(address, process)
         opened.callback(link.close)
+        opened.callback(reopening.close)
         clock = RealClock()
         traced = tracing.of(link, clock.now_s)
         stop, client = StopPath(traced), PmacClient(traced, clock)
@@ -140,8 +144,16 @@ def reach(
             clock=clock,
             address=link.address,
             shop=process,
+            reopening=reopening,
             close=opened.pop_all().close,
         )
+
+
+def _renewable(address: WiredAddress, process: SimulatorProcess | None) -> tuple[RenewableLink, Reopening]:
+    """Open a link that may be opened anew; that of a simulator only as long as its process lives."""
+    link = RenewableLink(open_link(address))
+    over = (lambda: not process.alive) if process is not None else (lambda: False)
+    return link, Reopening(link, lambda: open_link(address), over)
 
 
 def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) -> None:

@@ -71,7 +71,7 @@ class AlignPage(Page):
         if state.moving:
             self._jog.renew(view.now_s)  # idle time counts from the end of the motion
         self._jog.let_go(state, view.now_s)
-        self._jog.press_due()
+        self._jog.follow()
         self._axes.show(align_lines.axes_lines(text, state, machine, view.now_s, self._axes.size.width))
         jog = self._jog.view(state, view.now_s)
         axes = "C °" if jog.axis is AxisName.SPINDLE else "X Z mm"
@@ -91,7 +91,7 @@ class AlignPage(Page):
         if action in JOGS:
             self._jog.press(action)
         else:
-            self._jog.forget()
+            self._jog.heard(action)
             answers: dict[str, Callable[[str], None]] = {
                 "align.step": self._do_step,
                 "align.take": self._take,
@@ -133,13 +133,29 @@ class AlignPage(Page):
         by_hand = [] if state.simulated else [BLANK, *wrapped(text("align_page.real"), width)]
         return [*align_lines.why_lines(text, state, view.job, self.ui.machine.machine, width, None), *by_hand]
 
+    def heard(self, action: str | None) -> None:
+        """Drop the steps of a jog key that wait, at any other key."""
+        self._jog.heard(action)
+
     def leave(self) -> None:
         """Disable the jog; a step in progress ends with the page."""
         self._warned_s = None
+        self._stop_jog("page", "screen.left_jogging")
         self._jog.end()
-        if self.ui.control.state.activity is Activity.JOGGING:
-            self.ui.say_until_key(Problem(code="screen.left_jogging"))
-            self.ui.control.stop("page")
+
+    def on_mount(self) -> None:
+        """Watch the focus of the terminal, where it reports it: whoever looks elsewhere does not jog."""
+        self.watch(self.app, "app_focus", self._see_focus, init=False)
+
+    def _see_focus(self, focused: bool) -> None:
+        if not focused:
+            self._stop_jog("blur", "screen.blurred_jogging")
+            self._jog.end()
+
+    def _stop_jog(self, reason: str, code: str) -> None:
+        if self.ui.control.state.activity is Activity.JOGGING or self.ui.queued:
+            self.ui.say_until_key(Problem(code=code))
+            self.ui.stop(reason)
 
     def _next_word(self, state: StationState, step: AlignStep | None, job: Job | None) -> str:
         machine = self.ui.machine.machine

@@ -34,13 +34,17 @@ _BESIDE = 3  # columns to the right of the rim, for the mark
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JogView:
-    """Input of the panel. `left_s` is None while disabled; `axis` has the step of + and -; `made` counts steps."""
+    """Input of the panel. `left_s` is None while disabled; `axis` has the step of + and -.
+
+    `made` of `asked` steps of the last key are done.
+    """
 
     machine: MachineProfile
     state: StationState
     steps: Steps
     axis: AxisName
     made: int
+    asked: int
     left_s: float | None
 
 
@@ -60,8 +64,10 @@ def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Li
 
 
 def _enable_line(text: Catalogue, jog: JogView, width: int) -> Line:
-    right = BLANK
-    if jog.state.moving:
+    right, under_way = BLANK, jog.made < jog.asked
+    if under_way and jog.asked > 1:
+        right = line(" ", (text("align_page.steps_of", made=jog.made, asked=jog.asked), Token.STRONG))
+    elif jog.state.moving or under_way:
         right = line(" ", (text("align_page.moving"), Token.STRONG))
     elif jog.made:
         right = line(" ", ("✓ ", Token.OK), text("align_page.made", count=jog.made))
