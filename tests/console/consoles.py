@@ -121,6 +121,7 @@ def station_of(sim: SimulatedLathe, data: Path, *, locking: bool = True) -> With
         shop=None,
         records=data,
         local_time=lambda: LOCAL_TIME,
+        client=alone.client,
     )
     context.tell(address=ADDRESS)
     station = Station(context)

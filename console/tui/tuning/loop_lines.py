@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rich.cells import cell_len
+
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fitted, hanging, line, wrapped
 from console.tui.theme import Token
@@ -21,9 +23,8 @@ DATE = len("2001-11-30 14:05")
 def loop_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
     """Return margins first, then the gains and what they are from."""
     lines = margin_lines(facts.margins, facts.period_ms, text, width)
-    lines += gain_lines(facts, text, width)
     lines += warning_lines(facts, text, width)
-    return lines
+    return lines + gain_lines(facts, text, width)
 
 
 def margin_lines(margins: LoopMargins, period_ms: float, text: Catalogue, width: int) -> list[Line]:
@@ -60,7 +61,9 @@ def margin_lines(margins: LoopMargins, period_ms: float, text: Catalogue, width:
         ("peak", f"{margins.peak:.3f} ({_db(margins.peak)}) @ {margins.peak_hz:.1f} Hz", "", False),
     ]
     if margins.gain_reduction is not None:
-        rows.insert(1, ("gain_reduction", f"{margins.gain_reduction:.3g} ({_db(margins.gain_reduction)})", "", False))
+        rows.insert(
+            1, ("gain_reduction", f"{margins.gain_reduction:.3g} ({_db(margins.gain_reduction)})", "", False)
+        )
     return [_row(text(f"tune_page.{key}"), value, usual, text, width, bad=bad) for key, value, usual, bad in rows]
 
 
@@ -68,7 +71,12 @@ def _row(label: str, value: str, usual: str, text: Catalogue, width: int, *, bad
     mark = ("! ", Token.WARNING) if bad else dim("  ")
     shown = (fitted(value, VALUE_WIDTH), Token.WARNING if bad else Token.TEXT)
     room = max(width - 2 - LABEL_WIDTH - VALUE_WIDTH, 0)
-    return mark, dim(fitted(label, LABEL_WIDTH)), shown, dim(fitted(usual and text("tune_page.usual", limit=usual), room))
+    return (
+        mark,
+        dim(fitted(label, LABEL_WIDTH)),
+        shown,
+        dim(fitted(usual and text("tune_page.usual", limit=usual), room)),
+    )
 
 
 def gain_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
@@ -82,13 +90,22 @@ def gain_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
         ("kaff", f"{gains.acceleration_feedforward_v_s2_per_m:.4g} V s2/m"),
         ("period", f"{facts.period_ms:.4f} ms"),
     ]
-    named = [(text(f"tune_page.{key}"), value) for key, value in rows]
     lines: list[Line] = []
     if facts.read is not None:
-        values = "  ".join(f"{name} {value:g}" for name, value in facts.read.gains.items())
-        lines += hanging(dim("  "), values, width)
-    pieces = "   ".join(f"{label} {value}" for label, value in named)
-    return [*lines, *hanging(dim("  "), pieces, width, Token.DIM)]
+        lines += _packed([f"{name} {value:g}" for name, value in facts.read.gains.items()], width, Token.TEXT)
+    return lines + _packed([f"{text(f'tune_page.{key}')} {value}" for key, value in rows], width, Token.DIM)
+
+
+def _packed(items: Sequence[str], width: int, token: Token) -> list[Line]:
+    """Return items side by side, as many in a row as fit; none is broken."""
+    rows: list[str] = []
+    for item in items:
+        longer = f"{rows[-1]}   {item}" if rows else item
+        if rows and cell_len(longer) <= width - 2:
+            rows[-1] = longer
+        else:
+            rows.append(item)
+    return [line(dim("  "), (row, token)) for row in rows]
 
 
 def warning_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
@@ -116,7 +133,10 @@ def response_lines(
     rows: list[Line] = []
     for place, seen in list(enumerate(responses))[first : first + max(height, 1)]:
         mark = ("▶ ", Token.ACTION) if place == selected else dim("  ")
-        words = (fitted(_response_words(seen, text), max(width - 2, 0)), Token.TEXT if not seen.problems else Token.DIM)
+        words = (
+            fitted(_response_words(seen, text), max(width - 2, 0)),
+            Token.TEXT if not seen.problems else Token.DIM,
+        )
         rows.append((mark, words))
     return rows
 
