@@ -77,7 +77,7 @@ class Stops:
         return state.snapshot if pressed and at_rest else None
 
     def _let_go(self, snapshot: Snapshot) -> None:
-        """End a stop that has found nothing to stop: what was armed or enabled is over, and no reset is asked for."""
+        """End a stop that has found nothing to stop: what was armed or enabled is over; no reset is needed."""
         context = self._context
         try:
             context.lathe.stop.release()
