@@ -174,10 +174,12 @@ class Station:
         if context.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
             self._reconnecting.settled()
-        elif command is not None:
-            self._carry_out(command)
         else:
-            self._guarded(self._poll)
+            self._stops.commanded = command is not None
+            if command is not None:
+                self._carry_out(command)
+            else:
+                self._guarded(self._poll)
         armed = context.state.armed
         if armed is not None and context.clock.now_s() > armed.until_s:
             context.tell(armed=None, refusals=(Problem(code="session.arm_expired"),))
