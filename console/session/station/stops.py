@@ -26,13 +26,16 @@ NEEDS_NO_RESET = frozenset({"space", "escape", "f12"})
 class Stops:
     """Stops of one machine. `gone` is whether the connection is lost: nothing answers until it is opened anew.
 
-    `commanded` is whether the last thing that the station did before a stop was a command, and no poll.
+    `commanded` is whether the last thing that the station did before a stop was a command, and no poll. While
+    `leaving`, the record waits: the machine comes to rest first, and files are written after it (`write_later`).
     """
 
     def __init__(self, context: StationContext, forget_speed: Callable[[], None]) -> None:
         """Take `forget_speed`: the polls of a spindle coming to rest give no valid speed."""
         self._context, self._forget_speed = context, forget_speed
         self.gone, self.commanded = False, True
+        self.leaving = False
+        self._later: list[tuple[str, dict[str, object]]] = []
         self._moved_s = float("-inf")
         self._noted: tuple[bool, bool] | None = None  # of the last stop in the record: rest proven, drives off
 
@@ -160,7 +163,7 @@ class Stops:
         self._noted = (proven, killed)
         if before is None:
             cut = context.state.cut if stop.of_cut else None
-            context.note_anyway(
+            self._note(
                 "stopped",
                 reason=stop.reason,
                 by=stopped_by(stop.reason),
@@ -170,9 +173,20 @@ class Stops:
                 taken_after_s=taken_after_s,
             )
         elif killed and not before[1]:
-            context.note_anyway("killed", proven=proven)
+            self._note("killed", proven=proven)
         elif proven and not before[0]:
-            context.note_anyway("at_rest")
+            self._note("at_rest")
+
+    def _note(self, kind: str, **data: object) -> None:
+        self._later.append((kind, data))
+        if not self.leaving:
+            self.write_later()
+
+    def write_later(self) -> None:
+        """Write into the record what has waited."""
+        while self._later:
+            kind, data = self._later.pop(0)
+            self._context.note_anyway(kind, **data)
 
     def watch(self, snapshot: Snapshot) -> None:
         """Note when something moves, and when the controller first obeys a stop, by a poll requested after it."""
