@@ -39,6 +39,7 @@ class PageName(StrEnum):
     ALARMS = "alarms"
     MORE = "more"
     SETTINGS = "settings"
+    TUNE = "tune"
 
 
 NUMBERED = tuple(PageName)[: tuple(PageName).index(PageName.MORE)]
@@ -91,6 +92,7 @@ ACTIONS: tuple[Action, ...] = (
         for page, digit in DIGITS.items()
     ),
     Action(id="page.settings", keys=(), shown="0 s", beside=True),
+    Action(id="page.tune", keys=(), shown="0 u", beside=True),
     Action(id="recover", keys=("f2",), shown="F2"),
     Action(id="acknowledge", keys=("k", "ㅏ"), shown="k"),
     Action(id="take_over", keys=("t", "ㅅ"), shown="t", row="", once=True),
@@ -130,6 +132,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="setup.save_as", keys=("s", "ㄴ"), shown="s"),
     Action(id="preview.strategy", keys=("c", "ㅊ"), shown="c"),
     Action(id="preview.learned", keys=("l", "ㅣ"), shown="l"),
+    Action(id="preview.response", keys=("i", "ㅑ"), shown="i"),
     Action(id="preview.stage", keys=("s", "ㄴ"), shown="s"),
     Action(id="preview.program", keys=("p", "ㅔ"), shown="p"),
     Action(id="preview.up", keys=("up", "pageup"), shown="↑", row="↑↓"),
@@ -147,6 +150,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="align.backward", keys=("pagedown",), shown="PgDn", row="", moves=True, stops=Stops.MOTION),
     Action(id="align.larger", keys=("+", "="), shown="+", row="+-", stops=Stops.JOG),
     Action(id="align.smaller", keys=("-",), shown="-", row="", stops=Stops.JOG),
+    Action(id="align.goto", keys=("g", "ㅎ"), shown="g", row=""),
+    Action(id="align.go", keys=("f6",), shown="F6", row="", moves=True, once=True),
     Action(id="align.back", keys=("b", "ㅠ"), shown="b", row=""),
     Action(id="align.off", keys=("f3",), shown="F3", stops=Stops.MOTION),
     Action(id="run.arm", keys=("f5",), shown="F5", once=True),
@@ -158,8 +163,15 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="inspect.revert", keys=("v", "ㅍ"), shown="v", once=True),
     Action(id="inspect.offset", keys=("o", "ㅐ"), shown="o", row="", once=True),
     Action(id="inspect.import", keys=("i", "ㅑ"), shown="i"),
-    Action(id="inspect.export", keys=("x", "ㅌ"), shown="x", row=""),
     Action(id="inspect.next", keys=("enter",), shown="Enter"),
+    Action(id="inspect.view", keys=("h", "ㅗ"), shown="h"),
+    Action(id="inspect.beside", keys=("b", "ㅠ"), shown="b"),
+    Action(id="inspect.circle", keys=("c", "ㅊ"), shown="c", row=""),
+    Action(id="inspect.filter", keys=("f", "ㄹ"), shown="f", row=""),
+    Action(id="inspect.larger", keys=("+", "="), shown="+ -", row=""),
+    Action(id="inspect.smaller", keys=("-",), shown="-", row="", beside=True),
+    Action(id="inspect.whole", keys=("z", "ㅋ"), shown="z", row=""),
+    Action(id="inspect.export", keys=("x", "ㅌ"), shown="x", row=""),
     Action(id="inspect.up", keys=("up",), shown="↑", row="", stops=Stops.MOTION),
     Action(id="inspect.down", keys=("down",), shown="↓", row="", stops=Stops.MOTION, beside=True),
     Action(id="inspect.page_up", keys=("pageup",), shown="PgUp", row="", stops=Stops.MOTION),
@@ -199,6 +211,11 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="more.down", keys=("down",), shown="↓", row="", beside=True),
     Action(id="more.open", keys=("enter",), shown="Enter"),
     Action(id="more.settings", keys=("s", "ㄴ"), shown="s"),
+    Action(id="more.tune", keys=("u", "ㅕ"), shown="u"),
+    Action(id="tune.view", keys=("v", "ㅍ"), shown="v"),
+    Action(id="tune.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="tune.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="tune.read", keys=("r", "ㄱ"), shown="r"),
 )
 
 READING = (

@@ -21,6 +21,8 @@ from console.session.station.cutting import arm, disarm, retract, start
 from console.session.station.durations import approach_s, home_s, jog_s
 from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
 from console.session.station.state import Activity
+from console.session.station.targets import GO_TO, distance_to, target_problems
+from console.session.station.tuning import read_loop
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
@@ -128,8 +130,24 @@ def jog(context: StationContext, command: commands.Jog) -> None:
         if jogging.is_too_long(command.distance, longest_mm):
             value, limit = f"{command.distance:.3f} mm", f"<= {longest_mm:.3f} mm"
             raise SessionError(Problem(code="machine.step_too_long", key="tool", value=value, limit=limit))
-    context.tell(ends_s=context.clock.now_s() + jog_s(context.machine, command.axis, command.distance))
-    context.lathe.jog_by(command.axis, command.distance * jogging.counts_per_unit(context.machine, command.axis))
+    too_fast = jogging.speed_problem(context.machine, command.axis, command.distance)
+    refuse(() if too_fast is None else (too_fast,))
+    _jog_by(context, command.axis, command.distance)
+
+
+def go_to(context: StationContext, command: commands.GoTo) -> None:
+    """Go to a target with one jog, if nothing is in the way; the carriage or the spindle."""
+    _refuse_unless_homed(context)
+    _require(command.axis in GO_TO, "machine.no_target_axis")
+    snapshot, machine = context.lathe.snapshot(), context.loaded_machine.machine
+    refuse(target_problems(snapshot, machine, context.state.alignment, command.axis, command.target))
+    _jog_by(context, command.axis, distance_to(snapshot, machine, command.axis, command.target))
+
+
+def _jog_by(context: StationContext, axis: AxisName, distance: float) -> None:
+    """Jog, and count it once it is in position."""
+    context.tell(ends_s=context.clock.now_s() + jog_s(context.machine, axis, distance))
+    context.lathe.jog_by(axis, distance * jogging.counts_per_unit(context.machine, axis))
     context.tell(jogs=context.state.jogs + 1)
 
 
@@ -227,9 +245,11 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.Home: (Activity.HOMING, home),
     commands.Approach: (Activity.APPROACHING, approach),
     commands.Jog: (Activity.JOGGING, jog),
+    commands.GoTo: (Activity.JOGGING, go_to),
     commands.TakeJaw: (Activity.READY, take_jaw),
     commands.TakeTouchOff: (Activity.READY, take_touch_off),
     commands.Forget: (Activity.READY, forget),
+    commands.ReadLoop: (Activity.VERIFYING, read_loop),
     commands.Arm: (Activity.ARMING, arm),
     commands.Disarm: (Activity.READY, disarm),
     commands.Start: (Activity.POSITIONING, start),

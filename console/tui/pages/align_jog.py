@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from console.session.cut.alignment import AlignStep
-from console.session.station.commands import Jog
-from console.session.station.jogging import JogEnable, Steps, is_too_long, longest_toward_mm
+from console.session.station.commands import GoTo, Jog
+from console.session.station.jogging import JogEnable, Steps, is_too_long, longest_toward_mm, speed_problem
 from console.session.station.state import Activity, StationState
 from console.tui.align.jog_presses import SURE_S, JogPresses
 from console.tui.align.step_queue import MOST_WAITING, StepQueue
@@ -26,6 +26,8 @@ JOGS = {
     "align.backward": (AxisName.SPINDLE, -1.0),
 }
 """Axis and direction of each jog key: toward the work, toward the chuck, with the cut are positive."""
+
+GO = "align.go"  # the key that starts a go-to
 
 Later = Callable[[float, Callable[[], None]], None]
 """Call a function after this many seconds, while the page exists."""
@@ -74,7 +76,27 @@ class JogKeys:
             return reasons
         if self._jog is None or not self._jog.holds(state, now_s):
             return (Problem(code="screen.jog_not_enabled"),)
-        return self._too_long(key, state)
+        return self._too_long(key, state) or self._too_fast(key)
+
+    def _too_fast(self, key: str) -> tuple[Problem, ...]:
+        axis = JOGS[key][0]
+        problem = speed_problem(self.ui.machine.machine, axis, self._steps.of(axis))
+        return () if problem is None else (problem,)
+
+    def why_not_go(self, state: StationState, now_s: float) -> tuple[Problem, ...]:
+        """Return why a go-to does not begin, whatever its target: the machine, or no enable."""
+        if reasons := refusal(state, GO):
+            return reasons
+        enabled = self._jog is not None and self._jog.holds(state, now_s)
+        return () if enabled else (Problem(code="screen.jog_not_enabled"),)
+
+    def go(self, axis: AxisName, target: float) -> None:
+        """Go to a target: one motion, no steps."""
+        self._forget()
+        self._jogged = step_now(self.ui.control.state.alignment, self.ui.job), axis
+        self.ui.jog = GO
+        self.renew(self.ui.control.now_s())
+        self.ui.control.post(GoTo(axis=axis, target=target))
 
     def _too_long(self, key: str, state: StationState) -> tuple[Problem, ...]:
         step = self._steps.of(JOGS[key][0])
@@ -187,6 +209,7 @@ class JogKeys:
             axis=self._axis(state),
             made=self._queue.made,
             asked=self._queue.asked,
+            now_s=now_s,
             left_s=None if self._jog is None else self._jog.left_s(now_s),
         )
 

@@ -224,6 +224,7 @@ class RunPage(Page):
                 compensation=work.compensation,
                 stage=work.stage,
                 valid_s=self._reading_s(work),
+                inverts=work.inverts,
             )
             self.ui.control.post(command)
 
