@@ -17,7 +17,7 @@ from console.session.station.state import Activity, Armed, StationState, StopSta
 from console.tui.app import ConsoleApp
 from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys
-from console.tui.keymap import ACTIONS, PageName
+from console.tui.keymap import ACTIONS, DIGITS, PageName
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
@@ -248,11 +248,11 @@ def test_escape_stops_with_a_list_open_where_something_may_move(
     assert pressed(tmp_path, now, PageName.ALIGN, *presses).control.stops == ["escape"]
 
 
-@pytest.mark.parametrize("key", [str(number) for number, _ in enumerate(PageName, start=1)])
+@pytest.mark.parametrize("key", DIGITS.values())
 def test_while_a_part_is_cut_every_page_may_be_looked_at(key: str, tmp_path: Path) -> None:
     console = pressed(tmp_path, run_stage.cutting(), PageName.RUN, (0.0, key))
     assert console.control.stops == []
-    assert str(list(PageName).index(console.app._page) + 1) == key
+    assert DIGITS[console.app._page] == key
 
 
 def test_a_machine_that_was_lost_in_motion_is_still_stopped_by_any_key_and_can_be_left(tmp_path: Path) -> None:

@@ -55,6 +55,7 @@ def take_control(context: StationContext, command: commands.TakeControl) -> None
     if not context.lathe.snapshot().loops_open:
         context.lathe.confirm_nobody_inside()  # whoever had control has enabled the drives since
     context.tell_standing()
+    context.tell(lost_link=None)
     context.end_alarms(*OWNER_CODES)
     verify(context, commands.Verify())
 
@@ -156,7 +157,7 @@ def recover(context: StationContext, _: commands.Recover) -> None:
     if context.state.controls:
         context.lathe.acknowledge_loss()
     context.change_alarms(recovered)
-    context.tell(stop=None, armed=None)
+    context.tell(stop=None, armed=None, lost_link=None)
     context.limits_seen = context.lathe.snapshot().limits
 
 
