@@ -101,7 +101,7 @@ class AlignPage(Page):
         if roomy and seen is not None:
             title = text("align_page.chuck_title" if state.simulated else "align_page.chuck_found")
             drawn = chuck_lines(*self._chuck.size, jaws, seen.past_deg)
-            self._chuck.show(drawn, title, f"C {seen.angle_deg:.2f}°")
+            self._chuck.show(drawn, title, seen.angle)
 
     def act(self, action: str) -> None:
         """Perform the action of a key, or show why not."""
