@@ -81,6 +81,8 @@ def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
         "align.step",
         "align.take",
         "align.go",
+        "align.flank",
+        "align.skim",
         "run.arm",
         "run.start",
         "run.hold",
