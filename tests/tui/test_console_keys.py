@@ -78,6 +78,7 @@ def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float
 def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
     once = {action.id for action in ACTIONS if action.once}
     orders = {"align.step", "align.take", "run.arm", "run.start", "run.hold", "run.retract", "take_over"}
+    orders |= {"run.feed_hold", "run.one_turn"}
     assert once == orders | {"inspect.accept", "inspect.revert", "inspect.offset", "jobs.delete"}
 
 
