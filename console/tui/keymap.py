@@ -159,6 +159,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="align.off", keys=("f3",), shown="F3", stops=Stops.MOTION),
     Action(id="run.arm", keys=("f5",), shown="F5", once=True),
     Action(id="run.start", keys=("f6",), shown="F6", moves=True, once=True),
+    Action(id="run.feed_hold", keys=("f4",), shown="F4", moves=True, once=True),
+    Action(id="run.one_turn", keys=("f10",), shown="F10", row="", moves=True, once=True),
     Action(id="run.hold", keys=("f7",), shown="F7", moves=True, once=True),
     Action(id="run.retract", keys=("f8",), shown="F8", moves=True, once=True),
     Action(id="inspect.measure", keys=("m", "ㅡ"), shown="m"),

@@ -85,6 +85,8 @@ def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
         "align.skim",
         "run.arm",
         "run.start",
+        "run.feed_hold",
+        "run.one_turn",
         "run.hold",
         "run.retract",
         "take_over",

@@ -140,6 +140,17 @@ class EndCut(Command):
     """End the cut at the end of the present turn, tool out first."""
 
 
+class HoldFeed(Command):
+    """Hold the cut at the end of the present turn: the tool goes out, the spindle turns on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResumeFeed(Command):
+    """Bring the tool of a held cut in again, at the same angle and place; with `one_turn` for one turn."""
+
+    one_turn: bool = False
+
+
 class Retract(Command):
     """Take the tool out of the part, after a stop."""
 
