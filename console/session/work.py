@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from console.session.data.kept_files import make_folder
+from console.session.typed_number import plain_number
 from drivers.cutting.strategy import DEFAULT_STRATEGY, UNCOMPENSATED
 from profiles.fields import Field, Kind, fault, spelled
 from profiles.files import printable
@@ -46,7 +46,6 @@ REQUIRED = tuple(
 NO_VALUE = "-"
 
 # Python accepts more as a number ("1_000", "1e3", "nan") than an operator would write.
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,13 +268,8 @@ def _labels(job: Job) -> tuple[str, tuple[str, ...]]:
 
 def _number(text: str, field_: Field) -> float | int | str:
     """Parse an entry; a text that is no number is returned unchanged, for the refusal to quote."""
-    before, comma, after = text.partition(",")
-    # A separator could mean thousands: more than one of them, or a comma before exactly three digits.
-    thousands = bool(comma) and len(after) == 3 and before.lstrip("+-")[:1] not in ("0", "")
-    if thousands or text.count(".") + text.count(",") > 1:
-        raise ProfileError(Problem(code="value.ambiguous", key=field_.key, value=text, limit=field_.limit))
-    plain = text.replace(",", ".")
-    if not _NUMBER.fullmatch(plain):
+    plain = plain_number(text, field_.key, field_.limit)
+    if plain is None:
         return text
     try:
         return int(plain) if field_.kind is Kind.WHOLE else float(plain)

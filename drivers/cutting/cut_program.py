@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers.cutting.guarding import ProgramEnd
+from drivers.cutting.program_reports import ProgramReports
 from drivers.cutting.sampling import BatchGather
 from drivers.errors import DriverError, LinkTimeoutError
 from drivers.lathe.guards import Guard, unguarded
@@ -161,6 +162,11 @@ class CutProgram:
     def batches(self) -> BatchGather:
         """Return the gatherer of tool and spindle during a cut, see `drivers.cutting.sampling`; nothing moves."""
         return BatchGather(self._client, self._machine, self._clock, lambda: self._poller.round_trip_s)
+
+    def reports(self) -> ProgramReports | None:
+        """Return the reader of what the loaded program reports of itself, None where none is loaded."""
+        loaded = self._loaded
+        return None if loaded is None else ProgramReports(self._client, self._poller, loaded.program)
 
     def follow(self, watch: Callable[[Snapshot], None], timeout_s: float, guard: Guard = unguarded) -> Snapshot:
         """Poll the machine until the program has ended and the axes have arrived.

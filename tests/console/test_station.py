@@ -112,6 +112,20 @@ def test_a_start_that_comes_too_late_moves_nothing(aligned: Floor) -> None:
     assert before is not None and state.snapshot is not None and state.snapshot.near(before, 100.0)
 
 
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [("#3J^100", "session.arm_moved"), ("%90", "session.arm_override"), ("#2K", "session.arm_realigned")],
+)
+def test_what_is_changed_by_another_host_disarms_at_once(aligned: Floor, line: str, code: str) -> None:
+    """One that jogs an axis, sets the feed override, or opens a loop, while the summary is being read."""
+    assert aligned.arm(experiment_1(), valid_s=60.0).armed is not None
+    aligned.sim.connect().receive(f"{line}\r".encode())
+    state = aligned.idle(0.02)
+    assert state.armed is None and code in codes(state)
+    aligned.idle(1.0)
+    assert codes(aligned.do(Start())) == ["session.not_armed"]
+
+
 def test_a_stop_in_mid_cut_and_the_way_back(aligned: Floor) -> None:
     job = experiment_1()
     aligned.arm(job)

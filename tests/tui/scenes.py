@@ -16,6 +16,7 @@ import pytest
 from textual.pilot import Pilot
 
 from console.session.cut.alignment import Alignment, JawAngle, TouchOff, aligned_job, clamping_of
+from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseLeft
 from console.session.cut.telemetry import Phase, SpindleRipple
 from console.session.data import records
 from console.session.data.kept_files import jobs_folder
@@ -33,12 +34,13 @@ from console.session.work import Work, edited
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.jobs import shelf
-from console.tui.keymap import PageName
+from console.tui.keymap import ACTIONS, DIGITS, PageName
 from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
+from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import Strategy
-from drivers.lathe.snapshot import AxisState, Snapshot
+from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
 from drivers.preview.preview import Preview, preview
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
@@ -105,6 +107,8 @@ def scene_of(page: PageName) -> Scene:
         case PageName.ALARMS:
             alarms, log = alarmed()
             return Scene(page=page, state=replace(machine(Activity.READY), alarms=alarms), work=signed(), log=log)
+        case PageName.MORE | PageName.SETTINGS:
+            return Scene(page=page, state=machine(Activity.READY), work=signed())
         case PageName.INSPECT:
             after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
             state = replace(machine(Activity.READY), alignment=ALIGNED, measured=after, uncompensated=before)
@@ -189,7 +193,10 @@ def cut() -> CutProgress:
         synchronisation=Synchronisation.IN_SYNC,
         ripple=SpindleRipple(1.183, 0.568),
         angles_deg=angles_deg,
-        errors_um=harmonics,
+        errors_um=harmonics + 0.13 * np.cos(1.7 * np.arange(240.0)),
+        phases=(PhaseLeft(CutPhase.CUT, 4.6), PhaseLeft(CutPhase.RETRACT, 0.41), PhaseLeft(CutPhase.HOME, 0.83)),
+        to_go=(AxisToGo(AxisName.CARRIAGE, 3.84),),
+        place=ProgramPlace(program=2, text="X(P11+P12*COS(P27)):(-P15*SIN(P27))", line=31, lines=66),
     )
 
 
@@ -316,12 +323,20 @@ def answer(app: ConsoleApp, scene: Scene) -> None:
         app._previewer._settled = (work, alignment, None)
 
 
+def keys_to(page: PageName) -> tuple[str, ...]:
+    """The keys that show a page: its digit, or that of More and its letter there."""
+    if page in DIGITS:
+        return (DIGITS[page],)
+    letter = next(action.keys[0] for action in ACTIONS if action.id == f"more.{page}")
+    return DIGITS[PageName.MORE], letter
+
+
 @asynccontextmanager
 async def played(app: ConsoleApp, scene: Scene, size: tuple[int, int]) -> AsyncIterator[Pilot[None]]:
     """Run the application, go to the page of the scene, press its keys, and wait until nothing changes."""
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
-        await pilot.press(str(list(PageName).index(scene.page) + 1), *scene.keys)
+        await pilot.press(*keys_to(scene.page), *scene.keys)
         await settle(app, pilot)
         yield pilot
 

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from profiles.store import LoadedJob
 
 
+LEAST_ARMED_S, MOST_ARMED_S = 10.0, 90.0
+"""How long after arming a cut may be started, s: as long as its summary takes to read."""
+
+
 @dataclass(frozen=True)
 class Command:
     """One command; those without fields differ by their class alone."""
@@ -63,6 +67,14 @@ class Jog(Command):
     distance: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class GoTo(Command):
+    """Go to a typed target with one jog: Z, mm from its zero, or C, degrees from the index the shorter way."""
+
+    axis: AxisName
+    target: float
+
+
 class TakeJaw(Command):
     """Record the present spindle angle as the one at which jaw 1 meets the mark."""
 
@@ -80,7 +92,7 @@ class Forget(Command):
 
 @dataclass(frozen=True, kw_only=True)
 class Arm(Command):
-    """Plan, load, read back and check a cut; start is allowed for some seconds after it.
+    """Plan, load, read back and check a cut; start is allowed for `valid_s` seconds after it.
 
     `loaded` is the file that the job is from, None where it differs from it: then nothing was learned of it.
     `compensation` is what was learned of it, None the model's; `stage` is a `console.session.stages.Stage`.
@@ -94,6 +106,7 @@ class Arm(Command):
     compensation: LearnedCompensation | None = None
     stage: str = "full"
     inverts: ChosenResponse | None = None
+    valid_s: float = LEAST_ARMED_S
 
 
 class Disarm(Command):

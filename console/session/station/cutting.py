@@ -26,8 +26,6 @@ from profiles.job import Job
 from profiles.problem import Problem, ProblemError
 from profiles.store import job_text
 
-START_WITHIN_S = 10.0  # how long after arming a cut may be started
-
 
 def arm(context: StationContext, command: Arm) -> None:
     """Check everything, load the program and read it back. Nothing moves; start is allowed for some seconds."""
@@ -39,7 +37,11 @@ def arm(context: StationContext, command: Arm) -> None:
     also = _learned(context, command), own.commissioned(own.lathe.snapshot())
     refuse_unplannable(job, context.machine, strategy, *also, jaw_found=True, simulated=own.simulated)
     plan = _planned(context, command, job)
-    load(own, plan, lambda *_: None, aligned=True)
+    context.tell(loading_until_s=context.clock.now_s() + _loading_s(context, plan))
+    try:
+        load(own, plan, lambda *_: None, aligned=True)
+    finally:
+        context.tell(loading_until_s=None)
     jaw, learned = context.state.alignment.jaw, command.compensation
     made = MadeWith(
         compensation=NONE if learned is None else str(learned.version),
@@ -55,11 +57,16 @@ def arm(context: StationContext, command: Arm) -> None:
         strategy=strategy,
         plan=plan,
         alignment=context.state.alignment,
-        until_s=context.clock.now_s() + START_WITHIN_S,
+        until_s=context.clock.now_s() + command.valid_s,
         made=made,
         loaded=command.loaded,
     )
     context.tell(armed=armed)
+
+
+def _loading_s(context: StationContext, plan: CutPlan) -> float:
+    """Return about how long a program takes to load and to read back, s: twice a poll for each line."""
+    return 2.0 * len(plan.program.lines) * context.lathe.round_trip_s
 
 
 def _learned(context: StationContext, command: Arm) -> tuple[Problem, ...]:
@@ -131,6 +138,7 @@ class _Watched:
     def __init__(self, context: StationContext, armed: Armed) -> None:
         self._context, self._strategy, self._stage = context, armed.strategy, CutStage.POSITION
         self.watch = CutWatch(armed.plan, armed.job, context.machine, in_air=armed.made.stage == Stage.AIR)
+        self._reports = context.lathe.program.reports()
 
     def step(self, step: Step, detail: str) -> None:
         if step is Step.CUT:
@@ -139,8 +147,10 @@ class _Watched:
             self._context.tell(activity=Activity.CUTTING)
 
     def see(self, snapshot: Snapshot) -> None:
-        """Pass the operator's hold on, once, between two polls of the program."""
+        """Pass the operator's hold on, once, between two polls of the program, and read what it reports."""
         context = self._context
+        if self._reports is not None:
+            self._reports.read()
         if context.end_asked and not context.lathe.program.held:
             context.lathe.program.end_after_turn()
 
@@ -148,6 +158,8 @@ class _Watched:
         """Publish a status poll, in whatever wait it was made."""
         context = self._context
         seen = self.watch.see(snapshot, self._stage, context.lathe.program.held, context.state.spindle_rpm)
+        if self._reports is not None:
+            seen = replace(seen, place=self._reports.place)
         context.tell(cut=seen, touched=_touched(seen, context.state.touched))
 
 

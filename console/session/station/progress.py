@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from statistics import linear_regression
 
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from console.session.cut import telemetry
 from console.session.cut.interlocks import SPEED_BAND
+from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseClock, PhaseLeft, to_the_start
+from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -54,6 +56,10 @@ class CutProgress:
     there is no phase. `synchronisation` is None where nothing must be synchronised, or too little was sampled.
     `ripple` is the speed ripple of the spindle within a turn, by the last samples in the part; None where it
     cannot be determined. A cut `in_air` has all of it beside the part, at the planned clearance.
+
+    `phases` are those that are not over, with the time left. `to_go` is how far the axes have to go: to the start
+    of the program, in the cut the carriage to its end. `place` is the line of the program, by the controller; None
+    where it has not reported one.
     """
 
     stage: CutStage
@@ -78,6 +84,9 @@ class CutProgress:
     synchronisation: Synchronisation | None = None
     ripple: telemetry.SpindleRipple | None = None
     in_air: bool = False
+    phases: tuple[PhaseLeft, ...] = ()
+    to_go: tuple[AxisToGo, ...] = ()
+    place: ProgramPlace | None = None
 
     @property
     def in_phase(self) -> bool | None:
@@ -151,6 +160,7 @@ class CutWatch:
         self._held = self._over = False
         self._judged = plan.strategy.traits.follows_lobe
         self._phase_limit_deg = telemetry.phase_limit_deg(plan.target, job.roundness_tolerance_um)
+        self._clock = PhaseClock(plan, machine)
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
         """Take a poll and return the progress at that moment, including the spindle speed."""
@@ -174,7 +184,24 @@ class CutWatch:
         elif stage is CutStage.RUN_UP and self._errors:
             # A program stopped by somebody else leaves the tool where it is.
             stage = CutStage.CUT if cutting else CutStage.RETRACT
-        return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, target_um)
+        moment = self._moment(snapshot, stage, holding, speed_rpm, infeed_um, target_um)
+        return replace(moment, phases=self._phases(snapshot, moment), to_go=self._to_go(snapshot, moment))
+
+    def _phases(self, snapshot: Snapshot, moment: CutProgress) -> tuple[PhaseLeft, ...]:
+        phase = _PHASES.get(moment.stage)
+        if moment.synchronisation is Synchronisation.WAITING:
+            phase = CutPhase.INDEX
+        return () if phase is None else self._clock.left(phase, snapshot, moment.left_s)
+
+    def _to_go(self, snapshot: Snapshot, moment: CutProgress) -> tuple[AxisToGo, ...]:
+        match moment.stage:
+            case CutStage.POSITION:
+                return to_the_start(self._plan, self._machine, snapshot)
+            case CutStage.RUN_UP | CutStage.CUT:
+                left_mm = (self._end - snapshot.carriage.position) / self._machine.carriage.counts_per_mm
+                return (AxisToGo(AxisName.CARRIAGE, max(left_mm, 0.0)),)
+            case _:
+                return ()
 
     def _moment(
         self,
@@ -240,6 +267,14 @@ class CutWatch:
             return None
         begun = abs(snapshot.tool.position - self._plan.tool_start) * self._machine.tool.count_um > BEGUN_UM
         return before_part(strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, begun=begun)
+
+
+_PHASES = {
+    CutStage.POSITION: CutPhase.APPROACH,
+    CutStage.RUN_UP: CutPhase.RUN_UP,
+    CutStage.CUT: CutPhase.CUT,
+    CutStage.RETRACT: CutPhase.RETRACT,
+}
 
 
 def _samples(pairs: deque[tuple[float, float]]) -> NDArray[np.float64]:

@@ -20,9 +20,12 @@ from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import killed_or_refused
 from console.session.errors import SessionError, fault_problem
 from console.session.station.alarms import OF_A_CUT, Priority, seen
+from console.session.station.armed_watch import watch_armed
 from console.session.station.commands import Acknowledge, Arm, Command, EndCut, Recover, Start, TakeControl, Verify
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
+from console.session.station.link.holding import HolderWatch
+from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
 from console.session.station.reaching import Commissioned, reach
 from console.session.station.state import IDLE, MOVING, Activity, StationState
@@ -54,6 +57,8 @@ class Station:
         self._link_time = LinkTime()
         self._spindle = SpindleWatch(context.loaded_machine.machine.spindle.counts_per_rev)
         self._stops, self._sight = Stops(context, self._spindle.forget), ChuckSight(context)
+        self._holder = HolderWatch(context)
+        self._reconnecting = Reconnecting(context, self._stops)
 
     @property
     def state(self) -> StationState:
@@ -79,6 +84,7 @@ class Station:
         )
         context.tell_standing()
         watch_poll(context, before, snapshot)
+        watch_armed(context, snapshot)
         self._stops.watch(snapshot)
         if context.seen is not None:
             context.seen(snapshot)
@@ -163,9 +169,11 @@ class Station:
     def _step(self, command: Command | None) -> None:
         context = self._context
         if self._stops.gone:
+            self._reconnecting.step()
             return
         if context.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
+            self._reconnecting.settled()
         elif command is not None:
             self._carry_out(command)
         else:
@@ -199,7 +207,8 @@ class Station:
             context.log_command(command)
         if not isinstance(command, Start):
             context.tell(armed=None)  # what was read in the summary may have changed
-        context.tell(refusals=(), activity=activity if context.state.stop is None else context.state.activity)
+        shown = activity if context.state.stop is None else context.state.activity
+        context.tell(refusals=(), ends_s=None, activity=shown)
 
         def worked() -> None:
             work(context, command)
@@ -224,6 +233,7 @@ class Station:
             raise DriverError(Problem(code="machine.fault", key="poll", value=", ".join(faults)))
         context.end_alarms("link.silent")
         watch_axes(context, snapshot)
+        self._holder.look()
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Run an operation on the machine; on any error, report it and stop the machine."""
@@ -300,6 +310,8 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         commissioned=Commissioned(
             reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
         ),
+        reopening=reached.reopening,
+        onlookers=reached.onlookers,
     )
     context.tell(address=reached.address)
     for problem in warnings_of(machine):

@@ -20,7 +20,7 @@ from profiles.problem import ProblemError
 
 
 class Stops:
-    """Stops of one machine. `gone` is whether the connection is lost for good."""
+    """Stops of one machine. `gone` is whether the connection is lost: nothing answers until it is opened anew."""
 
     def __init__(self, context: StationContext, forget_speed: Callable[[], None]) -> None:
         """Take `forget_speed`: the polls of a spindle coming to rest give no valid speed."""
@@ -112,8 +112,9 @@ class Stops:
         try:
             snapshot = context.lathe.snapshot()
         except DriverError as error:
+            self.gone = any(problem.code in GONE for problem in error.problems)
             for problem in error.problems:
-                context.alarm(problem)
+                context.alarm_once(problem)
             context.tell(activity=Activity.LOST)
         else:
             watch_axes(context, snapshot)

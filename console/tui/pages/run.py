@@ -13,15 +13,20 @@ from console.session.station.commands import Arm, Disarm, EndCut, Retract, Start
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress
 from console.session.station.state import Activity
-from console.tui.keymap import PageName
+from console.session.work import Work
+from console.tui.keymap import PageName, actions_of
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, entitle, line, wrapped
 from console.tui.page import Page
 from console.tui.pages import run_lines
-from console.tui.pages.cut_lines import error_series, live_lines, mean_error_um, progress_line, values_title
+from console.tui.pages.cut_lines import live_lines, mean_error_um, progress_line, values_title
 from console.tui.pages.run_next import Phase, in_part, next_word, phase_of
 from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, stale, stop_lines
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TracePicture, TraceView
+from console.tui.run.error_band import band_series, error_band
+from console.tui.run.moment_lines import moment_in_full, moment_lines
+from console.tui.run.reading_time import reading_s
+from console.tui.run.why_lines import why_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
 from drivers.cutting.strategy import Strategy
@@ -59,6 +64,7 @@ class RunPage(Page):
     RunPage #run-left { width: 54fr; }
     RunPage #run-right { width: 46fr; }
     RunPage #run-progress { height: 3; }
+    RunPage #run-program { height: 6; }
     RunPage #run-values { width: 47fr; }
     RunPage #run-plots { width: 53fr; height: 1fr; }
     RunPage PolarView { display: none; }
@@ -74,7 +80,8 @@ class RunPage(Page):
         self._values = Sheet(palette, id="run-values")
         self._errors = TraceView(palette=palette, id="run-errors")
         self._polar = PolarView(palette=palette, id="run-polar")
-        plots = _Down(self._errors, self._polar, id="run-plots")
+        self._moment = Sheet(palette, id="run-program")
+        plots = _Down(self._errors, self._polar, self._moment, id="run-plots")
         self.panels = (
             _Across(self._left, self._right, id="run-two"),
             _Down(self._progress, _Across(self._values, plots, id="run-moment"), id="run-live"),
@@ -172,12 +179,18 @@ class RunPage(Page):
         if view.state.activity is Activity.LOST:
             return line((self.ui.text("frame.lost"), Token.ACTION))
         word, token = next_word(view, self.ui.machine.machine)
-        armed = view.state.armed
-        left_s = 0 if armed is None else max(math.ceil(armed.until_s - view.now_s), 0)
+        armed, until_s = view.state.armed, view.state.loading_until_s
+        if armed is not None:
+            until_s = armed.until_s
+        left_s = 0 if until_s is None else max(math.ceil(until_s - view.now_s), 0)
         return line((self.ui.text(f"run_page.next.{word}", left=left_s), token))
 
     def in_full(self, view: View, width: int) -> list[Line]:
-        """Return what was armed, what is missing for a start, or what to do after a stop or a cut."""
+        """Return what was armed, what is missing, or what to do next; and every reason against an action."""
+        why = why_lines(self.ui.text, actions_of(self.name_), lambda action: self.why_not(action, view), width)
+        return [*self._told_in_full(view, width), *why]
+
+    def _told_in_full(self, view: View, width: int) -> list[Line]:
         text, state, machine = self.ui.text, view.state, self.ui.machine.machine
         facts = min(width, WIDEST_FACT)
         match phase_of(state):
@@ -187,8 +200,9 @@ class RunPage(Page):
                 return stop_lines(text, state, facts)
             case Phase.ENDED:
                 return run_lines.after_lines(text, state, view.work, machine, width)
-            case Phase.CUTTING:
-                return []
+            case Phase.CUTTING if state.cut is not None:
+                live = live_lines(text, state.cut, view.job, facts)
+                return [*moment_in_full(text, state.cut, error_band(state.cut), width), BLANK, *live]
         moves = [] if state.armed is None else run_lines.moves_lines(text, state.armed, machine, width)
         rows = [] if view.work is None else run_lines.summary_lines(text, state, view.work, view.now_s, facts)
         found = run_lines.check_lines(text, run_lines.checks(state, view.work, machine), width)
@@ -210,8 +224,16 @@ class RunPage(Page):
                 compensation=work.compensation,
                 stage=work.stage,
                 inverts=work.inverts,
+                valid_s=self._reading_s(work),
             )
             self.ui.control.post(command)
+
+    def _reading_s(self, work: Work) -> float:
+        """Return how long the summary takes to read that arming will show."""
+        view = self.ui.view
+        summary = run_lines.summary_lines(self.ui.text, view.state, work, view.now_s, WIDEST_FACT)
+        moves = wrapped(self.ui.text("run_page.moves_first", z=0, radius=0, speed=0, duration=0), WIDEST_FACT)
+        return reading_s([*summary, *moves])
 
     def _start(self) -> None:
         if not self.ui.answers(self.why_not("run.start", self.ui.view)):
@@ -252,7 +274,12 @@ class RunPage(Page):
         if cut is self._drawn:
             return
         self._drawn = cut
-        series, limits = error_series(cut)
+        band = error_band(cut)
+        room = self._moment.size.width
+        self._moment.show(
+            moment_lines(text, cut, band, room) if room >= LEAST_WIDTH else [], text("run_page.program")
+        )
+        series, limits = band_series(cut, band)
         self._errors.show(TracePicture(series=series, x_limits=FULL_TURN_DEG, y_limits=limits, y_unit="um"))
         if self.has_class("-roomy"):
             self._show_polar(cut, view.state.alignment.jaw)

@@ -52,6 +52,8 @@ def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
         return _stage_word(state.cut), Token.STRONG
     if state.armed is not None:
         return "armed", Token.ACTION
+    if state.loading_until_s is not None:
+        return "loading", Token.DIM
     if state.activity is not Activity.READY:
         return "wait", Token.DIM
     if phase is Phase.ENDED and is_over(state):
