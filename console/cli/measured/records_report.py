@@ -111,6 +111,7 @@ def row_fields(row: RunRow) -> dict[str, object]:
         "run": row.run_id,
         "started": row.started.isoformat(),
         **fields_of(row, "job", "machine", "simulated", "operator", "strategy", "stage", "compensation"),
+        "inverted": row.inverted,
         "ended": asdict(row.ended),
         **fields_of(row, "ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm"),
         **fields_of(row, "diameter_tolerance_um"),
