@@ -21,7 +21,6 @@ from console.tui.link.holder_lines import observing, onlookers
 from console.tui.link.lost_lines import is_watched, lost_step
 from console.tui.pages.fields import named
 from console.tui.theme import Token
-from drivers.lathe.lengths import settings_of
 from drivers.lathe.snapshot import AxisName
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -226,6 +225,8 @@ def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> t
 
 def spindle_stop_s(machine: MachineProfile, speed_rpm: float) -> float:
     """Return the time from this speed to rest after a stop, s; a revolution a minute is 6 degrees a second."""
+    from drivers.lathe.lengths import settings_of  # not for the first paint: the link thread has it by then
+
     return settings_of(machine, AxisName.SPINDLE).stop_s(6.0 * abs(speed_rpm))
 
 

@@ -84,6 +84,13 @@ TERMS: dict[PageName, tuple[str, ...]] = {
         "chart",
         "cpk",
     ),
+    PageName.TUNE: (
+        "gain_margin",
+        "phase_margin",
+        "delay_margin",
+        "sensitivity",
+        "bandwidth",
+    ),
 }
 
 

@@ -39,6 +39,7 @@ class PageName(StrEnum):
     ALARMS = "alarms"
     MORE = "more"
     SETTINGS = "settings"
+    TUNE = "tune"
 
 
 NUMBERED = tuple(PageName)[: tuple(PageName).index(PageName.MORE)]
@@ -91,6 +92,7 @@ ACTIONS: tuple[Action, ...] = (
         for page, digit in DIGITS.items()
     ),
     Action(id="page.settings", keys=(), shown="0 s", beside=True),
+    Action(id="page.tune", keys=(), shown="0 u", beside=True),
     Action(id="recover", keys=("f2",), shown="F2"),
     Action(id="acknowledge", keys=("k", "ㅏ"), shown="k"),
     Action(id="take_over", keys=("t", "ㅅ"), shown="t", row="", once=True),
@@ -209,6 +211,11 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="more.down", keys=("down",), shown="↓", row="", beside=True),
     Action(id="more.open", keys=("enter",), shown="Enter"),
     Action(id="more.settings", keys=("s", "ㄴ"), shown="s"),
+    Action(id="more.tune", keys=("u", "ㅕ"), shown="u"),
+    Action(id="tune.view", keys=("v", "ㅍ"), shown="v"),
+    Action(id="tune.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="tune.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="tune.read", keys=("r", "ㄱ"), shown="r"),
 )
 
 READING = (

@@ -86,6 +86,10 @@ class TakeTouchOff(Command):
     radius_mm: float
 
 
+class ReadLoop(Command):
+    """Read the gains of the tool and the servo period from the controller. Nothing moves."""
+
+
 class Forget(Command):
     """Forget the touch-off, or jaw 1 where there is none, to take it again."""
 
@@ -105,8 +109,8 @@ class Arm(Command):
     loaded: LoadedJob | None = None
     compensation: LearnedCompensation | None = None
     stage: str = "full"
-    inverts: ChosenResponse | None = None
     valid_s: float = LEAST_ARMED_S
+    inverts: ChosenResponse | None = None
 
 
 class Disarm(Command):

@@ -22,6 +22,7 @@ from console.session.station.durations import approach_s, home_s, jog_s
 from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
 from console.session.station.state import Activity
 from console.session.station.targets import GO_TO, distance_to, target_problems
+from console.session.station.tuning import read_loop
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
@@ -248,6 +249,7 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.TakeJaw: (Activity.READY, take_jaw),
     commands.TakeTouchOff: (Activity.READY, take_touch_off),
     commands.Forget: (Activity.READY, forget),
+    commands.ReadLoop: (Activity.VERIFYING, read_loop),
     commands.Arm: (Activity.ARMING, arm),
     commands.Disarm: (Activity.READY, disarm),
     commands.Start: (Activity.POSITIONING, start),

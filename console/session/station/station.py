@@ -21,7 +21,17 @@ from console.session.data.records import killed_or_refused
 from console.session.errors import SessionError, fault_problem
 from console.session.station.alarms import OF_A_CUT, Priority, seen
 from console.session.station.armed_watch import watch_armed
-from console.session.station.commands import Acknowledge, Arm, Command, EndCut, Recover, Start, TakeControl, Verify
+from console.session.station.commands import (
+    Acknowledge,
+    Arm,
+    Command,
+    EndCut,
+    ReadLoop,
+    Recover,
+    Start,
+    TakeControl,
+    Verify,
+)
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
 from console.session.station.link.holding import HolderWatch
@@ -42,7 +52,7 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 SCREEN_TIMEOUT_S = 2.0  # timeout of a silent screen while something moves
-OBSERVERS_COMMANDS = (Verify, Recover, TakeControl)
+OBSERVERS_COMMANDS = (Verify, Recover, TakeControl, ReadLoop)
 """Commands open to a console that only observes; a stop needs no permission."""
 
 
@@ -307,6 +317,7 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         shop=reached.shop,
         records=data,
         local_time=_local_time,
+        client=reached.client,
         commissioned=Commissioned(
             reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
         ),

@@ -223,8 +223,8 @@ class RunPage(Page):
                 loaded=None if work.edited else work.loaded,
                 compensation=work.compensation,
                 stage=work.stage,
-                inverts=work.inverts,
                 valid_s=self._reading_s(work),
+                inverts=work.inverts,
             )
             self.ui.control.post(command)
 
