@@ -88,6 +88,13 @@ TERMS: dict[PageName, tuple[str, ...]] = {
         "sensitivity",
         "bandwidth",
     ),
+    PageName.CALIBRATE: (
+        "wrench_line",
+        "offset",
+        "stiffness",
+        "alpha",
+        "residual",
+    ),
 }
 
 
