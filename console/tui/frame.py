@@ -12,6 +12,7 @@ from datetime import datetime
 from rich.cells import cell_len
 
 from console.session.station.alarms import Alarm, Priority, foremost, unseen
+from console.session.station.holding import is_paused
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
@@ -66,7 +67,9 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     attention = state.activity in (Activity.STOPPED, Activity.LOST, Activity.STOPPING)
     token = Token.WARNING if attention else Token.STRONG if state.moving else Token.TEXT
     activity = text(f"activity.{state.activity}")
-    if state.activity is Activity.CUTTING and state.cut is not None and state.cut.synchronisation is not None:
+    if is_paused(state):
+        activity = text("frame.paused")
+    elif state.activity is Activity.CUTTING and state.cut is not None and state.cut.synchronisation is not None:
         activity = f"{activity} · {text(f'frame.sync.{state.cut.synchronisation}')}"
         token = Token.WARNING if state.cut.is_lost else token
     if _observes(state):

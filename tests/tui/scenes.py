@@ -48,7 +48,7 @@ from profiles.problem import Problem
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
-from tests.tui import records_stage, tune_stage
+from tests.tui import calibrate_stage, records_stage, tune_stage
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
 CLOCK = datetime(2026, 1, 2, 8, 52)
@@ -112,6 +112,8 @@ def scene_of(page: PageName) -> Scene:
         case PageName.TUNE:
             state = replace(machine(Activity.READY), tool_loop=tune_stage.tool_loop())
             return Scene(page=page, state=state, work=signed())
+        case PageName.CALIBRATE:
+            return Scene(page=page, state=machine(Activity.READY), work=signed())
         case PageName.INSPECT:
             after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
             state = replace(machine(Activity.READY), alignment=ALIGNED, measured=after, uncompensated=before)
@@ -254,6 +256,7 @@ def fill(data: Path) -> None:
     (folder / "unfinished.toml").write_text("name = 3\n", encoding="utf-8")
     (data / FILE_NAME).write_bytes(recorded())
     tune_stage.fill(data)
+    calibrate_stage.fill(data)
 
 
 @cache

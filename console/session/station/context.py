@@ -16,7 +16,7 @@ from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError
 from console.session.station.actions import alarm_events, command_event
 from console.session.station.alarms import Alarms, Priority, cleared, raised
-from console.session.station.commands import Command
+from console.session.station.commands import Command, HoldFeed, ResumeFeed
 from console.session.station.link.onlookers import Onlookers
 from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning
@@ -43,6 +43,7 @@ class StationContext:
     started; `seen` gets every status poll during a cut.
     `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
+    `hold_asked` is the last command about a feed hold that has not been passed on.
     """
 
     lathe: Lathe
@@ -62,6 +63,7 @@ class StationContext:
     seen: Callable[[Snapshot], None] | None = None
     limits_seen: frozenset[str] = frozenset()
     end_asked: bool = False
+    hold_asked: HoldFeed | ResumeFeed | None = None
     _incomplete_told: bool = field(default=False, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _state: StationState = field(init=False)

@@ -26,14 +26,17 @@ from console.session.station.commands import (
     Arm,
     Command,
     EndCut,
+    HoldFeed,
     ReadLoop,
     Recover,
+    ResumeFeed,
     Start,
     TakeControl,
     Verify,
 )
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
+from console.session.station.holding import hold_refusal
 from console.session.station.link.holding import HolderWatch
 from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
@@ -133,7 +136,7 @@ class Station:
     def post(self, intent: Command) -> bool:
         """Take a command, from any thread; False where it is refused because the machine is busy."""
         context = self._context
-        if isinstance(intent, Acknowledge | EndCut):
+        if isinstance(intent, Acknowledge | EndCut | HoldFeed | ResumeFeed):
             context.log_command(intent)
         if isinstance(intent, Acknowledge):
             context.change_alarms(partial(seen, shown=intent.shown))
@@ -142,6 +145,12 @@ class Station:
             if context.state.activity is not Activity.CUTTING:
                 return self._refuse(Problem(code="session.nothing_to_hold"))
             context.end_asked = True
+            return True
+        if isinstance(intent, HoldFeed | ResumeFeed):
+            refused = hold_refusal(intent, context.state)
+            if refused is not None:
+                return self._refuse(refused)
+            context.hold_asked = intent
             return True
         with self._slot:
             if context.state.activity is Activity.LOST:
@@ -217,7 +226,7 @@ class Station:
     def _carry_out(self, command: Command) -> None:
         activity, work = HANDLERS[type(command)]
         context = self._context
-        context.end_asked = False
+        context.end_asked, context.hold_asked = False, None
         if not isinstance(command, Arm):  # that one begins a record of its own
             context.log_command(command)
         if not isinstance(command, Start):

@@ -239,6 +239,9 @@ def after_lines(
 ) -> list[Line]:
     """Return what comes next after a cut, the marks of stops, and what another cut of the same blank lacks."""
     marks = mark_lines(text, state.marks_mm, width)
+    if state.cut is not None and state.cut.holds_mm:
+        places = ", ".join(f"{place_mm:.1f}" for place_mm in state.cut.holds_mm)
+        marks += wrapped(text("run_page.hold_mark", z=places), width, Token.WARNING)
     missing = [] if is_over(state) else [check for check in checks(state, work, machine) if check.problems]
     rows = check_lines(text, tuple(missing), width)
     following = wrapped(text(f"run_page.{_after_word(state)}"), width)
