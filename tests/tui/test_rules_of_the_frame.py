@@ -1,4 +1,4 @@
-"""Rules of the frame that no page may break: what the stop is called, that nothing flashes, the word SIM, one key."""
+"""Rules of the frame that no page may break: the name of the stop, nothing flashes, the word SIM, one key."""
 
 from __future__ import annotations
 
