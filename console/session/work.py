@@ -19,6 +19,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.store import BUNDLED_JOBS, LoadedJob, LoadedMachine, load_job, save_job
 
 if TYPE_CHECKING:
+    from console.session.data.identified import ChosenResponse
     from drivers.preview.preview import Preview, Underway
     from profiles.compensations.learned import LearnedCompensation
 
@@ -57,7 +58,8 @@ class Work:
 
     `compensation` is what was learned of this cut, None the model's. Later edits do not change it:
     `console.session.cut.compensated` judges whether it still applies. `set_aside` gives the reason why this cut
-    does not use the newest accepted version; empty where it does, or there is none.
+    does not use the newest accepted version; empty where it does, or there is none. `inverts` is the identified
+    response that the cut inverts, None the model's; nothing learned is used with it.
 
     `missing` are the values of a new job that nobody has given yet: what `job` has there means nothing. Such a
     work exists on the page Set-up alone.
@@ -69,6 +71,7 @@ class Work:
     strategy: str = DEFAULT_STRATEGY.value
     compensation: LearnedCompensation | None = None
     set_aside: tuple[Problem, ...] = ()
+    inverts: ChosenResponse | None = None
     stage: str = STAGES[0]
     outlook: Underway | None = None
     preview: Preview | None = None
@@ -120,7 +123,7 @@ def parsed(text: str, key: str) -> Any:
     field_ = _FIELDS[key]
     if field_.optional and text.strip() == NO_VALUE:
         return None
-    value = text.strip() if field_.kind in (Kind.TEXT, Kind.CHOICE) else _number(text.strip(), field_)
+    value = text.strip() if field_.kind in (Kind.TEXT, Kind.CHOICE) else entered_number(text.strip(), field_)
     code = fault(field_, value)
     if code:
         raise ProfileError(Problem(code=code, key=key, value=spelled(value), limit=field_.limit))
@@ -228,7 +231,7 @@ def saved_as(work: Work, name: str, folder: Path) -> Work:
     job = replace(work.job, name=name) if work.is_new else copy_of(work.job, name, work.loaded.job.name)
     save_job(job, path, private=True)
     fresh = opened(load_job(str(path)), work.machine)
-    return replace(fresh, strategy=work.strategy, stage=work.stage)
+    return replace(fresh, strategy=work.strategy, stage=work.stage, inverts=work.inverts)
 
 
 def saved(work: Work) -> Work:
@@ -244,7 +247,7 @@ def saved(work: Work) -> Work:
         raise ProfileError(Problem(code="job.changed_elsewhere", where=printable(str(path)), key=path.stem))
     save_job(work.job, path, overwrite=True)
     fresh = opened(load_job(str(path)), work.machine)
-    return replace(fresh, strategy=work.strategy, stage=work.stage)
+    return replace(fresh, strategy=work.strategy, stage=work.stage, inverts=work.inverts)
 
 
 def differs(now: LoadedJob, before: LoadedJob) -> bool:
@@ -263,7 +266,7 @@ def _labels(job: Job) -> tuple[str, tuple[str, ...]]:
     return job.note, job.tags
 
 
-def _number(text: str, field_: Field) -> float | int | str:
+def entered_number(text: str, field_: Field) -> float | int | str:
     """Parse an entry; a text that is no number is returned unchanged, for the refusal to quote."""
     plain = plain_number(text, field_.key, field_.limit)
     if plain is None:

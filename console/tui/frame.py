@@ -12,6 +12,7 @@ from datetime import datetime
 from rich.cells import cell_len
 
 from console.session.station.alarms import Alarm, Priority, foremost, unseen
+from console.session.station.holding import is_paused
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
@@ -21,7 +22,6 @@ from console.tui.link.holder_lines import observing, onlookers
 from console.tui.link.lost_lines import is_watched, lost_step
 from console.tui.pages.fields import named
 from console.tui.theme import Token
-from drivers.lathe.lengths import settings_of
 from drivers.lathe.snapshot import AxisName
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -67,7 +67,9 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     attention = state.activity in (Activity.STOPPED, Activity.LOST, Activity.STOPPING)
     token = Token.WARNING if attention else Token.STRONG if state.moving else Token.TEXT
     activity = text(f"activity.{state.activity}")
-    if state.activity is Activity.CUTTING and state.cut is not None and state.cut.synchronisation is not None:
+    if is_paused(state):
+        activity = text("frame.paused")
+    elif state.activity is Activity.CUTTING and state.cut is not None and state.cut.synchronisation is not None:
         activity = f"{activity} · {text(f'frame.sync.{state.cut.synchronisation}')}"
         token = Token.WARNING if state.cut.is_lost else token
     if _observes(state):
@@ -226,6 +228,8 @@ def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> t
 
 def spindle_stop_s(machine: MachineProfile, speed_rpm: float) -> float:
     """Return the time from this speed to rest after a stop, s; a revolution a minute is 6 degrees a second."""
+    from drivers.lathe.lengths import settings_of  # not for the first paint: the link thread has it by then
+
     return settings_of(machine, AxisName.SPINDLE).stop_s(6.0 * abs(speed_rpm))
 
 

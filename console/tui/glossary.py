@@ -84,6 +84,20 @@ TERMS: dict[PageName, tuple[str, ...]] = {
         "chart",
         "cpk",
     ),
+    PageName.TUNE: (
+        "gain_margin",
+        "phase_margin",
+        "delay_margin",
+        "sensitivity",
+        "bandwidth",
+    ),
+    PageName.CALIBRATE: (
+        "wrench_line",
+        "offset",
+        "stiffness",
+        "alpha",
+        "residual",
+    ),
 }
 
 

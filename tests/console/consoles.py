@@ -123,6 +123,7 @@ def station_of(sim: SimulatedLathe, data: Path, *, locking: bool = True, name: s
         shop=None,
         records=data,
         local_time=lambda: LOCAL_TIME,
+        client=alone.client,
     )
     context.tell(address=ADDRESS)
     station = Station(context)

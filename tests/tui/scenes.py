@@ -48,7 +48,7 @@ from profiles.problem import Problem
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
-from tests.tui import records_stage
+from tests.tui import calibrate_stage, records_stage, tune_stage
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
 CLOCK = datetime(2026, 1, 2, 8, 52)
@@ -108,6 +108,11 @@ def scene_of(page: PageName) -> Scene:
             alarms, log = alarmed()
             return Scene(page=page, state=replace(machine(Activity.READY), alarms=alarms), work=signed(), log=log)
         case PageName.MORE | PageName.SETTINGS:
+            return Scene(page=page, state=machine(Activity.READY), work=signed())
+        case PageName.TUNE:
+            state = replace(machine(Activity.READY), tool_loop=tune_stage.tool_loop())
+            return Scene(page=page, state=state, work=signed())
+        case PageName.CALIBRATE:
             return Scene(page=page, state=machine(Activity.READY), work=signed())
         case PageName.INSPECT:
             after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
@@ -250,6 +255,8 @@ def fill(data: Path) -> None:
         save_job(replace(load_job(EXPERIMENT).job, name=name, **changes), folder / f"{name}.toml")  # type: ignore[arg-type]
     (folder / "unfinished.toml").write_text("name = 3\n", encoding="utf-8")
     (data / FILE_NAME).write_bytes(recorded())
+    tune_stage.fill(data)
+    calibrate_stage.fill(data)
 
 
 @cache

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from console.session.data.identified import ChosenResponse
     from console.session.station.state import StationState
     from drivers.cutting.strategy import Strategy
     from profiles.compensations.learned import LearnedCompensation
@@ -100,6 +101,10 @@ class TakeTouchOff(Command):
     skimmed: bool = False
 
 
+class ReadLoop(Command):
+    """Read the gains of the tool and the servo period from the controller. Nothing moves."""
+
+
 class Forget(Command):
     """Forget the newest reading: a flank, a skim cut, the touch-off, or jaw 1 where there is none of them."""
 
@@ -110,6 +115,7 @@ class Arm(Command):
 
     `loaded` is the file that the job is from, None where it differs from it: then nothing was learned of it.
     `compensation` is what was learned of it, None the model's; `stage` is a `console.session.stages.Stage`.
+    `inverts` is the identified response that a cut without anything learned inverts, None the model's.
     """
 
     job: Job
@@ -119,6 +125,7 @@ class Arm(Command):
     compensation: LearnedCompensation | None = None
     stage: str = "full"
     valid_s: float = LEAST_ARMED_S
+    inverts: ChosenResponse | None = None
 
 
 class Disarm(Command):
@@ -131,6 +138,17 @@ class Start(Command):
 
 class EndCut(Command):
     """End the cut at the end of the present turn, tool out first."""
+
+
+class HoldFeed(Command):
+    """Hold the cut at the end of the present turn: the tool goes out, the spindle turns on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResumeFeed(Command):
+    """Bring the tool of a held cut in again, at the same angle and place; with `one_turn` for one turn."""
+
+    one_turn: bool = False
 
 
 class Retract(Command):

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from console.session.station.progress import CutProgress
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
+    from drivers.identification.tool_loop import ToolLoop
     from profiles.job import Job
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
@@ -170,7 +171,8 @@ class StationState:
     machine, `holder` the number of the console that controls it, `held_by` who that is as far as it has said so,
     `onlookers` how many others of this data folder look on while this one controls. `jogs` counts the jogs that
     ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known.
-    `lost_link` is the loss of the link, until F2 after it is back.
+    `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
+    read last.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -204,6 +206,7 @@ class StationState:
     uncommissioned: tuple[Problem, ...] = ()
     measured: MeasuredPart | None = None
     uncompensated: MeasuredPart | None = None
+    tool_loop: ToolLoop | None = None
 
     @property
     def moving(self) -> bool:

@@ -21,9 +21,22 @@ from console.session.data.records import killed_or_refused
 from console.session.errors import SessionError, fault_problem
 from console.session.station.alarms import OF_A_CUT, Priority, seen
 from console.session.station.armed_watch import watch_armed
-from console.session.station.commands import Acknowledge, Arm, Command, EndCut, Recover, Start, TakeControl, Verify
+from console.session.station.commands import (
+    Acknowledge,
+    Arm,
+    Command,
+    EndCut,
+    HoldFeed,
+    ReadLoop,
+    Recover,
+    ResumeFeed,
+    Start,
+    TakeControl,
+    Verify,
+)
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
+from console.session.station.holding import hold_refusal
 from console.session.station.link.holding import HolderWatch
 from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
@@ -42,7 +55,7 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 SCREEN_TIMEOUT_S = 2.0  # timeout of a silent screen while something moves
-OBSERVERS_COMMANDS = (Verify, Recover, TakeControl)
+OBSERVERS_COMMANDS = (Verify, Recover, TakeControl, ReadLoop)
 """Commands open to a console that only observes; a stop needs no permission."""
 
 
@@ -91,7 +104,8 @@ class Station:
             watch_phase(context)
         else:
             context.end_alarms(*OF_A_CUT)
-        self._sight.sample()
+        if not self._stops.leaving:  # whoever leaves looks at the chuck no more, and an answer may take its time
+            self._sight.sample()
         context.check_record()
         silent = self._beat_s is not None and context.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
         if silent and context.state.activity in MOVING and context.lathe.stop.reason is None:
@@ -122,7 +136,7 @@ class Station:
     def post(self, intent: Command) -> bool:
         """Take a command, from any thread; False where it is refused because the machine is busy."""
         context = self._context
-        if isinstance(intent, Acknowledge | EndCut):
+        if isinstance(intent, Acknowledge | EndCut | HoldFeed | ResumeFeed):
             context.log_command(intent)
         if isinstance(intent, Acknowledge):
             context.change_alarms(partial(seen, shown=intent.shown))
@@ -131,6 +145,12 @@ class Station:
             if context.state.activity is not Activity.CUTTING:
                 return self._refuse(Problem(code="session.nothing_to_hold"))
             context.end_asked = True
+            return True
+        if isinstance(intent, HoldFeed | ResumeFeed):
+            refused = hold_refusal(intent, context.state)
+            if refused is not None:
+                return self._refuse(refused)
+            context.hold_asked = intent
             return True
         with self._slot:
             if context.state.activity is Activity.LOST:
@@ -174,16 +194,19 @@ class Station:
         if context.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
             self._reconnecting.settled()
-        elif command is not None:
-            self._carry_out(command)
         else:
-            self._guarded(self._poll)
+            self._stops.commanded = command is not None
+            if command is not None:
+                self._carry_out(command)
+            else:
+                self._guarded(self._poll)
         armed = context.state.armed
         if armed is not None and context.clock.now_s() > armed.until_s:
             context.tell(armed=None, refusals=(Problem(code="session.arm_expired"),))
 
     def close(self, reason: str) -> None:
-        """Leave the machine at rest with its drives off, as far as possible. Never raises."""
+        """Leave the machine at rest with its drives off, as far as possible; then write. Never raises."""
+        self._stops.leaving = True
         context, lathe, snapshot = self._context, self._context.lathe, self.state.snapshot
         # A drive may be on: enabled by us, or on when control was taken.
         if self.state.controls and (lathe.has_moved or snapshot is None or not snapshot.loops_open):
@@ -197,12 +220,13 @@ class Station:
                     lathe.program.put_back()
         if not lathe.stop.given_up:  # a machine left in doubt stays ours: the next console must check it
             context.owning.release()
+        self._stops.write_later()
         context.end_record()
 
     def _carry_out(self, command: Command) -> None:
         activity, work = HANDLERS[type(command)]
         context = self._context
-        context.end_asked = False
+        context.end_asked, context.hold_asked = False, None
         if not isinstance(command, Arm):  # that one begins a record of its own
             context.log_command(command)
         if not isinstance(command, Start):
@@ -307,6 +331,7 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         shop=reached.shop,
         records=data,
         local_time=_local_time,
+        client=reached.client,
         commissioned=Commissioned(
             reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
         ),

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import re
+from contextlib import suppress
+from datetime import UTC, datetime
+
+from console.session.data.made_parts import MODEL
 from console.session.learning.learning_steps import Taught
 from console.session.learning.part_learning import PartLearning
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
 from console.tui.inspecting.plain_words import plain_words
-from console.tui.lines import Line, hanging, wrapped
+from console.tui.lines import Line, hanging, name_in, wrapped
 from console.tui.theme import Token
+from profiles.files import printable
 
+_DATED = re.compile(r"-(\d{4})-?(\d\d)-?(\d\d)T(\d\d):?(\d\d)")
+_LONGEST_NAME = 16
 _MARK = ("! ", Token.WARNING)
 _CAUSE = ("✗ ", Token.WARNING)
 
@@ -18,7 +26,8 @@ _CAUSE = ("✗ ", Token.WARNING)
 def learn_title(learning: PartLearning, text: Catalogue) -> str:
     """Return the title: how the part was cut."""
     made = learning.made
-    return text("inspect_page.learn", made=f"{made.strategy}, {made_words(text, made.version, made.stage)}")
+    words = made_words(text, made.version, made.stage, made.inverted)
+    return text("inspect_page.learn", made=f"{made.strategy}, {words}")
 
 
 def learn_lines(
@@ -67,15 +76,31 @@ def reason_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Li
     return [row for reason in reasons for row in hanging(_MARK, reason, width, Token.WARNING)]
 
 
-def made_words(text: Catalogue, compensation: str | None, stage: str) -> str:
-    """Return compensation and stage; `compensation` is the learned version, None the model."""
-    what = text("made.model") if compensation is None else text("made.learned", version=compensation)
+def made_words(text: Catalogue, compensation: str | None, stage: str, inverted: str = MODEL) -> str:
+    """Return compensation and stage; `compensation` is the learned version, None the inverse of `inverted`."""
+    if compensation is not None:
+        what = text("made.learned", version=compensation)
+    else:
+        what = text("made.model") if inverted == MODEL else identified_words(text, inverted)
     return f"{what}, {text(f'made.{stage}')}"
+
+
+def identified_words(text: Catalogue, name: str) -> str:
+    """Return in short which identified response was inverted: its date, local time, else its name."""
+    found, shown = _DATED.search(name), name_in(printable(name), _LONGEST_NAME)
+    if found is not None:
+        year, month, day, hour, minute = (int(each) for each in found.groups())
+        with suppress(ValueError, OverflowError):
+            local = datetime(year, month, day, hour, minute, tzinfo=UTC).astimezone()
+            shown = local.strftime("%m-%d %H:%M")
+    return text("made.identified", date=shown)
 
 
 def chosen_words(text: Catalogue, work: Work) -> str:
     """Return the choice for the open job; for a version that repeats another one also that."""
     learned = work.compensation
+    if learned is None and work.inverts is not None:
+        return made_words(text, None, work.stage, work.inverts.name)
     if learned is None or learned.reverts is None:
         return made_words(text, None if learned is None else str(learned.version), work.stage)
     older = text("made.model") if learned.is_model else str(learned.reverts)
