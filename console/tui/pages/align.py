@@ -20,7 +20,7 @@ from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, dim, line, wrapped
 from console.tui.page import Page
 from console.tui.pages import align_lines
-from console.tui.pages.align_jog import JOGS, JogKeys
+from console.tui.pages.align_jog import JOGS, JogKeys, hold_the_key
 from console.tui.pages.jog_lines import chuck_lines, jog_lines
 from console.tui.refusals.align_reasons import align_reasons
 from console.tui.theme import Token
@@ -148,7 +148,9 @@ class AlignPage(Page):
                 return reasons
         if action in JOGS:
             return self._jog.why_not(action, view.state, view.now_s)
-        if action in ("align.larger", "align.smaller", "align.hold"):
+        if action == "align.hold":
+            return (hold_the_key(),)
+        if action in ("align.larger", "align.smaller"):
             return ()
         return refusal(view.state, action) or align_reasons(action, view.state, view.job, self.ui.machine.machine)
 

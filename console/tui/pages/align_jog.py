@@ -35,6 +35,11 @@ Later = Callable[[float, Callable[[], None]], None]
 """Call a function after this many seconds, while the page exists."""
 
 
+def hold_the_key() -> Problem:
+    """Return what the key of the calibration asks for: to be held down, which only it can be."""
+    return Problem(code="screen.hold_the_key", limit=f"{CALIBRATION_S:.0f} s")
+
+
 class JogKeys:
     """Jog keys of one page: whether enabled, the selected steps, and the steps that were asked for."""
 
@@ -162,7 +167,7 @@ class JogKeys:
         """Measure the repeat of the terminal while its key is held. Nothing moves."""
         now_s = self.ui.control.now_s()
         if not self._calibration.press(now_s):
-            self.ui.say_until_key(Problem(code="screen.hold_the_key", limit=f"{CALIBRATION_S:.0f} s"))
+            self.ui.say_until_key(hold_the_key())
         elif self.repeat is None:
             self.ui.say_until_key(Problem(code="screen.no_repeat", limit=f"{1000.0 * MOST_GAP_S:.0f} ms"))
         else:
