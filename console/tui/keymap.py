@@ -157,6 +157,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="align.flank", keys=("i", "ㅑ"), shown="i", row="", once=True),
     Action(id="align.skim", keys=("m", "ㅡ"), shown="m", row="", once=True),
     Action(id="align.force", keys=("f", "ㄹ"), shown="f", row=""),
+    Action(id="align.hold", keys=("h", "ㅗ"), shown="h", row=""),
     Action(id="align.back", keys=("b", "ㅠ"), shown="b", row=""),
     Action(id="align.off", keys=("f3",), shown="F3", stops=Stops.MOTION),
     Action(id="run.arm", keys=("f5",), shown="F5", once=True),
