@@ -16,17 +16,20 @@ from console.session.station.holding import is_paused
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
-from console.tui.keymap import PageName, actions_of
+from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, actions_of
 from console.tui.lines import BLANK, Line, clipped, dim, hanging, line, name_in, plain, ranged, width_of, wrapped
+from console.tui.link.holder_lines import observing, onlookers
+from console.tui.link.lost_lines import is_watched, lost_step
 from console.tui.pages.fields import named
 from console.tui.theme import Token
-from drivers.lathe.lengths import settings_of
 from drivers.lathe.snapshot import AxisName
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}
 LEAST_BODY = 4  # lines of the page that no message takes. A longer message continues in the list of messages.
+DOT = 3  # cells of the dot behind a name
+LEAST_MACHINE, LEAST_JOB = 8, 16  # cells that a name keeps while there is room for both
 _FIRST_SERVED = ("stop", "alarm", "next")  # rows that may have several lines, in the order in which they get them
 
 
@@ -51,7 +54,10 @@ class Frame:
 
 
 def state_row(frame: Frame, width: int) -> list[Line]:
-    """Return SIM, the machine, its activity, the age of the state, and the time; a long name is shortened."""
+    """Return SIM, the machine, the open job, the activity, the age of the state, and the time.
+
+    Long names lose their middle, that of the machine first; one that has room for nothing is left out.
+    """
     text, state = frame.text, frame.state
     head: list[tuple[str, Token]] = (
         [(f" {text('sim')} ", Token.SIM), ("  ", Token.TEXT)] if state.simulated else [(" ", Token.TEXT)]
@@ -67,12 +73,23 @@ def state_row(frame: Frame, width: int) -> list[Line]:
         activity = f"{activity} · {text(f'frame.sync.{state.cut.synchronisation}')}"
         token = Token.WARNING if state.cut.is_lost else token
     if _observes(state):
-        held = text("frame.looks_on", holder=state.holder) if state.holder else text("frame.looks_on_free")
-        activity, token = held, Token.WARNING
-    right = (*_age(frame), dim(f"   {frame.clock:%H:%M} "))
-    room = width - width_of((*head, *right)) - cell_len(activity) - 4
-    machine = name_in(state.machine, max(room, 1))
-    return [ranged((*head, (f"{machine} · ", Token.DIM), (activity, token)), right, width)]
+        activity, token = observing(text, state, frame.clock), Token.WARNING
+    right = (*onlookers(text, state), *_age(frame), dim(f"   {frame.clock:%H:%M} "))
+    room = width - width_of((*head, *right)) - cell_len(activity) - 1
+    machine, job = _names(state.machine, frame.job, room)
+    names = [(f"{name} · ", token) for name, token in ((machine, Token.DIM), (job, Token.STRONG)) if name]
+    return [ranged((*head, *names, (activity, token)), right, width)]
+
+
+def _names(machine: str, job: str, room: int) -> tuple[str, str]:
+    """Return the names of the machine and of the job in `room` cells, each with its dot."""
+    if not job:
+        return name_in(machine, max(room - DOT, 1)), ""
+    for_machine = min(cell_len(machine), max(room - cell_len(job) - 2 * DOT, LEAST_MACHINE))
+    for_job = room - for_machine - 2 * DOT
+    if for_job < LEAST_JOB:  # the machine is in the title of the terminal as well
+        return "", name_in(job, max(room - DOT, 1), tail_fraction=0.6)
+    return name_in(machine, for_machine), name_in(job, for_job, tail_fraction=0.6)
 
 
 def _observes(state: StationState) -> bool:
@@ -136,18 +153,23 @@ def _answer(frame: Frame, width: int) -> list[Line]:
 
 
 def pages_row(frame: Frame, width: int) -> list[Line]:
-    """Return the numbered pages, and the open job; closer together where its name would be shortened."""
-    names = [
-        (f"{number} {frame.text(f'page.{page}')}", Token.SELECTED if page is frame.page else Token.DIM)
-        for number, page in enumerate(PageName, start=1)
-    ]
-    pieces: Line = tuple((f" {name} ", token) for name, token in names)
-    job_width = cell_len(frame.job) + 1 if frame.job else 0
-    if width_of(pieces) + job_width > width:
-        pieces = (dim(" "), *(piece for name, token in names for piece in ((name, token), dim(" "))))
-    room = max(width - width_of(pieces) - 1, 0)
-    name = name_in(frame.job, room, tail_fraction=0.75)
-    return [ranged(pieces, ((f"{name} ", Token.STRONG),) if name else BLANK, width)]
+    """Return the pages, the closer together the less room there is. A page without a digit is shown as More is."""
+    last = frame.page if frame.page in FURTHER else PageName.MORE
+    shown = {**{page: DIGITS[page] for page in NUMBERED}, last: DIGITS[PageName.MORE]}
+    rows = [_pages(frame, shown, *room) for room in ((" ", " "), ("", " "), ("", ""))]
+    return [ranged(next((row for row in rows if width_of(row) <= width), rows[-1]), BLANK, width)]
+
+
+def _pages(frame: Frame, shown: dict[PageName, str], around: str, between: str) -> Line:
+    """Return the pages with this much room around each, and between its digit and its name."""
+    pieces: list[tuple[str, Token]] = []
+    for page, digit in shown.items():
+        token = Token.SELECTED if page is frame.page else Token.DIM
+        pieces += [
+            dim("" if around else " "),
+            (f"{around}{digit}{between}{frame.text(f'page.{page}')}{around}", token),
+        ]
+    return tuple(pieces)
 
 
 def next_row(frame: Frame, width: int) -> list[Line]:
@@ -156,8 +178,8 @@ def next_row(frame: Frame, width: int) -> list[Line]:
     step: Line = frame.next_step
     if answer_of(frame) and unseen_alarm(state) is not None:
         return _answer(frame, width)
-    if state.activity is Activity.LOST:
-        step = line((text("frame.lost"), Token.ACTION))
+    if lost := lost_step(text, state):
+        step = line((lost, Token.ACTION))
     elif state.activity is Activity.CONNECTING:
         step = line(dim(text("frame.connecting")))
     elif _observes(state) and state.stop is None:
@@ -183,6 +205,8 @@ def stop_row(frame: Frame, width: int) -> list[Line]:
 
 def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:
     stop = state.stop
+    if is_watched(state):
+        return text("lost_link.not_delivered"), Token.WARNING
     if stop is not None and not stop.delivered:
         return text("frame.not_delivered"), Token.ALARM
     if state.activity is Activity.LOST:
@@ -204,6 +228,8 @@ def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> t
 
 def spindle_stop_s(machine: MachineProfile, speed_rpm: float) -> float:
     """Return the time from this speed to rest after a stop, s; a revolution a minute is 6 degrees a second."""
+    from drivers.lathe.lengths import settings_of  # not for the first paint: the link thread has it by then
+
     return settings_of(machine, AxisName.SPINDLE).stop_s(6.0 * abs(speed_rpm))
 
 

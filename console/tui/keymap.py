@@ -27,7 +27,7 @@ LISTS = 2  # lists of keys
 
 
 class PageName(StrEnum):
-    """Pages in order; the digit of a page is its position. `console.tui.pages.run` has the `RunPage`."""
+    """Pages in order. `console.tui.pages.run` has the `RunPage`."""
 
     JOBS = "jobs"
     SETUP = "setup"
@@ -37,6 +37,18 @@ class PageName(StrEnum):
     INSPECT = "inspect"
     RECORDS = "records"
     ALARMS = "alarms"
+    MORE = "more"
+    SETTINGS = "settings"
+    TUNE = "tune"
+
+
+NUMBERED = tuple(PageName)[: tuple(PageName).index(PageName.MORE)]
+"""Pages with a digit of their own, which is their position, from 1."""
+
+FURTHER = tuple(PageName)[tuple(PageName).index(PageName.MORE) + 1 :]
+"""Pages that the page More (0) lists, and opens by their letter."""
+
+DIGITS = {**{page: str(number) for number, page in enumerate(NUMBERED, start=1)}, PageName.MORE: "0"}
 
 
 class Stops(Enum):
@@ -76,15 +88,11 @@ PALETTE = Action(id="palette", keys=(":", "colon", "ctrl+p"), shown=": ^P", row=
 
 ACTIONS: tuple[Action, ...] = (
     *(
-        Action(
-            id=f"page.{page}",
-            keys=(str(number),),
-            shown=str(number),
-            stops=Stops.JOG,
-            beside=page is PageName.ALARMS,
-        )
-        for number, page in enumerate(PageName, start=1)
+        Action(id=f"page.{page}", keys=(digit,), shown=digit, stops=Stops.JOG, beside=page is PageName.ALARMS)
+        for page, digit in DIGITS.items()
     ),
+    Action(id="page.settings", keys=(), shown="0 s", beside=True),
+    Action(id="page.tune", keys=(), shown="0 u", beside=True),
     Action(id="recover", keys=("f2",), shown="F2"),
     Action(id="acknowledge", keys=("k", "ㅏ"), shown="k"),
     Action(id="take_over", keys=("t", "ㅅ"), shown="t", row="", once=True),
@@ -124,6 +132,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="setup.save_as", keys=("s", "ㄴ"), shown="s"),
     Action(id="preview.strategy", keys=("c", "ㅊ"), shown="c"),
     Action(id="preview.learned", keys=("l", "ㅣ"), shown="l"),
+    Action(id="preview.response", keys=("i", "ㅑ"), shown="i"),
     Action(id="preview.stage", keys=("s", "ㄴ"), shown="s"),
     Action(id="preview.program", keys=("p", "ㅔ"), shown="p"),
     Action(id="preview.up", keys=("up", "pageup"), shown="↑", row="↑↓"),
@@ -141,6 +150,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="align.backward", keys=("pagedown",), shown="PgDn", row="", moves=True, stops=Stops.MOTION),
     Action(id="align.larger", keys=("+", "="), shown="+", row="+-", stops=Stops.JOG),
     Action(id="align.smaller", keys=("-",), shown="-", row="", stops=Stops.JOG),
+    Action(id="align.goto", keys=("g", "ㅎ"), shown="g", row=""),
+    Action(id="align.go", keys=("f6",), shown="F6", row="", moves=True, once=True),
     Action(id="align.back", keys=("b", "ㅠ"), shown="b", row=""),
     Action(id="align.off", keys=("f3",), shown="F3", stops=Stops.MOTION),
     Action(id="run.arm", keys=("f5",), shown="F5", once=True),
@@ -154,8 +165,15 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="inspect.revert", keys=("v", "ㅍ"), shown="v", once=True),
     Action(id="inspect.offset", keys=("o", "ㅐ"), shown="o", row="", once=True),
     Action(id="inspect.import", keys=("i", "ㅑ"), shown="i"),
-    Action(id="inspect.export", keys=("x", "ㅌ"), shown="x", row=""),
     Action(id="inspect.next", keys=("enter",), shown="Enter"),
+    Action(id="inspect.view", keys=("h", "ㅗ"), shown="h"),
+    Action(id="inspect.beside", keys=("b", "ㅠ"), shown="b"),
+    Action(id="inspect.circle", keys=("c", "ㅊ"), shown="c", row=""),
+    Action(id="inspect.filter", keys=("f", "ㄹ"), shown="f", row=""),
+    Action(id="inspect.larger", keys=("+", "="), shown="+ -", row=""),
+    Action(id="inspect.smaller", keys=("-",), shown="-", row="", beside=True),
+    Action(id="inspect.whole", keys=("z", "ㅋ"), shown="z", row=""),
+    Action(id="inspect.export", keys=("x", "ㅌ"), shown="x", row=""),
     Action(id="inspect.up", keys=("up",), shown="↑", row="", stops=Stops.MOTION),
     Action(id="inspect.down", keys=("down",), shown="↓", row="", stops=Stops.MOTION, beside=True),
     Action(id="inspect.page_up", keys=("pageup",), shown="PgUp", row="", stops=Stops.MOTION),
@@ -191,6 +209,15 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="alarms.last", keys=("end",), shown="End", row="", beside=True),
     Action(id="alarms.all", keys=("a", "ㅁ"), shown="a"),
     Action(id="alarms.log", keys=("l", "ㅣ"), shown="l"),
+    Action(id="more.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="more.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="more.open", keys=("enter",), shown="Enter"),
+    Action(id="more.settings", keys=("s", "ㄴ"), shown="s"),
+    Action(id="more.tune", keys=("u", "ㅕ"), shown="u"),
+    Action(id="tune.view", keys=("v", "ㅍ"), shown="v"),
+    Action(id="tune.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="tune.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="tune.read", keys=("r", "ㄱ"), shown="r"),
 )
 
 READING = (

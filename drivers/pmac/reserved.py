@@ -25,3 +25,6 @@ RETRACTED = 1005  # P-variable: target of the tool when a cut is ended, counts o
 
 STOPPED_BY = 1011
 """P-variable: the number of a monitoring console that has stopped the machine; written after its stop."""
+
+SIGNATURE = 1012
+"""P-variables up to P1023: who controls the machine, in words (`drivers/lathe/signature.py`)."""

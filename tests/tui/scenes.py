@@ -34,7 +34,7 @@ from console.session.work import Work, edited
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.jobs import shelf
-from console.tui.keymap import PageName
+from console.tui.keymap import ACTIONS, DIGITS, PageName
 from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
@@ -48,7 +48,7 @@ from profiles.problem import Problem
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
-from tests.tui import records_stage
+from tests.tui import records_stage, tune_stage
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
 CLOCK = datetime(2026, 1, 2, 8, 52)
@@ -107,6 +107,11 @@ def scene_of(page: PageName) -> Scene:
         case PageName.ALARMS:
             alarms, log = alarmed()
             return Scene(page=page, state=replace(machine(Activity.READY), alarms=alarms), work=signed(), log=log)
+        case PageName.MORE | PageName.SETTINGS:
+            return Scene(page=page, state=machine(Activity.READY), work=signed())
+        case PageName.TUNE:
+            state = replace(machine(Activity.READY), tool_loop=tune_stage.tool_loop())
+            return Scene(page=page, state=state, work=signed())
         case PageName.INSPECT:
             after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
             state = replace(machine(Activity.READY), alignment=ALIGNED, measured=after, uncompensated=before)
@@ -248,6 +253,7 @@ def fill(data: Path) -> None:
         save_job(replace(load_job(EXPERIMENT).job, name=name, **changes), folder / f"{name}.toml")  # type: ignore[arg-type]
     (folder / "unfinished.toml").write_text("name = 3\n", encoding="utf-8")
     (data / FILE_NAME).write_bytes(recorded())
+    tune_stage.fill(data)
 
 
 @cache
@@ -321,12 +327,20 @@ def answer(app: ConsoleApp, scene: Scene) -> None:
         app._previewer._settled = (work, alignment, None)
 
 
+def keys_to(page: PageName) -> tuple[str, ...]:
+    """The keys that show a page: its digit, or that of More and its letter there."""
+    if page in DIGITS:
+        return (DIGITS[page],)
+    letter = next(action.keys[0] for action in ACTIONS if action.id == f"more.{page}")
+    return DIGITS[PageName.MORE], letter
+
+
 @asynccontextmanager
 async def played(app: ConsoleApp, scene: Scene, size: tuple[int, int]) -> AsyncIterator[Pilot[None]]:
     """Run the application, go to the page of the scene, press its keys, and wait until nothing changes."""
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
-        await pilot.press(str(list(PageName).index(scene.page) + 1), *scene.keys)
+        await pilot.press(*keys_to(scene.page), *scene.keys)
         await settle(app, pilot)
         yield pilot
 

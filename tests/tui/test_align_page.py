@@ -150,13 +150,17 @@ def test_another_chuck_or_diameter_is_not_ticked(changes: dict[str, str], step: 
 
 
 def test_what_is_seen_is_told_as_simulated() -> None:
-    text = shown(state()).text
+    text = shown(state(), size=(100, 30)).text
     assert "SIM jaw 1 is 12.34° past the mark" in text
     assert "SIM gap from tool to part 0.250 mm" in text
-    touching = shown(state(seen=WorkshopView(jaw_1_past_mark_deg=-0.5, tool_gap_mm=-0.002))).text
+    # In 24 rows that of the present step.
+    assert ("past the mark" in shown(state()).text, "SIM gap" in shown(state()).text) == (True, False)
+    found = shown(state(VALID)).text
+    assert ("past the mark" in found, "SIM gap" in found) == (False, True)
+    touching = shown(state(seen=WorkshopView(jaw_1_past_mark_deg=-0.5, tool_gap_mm=-0.002)), size=(100, 30)).text
     assert "0.50° before the mark" in touching
     assert "touches, 0.002 mm deep" in touching
-    just = shown(state(seen=WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=0.0))).text
+    just = shown(state(VALID, seen=WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=0.0))).text
     assert "touches, 0.000 mm deep" in just
 
 
@@ -187,7 +191,7 @@ def test_in_phase_is_claimed_only_where_jaw_1_was_taken_at_the_mark(
     # The spindle stands where jaw 1 was taken, so that what is seen now is what was seen then.
     taken = state(VALID, seen=WorkshopView(jaw_1_past_mark_deg=past_deg, tool_gap_mm=0.25))
     page = shown(taken, language=language)
-    assert ("12.34°" in page.text.split("6 ")[-1]) is (past_deg > 1.0)
+    assert ("12.34°" in words_of(page.text)) is (past_deg > 1.0)
     if language == "en":
         assert phrase in page.text
         assert ("in phase" in page.text) is (past_deg <= 1.0)

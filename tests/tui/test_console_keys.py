@@ -17,7 +17,7 @@ from console.session.station.state import Activity, Armed, StationState, StopSta
 from console.tui.app import ConsoleApp
 from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys
-from console.tui.keymap import ACTIONS, PageName
+from console.tui.keymap import ACTIONS, DIGITS, PageName
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
@@ -77,7 +77,16 @@ def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float
 
 def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
     once = {action.id for action in ACTIONS if action.once}
-    orders = {"align.step", "align.take", "run.arm", "run.start", "run.hold", "run.retract", "take_over"}
+    orders = {
+        "align.step",
+        "align.take",
+        "align.go",
+        "run.arm",
+        "run.start",
+        "run.hold",
+        "run.retract",
+        "take_over",
+    }
     orders |= {"run.feed_hold", "run.one_turn"}
     assert once == orders | {"inspect.accept", "inspect.revert", "inspect.offset", "jobs.delete"}
 
@@ -238,41 +247,11 @@ def test_escape_stops_with_a_list_open_where_something_may_move(
     assert pressed(tmp_path, now, PageName.ALIGN, *presses).control.stops == ["escape"]
 
 
-@pytest.mark.parametrize("key", [str(number) for number, _ in enumerate(PageName, start=1)])
+@pytest.mark.parametrize("key", DIGITS.values())
 def test_while_a_part_is_cut_every_page_may_be_looked_at(key: str, tmp_path: Path) -> None:
     console = pressed(tmp_path, run_stage.cutting(), PageName.RUN, (0.0, key))
     assert console.control.stops == []
-    assert str(list(PageName).index(console.app._page) + 1) == key
-
-
-def test_a_press_that_makes_no_step_is_told_behind_the_next_that_does(tmp_path: Path) -> None:
-    """The machine rests a moment later: what was said of the press must not go with it."""
-    jogging = align_stage.state(activity=Activity.JOGGING)
-    fill(tmp_path)
-    scene = Scene(page=PageName.ALIGN, state=align_stage.state(), work=experiment())
-    app, control = application(scene, tmp_path)
-
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            for at_s, key, now in (
-                (100.0, "j", scene.state),
-                (100.1, "right", scene.state),
-                (100.3, "right", jogging),
-                (100.4, "", jogging),
-                (100.8, "right", scene.state),
-                (100.9, "", scene.state),
-            ):
-                control.at(at_s)
-                control.state = now
-                if key:
-                    await pilot.press(key)
-                app.tick()
-                await pilot.pause()
-
-    asyncio.run(run())
-    (missed,) = app.ui.said
-    assert (len(control.orders), missed.code) == (2, "screen.presses_missed")
-    assert (missed.key, missed.value, missed.limit) == ("→", "1", "3")
+    assert DIGITS[console.app._page] == key
 
 
 def test_a_machine_that_was_lost_in_motion_is_still_stopped_by_any_key_and_can_be_left(tmp_path: Path) -> None:

@@ -81,13 +81,22 @@ def test_sim_is_the_first_word_on_the_screen() -> None:
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
-@pytest.mark.parametrize("page", PageName)
-def test_the_open_job_stands_beside_the_pages(page: PageName, language: str) -> None:
-    first, second = (
-        plain(pages_row(frame(language=language, page=page, job=f"lee-2001-experiment-{number}"), 80))
-        for number in (1, 2)
-    )
-    assert first.endswith("ment-1") and second.endswith("ment-2")
+def test_the_open_job_is_in_the_first_row_and_two_jobs_alike_differ(language: str) -> None:
+    """At 80 columns, in every activity, whether the machine is simulated or not; the middle is shortened."""
+    for activity in Activity:
+        state = replace(READY, activity=activity)
+        if activity is Activity.CUTTING:
+            state = cutting(synchronisation=Synchronisation.LOST)
+        first, second = (
+            plain(state_row(frame(state, language, job=f"lee-2001-experiment-{number}"), 80)) for number in (1, 2)
+        )
+        assert first != second and "lee-" in first, activity
+        assert load(language)(f"activity.{activity}") in first and "ent-1 · " in first, first
+
+
+def test_a_page_without_a_digit_has_the_place_of_the_page_that_lists_it() -> None:
+    assert plain(pages_row(frame(page=PageName.SETTINGS), 80)).rstrip().endswith("8 Alarms 0 Settings")
+    assert plain(pages_row(frame(page=PageName.ALARMS), 80)).rstrip().endswith("8 Alarms 0 More")
 
 
 def test_an_old_look_says_how_old_it_is() -> None:

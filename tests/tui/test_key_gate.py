@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.tui.gate import FieldKind, Situation, Verdict, is_stray, judge, stop_reason, stops_at_once
-from console.tui.keymap import ACTIONS, KILL_KEYS, STOP_KEYS, PageName, action_of, actions_of
+from console.tui.keymap import ACTIONS, DIGITS, KILL_KEYS, STOP_KEYS, PageName, action_of, actions_of
 
 situations = st.builds(
     Situation,
@@ -239,6 +239,6 @@ def test_a_letter_works_on_a_hangul_layout_too() -> None:
 
 
 def test_a_digit_leads_to_its_page() -> None:
-    for number, page in enumerate(PageName, start=1):
-        action = action_of(str(number), str(number), PageName.RUN)
+    for page, digit in DIGITS.items():
+        action = action_of(digit, digit, PageName.RUN)
         assert action is not None and action.id == f"page.{page}"

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from console.session.data.identified import ChosenResponse
     from console.session.station.state import StationState
     from drivers.cutting.strategy import Strategy
     from profiles.compensations.learned import LearnedCompensation
@@ -66,6 +67,14 @@ class Jog(Command):
     distance: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class GoTo(Command):
+    """Go to a typed target with one jog: Z, mm from its zero, or C, degrees from the index the shorter way."""
+
+    axis: AxisName
+    target: float
+
+
 class TakeJaw(Command):
     """Record the present spindle angle as the one at which jaw 1 meets the mark."""
 
@@ -75,6 +84,10 @@ class TakeTouchOff(Command):
     """Record that the tool tip touches a surface of this radius at its present position."""
 
     radius_mm: float
+
+
+class ReadLoop(Command):
+    """Read the gains of the tool and the servo period from the controller. Nothing moves."""
 
 
 class Forget(Command):
@@ -87,6 +100,7 @@ class Arm(Command):
 
     `loaded` is the file that the job is from, None where it differs from it: then nothing was learned of it.
     `compensation` is what was learned of it, None the model's; `stage` is a `console.session.stages.Stage`.
+    `inverts` is the identified response that a cut without anything learned inverts, None the model's.
     """
 
     job: Job
@@ -96,6 +110,7 @@ class Arm(Command):
     compensation: LearnedCompensation | None = None
     stage: str = "full"
     valid_s: float = LEAST_ARMED_S
+    inverts: ChosenResponse | None = None
 
 
 class Disarm(Command):

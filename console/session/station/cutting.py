@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from console.session.cut.alignment import aligned_job, problems
-from console.session.cut.compensated import compensation_problems, path_of, stored_problems
+from console.session.cut.compensated import compensation_problems, inverted_path, path_of, stored_problems
 from console.session.cut.engine import CutEnd, NotAsPlannedError, Step, cut, load
 from console.session.cut.run import planned, refuse_unplannable
 from console.session.data.calibrated_chuck import calibrations_of
+from console.session.data.identified import changed_problems
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, tool_lobe_event
 from console.session.data.records import RunFacts, begin_record
@@ -48,7 +49,7 @@ def arm(context: StationContext, command: Arm) -> None:
         compensation=NONE if learned is None else str(learned.version),
         strategy=strategy.value,
         stage=Stage(command.stage).value,
-        inverted=MODEL,
+        inverted=MODEL if command.inverts is None else command.inverts.name,
         cut_jaw_1_deg=AS_FILED if jaw is None else str(jaw.angle_deg),
     )
     _open_record(context, command, plan, made)
@@ -71,7 +72,7 @@ def _loading_s(context: StationContext, plan: CutPlan) -> float:
 
 
 def _learned(context: StationContext, command: Arm) -> tuple[Problem, ...]:
-    """Check the learned version again: it may have been chosen some time ago, and files may have changed."""
+    """Check version and response again: they may have been chosen some time ago, and files may have changed."""
     learned, loaded = command.compensation, command.loaded
     problems = compensation_problems(
         learned,
@@ -80,7 +81,10 @@ def _learned(context: StationContext, command: Arm) -> tuple[Problem, ...]:
         command.strategy,
         Stage(command.stage),
         simulated=context.shop is not None,
+        inverts=command.inverts,
     )
+    if command.inverts is not None:
+        problems = (*problems, *changed_problems(command.inverts))
     return problems if learned is None else (*problems, *stored_problems(learned, context.records))
 
 
@@ -93,6 +97,8 @@ def _planned(context: StationContext, command: Arm, job: Job) -> CutPlan:
     turn = round((context.lathe.snapshot().spindle.position - start) / machine.spindle.counts_per_rev)
     watchdog = context.lathe.program.watchdog
     try:
+        if path is None:
+            path = inverted_path(job, machine, strategy, command.inverts)
         return planned(job, machine, strategy, stage, path, watchdog=watchdog, from_turn=turn)
     except ProblemError as refused:
         raise SessionError(*refused.problems) from refused
@@ -268,7 +274,7 @@ def _facts(context: StationContext, command: Arm) -> RunFacts:
             "touch_off_at": None if touched is None else touched.at,
             "aligned": True,
             "calibrations": calibrations_of(context.loaded_machine),
-            "inverted": MODEL,
+            "inverted": MODEL if command.inverts is None else command.inverts.name,
             "address": context.state.address,
         },
     )

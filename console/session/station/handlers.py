@@ -18,8 +18,11 @@ from console.session.station import commands, jogging
 from console.session.station.alarms import recovered
 from console.session.station.context import StationContext
 from console.session.station.cutting import arm, disarm, retract, start
+from console.session.station.durations import approach_s, home_s, jog_s
 from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
 from console.session.station.state import Activity
+from console.session.station.targets import GO_TO, distance_to, target_problems
+from console.session.station.tuning import read_loop
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
@@ -52,6 +55,7 @@ def take_control(context: StationContext, command: commands.TakeControl) -> None
     if not context.lathe.snapshot().loops_open:
         context.lathe.confirm_nobody_inside()  # whoever had control has enabled the drives since
     context.tell_standing()
+    context.tell(lost_link=None)
     context.end_alarms(*OWNER_CODES)
     verify(context, commands.Verify())
 
@@ -96,6 +100,8 @@ def switch_off(context: StationContext, _: commands.DisableDrives) -> None:
 def home(context: StationContext, _: commands.Home) -> None:
     """Home all axes."""
     _require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
+    ends_s = home_s(context.machine, context.lathe.snapshot())
+    context.tell(ends_s=None if ends_s is None else context.clock.now_s() + ends_s)
     context.lathe.home()
 
 
@@ -106,10 +112,12 @@ def approach(context: StationContext, command: commands.Approach) -> None:
     setup = cut_setup(command.job, machine)
     over_mm = min(OVER_PART_MM, 0.5 * command.job.cut_length_mm)
     face = (machine.carriage.jaw_face_mm - command.job.overhang_mm) * machine.carriage.counts_per_mm
-    lathe = context.lathe
+    lathe, over = context.lathe, face + over_mm * machine.carriage.counts_per_mm
+    within_s = approach_s(machine, lathe.snapshot(), over, setup.retracted)
+    context.tell(ends_s=context.clock.now_s() + within_s)
     if lathe.snapshot().tool.position > setup.retracted:
         lathe.retract(setup.retracted)
-    lathe.jog_to(AxisName.CARRIAGE, face + over_mm * machine.carriage.counts_per_mm)
+    lathe.jog_to(AxisName.CARRIAGE, over)
     lathe.jog_to(AxisName.TOOL, setup.retracted, settle=False)
 
 
@@ -122,7 +130,25 @@ def jog(context: StationContext, command: commands.Jog) -> None:
         if jogging.is_too_long(command.distance, longest_mm):
             value, limit = f"{command.distance:.3f} mm", f"<= {longest_mm:.3f} mm"
             raise SessionError(Problem(code="machine.step_too_long", key="tool", value=value, limit=limit))
-    context.lathe.jog_by(command.axis, command.distance * jogging.counts_per_unit(context.machine, command.axis))
+    too_fast = jogging.speed_problem(context.machine, command.axis, command.distance)
+    refuse(() if too_fast is None else (too_fast,))
+    _jog_by(context, command.axis, command.distance)
+
+
+def go_to(context: StationContext, command: commands.GoTo) -> None:
+    """Go to a target with one jog, if nothing is in the way; the carriage or the spindle."""
+    _refuse_unless_homed(context)
+    _require(command.axis in GO_TO, "machine.no_target_axis")
+    snapshot, machine = context.lathe.snapshot(), context.loaded_machine.machine
+    refuse(target_problems(snapshot, machine, context.state.alignment, command.axis, command.target))
+    _jog_by(context, command.axis, distance_to(snapshot, machine, command.axis, command.target))
+
+
+def _jog_by(context: StationContext, axis: AxisName, distance: float) -> None:
+    """Jog, and count it once it is in position."""
+    context.tell(ends_s=context.clock.now_s() + jog_s(context.machine, axis, distance))
+    context.lathe.jog_by(axis, distance * jogging.counts_per_unit(context.machine, axis))
+    context.tell(jogs=context.state.jogs + 1)
 
 
 def take_jaw(context: StationContext, _: commands.TakeJaw) -> None:
@@ -168,7 +194,7 @@ def recover(context: StationContext, _: commands.Recover) -> None:
     if context.state.controls:
         context.lathe.acknowledge_loss()
     context.change_alarms(recovered)
-    context.tell(stop=None, armed=None)
+    context.tell(stop=None, armed=None, lost_link=None)
     context.limits_seen = context.lathe.snapshot().limits
 
 
@@ -219,9 +245,11 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.Home: (Activity.HOMING, home),
     commands.Approach: (Activity.APPROACHING, approach),
     commands.Jog: (Activity.JOGGING, jog),
+    commands.GoTo: (Activity.JOGGING, go_to),
     commands.TakeJaw: (Activity.READY, take_jaw),
     commands.TakeTouchOff: (Activity.READY, take_touch_off),
     commands.Forget: (Activity.READY, forget),
+    commands.ReadLoop: (Activity.VERIFYING, read_loop),
     commands.Arm: (Activity.ARMING, arm),
     commands.Disarm: (Activity.READY, disarm),
     commands.Start: (Activity.POSITIONING, start),

@@ -27,6 +27,7 @@ from console.session.station.commands import (
     Command,
     EndCut,
     HoldFeed,
+    ReadLoop,
     Recover,
     ResumeFeed,
     Start,
@@ -36,6 +37,8 @@ from console.session.station.commands import (
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
 from console.session.station.holding import hold_refusal
+from console.session.station.link.holding import HolderWatch
+from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
 from console.session.station.reaching import Commissioned, reach
 from console.session.station.state import IDLE, MOVING, Activity, StationState
@@ -52,7 +55,7 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 SCREEN_TIMEOUT_S = 2.0  # timeout of a silent screen while something moves
-OBSERVERS_COMMANDS = (Verify, Recover, TakeControl)
+OBSERVERS_COMMANDS = (Verify, Recover, TakeControl, ReadLoop)
 """Commands open to a console that only observes; a stop needs no permission."""
 
 
@@ -67,6 +70,8 @@ class Station:
         self._link_time = LinkTime()
         self._spindle = SpindleWatch(context.loaded_machine.machine.spindle.counts_per_rev)
         self._stops, self._sight = Stops(context, self._spindle.forget), ChuckSight(context)
+        self._holder = HolderWatch(context)
+        self._reconnecting = Reconnecting(context, self._stops)
 
     @property
     def state(self) -> StationState:
@@ -183,9 +188,11 @@ class Station:
     def _step(self, command: Command | None) -> None:
         context = self._context
         if self._stops.gone:
+            self._reconnecting.step()
             return
         if context.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
+            self._reconnecting.settled()
         elif command is not None:
             self._carry_out(command)
         else:
@@ -219,7 +226,8 @@ class Station:
             context.log_command(command)
         if not isinstance(command, Start):
             context.tell(armed=None)  # what was read in the summary may have changed
-        context.tell(refusals=(), activity=activity if context.state.stop is None else context.state.activity)
+        shown = activity if context.state.stop is None else context.state.activity
+        context.tell(refusals=(), ends_s=None, activity=shown)
 
         def worked() -> None:
             work(context, command)
@@ -244,6 +252,7 @@ class Station:
             raise DriverError(Problem(code="machine.fault", key="poll", value=", ".join(faults)))
         context.end_alarms("link.silent")
         watch_axes(context, snapshot)
+        self._holder.look()
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Run an operation on the machine; on any error, report it and stop the machine."""
@@ -317,9 +326,12 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         shop=reached.shop,
         records=data,
         local_time=_local_time,
+        client=reached.client,
         commissioned=Commissioned(
             reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
         ),
+        reopening=reached.reopening,
+        onlookers=reached.onlookers,
     )
     context.tell(address=reached.address)
     for problem in warnings_of(machine):

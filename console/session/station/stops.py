@@ -12,15 +12,18 @@ from console.session.station.jogging import behind_face_mm, tool_in_part
 from console.session.station.progress import RUNNING, CutStage
 from console.session.station.state import Activity, StopState
 from console.session.station.watches import watch_axes
-from drivers.errors import DriverError
+from drivers.errors import DriverError, RefusedError
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
 from drivers.link.base import GONE
-from profiles.problem import ProblemError
+from profiles.problem import Problem, ProblemError
+
+NEEDS_NO_RESET = frozenset({"space", "escape", "f12"})
+"""Stop keys: pressed at rest, they are no reason for a reset. F9 has disabled the drives, and asks for one."""
 
 
 class Stops:
-    """Stops of one machine. `gone` is whether the connection is lost for good."""
+    """Stops of one machine. `gone` is whether the connection is lost: nothing answers until it is opened anew."""
 
     def __init__(self, context: StationContext, forget_speed: Callable[[], None]) -> None:
         """Take `forget_speed`: the polls of a spindle coming to rest give no valid speed."""
@@ -36,6 +39,7 @@ class Stops:
             self._poll_stopped()
             return
         under_way = before is not None and before.rest_s is None
+        idle = self._idle() if before is None else None
         current = replace(
             before or self._begun_stop(),
             reason=stop.reason or "",
@@ -62,6 +66,26 @@ class Stops:
             context.tell(stop=current, activity=Activity.LOST)
         else:
             self._rested(current, snapshot)
+            if idle is not None and _same_drives(idle, snapshot):
+                self._let_go(snapshot)
+
+    def _idle(self) -> Snapshot | None:
+        """Return the last poll where a stop key was pressed and nothing moved, nor was about to; else None."""
+        state = self._context.state
+        pressed = self._context.lathe.stop.reason in NEEDS_NO_RESET and state.activity is Activity.READY
+        at_rest = state.snapshot is not None and state.snapshot.at_rest and not state.snapshot.lost
+        return state.snapshot if pressed and at_rest else None
+
+    def _let_go(self, snapshot: Snapshot) -> None:
+        """End a stop that has found nothing to stop: what was armed or enabled is over; no reset is needed."""
+        context = self._context
+        try:
+            context.lathe.stop.release()
+        except RefusedError:  # another stop came meanwhile
+            return
+        context.limits_seen = snapshot.limits
+        told = (Problem(code="session.stopped_at_rest"),)
+        context.tell(stop=None, activity=Activity.READY, refusals=told)
 
     def _begun_stop(self) -> StopState:
         """Return the state of a stop that has just come; what it ended stays with it until F2.
@@ -112,8 +136,9 @@ class Stops:
         try:
             snapshot = context.lathe.snapshot()
         except DriverError as error:
+            self.gone = any(problem.code in GONE for problem in error.problems)
             for problem in error.problems:
-                context.alarm(problem)
+                context.alarm_once(problem)
             context.tell(activity=Activity.LOST)
         else:
             watch_axes(context, snapshot)
@@ -146,3 +171,8 @@ class Stops:
             return
         if snapshot.obeys_stop(killed=self._context.lathe.stop.killed):
             self._context.tell(stop=replace(stop, taken_s=snapshot.at_s))
+
+
+def _same_drives(before: Snapshot, after: Snapshot) -> bool:
+    """Whether no drive has been enabled or disabled since."""
+    return before.loops_open == after.loops_open and before.open_loops == after.open_loops

@@ -10,6 +10,10 @@ from textual.containers import Vertical
 from console.session.cut.alignment import AlignStep, force_problems
 from console.session.station import commands
 from console.session.station.state import Activity, StationState
+from console.tui.align.align_entry import AlignEntry
+from console.tui.align.ask_keys import TARGETS, AskKeys
+from console.tui.align.asked import asked_lines, asked_title
+from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, dim, line, wrapped
 from console.tui.page import Page
@@ -31,12 +35,16 @@ class AlignPage(Page):
 
     name_: ClassVar[PageName] = PageName.ALIGN
     DEFAULT_CSS = """
-    AlignPage { layout: horizontal; }
+    AlignPage { layout: horizontal; layers: base entry; }
     AlignPage .left { width: 59fr; height: 1fr; }
     AlignPage .right { width: 41fr; height: 1fr; }
     AlignPage Sheet { width: 1fr; height: 1fr; padding: 0 1; border: round $secondary;
         border-title-color: $foreground; background: $background; }
     AlignPage #align-axes { height: 7; }
+    AlignPage #align-asked { display: none; height: 1fr; }
+    AlignPage.-asking #align-asked { display: block; }
+    AlignPage.-asking #align-jog { display: none; }
+    AlignPage #align-entry { offset: 14 8; }
     AlignPage #align-steps { height: 8; }
     AlignPage #align-chuck { height: 9; display: none; }
     AlignPage.-roomy #align-chuck { display: block; }
@@ -51,11 +59,14 @@ class AlignPage(Page):
         self._steps = Sheet(palette, id="align-steps")
         self._why = Sheet(palette, id="align-why")
         self._chuck = Sheet(palette, id="align-chuck")
+        self._asked, self._entry = Sheet(palette, id="align-asked"), AlignEntry()
         self.panels = (
-            Vertical(self._axes, self._jog_panel, classes="left"),
+            Vertical(self._axes, self._jog_panel, self._asked, classes="left"),
             Vertical(self._steps, self._why, self._chuck, classes="right"),
+            self._entry,
         )
         self._jog = JogKeys(ui, self._later)
+        self._ask = AskKeys(ui, self._entry, self._jog)
         self._warned_s: float | None = None
         self._axes.border_title = ui.text("align_page.axes")
         self._steps.border_title = ui.text("align_page.steps")
@@ -71,11 +82,12 @@ class AlignPage(Page):
         if state.moving:
             self._jog.renew(view.now_s)  # idle time counts from the end of the motion
         self._jog.let_go(state, view.now_s)
-        self._jog.press_due()
+        self._jog.follow()
         self._axes.show(align_lines.axes_lines(text, state, machine, view.now_s, self._axes.size.width))
         jog = self._jog.view(state, view.now_s)
         axes = "C °" if jog.axis is AxisName.SPINDLE else "X Z mm"
         self._jog_panel.show(jog_lines(text, jog, *self._jog_panel.size), text("align_page.jog", axes=axes))
+        self._show_asked(view)
         self._steps.show(align_lines.step_lines(text, state, job))
         why = align_lines.why_lines(text, state, job, machine, *self._why.size)
         self._why.show(why, self._why_title(state, job))
@@ -88,10 +100,18 @@ class AlignPage(Page):
         """Perform the action of a key, or show why not."""
         if action != "align.take":
             self._warned_s = None
+        if self._ask.is_open:  # which first gets the characters that came before
+            self._entry.call_later(self._do, action)
+        else:
+            self._do(action)
+
+    def _do(self, action: str) -> None:
+        if self.ui.answers(self._ask.why_not(action, self.ui.view)):
+            return
         if action in JOGS:
             self._jog.press(action)
         else:
-            self._jog.forget()
+            self._jog.heard(action)
             answers: dict[str, Callable[[str], None]] = {
                 "align.step": self._do_step,
                 "align.take": self._take,
@@ -100,20 +120,33 @@ class AlignPage(Page):
                 "align.smaller": self._jog.change_rung,
                 "align.off": self._switch_off,
                 "align.back": self._take_back,
+                "align.goto": self._ask_target,
+                "align.go": lambda _: self._ask.go(self.ui.view),
             }
             answers[action](action)
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why the machine, the step or the jog is not ready for a key."""
+        if action == "align.go" or self._ask.is_open:
+            reasons = self._ask.why_not(action, view)
+            if reasons or action == "align.go":
+                return reasons
         if action in JOGS:
             return self._jog.why_not(action, view.state, view.now_s)
         if action in ("align.larger", "align.smaller"):
             return ()
         return refusal(view.state, action) or align_reasons(action, view.state, view.job, self.ui.machine.machine)
 
+    @property
+    def field(self) -> FieldKind:
+        """A number, while one is asked for."""
+        return FieldKind.NUMBER if self._ask.is_open else FieldKind.NONE
+
     def next_step(self, view: View) -> Line:
         """Return what to do now."""
         text, state, job = self.ui.text, view.state, view.job
+        if self._ask.is_open:
+            return line((text("align_page.next.asked"), Token.ACTION))
         word = waiting(state)
         if word:
             return line(dim(text(f"align_page.next.{word}")))
@@ -133,13 +166,30 @@ class AlignPage(Page):
         by_hand = [] if state.simulated else [BLANK, *wrapped(text("align_page.real"), width)]
         return [*align_lines.why_lines(text, state, view.job, self.ui.machine.machine, width, None), *by_hand]
 
+    def heard(self, action: str | None) -> None:
+        """Drop the steps of a jog key that wait, at any other key."""
+        self._jog.heard(action)
+
     def leave(self) -> None:
         """Disable the jog; a step in progress ends with the page."""
         self._warned_s = None
+        self._stop_jog("page", "screen.left_jogging")
         self._jog.end()
-        if self.ui.control.state.activity is Activity.JOGGING:
-            self.ui.say_until_key(Problem(code="screen.left_jogging"))
-            self.ui.control.stop("page")
+        self._ask.close()
+
+    def on_mount(self) -> None:
+        """Watch the focus of the terminal, where it reports it: whoever looks elsewhere does not jog."""
+        self.watch(self.app, "app_focus", self._see_focus, init=False)
+
+    def _see_focus(self, focused: bool) -> None:
+        if not focused:
+            self._stop_jog("blur", "screen.blurred_jogging")
+            self._jog.end()
+
+    def _stop_jog(self, reason: str, code: str) -> None:
+        if self.ui.control.state.activity is Activity.JOGGING or self.ui.queued:
+            self.ui.say_until_key(Problem(code=code))
+            self.ui.stop(reason)
 
     def _next_word(self, state: StationState, step: AlignStep | None, job: Job | None) -> str:
         machine = self.ui.machine.machine
@@ -208,6 +258,19 @@ class AlignPage(Page):
         """Forget the touch-off or, before it, jaw 1: that step is the present one again. Nothing moves."""
         if not self.ui.answers(self.why_not(key, self.ui.view)):
             self.ui.control.post(commands.Forget())
+
+    def _ask_target(self, key: str) -> None:
+        """Ask for a target of Z, then of C, then close the entry (g). Nothing moves."""
+        if self._ask.is_open or not self.ui.answers(self.why_not(key, self.ui.view)):
+            self._ask.step(TARGETS)
+
+    def _show_asked(self, view: View) -> None:
+        """Show the entry in the place of the jog panel, with how it is understood."""
+        self._ask.keep(view.state)
+        self.set_class(self._ask.is_open, "-asking")
+        if self._ask.is_open:
+            title = asked_title(self.ui.text, self._ask.asked)
+            self._asked.show(asked_lines(self.ui.text, self._ask.question(view), *self._asked.size), title)
 
     def _switch_off(self, key: str) -> None:
         stops = self._jog.stops_what_moves(self.ui.control.state, key)

@@ -18,6 +18,7 @@ from console.session.cut.alignment import (
 from console.session.station.jogging import counts_per_unit, over_part, tool_in_part, tool_radius_mm
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
+from console.tui.align.travel_lines import moving_words
 from console.tui.lines import (
     BLANK,
     NOTHING,
@@ -122,7 +123,9 @@ def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int)
     drives = ("! " + text("align_page.drives_partly"), Token.WARNING)
     if state.snapshot.loops_closed or state.snapshot.loops_open:
         drives = dim(text("align_page.drives_on" if state.snapshot.loops_closed else "align_page.drives_off"))
-    moving = (text("align_page.moving"), Token.STRONG) if state.seen_moving else dim(text("align_page.at_rest"))
+    moving = dim(text("align_page.at_rest"))
+    if state.seen_moving:
+        moving = moving_words(text, state, now_s), Token.STRONG
     return ranged((drives,), (moving,), width)
 
 

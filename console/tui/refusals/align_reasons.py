@@ -23,6 +23,8 @@ def align_reasons(
             return _against_take(state, job, machine)
         case "align.back":
             return _against_back(state, job)
+        case "align.goto":
+            return _against_target(state)
         case "align.off" if not align_lines.drives_are_on(state):
             return _because("screen.drives_are_off")
     return ()
@@ -73,6 +75,14 @@ def _against_back(state: StationState, job: Job | None) -> tuple[Problem, ...]:
     later = align_lines.step_now(alignment, job) in (AlignStep.TOUCH_OFF, None)
     taken = alignment.jaw is not None or alignment.touch_off is not None
     return () if later and taken else _because("screen.nothing_to_take_back")
+
+
+def _against_target(state: StationState) -> tuple[Problem, ...]:
+    """Return why no target can be typed: without drives or zeros it would mean nothing."""
+    alignment = state.alignment
+    if align_lines.drives_are_on(state) and alignment.drives_on and alignment.homed:
+        return ()
+    return _because("alignment.drives_off" if not alignment.drives_on else "alignment.not_homed")
 
 
 def _because(code: str) -> tuple[Problem, ...]:

@@ -18,7 +18,7 @@ from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.app import ConsoleApp
 from console.tui.frame import Frame
-from console.tui.keymap import READING, PageName, action_of
+from console.tui.keymap import DIGITS, NUMBERED, READING, PageName, action_of
 from console.tui.lines import Line, line, wrapped
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.replaying.replay_keys import key_of, keys_line, move, replay_help
@@ -31,8 +31,8 @@ REFUSED = Problem(code="flight.is_recording")
 HELP = 1
 
 
-PAGES = tuple(page for page in PageName if page is not PageName.RECORDS)
-"""Pages that can be seen: what the page Records reads is not part of a recording."""
+PAGES = tuple(page for page in NUMBERED if page is not PageName.RECORDS)
+"""Pages that can be seen: what the page Records and those without a digit read is not part of a recording."""
 
 
 LOOKING = ("alarms.up", "alarms.down", "alarms.log")
@@ -139,7 +139,7 @@ class ReplayApp(ConsoleApp):
 
     def _looked(self, key: str, character: str | None) -> None:
         """Show another page or a list; anything else is a key of the machine."""
-        pages = tuple(PageName)
+        page = next((each for each in PAGES if DIGITS[each] == key), None)
         action = action_of(key, character, self.page)
         if key in ("?", "question_mark", "f1") or character == "?":
             self._list.open(PAGE if self._list.shown == HELP else HELP)
@@ -147,9 +147,9 @@ class ReplayApp(ConsoleApp):
             self._list.open(PAGE if self._list.shown == MESSAGES else MESSAGES)
         elif key in ("backspace", "escape"):
             self._list.open(PAGE)
-        elif key.isdigit() and 0 < int(key) <= len(pages) and pages[int(key) - 1] in PAGES:
+        elif page is not None:
             self._follows = False
-            self.go(pages[int(key) - 1])
+            self.go(page)
         elif action is not None and action.id in LOOKING:
             self._list.open(PAGE)
             self._pages[self.page].act(action.id)

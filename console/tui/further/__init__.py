@@ -1,0 +1,1 @@
+"""Pages without a digit, listed by the page More; one module each."""

@@ -1,0 +1,69 @@
+"""Page More: the pages without a digit, each with its letter and what it is for."""
+
+from __future__ import annotations
+
+from console.tui.keymap import ACTIONS, FURTHER, PageName
+from console.tui.lines import Line, Sheet, dim, fitted, line, wrapped
+from console.tui.page import Page
+from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
+from profiles.problem import Problem
+
+LETTERS = {action.id: action.shown for action in ACTIONS}
+NAME_WIDTH = 14
+
+
+class MorePage(Page):
+    """Nothing on it moves anything."""
+
+    name_ = PageName.MORE
+
+    DEFAULT_CSS = """
+    MorePage { Sheet { border: round $secondary; border-title-color: $foreground; height: 1fr; } }
+    """
+
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        self._list = Sheet(ui.palette, id="more-list")
+        self.panels = (self._list,)
+        self._selected = 0
+
+    def act(self, action: str) -> None:
+        """Choose a page, or show one."""
+        steps = {"more.up": -1, "more.down": 1}
+        if action in steps:
+            self._selected = min(max(self._selected + steps[action], 0), len(FURTHER) - 1)
+        elif action == "more.open":
+            self.ui.go(FURTHER[self._selected])
+        else:
+            self.ui.go(PageName(action.removeprefix("more.")))
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return nothing: a page can always be looked at."""
+        return ()
+
+    def show(self, view: View) -> None:
+        """Show the list."""
+        self._list.border_title = self.ui.text("page.more")
+        self._list.show(self._rows(max(self._list.size.width, 1)))
+
+    def next_step(self, view: View) -> Line:
+        """Return what the keys do."""
+        return line((self.ui.text("more.next"), Token.ACTION))
+
+    def _rows(self, width: int) -> list[Line]:
+        text, rows = self.ui.text, list[Line]()
+        for number, page in enumerate(FURTHER):
+            chosen = number == self._selected
+            name = fitted(text(f"page.{page}"), NAME_WIDTH)
+            mark = ("▶ ", Token.ACTION) if chosen else dim("  ")
+            head = (
+                mark,
+                (f"{LETTERS[f'more.{page}']}  ", Token.KEY),
+                (name, Token.SELECTED if chosen else Token.TEXT),
+            )
+            used = 5 + NAME_WIDTH + 1
+            about = wrapped(text(f"more.about.{page}"), max(width - used, 8), Token.DIM)
+            rows.append((*head, dim(" "), *about[0]))
+            rows += [(dim(" " * used), *more) for more in about[1:]]
+        return rows
