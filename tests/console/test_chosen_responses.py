@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from console.session.data.identified import asked_response, kept_responses, store
-from console.session.data.run_reader import runs, story
+from console.session.data.run_reader import measured_parts, runs, story
 from console.session.errors import SessionError
 from drivers.cutting.strategy import Strategy
 from drivers.identification.nominal import nominal_response
@@ -111,4 +111,6 @@ def test_the_cut_inverts_the_chosen_response_and_its_record_says_so(shop: Shop) 
     assert part.learning.made.inverted == file.name
     (row, *_) = runs(shop.data)
     assert story(shop.data, row.run_id).setup["inverted"] == file.name
+    (point,) = measured_parts(shop.data, shop.job.job.name, machine.name, True)
+    assert (row.inverted, point.inverted, row.compensation) == (file.name, file.name, "none")
     assert lobe_um_pp(part) > 0.0

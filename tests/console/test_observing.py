@@ -187,7 +187,8 @@ def test_an_observer_that_has_stopped_a_machine_at_rest_changes_nothing_for_its_
 ) -> None:
     observer.look()
     observer.stop.stop("escape")
-    assert observer.look().activity is Activity.STOPPED
+    assert observer.look().activity is Activity.READY
+    assert observer.refusals == ["session.stopped_at_rest"]
     assert ready.look().activity is Activity.READY and ready.alarms == []
     in_a_jog(ready, observer.look)
     assert ready.refusals == [] and ready.alarms == []

@@ -173,13 +173,20 @@ class Operator(Trainee):
     def aligns_what_is_left(self) -> None:
         """Drives on, and whatever is not valid for the part in the chuck."""
         self.does_step("align_page.drives_on")
-        if self.offers("align_page.next.home"):
+        home, touch_off, valid = "align_page.next.home", "align_page.next.touch_off", "align_page.valid_title"
+        if (offered := self.sees_one(home, touch_off, valid)) == home:
             self.starts_homing()
             self.sees("align_page.next.jaw_enable", 60.0)
             self.finds_jaw_1()
-        if self.offers("align_page.next.touch_off"):
+        if offered != valid:
             self.touches_off()
-        self.sees("align_page.valid_title")
+        self.sees(valid)
+
+    def sees_one(self, *keys: str) -> str:
+        """Wait for one of these sentences, and return which it is."""
+        patterns = {key: re.compile(self._pattern(key)) for key in keys}
+        self.terminal.wait_for(lambda text: any(each.search(text) for each in patterns.values()), 20.0)
+        return next(key for key in keys if patterns[key].search(self.terminal.text))
 
     def offers(self, key: str) -> bool:
         """Whether a sentence is on the screen, a moment from now."""

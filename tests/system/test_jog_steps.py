@@ -45,12 +45,14 @@ def test_every_press_is_a_step_and_a_stop_leaves_none(tmp_path: Path) -> None:
         trainee.press("+", *["pageup"] * PRESSES)
         terminal.wait_for(rf"\d of {PRESSES} steps", 5.0)
         trainee.press("space")
-        terminal.wait_for("F2 resets", 10.0)
-        trainee.press("f2")
+        # In a step it asks for F2; between two of them there was nothing to stop but what waited.
+        terminal.wait_for(lambda text: "F2 resets" in text or "j enables the jog; turn" in text, 10.0)
+        if "F2 resets" in terminal.text:
+            trainee.press("f2")
         trainee.sees("align_page.next.jaw_enable", 10.0)
         stopped = angle_deg(trainee)  # less than a turn further on
         assert turned_deg(trainee, before) < PRESSES * STEP_DEG + (PRESSES - 1) * LONGER_DEG
-        # Neither F2 nor the jog, enabled again, continues with what was left.
+        # The jog, enabled again, does not continue with what was left.
         trainee.press("j")
         terminal.wait_for(r"jog enabled, 2\d s left", 5.0)
         assert abs(turned_deg(trainee, stopped)) < RESOLUTION_DEG

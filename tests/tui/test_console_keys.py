@@ -81,13 +81,16 @@ def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
         "align.step",
         "align.take",
         "align.go",
+        "align.flank",
+        "align.skim",
         "run.arm",
         "run.start",
+        "run.feed_hold",
+        "run.one_turn",
         "run.hold",
         "run.retract",
         "take_over",
     }
-    orders |= {"run.feed_hold", "run.one_turn"}
     assert once == orders | {"inspect.accept", "inspect.revert", "inspect.offset", "jobs.delete"}
 
 

@@ -75,15 +75,30 @@ class GoTo(Command):
     target: float
 
 
+class TakeFlank(Command):
+    """Record the present spindle angle as that of a flank of jaw 1 at the indicator."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class TakeJaw(Command):
-    """Record the present spindle angle as the one at which jaw 1 meets the mark."""
+    """Record the angle at which jaw 1 meets the mark: by its flanks where there are readings, else the present.
+
+    Readings with a larger spread than `most_spread_deg` are refused; None for no limit.
+    """
+
+    most_spread_deg: float | None = None
+
+
+class NoteSkim(Command):
+    """Record the present position of the tool as that of a skim cut, whose diameter is to be measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TakeTouchOff(Command):
-    """Record that the tool tip touches a surface of this radius at its present position."""
+    """Record that the tool tip is at this radius: at its present position, or where it made the skim cut."""
 
     radius_mm: float
+    skimmed: bool = False
 
 
 class ReadLoop(Command):
@@ -91,7 +106,7 @@ class ReadLoop(Command):
 
 
 class Forget(Command):
-    """Forget the touch-off, or jaw 1 where there is none, to take it again."""
+    """Forget the newest reading: a flank, a skim cut, the touch-off, or jaw 1 where there is none of them."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -104,7 +104,8 @@ class Station:
             watch_phase(context)
         else:
             context.end_alarms(*OF_A_CUT)
-        self._sight.sample()
+        if not self._stops.leaving:  # whoever leaves looks at the chuck no more, and an answer may take its time
+            self._sight.sample()
         context.check_record()
         silent = self._beat_s is not None and context.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
         if silent and context.state.activity in MOVING and context.lathe.stop.reason is None:
@@ -193,16 +194,19 @@ class Station:
         if context.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
             self._reconnecting.settled()
-        elif command is not None:
-            self._carry_out(command)
         else:
-            self._guarded(self._poll)
+            self._stops.commanded = command is not None
+            if command is not None:
+                self._carry_out(command)
+            else:
+                self._guarded(self._poll)
         armed = context.state.armed
         if armed is not None and context.clock.now_s() > armed.until_s:
             context.tell(armed=None, refusals=(Problem(code="session.arm_expired"),))
 
     def close(self, reason: str) -> None:
-        """Leave the machine at rest with its drives off, as far as possible. Never raises."""
+        """Leave the machine at rest with its drives off, as far as possible; then write. Never raises."""
+        self._stops.leaving = True
         context, lathe, snapshot = self._context, self._context.lathe, self.state.snapshot
         # A drive may be on: enabled by us, or on when control was taken.
         if self.state.controls and (lathe.has_moved or snapshot is None or not snapshot.loops_open):
@@ -216,6 +220,7 @@ class Station:
                     lathe.program.put_back()
         if not lathe.stop.given_up:  # a machine left in doubt stays ours: the next console must check it
             context.owning.release()
+        self._stops.write_later()
         context.end_record()
 
     def _carry_out(self, command: Command) -> None:

@@ -82,7 +82,7 @@ def target_problems(
     unit = "°" if axis is AxisName.SPINDLE else "mm"
     within = low <= target < high if axis is AxisName.SPINDLE else low <= target <= high
     if not within:
-        value, limit = f"{target:.3f} {unit}", f"{low:.3f} to {high:.3f} {unit}"
+        value, limit = f"{target:.3f} {unit}", f"{low:.3f} … {high:.3f} {unit}"
         return (Problem(code="machine.target_out_of_range", key=axis, value=value, limit=limit),)
     distance = distance_to(snapshot, machine, axis, target)
     in_the_way = _in_the_way(snapshot, machine, alignment, axis, distance)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from console.session.station.commands import NoteSkim, TakeTouchOff
 from console.session.station.state import StationState
 from console.tui.align.align_entry import AlignEntry
-from console.tui.align.asked import AXES, Answer, Asked, Question, answered
+from console.tui.align.answers import answered
+from console.tui.align.asked import AXES, Answer, Asked, Question
 from console.tui.pages.align_jog import JOGS, JogKeys
 from console.tui.ui_context import KEYS, UiContext, View, refusal
 from profiles.problem import Problem
 
-TARGETS = (Asked.Z, Asked.C)
+TARGETS, FORCES, DIAMETER = (Asked.Z, Asked.C), (Asked.TORQUE, Asked.FORCE), (Asked.DIAMETER,)
+"""What one key asks for, one after the other."""
+
 _NOT_MEANWHILE = (*JOGS, "align.step")
 """Keys that would move something else while a number is typed."""
 
@@ -64,9 +68,28 @@ class AskKeys:
             return self._against_go(view)
         if self.is_open and action in _NOT_MEANWHILE:
             return (Problem(code="screen.entry_open", key=KEYS[action]),)
-        if self.asked in TARGETS and action == "align.take":
+        if not self.is_open or action != "align.take":
+            return ()
+        if self.asked in TARGETS:
             return (Problem(code="screen.f6_goes"),)
-        return ()
+        answer = self._answer(view)
+        if answer.value is None and not answer.problems and self.asked is Asked.DIAMETER:
+            return (Problem(code="screen.no_diameter"),)
+        return answer.problems
+
+    def take(self, view: View) -> None:
+        """Take the diameter of a skim cut; a torque or a force was only asked for. Nothing moves."""
+        asked, answer = self.asked, self._answer(view)
+        self.close()
+        if asked is Asked.DIAMETER and answer.value is not None:
+            self.ui.control.post(TakeTouchOff(radius_mm=answer.value / 2.0, skimmed=True))
+
+    def skim(self, view: View) -> None:
+        """Note the skim cut where the tool stands; once it is noted, ask for its diameter."""
+        if view.state.alignment.skim_counts is None and not self.is_open:
+            self.ui.control.post(NoteSkim())
+        else:
+            self.step(DIAMETER)
 
     def go(self, view: View) -> None:
         """Go to the typed target, or show why not."""

@@ -1,4 +1,4 @@
-"""Numbers that the page Align asks for: how an entry is understood, and what it would do. Pure."""
+"""Numbers that the page Align asks for, and what an entry is judged by. Pure."""
 
 from __future__ import annotations
 
@@ -6,16 +6,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from console.session.cut.alignment import Alignment
-from console.session.station.durations import jog_s
-from console.session.station.jogging import setup_speed, step_speed
 from console.session.station.state import StationState
-from console.session.station.targets import distance_to, target_problems, target_range
 from console.session.typed_number import typed_number
-from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, hanging, line, wrapped
-from console.tui.pages.fields import named
-from console.tui.theme import Token
-from drivers.lathe.snapshot import AxisName, Snapshot
+from console.tui.lines import Line, dim, fitted
+from drivers.lathe.snapshot import AxisName
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
@@ -30,10 +24,15 @@ class Asked(StrEnum):
     NOTHING = "nothing"
     Z = "z"
     C = "c"
+    DIAMETER = "diameter"
+    TORQUE = "torque"
+    FORCE = "force"
 
 
 AXES = {Asked.Z: AxisName.CARRIAGE, Asked.C: AxisName.SPINDLE}
-UNITS = {Asked.Z: "mm", Asked.C: "°"}
+"""Axes that go to a typed target."""
+
+UNITS = {Asked.Z: "mm", Asked.C: "°", Asked.DIAMETER: "mm", Asked.TORQUE: "N m", Asked.FORCE: "N"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,71 +59,22 @@ class Answer:
     problems: tuple[Problem, ...] = ()
 
 
-def answered(question: Question) -> Answer:
-    """Return how the entry is understood; nothing typed is no problem yet."""
+def number_of(question: Question, key: str, low: float, high: float, decimals: int = 3) -> Answer:
+    """Return the typed number within a range; nothing typed is no problem yet."""
     if not question.typed.strip():
         return Answer()
-    axis = AXES[question.asked]
-    low, high = target_range(question.machine, axis)
+    unit = UNITS[question.asked]
+    limit = f"{low:.{decimals}f} … {high:.{decimals}f} {unit}"
     try:
-        value = typed_number(question.typed, axis, f"{low:.3f} to {high:.3f} {UNITS[question.asked]}")
+        value = typed_number(question.typed, key, limit)
     except ProfileError as error:
         return Answer(problems=tuple(error.problems))
-    if question.state.snapshot is None:
-        return Answer(value=value, problems=(Problem(code="screen.nothing_known"),))
-    against = target_problems(question.state.snapshot, question.machine, question.alignment, axis, value)
-    return Answer(value=value, problems=against)
+    if low <= value <= high:
+        return Answer(value=value)
+    outside = Problem(code="screen.number_out_of_range", value=f"{value:.{decimals}f} {unit}", limit=limit)
+    return Answer(value=value, problems=(outside,))
 
 
-def asked_title(text: Catalogue, asked: Asked) -> str:
-    """Return the title of the panel of an entry."""
-    return text(f"align_page.asked.{asked}")
-
-
-def asked_lines(text: Catalogue, question: Question, width: int, height: int) -> list[Line]:
-    """Return the panel of an entry: its row, the range, how it is understood, what to press."""
-    axis, unit = AXES[question.asked], UNITS[question.asked]
-    low, high = target_range(question.machine, axis)
-    label = text(f"align_page.axis.{axis}")
-    head: Line = (dim(label), dim(" " * (ENTRY_COLUMN + ENTRY_WIDTH + 1 - len(label))), dim(unit))
-    answer = answered(question)
-    snapshot = question.state.snapshot
-    now = NOTHING if snapshot is None else _at(question, snapshot)
-    rows = [head, line(dim(text("align_page.target_range", now=now, low=f"{low:.3f}", high=f"{high:.3f}"))), BLANK]
-    for problem in answer.problems:
-        rows += hanging(("✗ ", Token.WARNING), text.problem(named(problem, text)), width)
-    if answer.value is not None and not answer.problems and snapshot is not None:
-        rows += _echo(text, question, snapshot, answer.value, width)
-    rows += [BLANK, *wrapped(text("align_page.target_keys"), width, Token.DIM)]
-    return clipped(rows, height, text("panel.more"))
-
-
-def _at(question: Question, snapshot: Snapshot) -> str:
-    if question.asked is Asked.Z:
-        return f"{snapshot.carriage.position / question.machine.carriage.counts_per_mm:z.3f}"
-    turns = snapshot.spindle.position / question.machine.spindle.counts_per_rev
-    return f"{360.0 * (turns % 1.0):.2f}"
-
-
-def _echo(text: Catalogue, question: Question, snapshot: Snapshot, value: float, width: int) -> list[Line]:
-    """Return the target as understood, with its way, its time and its speed."""
-    axis, machine = AXES[question.asked], question.machine
-    distance = distance_to(snapshot, machine, axis, value)
-    speed, most = step_speed(machine, axis, distance), setup_speed(axis)
-    decimals, unit = (2, "°") if question.asked is Asked.C else (3, "mm")
-    way = (
-        ("forward" if distance >= 0.0 else "backward")
-        if question.asked is Asked.C
-        else ("to_chuck" if distance >= 0.0 else "to_tail")
-    )
-    rate = "rpm" if question.asked is Asked.C else "mm/s"
-    words = text(
-        f"align_page.target_{way}",
-        way=f"{abs(distance):.{decimals}f} {unit}",
-        time=f"{jog_s(machine, axis, distance):.1f} s",
-    )
-    return [
-        line(("→ ", Token.OK), (f"{value:.{decimals}f} {unit}", Token.STRONG)),
-        *wrapped(words, width),
-        line(dim(text("align_page.target_speed", speed=f"{speed:.1f}", most=f"{most:.1f} {rate}"))),
-    ]
+def entry_row(label: str, asked: Asked) -> Line:
+    """Return the row over which the entry lies."""
+    return (dim(fitted(label, ENTRY_COLUMN)), dim(" " * (ENTRY_WIDTH + 1)), dim(UNITS[asked]))

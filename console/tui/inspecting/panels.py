@@ -58,7 +58,7 @@ class InspectCharts(Horizontal):
         rows = inspect_lines.result_lines(
             seen, simulated, text, *self._result.size, lobe_elsewhere=self._harmonics.display
         )
-        self._result.show(rows, figures)
+        self._result.show(rows, figures, text("inspect_page.looks"))
         by = inspect_lines.filter_words(seen.shown.result, text)
         lines = inspect_lines.harmonic_lines(seen, text, *self._harmonics.size)
         self._harmonics.show(lines, text("inspect_page.harmonics", filter=by))

@@ -9,6 +9,7 @@ from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
 from console.tui.inspecting.comparison import Comparison, Side
 from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
+from console.tui.pages.learn_lines import identified_words
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.pages.stop_lines import mark_lines
 from console.tui.records.list_lines import local
@@ -74,7 +75,10 @@ def other_words(point: PartPoint, text: Catalogue) -> str:
 def made_of_point(point: PartPoint, text: Catalogue) -> str:
     """Return strategy, compensation and stage of a recorded part."""
     model = point.compensation in (None, MODEL)
-    compensation = text("made.model") if model else text("made.learned", version=point.compensation or "")
+    if model and point.inverted is not None:
+        compensation = identified_words(text, point.inverted)
+    else:
+        compensation = text("made.model") if model else text("made.learned", version=point.compensation or "")
     stage = "" if point.stage in (None, "full") else f", {text(f'made.{point.stage}')}"
     return f"{point.strategy}, {compensation}{stage}"
 

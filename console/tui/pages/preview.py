@@ -171,6 +171,7 @@ class PreviewPage(ChartPage):
         self.texts = (self._caption, self._strategy, self._margins, self._message)
         self._reading = False
         self._speeds = SpeedLimits()
+        self._in_full: tuple[tuple[Work, bool, int], list[Line]] | None = None
         self._drawn: tuple[Underway, Strategy] | None = None
         self._roundness.border_title = text("preview_page.roundness")
         self._roundness.border_subtitle = text("preview_page.roundness_as")
@@ -235,11 +236,18 @@ class PreviewPage(ChartPage):
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return why the chosen compensation does not apply, the findings, and what explains the prediction."""
-        text, work = self.ui.text, view.work
+        work, kept = view.work, self._in_full
         if work is None:
             return []
-        seen, strategy = known_of(work), Strategy(work.strategy)
-        chosen = chosen_problems(work, simulated=view.state.simulated)
+        # Called at each tick while the list is open, and the band takes some ten milliseconds.
+        asked = (work, view.state.simulated, width)
+        if kept is None or kept[0][0] is not work or kept[0][1:] != asked[1:]:
+            kept = self._in_full = asked, self._lines_in_full(work, width, simulated=view.state.simulated)
+        return kept[1]
+
+    def _lines_in_full(self, work: Work, width: int, *, simulated: bool) -> list[Line]:
+        text, seen, strategy = self.ui.text, known_of(work), Strategy(work.strategy)
+        chosen = chosen_problems(work, simulated=simulated)
         found = () if seen is None else preview_lines.findings_of(seen, strategy)
         aside = [Finding(severity=Severity.WARNING, problem=problem) for problem in work.set_aside]
         against = preview_lines.problem_lines((*chosen, *work.preview_problems), text, width)

@@ -106,6 +106,8 @@ def _span_by_part(work: Work, seen: Underway, strategy: Strategy) -> preview_lin
 
 def _band_lines(work: Work, seen: Underway, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
     """Return the contributions to the band, largest first, or why there is no band."""
+    if strategy not in seen.strategies and not _is_learned(work):
+        return wrapped(text("preview_page.computing"), width, Token.DIM)
     span = span_of(work, seen, strategy)
     if span is None or seen.job.lobe_error_source == NO_LOBE:
         return wrapped(text("preview_page.no_band"), width, Token.DIM)

@@ -172,7 +172,8 @@ class Reconnecting:
         context.tell(alignment=replace(context.state.alignment, settings=settings))
         lost = context.state.lost_link
         if lost is not None:
-            context.note_anyway("link_back", away_s=lost.away_s, controls=context.state.controls)
+            if not lost.silent:
+                context.note_anyway("link_back", away_s=lost.away_s, controls=context.state.controls)
             context.tell(lost_link=replace(lost, validity=self._validity(snapshot)))
 
     def _validity(self, snapshot: Snapshot) -> tuple[Validity, ...]:
