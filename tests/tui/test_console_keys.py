@@ -79,6 +79,8 @@ def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
     once = {action.id for action in ACTIONS if action.once}
     orders = {"align.step", "align.take", "run.arm", "run.start", "run.hold", "run.retract", "take_over"}
     assert once == orders | {"inspect.accept", "inspect.revert", "inspect.offset", "jobs.delete"} | {
+        "tune.arm",
+        "tune.start",
         "calibrate.drop",
         "calibrate.keep",
     }

@@ -9,7 +9,7 @@ from pathlib import Path
 from console.cli.library import data_of, machine_of
 from console.cli.machine.identify_run import reached_machine, with_origin
 from console.cli.output import agreed, show, tell
-from console.session.data.health import store, kept_tests
+from console.session.data.health import kept_tests, store
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
 from console.session.signals import Interruption
