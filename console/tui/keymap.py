@@ -39,6 +39,7 @@ class PageName(StrEnum):
     ALARMS = "alarms"
     MORE = "more"
     SETTINGS = "settings"
+    CONTROLLER = "controller"
 
 
 NUMBERED = tuple(PageName)[: tuple(PageName).index(PageName.MORE)]
@@ -91,6 +92,7 @@ ACTIONS: tuple[Action, ...] = (
         for page, digit in DIGITS.items()
     ),
     Action(id="page.settings", keys=(), shown="0 s", beside=True),
+    Action(id="page.controller", keys=(), shown="0 d", beside=True),
     Action(id="recover", keys=("f2",), shown="F2"),
     Action(id="acknowledge", keys=("k", "ㅏ"), shown="k"),
     Action(id="take_over", keys=("t", "ㅅ"), shown="t", row="", once=True),
@@ -199,6 +201,24 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="more.down", keys=("down",), shown="↓", row="", beside=True),
     Action(id="more.open", keys=("enter",), shown="Enter"),
     Action(id="more.settings", keys=("s", "ㄴ"), shown="s"),
+    Action(id="more.controller", keys=("d", "ㅇ"), shown="d"),
+    Action(id="controller.left", keys=("left",), shown="←", row="←→"),
+    Action(id="controller.right", keys=("right",), shown="→", row="", beside=True),
+    Action(id="controller.up", keys=("up",), shown="↑", row=""),
+    Action(id="controller.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="controller.page_up", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="controller.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="controller.first", keys=("home",), shown="Home", row=""),
+    Action(id="controller.last", keys=("end",), shown="End", row="", beside=True),
+    Action(id="controller.enter", keys=("enter",), shown="Enter"),
+    Action(id="controller.all", keys=("a", "ㅁ"), shown="a"),
+    Action(id="controller.pause", keys=("p", "ㅔ"), shown="p"),
+    Action(id="controller.repeat", keys=("r", "ㄱ"), shown="r", row=""),
+    Action(id="controller.remove", keys=("x", "ㅌ"), shown="x", row=""),
+    Action(id="controller.verify", keys=("v", "ㅍ"), shown="v", once=True),
+    Action(id="controller.backup", keys=("b", "ㅠ"), shown="b", once=True),
+    Action(id="controller.diff", keys=("f", "ㄹ"), shown="f", once=True),
+    Action(id="controller.cancel", keys=("c", "ㅊ"), shown="c", row=""),
 )
 
 READING = (

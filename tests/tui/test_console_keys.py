@@ -78,7 +78,8 @@ def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float
 def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
     once = {action.id for action in ACTIONS if action.once}
     orders = {"align.step", "align.take", "run.arm", "run.start", "run.hold", "run.retract", "take_over"}
-    assert once == orders | {"inspect.accept", "inspect.revert", "inspect.offset", "jobs.delete"}
+    reads = {"controller.verify", "controller.backup", "controller.diff"}
+    assert once == orders | reads | {"inspect.accept", "inspect.revert", "inspect.offset", "jobs.delete"}
 
 
 def test_presses_within_eight_tenths_of_a_second_are_one() -> None:

@@ -20,6 +20,7 @@ from console.session.station.commands import Command
 from console.session.station.owning import Owning
 from console.session.station.reaching import Commissioned
 from console.session.station.state import Armed, StationState
+from drivers.beside.side_line import SideLine
 from drivers.clock import Clock
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.lathe import Lathe
@@ -33,6 +34,8 @@ from profiles.store import LoadedMachine
 @dataclass(kw_only=True, eq=False)
 class StationContext:
     """Everything that one command needs. `state` is replaced by `tell`, from any thread.
+
+    `side` sends what worker threads ask, between two polls.
 
     Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only. `plan` is
     that of the last arming, `started` what was last started; `seen` gets every status poll during a cut.
@@ -48,6 +51,7 @@ class StationContext:
     records: Path
     local_time: Callable[[], str]
     commissioned: Commissioned | None = None
+    side: SideLine | None = None
     plan: CutPlan | None = None
     started: Armed | None = None
     record: RunRecord | None = None

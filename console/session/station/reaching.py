@@ -13,6 +13,7 @@ from console.session.data.stop_records import stop_record_problems
 from console.session.errors import refuse
 from console.session.signals import Interruption
 from console.session.station.owning import Owning, take_lock
+from drivers.beside.heard import Heard
 from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.lathe.heartbeat import Heartbeat
@@ -24,6 +25,7 @@ from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.opening import open_link
+from drivers.link.tapping import TappedLink
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
@@ -104,8 +106,11 @@ def reach(
     data: Path,
     tracing: Tracing,
     seen: Callable[[Snapshot], None] | None = None,
+    heard: Heard | None = None,
 ) -> Reached:
     """Open the link; for a simulated machine, start it first. `data` is the folder of this user.
+
+    `heard` keeps what goes over the link.
 
     Raises:
         LinkError: a code for each kind of failure; `simulator.not_started`.
@@ -114,22 +119,21 @@ def reach(
     with ExitStack() as opened:
         process: SimulatorProcess | None = None
         if isinstance(address, SimulatedAddress):
-            process = SimulatorProcess.start(
-                loaded.path,
-                seed=address.seed,
-                plant=address.plant,
-                clamping_sd_percent=address.clamping_sd_percent,
-            )
+            process = _started(loaded.path, address)
             opened.callback(process.close)
             address = process.address
         link = open_link(address)
         opened.callback(link.close)
         clock = RealClock()
         traced = tracing.of(link, clock.now_s)
+        if heard is not None:
+            traced = TappedLink(traced, heard.tap)
         stop, client = StopPath(traced), PmacClient(traced, clock)
         ownership = Ownership(client)
         heartbeat = Heartbeat(client, clock, loaded.machine, owner_seen=ownership.see)
         lathe = Lathe(client, loaded.machine, clock, stop, seen, heartbeat, ownership)
+        if heard is not None:
+            heard.poll_line = lathe.poll_line.encode("ascii")
         lock = None if process is not None else (lambda: take_lock(data, link.address))
         return Reached(
             client=client,
@@ -142,6 +146,13 @@ def reach(
             shop=process,
             close=opened.pop_all().close,
         )
+
+
+def _started(path: Path, address: SimulatedAddress) -> SimulatorProcess:
+    """Start the simulated lathe of a profile. Raises LinkError: `simulator.not_started`."""
+    return SimulatorProcess.start(
+        path, seed=address.seed, plant=address.plant, clamping_sd_percent=address.clamping_sd_percent
+    )
 
 
 def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) -> None:
