@@ -22,6 +22,7 @@ from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning
 from console.session.station.reaching import Commissioned
 from console.session.station.state import Armed, StationState
+from drivers.beside.side_line import SideLine
 from drivers.clock import Clock
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.lathe import Lathe
@@ -36,6 +37,8 @@ from profiles.store import LoadedMachine
 @dataclass(kw_only=True, eq=False)
 class StationContext:
     """Everything that one command needs. `state` is replaced by `tell`, from any thread.
+
+    `side` sends what worker threads ask, between two polls.
 
     Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only. Without
     `reopening` a lost link stays lost, without `onlookers` nobody is counted who looks on. `client` is that of the
@@ -54,6 +57,7 @@ class StationContext:
     records: Path
     local_time: Callable[[], str]
     commissioned: Commissioned | None = None
+    side: SideLine | None = None
     reopening: Reopening | None = None
     onlookers: Onlookers | None = None
     client: PmacClient | None = None
