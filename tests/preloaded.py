@@ -26,6 +26,8 @@ from pathlib import Path
 from pkgutil import walk_packages
 from typing import Any, NoReturn
 
+from tests.remembered import remember
+
 PROGRAM, SIMULATOR = "console", "drivers.simulator"
 PACKAGES = ("profiles", "drivers", "console")
 STREAMS = {"stdin": "strict", "stdout": "strict", "stderr": "backslashreplace"}
@@ -115,11 +117,15 @@ def _zygote() -> socket.socket:
 
 
 def _serve(line: socket.socket) -> list[str] | None:
-    """Make copies as long as they are asked for. Return, in a copy, its words; else None at the end."""
+    """Make copies as long as they are asked for. Return, in a copy, its words; else None at the end.
+
+    What depends only on what is asked is found out by one of all these processes (tests/remembered.py).
+    """
     for package in PACKAGES:
         for module in walk_packages(import_module(package).__path__, f"{package}."):
             if module.name != f"{SIMULATOR}.__main__":
                 import_module(module.name)
+    remember(programs=True)
     gc.collect()
     gc.freeze()
     while True:

@@ -123,7 +123,7 @@ def parsed(text: str, key: str) -> Any:
     field_ = _FIELDS[key]
     if field_.optional and text.strip() == NO_VALUE:
         return None
-    value = text.strip() if field_.kind in (Kind.TEXT, Kind.CHOICE) else _number(text.strip(), field_)
+    value = text.strip() if field_.kind in (Kind.TEXT, Kind.CHOICE) else entered_number(text.strip(), field_)
     code = fault(field_, value)
     if code:
         raise ProfileError(Problem(code=code, key=key, value=spelled(value), limit=field_.limit))
@@ -266,7 +266,7 @@ def _labels(job: Job) -> tuple[str, tuple[str, ...]]:
     return job.note, job.tags
 
 
-def _number(text: str, field_: Field) -> float | int | str:
+def entered_number(text: str, field_: Field) -> float | int | str:
     """Parse an entry; a text that is no number is returned unchanged, for the refusal to quote."""
     plain = plain_number(text, field_.key, field_.limit)
     if plain is None:

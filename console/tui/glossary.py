@@ -91,6 +91,13 @@ TERMS: dict[PageName, tuple[str, ...]] = {
         "sensitivity",
         "bandwidth",
     ),
+    PageName.CALIBRATE: (
+        "wrench_line",
+        "offset",
+        "stiffness",
+        "alpha",
+        "residual",
+    ),
 }
 
 

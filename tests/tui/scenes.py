@@ -33,11 +33,13 @@ from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
+from console.tui.controller import errand
 from console.tui.jobs import shelf
 from console.tui.keymap import ACTIONS, DIGITS, PageName
 from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
+from drivers.beside.side_line import SideLine
 from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
@@ -48,7 +50,8 @@ from profiles.problem import Problem
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
-from tests.tui import records_stage, tune_stage
+from tests.tui import calibrate_stage, records_stage, tune_stage
+from tests.tui.side_stage import DirectSide
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
 CLOCK = datetime(2026, 1, 2, 8, 52)
@@ -83,6 +86,7 @@ class Scene:
     work: Work | None = None
     keys: tuple[str, ...] = ()
     log: SessionLog = field(default_factory=SessionLog)
+    side: SideLine | None = None
 
 
 def scene_of(page: PageName) -> Scene:
@@ -112,6 +116,11 @@ def scene_of(page: PageName) -> Scene:
         case PageName.TUNE:
             state = replace(machine(Activity.READY), tool_loop=tune_stage.tool_loop())
             return Scene(page=page, state=state, work=signed())
+        case PageName.CALIBRATE:
+            return Scene(page=page, state=machine(Activity.READY), work=signed())
+        case PageName.CONTROLLER:
+            side = DirectSide(lathe().machine)
+            return Scene(page=page, state=machine(Activity.READY), work=signed(), keys=("right",), side=side)
         case PageName.INSPECT:
             after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
             state = replace(machine(Activity.READY), alignment=ALIGNED, measured=after, uncompensated=before)
@@ -254,6 +263,7 @@ def fill(data: Path) -> None:
     (folder / "unfinished.toml").write_text("name = 3\n", encoding="utf-8")
     (data / FILE_NAME).write_bytes(recorded())
     tune_stage.fill(data)
+    calibrate_stage.fill(data)
 
 
 @cache
@@ -289,6 +299,7 @@ def fixed_world() -> Iterator[None]:
         patch.setattr(records, "utc_now", lambda: RECORDED_AT)
         for module in (shelf, jobs):
             patch.setattr(module, "load_job", signed_job)
+        patch.setattr(errand, "SHORT_S", 60.0)
         patch.setattr(beside, "SHORT_S", 60.0)  # no thread decides what is seen
         patch.setenv("TZ", "UTC")
         time.tzset()
@@ -301,6 +312,7 @@ def application(
 ) -> tuple[ConsoleApp, FixedControl]:
     """The console as it is started, but for the machine and the clock."""
     control = FixedControl(scene.state, NOW_S)
+    control.side = scene.side
     app = ConsoleApp(
         text=load(language),
         palette=palette,
