@@ -19,9 +19,9 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.alarms.logged_control import LoggedControl
 from console.tui.collector import Collector
-from console.tui.driver import StopSent, TooFast, Written
+from console.tui.driver import Scanned, StopSent, TooFast, Written
 from console.tui.frame import ROWS, Frame, frame_rows, small_rows
-from console.tui.gate import PASTED, FieldKind, HeldKeys, Situation, Verdict, is_page, is_stray, judge, stop_reason
+from console.tui.gate import FieldKind, HeldKeys, Situation, Verdict, is_page, is_stray, judge, stop_reason
 from console.tui.keymap import READING, TAKE, Action, PageName
 from console.tui.layout import CSS, SMALLEST, cramped, is_small
 from console.tui.lines import Line, Sheet
@@ -30,6 +30,7 @@ from console.tui.page import Page
 from console.tui.page_class import page_class
 from console.tui.palette_keys import PaletteKeys
 from console.tui.previewing import ChosenPath, Previewer, fault_of
+from console.tui.scanning.scans import Scans
 from console.tui.standing_orders import StandingOrders
 from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette
 from console.tui.ui_context import UiContext, View
@@ -86,7 +87,7 @@ class ConsoleApp(App[None]):
         self._dismissed: tuple[Problem, ...] = ()
         self._acted_s = float("-inf")
         self._orders = StandingOrders(self.ui)
-        self._held = HeldKeys()
+        self._held, self._scans = HeldKeys(), Scans(self.ui, lambda: self._made(PageName.JOBS))
         self._previewer, self._path = Previewer(), ChosenPath()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
         self._list = ListPanel(palette, text)
@@ -209,11 +210,7 @@ class ConsoleApp(App[None]):
             if self._took(event):
                 return
         elif isinstance(event, events.Paste) and not event.is_forwarded and self._field is not FieldKind.TEXT:
-            # It was not typed, does nothing, and stops any motion.
-            moving = self.situation().moving
-            self.ui.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
-            if moving:
-                self.stop_now(PASTED)
+            self._scans.pasted(moving=self.situation().moving)
             self.call_after_refresh(self.tick)
             return
         await super().on_event(event)
@@ -226,11 +223,12 @@ class ConsoleApp(App[None]):
 
     def on_too_fast(self, keys: TooFast) -> None:
         """Handle keys that came too fast to be typed."""
-        if keys.written:
-            code = "screen.too_fast_entry"
-        else:
-            code = "screen.too_fast_stopped" if keys.stopped else "screen.too_fast"
-        self.ui.say_until_key(Problem(code=code))
+        self._scans.too_fast(written=keys.written, stopped=keys.stopped)
+        self.tick()
+
+    def on_scanned(self, scanned: Scanned) -> None:
+        """Handle what such keys were."""
+        self._safely(lambda: self._scans.take(scanned.scan, small=self._is_small))
         self.tick()
 
     def action_quit(self) -> None:  # type: ignore[override]

@@ -59,6 +59,9 @@ class Page(Container):
         """Return what the page asks the operator to do or to correct, uncut, for the list of messages."""
         return []
 
+    def open_named(self, name: str) -> None:
+        """Open the job of a scanned code, or say why not: for the page that lists the jobs."""
+
     @property
     def chosen_alarm(self) -> Problem | None:
         """The alarm that the key of every page acknowledges here; None for the foremost."""

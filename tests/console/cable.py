@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 
 from console.session.station.context import StationContext
+from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning, take_lock
-from console.session.station.reopening import Reopening
 from console.session.station.station import Station
 from drivers.errors import LinkError
 from drivers.lathe.heartbeat import Heartbeat

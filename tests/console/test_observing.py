@@ -21,15 +21,18 @@ from console.session.station.commands import (
     Disarm,
     EnableDrives,
     Forget,
+    GoTo,
     Home,
     IdentifyTool,
     Jog,
     Measure,
+    NoteSkim,
     ReadLoop,
     Recover,
     Retract,
     Start,
     TakeControl,
+    TakeFlank,
     TakeJaw,
     TakeTouchOff,
     TakeTrace,
@@ -56,6 +59,9 @@ REFUSED: tuple[Command, ...] = (
     Home(),
     Approach(job=JOB),
     Jog(axis=AxisName.TOOL, distance=-1.0),
+    GoTo(axis=AxisName.CARRIAGE, target=1.0),
+    TakeFlank(),
+    NoteSkim(),
     TakeJaw(),
     TakeTouchOff(radius_mm=JOB.radius_mm),
     Forget(),
@@ -191,7 +197,8 @@ def test_an_observer_that_has_stopped_a_machine_at_rest_changes_nothing_for_its_
 ) -> None:
     observer.look()
     observer.stop.stop("escape")
-    assert observer.look().activity is Activity.STOPPED
+    assert observer.look().activity is Activity.READY
+    assert observer.refusals == ["session.stopped_at_rest"]
     assert ready.look().activity is Activity.READY and ready.alarms == []
     in_a_jog(ready, observer.look)
     assert ready.refusals == [] and ready.alarms == []

@@ -15,7 +15,7 @@ from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from tests.compact import compact_machine
 from tests.console.cable import Cable, cabled, until_back
-from tests.console.consoles import WithStation
+from tests.console.consoles import STOP_CHARACTERS, WithStation
 
 READ_ONLY = (b"J", b"HM", b"R\r", b"J=", b"A\r", b"M70=", b"P1000=", b"P1003=", b"ENABLE", b"\x01")
 """What would move, energise, claim or renew; a control-K is not among them."""
@@ -197,9 +197,12 @@ def test_a_console_that_took_the_machine_meanwhile_is_left_alone(site: Site, tmp
     assert held(state)["home"] == (True, "home_kept")
     other.do(Jog(axis=AxisName.CARRIAGE, distance=-1.0))
     assert other.state.activity is Activity.READY and other.state.stop is None
+    sim.wait(2.0)
     console.stop.stop("space")  # an observer may stop
     console.look()
-    assert console.state.activity is Activity.STOPPED
+    said = console.hear()
+    assert any(stop in said for stop in STOP_CHARACTERS)
+    assert console.refusals == ["session.stopped_at_rest"]
 
 
 def test_an_observer_looks_on_again(site: Site, tmp_path: Path) -> None:
@@ -233,7 +236,7 @@ def test_what_is_gone_for_ever_is_not_tried_again(tmp_path: Path) -> None:
 
 def test_a_link_that_is_lost_at_rest_after_a_stop_comes_back_too(site: Site) -> None:
     _, console, cable = site
-    console.stop.stop("space")
+    console.stop.kill("f9")
     assert console.look().activity is Activity.STOPPED
     cable.cut()
     assert console.look().activity is Activity.LOST

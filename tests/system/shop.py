@@ -11,7 +11,7 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from datetime import date
 from functools import partial
@@ -167,10 +167,41 @@ class Operator(Trainee):
         self.does_step("align_page.next.home")
         self.starts_homing()
         self.sees("align_page.next.jaw_enable", 60.0)
+        self.finds_jaw_1()
+        self.touches_off()
+
+    def aligns_what_is_left(self) -> None:
+        """Drives on, and whatever is not valid for the part in the chuck."""
+        self.does_step("align_page.drives_on")
+        home, touch_off, valid = "align_page.next.home", "align_page.next.touch_off", "align_page.valid_title"
+        if (offered := self.sees_one(home, touch_off, valid)) == home:
+            self.starts_homing()
+            self.sees("align_page.next.jaw_enable", 60.0)
+            self.finds_jaw_1()
+        if offered != valid:
+            self.touches_off()
+        self.sees(valid)
+
+    def sees_one(self, *keys: str) -> str:
+        """Wait for one of these sentences, and return which it is."""
+        patterns = {key: re.compile(self._pattern(key)) for key in keys}
+        self.terminal.wait_for(lambda text: any(each.search(text) for each in patterns.values()), 20.0)
+        return next(key for key in keys if patterns[key].search(self.terminal.text))
+
+    def offers(self, key: str) -> bool:
+        """Whether a sentence is on the screen, a moment from now."""
+        with suppress(AssertionError):
+            self.sees(key, 1.0)
+            return True
+        return False
+
+    def finds_jaw_1(self) -> None:
         self.press("j")
         self._jogs(self.shop.jaw_to_go_deg, ("pageup", "pagedown"), SPINDLE_STEPS, CLOSE_DEG, SETTLES_DEG, "°")
         self.press("enter")
         self.sees("align_page.next.touch_off")
+
+    def touches_off(self) -> None:
         self.press("f4")
         self.terminal.wait_for(lambda _: self.shop.gap_mm() is not None, 60.0)
         self.sees("activity.ready", 30.0)
@@ -191,7 +222,9 @@ class Operator(Trainee):
         self.terminal.wait_for(re.escape(name), 5.0)
         self.sees("trace_import.next.take", 10.0)
         self.press("enter")
-        self.terminal.wait_for(lambda text: name not in text and re.search(r"RONt +\d", text) is not None, 20.0)
+        self.terminal.wait_for(
+            lambda text: name not in text and re.search(r"RONt[^\n\d]*\d", text) is not None, 20.0
+        )
 
     def goes_on(self, job: str) -> None:
         self.press("enter")

@@ -77,13 +77,15 @@ def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float
 
 def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
     once = {action.id for action in ACTIONS if action.once}
-    orders = {"align.step", "align.take", "run.arm", "run.start", "run.hold", "run.retract", "take_over"}
-    assert once == orders | {"inspect.accept", "inspect.revert", "inspect.offset", "jobs.delete"} | {
-        "tune.arm",
-        "tune.start",
-        "calibrate.drop",
-        "calibrate.keep",
+    once_of_page = {
+        "align": ("step", "take", "go", "flank", "skim"),
+        "calibrate": ("drop", "keep"),
+        "inspect": ("accept", "revert", "offset"),
+        "jobs": ("delete",),
+        "run": ("arm", "start", "feed_hold", "one_turn", "hold", "retract"),
+        "tune": ("arm", "start"),
     }
+    assert once == {"take_over"} | {f"{page}.{key}" for page, keys in once_of_page.items() for key in keys}
 
 
 def test_presses_within_eight_tenths_of_a_second_are_one() -> None:

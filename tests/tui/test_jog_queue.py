@@ -41,8 +41,9 @@ def jogged(tmp_path: Path, *presses: tuple[float, str, StationState]) -> Jogged:
             for at_s, key, now in presses:
                 control.at(at_s)
                 control.state = now
-                if key:
-                    await pilot.press(key)
+                if key:  # at this moment, whatever tick is pending
+                    written = {"space": " "}.get(key, key if len(key) == 1 else None)
+                    await app.on_event(events.Key(key, written))
                 app.tick()
                 await pilot.pause()
                 orders.append(len(control.orders))

@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 
 from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseLeft
-from console.session.station.commands import LEAST_ARMED_S, MOST_ARMED_S, Arm
+from console.session.station.commands import (
+    LEAST_ARMED_S,
+    MOST_ARMED_S,
+    Arm,
+    Command,
+    EndCut,
+    HoldFeed,
+    ResumeFeed,
+)
 from console.session.station.progress import CutStage
+from console.session.station.state import StationState
 from console.text.catalogue import load
 from console.tui.keymap import actions_of
 from console.tui.lines import line, plain
@@ -19,6 +28,7 @@ from console.tui.pages.run import RunPage
 from console.tui.run.error_band import band_series, error_band
 from console.tui.run.reading_time import reading_s
 from console.tui.ui_context import View
+from drivers.cutting.feed_hold import HoldReport, HoldState
 from drivers.cutting.place import ProgramPlace
 from drivers.lathe.snapshot import AxisName
 from tests.tui.run_stage import STATES, cut, cutting, shown, state, stopped
@@ -57,6 +67,62 @@ def test_what_repeats_is_told_from_what_is_random(lobes: int) -> None:
     assert band is not None
     assert band.repeats_um == pytest.approx(0.5, abs=0.08)
     assert band.random_um == pytest.approx(0.4, abs=0.05)
+
+
+PAUSED = cutting(
+    stage=CutStage.PAUSED,
+    synchronisation=None,
+    phases=PHASES,
+    hold=HoldReport(asked=True, state=HoldState.HELD),
+    hold_from_mm=-0.1,
+    holds_mm=(4.2,),
+    held_left_s=581.0,
+)
+
+
+@pytest.mark.parametrize(
+    ("now", "action", "orders"),
+    [
+        (cutting(hold_from_mm=-0.1), "run.feed_hold", [HoldFeed()]),
+        (PAUSED, "run.start", [ResumeFeed()]),
+        (PAUSED, "run.one_turn", [ResumeFeed(one_turn=True)]),
+        (PAUSED, "run.hold", [EndCut()]),
+    ],
+)
+def test_the_keys_of_a_held_cut(now: StationState, action: str, orders: list[Command]) -> None:
+    assert shown(now, action).orders == orders
+
+
+@pytest.mark.parametrize(
+    ("now", "action", "code"),
+    [
+        (state(), "run.feed_hold", "session.nothing_to_hold"),
+        (state(), "run.one_turn", "session.nothing_to_hold"),
+        (cutting(), "run.feed_hold", "cut.no_hold"),
+        (cutting(hold_from_mm=5.0), "run.feed_hold", "cut.hold_early"),
+        (cutting(stage=CutStage.RUN_UP, hold_from_mm=-0.1), "run.feed_hold", "cut.hold_early"),
+        (cutting(hold_from_mm=-0.1, hold=HoldReport(asked=True)), "run.feed_hold", "cut.hold_asked"),
+        (cutting(hold_from_mm=-0.1, holding=True), "run.feed_hold", "screen.holding_already"),
+        (cutting(hold_from_mm=-0.1), "run.one_turn", "cut.not_held"),
+        (PAUSED, "run.feed_hold", "cut.hold_asked"),
+        (PAUSED, "run.arm", "screen.in_motion"),
+        (PAUSED, "run.retract", "screen.in_motion"),
+    ],
+)
+def test_why_a_cut_cannot_be_held_or_resumed(now: StationState, action: str, code: str) -> None:
+    page = shown(now, action)
+    assert (page.orders, page.said[0]) == ([], code)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("size", [(80, 24), (160, 48)])
+def test_a_held_cut_says_what_it_waits_for_and_what_it_may_leave(size: tuple[int, int], language: str) -> None:
+    page = shown(PAUSED, size=size, language=language)
+    text = load(language)
+    assert text("run_page.stage.paused") in page.text
+    assert "9:41" in page.words
+    assert "4.2 mm" in page.words
+    assert page.next_step == text("run_page.next.paused")
 
 
 def test_before_every_sector_has_samples_they_are_shown_themselves() -> None:

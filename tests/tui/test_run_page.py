@@ -284,7 +284,7 @@ def test_before_the_tool_is_in_the_part_nothing_is_judged(stage: CutStage) -> No
     [
         (CutStage.POSITION, "Moving to the start"),
         (CutStage.RUN_UP, "The spindle accelerates"),
-        (CutStage.CUT, "Cutting. F7"),
+        (CutStage.CUT, "Cutting. After this turn, tool out: F4 holds"),
         (CutStage.RETRACT, "The tool retracts"),
     ],
 )

@@ -11,9 +11,11 @@ from pathlib import Path
 from console.session.cut.engine import CutContext
 from console.session.data.stop_records import stop_record_problems
 from console.session.errors import refuse
+from console.session.operator import operator_name
 from console.session.signals import Interruption
+from console.session.station.link.onlookers import Onlookers
+from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning, take_lock
-from console.session.station.reopening import Reopening
 from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.lathe.heartbeat import Heartbeat
@@ -93,6 +95,7 @@ class Reached:
     address: str
     shop: SimulatorProcess | None
     reopening: Reopening | None = None
+    onlookers: Onlookers | None = None
     close: Callable[[], None] = field(repr=False)
 
     @property
@@ -134,19 +137,24 @@ def reach(
         ownership = Ownership(client)
         heartbeat = Heartbeat(client, clock, loaded.machine, owner_seen=ownership.see)
         lathe = Lathe(client, loaded.machine, clock, stop, seen, heartbeat, ownership)
-        lock = None if process is not None else (lambda: take_lock(data, link.address))
         return Reached(
             client=client,
             lathe=lathe,
             heartbeat=heartbeat,
             stop=stop,
-            owning=Owning(lathe, link.address, data, lock),
+            owning=Owning(lathe, link.address, data) if process else _owning(lathe, link.address, data),
             clock=clock,
             address=link.address,
             shop=process,
             reopening=reopening,
+            onlookers=None if process else Onlookers(data, link.address),
             close=opened.pop_all().close,
         )
+
+
+def _owning(lathe: Lathe, address: str, data: Path) -> Owning:
+    """Return the ownership of a machine that others can reach, too: locked here, signed there."""
+    return Owning(lathe, address, data, lambda: take_lock(data, address), name=operator_name())
 
 
 def _renewable(address: WiredAddress, process: SimulatorProcess | None) -> tuple[RenewableLink, Reopening]:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
-from console.session.station.lost_link import LostLink
+from console.session.station.link.lost_link import LostLink
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import NOBODY, Standing
+from drivers.lathe.standing import NOBODY, Signature, Standing
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.problem import Problem
 
@@ -170,15 +170,18 @@ class StationState:
     where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
     cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
     cut at all, as of the last time its settings were read. `standing` is this console's role at the
-    machine, `holder` the number of the console that controls it. `jogs` counts the jogs that ended in position,
-    `ends_s` is when the present motion should end (machine time), None where that is not known. `lost_link` is the
-    loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was read last,
-    `tested` the name of the file with the last test of the tool.
+    machine, `holder` the number of the console that controls it, `held_by` who that is as far as it has said so,
+    `onlookers` how many others of this data folder look on while this one controls. `jogs` counts the jogs that
+    ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known.
+    `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
+    read last, `tested` the name of the file with the last test of the tool.
     """
 
     activity: Activity = Activity.CONNECTING
     standing: Standing = Standing.OWNER
     holder: int = NOBODY
+    held_by: Signature | None = None
+    onlookers: int = 0
     simulated: bool = True
     machine: str = ""
     address: str = ""

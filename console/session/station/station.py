@@ -26,17 +26,21 @@ from console.session.station.commands import (
     Arm,
     Command,
     EndCut,
+    HoldFeed,
     ReadLoop,
     Recover,
+    ResumeFeed,
     Start,
     TakeControl,
     Verify,
 )
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
+from console.session.station.holding import hold_refusal
+from console.session.station.link.holding import HolderWatch
+from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
 from console.session.station.reaching import Commissioned, reach
-from console.session.station.reconnecting import Reconnecting
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops
 from console.session.station.watches import ChuckSight, LinkTime, watch_axes, watch_loss, watch_phase, watch_poll
@@ -66,6 +70,7 @@ class Station:
         self._link_time = LinkTime()
         self._spindle = SpindleWatch(context.loaded_machine.machine.spindle.counts_per_rev)
         self._stops, self._sight = Stops(context, self._spindle.forget), ChuckSight(context)
+        self._holder = HolderWatch(context)
         self._reconnecting = Reconnecting(context, self._stops)
 
     @property
@@ -99,7 +104,8 @@ class Station:
             watch_phase(context)
         else:
             context.end_alarms(*OF_A_CUT)
-        self._sight.sample()
+        if not self._stops.leaving:  # whoever leaves looks at the chuck no more, and an answer may take its time
+            self._sight.sample()
         context.check_record()
         silent = self._beat_s is not None and context.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
         if silent and context.state.activity in MOVING and context.lathe.stop.reason is None:
@@ -131,7 +137,7 @@ class Station:
     def post(self, intent: Command) -> bool:
         """Take a command, from any thread; False where it is refused because the machine is busy."""
         context = self._context
-        if isinstance(intent, Acknowledge | EndCut):
+        if isinstance(intent, Acknowledge | EndCut | HoldFeed | ResumeFeed):
             context.log_command(intent)
         if isinstance(intent, Acknowledge):
             context.change_alarms(partial(seen, shown=intent.shown))
@@ -140,6 +146,12 @@ class Station:
             if context.state.activity is not Activity.CUTTING:
                 return self._refuse(Problem(code="session.nothing_to_hold"))
             context.end_asked = True
+            return True
+        if isinstance(intent, HoldFeed | ResumeFeed):
+            refused = hold_refusal(intent, context.state)
+            if refused is not None:
+                return self._refuse(refused)
+            context.hold_asked = intent
             return True
         with self._slot:
             if context.state.activity is Activity.LOST:
@@ -183,16 +195,19 @@ class Station:
         if context.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
             self._reconnecting.settled()
-        elif command is not None:
-            self._carry_out(command)
         else:
-            self._guarded(self._poll)
+            self._stops.commanded = command is not None
+            if command is not None:
+                self._carry_out(command)
+            else:
+                self._guarded(self._poll)
         armed = context.state.armed
         if armed is not None and context.clock.now_s() > armed.until_s:
             context.tell(armed=None, refusals=(Problem(code="session.arm_expired"),))
 
     def close(self, reason: str) -> None:
-        """Leave the machine at rest with its drives off, as far as possible. Never raises."""
+        """Leave the machine at rest with its drives off, as far as possible; then write. Never raises."""
+        self._stops.leaving = True
         context, lathe, snapshot = self._context, self._context.lathe, self.state.snapshot
         # A drive may be on: enabled by us, or on when control was taken.
         if self.state.controls and (lathe.has_moved or snapshot is None or not snapshot.loops_open):
@@ -206,12 +221,13 @@ class Station:
                     lathe.program.put_back()
         if not lathe.stop.given_up:  # a machine left in doubt stays ours: the next console must check it
             context.owning.release()
+        self._stops.write_later()
         context.end_record()
 
     def _carry_out(self, command: Command) -> None:
         activity, work = HANDLERS[type(command)]
         context = self._context
-        context.end_asked = False
+        context.end_asked, context.hold_asked = False, None
         if not isinstance(command, Arm):  # that one begins a record of its own
             context.log_command(command)
         if not isinstance(command, Start):
@@ -242,6 +258,7 @@ class Station:
             raise DriverError(Problem(code="machine.fault", key="poll", value=", ".join(faults)))
         context.end_alarms("link.silent")
         watch_axes(context, snapshot)
+        self._holder.look()
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Run an operation on the machine; on any error, report it and stop the machine."""
@@ -320,6 +337,7 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
             reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
         ),
         reopening=reached.reopening,
+        onlookers=reached.onlookers,
     )
     context.tell(address=reached.address)
     for problem in warnings_of(machine):

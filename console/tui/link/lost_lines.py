@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.session.station.lost_link import LostLink, Validity
+from console.session.station.link.lost_link import LostLink, Validity
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, hanging, line

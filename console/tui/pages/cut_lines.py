@@ -60,6 +60,8 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
         return fact(text(f"run_page.live.{key}"), value, width, label_width=LABEL_WIDTH)
 
     stage = text("run_page.holding") if cut.holding else text(f"run_page.stage.{cut.stage}")
+    if cut.hold.asked and cut.stage is CutStage.CUT and not cut.holding:
+        stage = text("run_page.hold_asked")
     not_judged = wrapped(text("run_page.not_judged"), width, Token.DIM)
     return [
         fact(text("run_page.live.stage"), stage, width, label_width=LABEL_WIDTH, token=Token.STRONG),

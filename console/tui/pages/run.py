@@ -9,7 +9,8 @@ from textual.containers import Horizontal, Vertical
 
 from console.session.cut.alignment import JawAngle
 from console.session.cut.compensated import with_news
-from console.session.station.commands import Arm, Disarm, EndCut, Retract, Start
+from console.session.station.commands import Arm, Command, Disarm, EndCut, HoldFeed, ResumeFeed, Retract, Start
+from console.session.station.holding import hold_refusal, is_paused
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress
 from console.session.station.state import Activity
@@ -65,6 +66,8 @@ class RunPage(Page):
     RunPage #run-right { width: 46fr; }
     RunPage #run-progress { height: 3; }
     RunPage #run-program { height: 6; }
+    RunPage.-paused #run-program { height: 1fr; }
+    RunPage.-paused #run-errors { display: none; }
     RunPage #run-values { width: 47fr; }
     RunPage #run-plots { width: 53fr; height: 1fr; }
     RunPage PolarView { display: none; }
@@ -98,6 +101,7 @@ class RunPage(Page):
         self._take_news()
         phase = phase_of(view.state)
         self.set_class(phase is Phase.CUTTING, "-live")
+        self.set_class(is_paused(view.state), "-paused")
         roomy = self.size.height >= LEAST_POLAR_ROWS
         if roomy != self.has_class("-roomy"):
             self._drawn = None  # a hidden plot has missed what was drawn
@@ -149,9 +153,28 @@ class RunPage(Page):
 
     def act(self, action: str) -> None:
         """Perform the action of a key, or show why not."""
-        do = {"run.arm": self._arm, "run.start": self._start, "run.hold": self._hold, "run.retract": self._retract}
-        if action in do:
-            do[action]()
+        if action == "run.arm":
+            self._arm()
+            return
+        command = self._command(action)
+        if command is not None and not self.ui.answers(self.why_not(action, self.ui.view)):
+            self.ui.control.post(command)
+
+    def _command(self, action: str) -> Command | None:
+        """Return the command of a key, if it has one; F6 starts what is armed, or resumes what is held."""
+        match action:
+            case "run.start":
+                return ResumeFeed() if is_paused(self.ui.control.state) else Start()
+            case "run.feed_hold":
+                return HoldFeed()
+            case "run.one_turn":
+                return ResumeFeed(one_turn=True)
+            case "run.hold":
+                return EndCut()
+            case "run.retract":
+                return Retract()
+            case _:
+                return None
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why nothing can be armed, started, ended or retracted now."""
@@ -160,6 +183,12 @@ class RunPage(Page):
             case "run.arm" if state.armed is None:
                 checked = run_lines.checks(state, view.work, machine)
                 return refusal(state, action) or run_lines.failing(checked)
+            case "run.start" if is_paused(state):
+                return ()
+            case "run.feed_hold" | "run.one_turn":
+                command = HoldFeed() if action == "run.feed_hold" else ResumeFeed(one_turn=True)
+                refused = hold_refusal(command, state)
+                return () if refused is None else (refused,)
             case "run.start":
                 over = state.armed is None or view.now_s > state.armed.until_s
                 return (Problem(code="screen.not_armed"),) if over else refusal(state, action)
@@ -224,6 +253,7 @@ class RunPage(Page):
                 compensation=work.compensation,
                 stage=work.stage,
                 valid_s=self._reading_s(work),
+                inverts=work.inverts,
             )
             self.ui.control.post(command)
 
@@ -233,18 +263,6 @@ class RunPage(Page):
         summary = run_lines.summary_lines(self.ui.text, view.state, work, view.now_s, WIDEST_FACT)
         moves = wrapped(self.ui.text("run_page.moves_first", z=0, radius=0, speed=0, duration=0), WIDEST_FACT)
         return reading_s([*summary, *moves])
-
-    def _start(self) -> None:
-        if not self.ui.answers(self.why_not("run.start", self.ui.view)):
-            self.ui.control.post(Start())
-
-    def _hold(self) -> None:
-        if not self.ui.answers(self.why_not("run.hold", self.ui.view)):
-            self.ui.control.post(EndCut())
-
-    def _retract(self) -> None:
-        if not self.ui.answers(self.why_not("run.retract", self.ui.view)):
-            self.ui.control.post(Retract())
 
     def _show_before(self, view: View) -> None:
         text, state, work = self.ui.text, view.state, view.work

@@ -41,6 +41,18 @@ def coarser(step: float) -> float:
     return step_125(step * 1.01)
 
 
+def stepped_125(step: float, by: int) -> float:
+    """Return the step of 1, 2, 5 that is so many steps above one of them, below it where `by` is negative."""
+    power = round(math.log10(step / _mantissa(step)))
+    places = 3 * power + _ROUND.index(_mantissa(step)) + by
+    return float(_ROUND[places % 3] * 10.0 ** (places // 3))
+
+
+def _mantissa(step: float) -> float:
+    scaled = step / 10.0 ** math.floor(math.log10(step) + _SLACK)
+    return min(_ROUND[:3], key=lambda each: abs(each - scaled))
+
+
 def nice_limits(low: float, high: float) -> Limits:
     """Return limits of an axis on round numbers that hold both values, steady while the data vary a little."""
     low, high = proper_limits((low, high))

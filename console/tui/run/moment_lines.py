@@ -6,7 +6,7 @@ import math
 
 from rich.cells import cell_len
 
-from console.session.station.progress import CutProgress
+from console.session.station.progress import CutProgress, CutStage
 from console.text.catalogue import Catalogue
 from console.tui.lines import NOTHING, Line, dim, fact, fitted, line, width_of, wrapped
 from console.tui.run.error_band import ErrorBand
@@ -22,6 +22,8 @@ FINE_BELOW = 10.0  # mm or degrees below which hundredths are shown
 def moment_lines(text: Catalogue, cut: CutProgress, band: ErrorBand | None, width: int) -> list[Line]:
     """Return what is left of a cut, each phase with its time, where its program is, and what the error repeats."""
     told = [] if band is None else [band_line(text, band, width)]
+    if cut.stage is CutStage.PAUSED:
+        return [*phase_rows(text, cut, width), *hold_rows(text, cut, width)]
     where, words = _place(text, cut)
     place = line(*where, dim(fitted(f"  {words}", max(width - width_of(where), 0)).rstrip()))
     return [*phase_rows(text, cut, width), to_go_line(text, cut, width), place, *told]
@@ -32,7 +34,23 @@ def moment_in_full(text: Catalogue, cut: CutProgress, band: ErrorBand | None, wi
     told = [] if band is None else [band_line(text, band, width), *wrapped(text("run_page.band_means"), width)]
     where, words = _place(text, cut)
     place = [where, *(wrapped(words, width, Token.DIM) if words else [])]
-    return [*phase_rows(text, cut, width), to_go_line(text, cut, width), *place, *told]
+    held = hold_rows(text, cut, width)
+    return [*held, *phase_rows(text, cut, width), to_go_line(text, cut, width), *place, *told]
+
+
+def hold_rows(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
+    """Return where the cut was held and what that may leave on the part; how long the program still waits."""
+    if not cut.holds_mm:
+        return []
+    places = ", ".join(f"{place_mm:.1f}" for place_mm in cut.holds_mm)
+    rows = wrapped(text("run_page.hold_mark", z=places), width, Token.WARNING)
+    if cut.held_left_s is not None:
+        rows = [*wrapped(text("run_page.hold_left", left=_minutes(cut.held_left_s)), width), *rows]
+    return rows
+
+
+def _minutes(left_s: float) -> str:
+    return f"{int(left_s) // 60}:{int(left_s) % 60:02d}"
 
 
 def phase_rows(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:

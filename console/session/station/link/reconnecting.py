@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import recovered
 from console.session.station.context import StationContext
-from console.session.station.lost_link import LostLink, Validity, validity_of
+from console.session.station.link.lost_link import LostLink, Validity, validity_of
 from console.session.station.state import Activity
 from console.session.station.stops import Stops
 from console.session.station.watches import watch_axes
@@ -172,7 +172,8 @@ class Reconnecting:
         context.tell(alignment=replace(context.state.alignment, settings=settings))
         lost = context.state.lost_link
         if lost is not None:
-            context.note_anyway("link_back", away_s=lost.away_s, controls=context.state.controls)
+            if not lost.silent:
+                context.note_anyway("link_back", away_s=lost.away_s, controls=context.state.controls)
             context.tell(lost_link=replace(lost, validity=self._validity(snapshot)))
 
     def _validity(self, snapshot: Snapshot) -> tuple[Validity, ...]:
