@@ -44,7 +44,7 @@ class StationContext:
     last arming, `started` what was last started; `seen` gets every status poll during a cut.
     `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
-    `hold_asked` is the last command about a feed hold that has not been passed on. `side` sends what worker threads
+    `hold_asked` is the last command about a feed hold not yet passed on. `side` sends what worker threads
     ask, between two polls.
     """
 
