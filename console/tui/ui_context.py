@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from console.session.appearance import Appearance
+from console.session.configuration import Configuration
 from console.session.station.commands import Control
 from console.session.station.session_log import SessionLog
 from console.session.station.state import Activity, StationState
@@ -40,7 +42,8 @@ class UiContext:
 
     `draft` is a new job that is being filled in: while it is, no job is open. `copying` asks the page Set-up for
     the name of a copy of the open job. `go` shows another page. `data` is the operator's folder. `jog` is the
-    action that requested the last jog step. `log` is that of this session, up to the last tick.
+    action that requested the last jog step. `log` is that of this session, up to the last tick. `appearance` is
+    what the operator has set, and `appear` sets another; `configuration` says where a setting comes from.
     """
 
     text: Catalogue
@@ -54,6 +57,9 @@ class UiContext:
     copying: bool = False
     jog: str | None = None
     log: SessionLog = field(default_factory=SessionLog)
+    appearance: Appearance = field(default_factory=Appearance)
+    appear: Callable[[Appearance], None] = lambda appearance: None
+    configuration: Configuration | None = None
     _said: tuple[Problem, ...] = ()
     _said_at: Moment | None = None
 
