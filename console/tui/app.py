@@ -44,6 +44,7 @@ from console.tui.page import Page
 from console.tui.page_class import page_class
 from console.tui.palette_keys import PaletteKeys
 from console.tui.previewing import ChosenPath, Previewer, fault_of
+from console.tui.scanning.scans import Scans
 from console.tui.settings.calm import Calm
 from console.tui.standing_orders import StandingOrders
 from console.tui.theme import Palette
@@ -91,14 +92,13 @@ class ConsoleApp(ListeningApp):
         self.ui.appearance, self.ui.appear, self.ui.configuration = appearance, self.appear, configuration
         self._begin, self.heard = begin, heard
         self._collector, self._calm = Collector(), Calm()
-        self._local_time = local_time
-        self._ticking = ticking
+        self._local_time, self._ticking = local_time, ticking
         self._pages: dict[PageName, Page] = {}
         self._page = PageName.JOBS
         self._dismissed: tuple[Problem, ...] = ()
         self._acted_s = float("-inf")
         self._orders = StandingOrders(self.ui)
-        self._held = HeldKeys()
+        self._held, self.scans = HeldKeys(), Scans(self.ui, lambda: self._made(PageName.JOBS))
         self._previewer, self._path = Previewer(), ChosenPath()
         self._rows = FrameRows(palette)
         self._list = ListPanel(palette, text)
@@ -158,8 +158,8 @@ class ConsoleApp(ListeningApp):
             return
         if not self._list.is_open and page.size.area:  # before the first layout no panel knows its room
             page.fit()
-            self._safely(lambda: page.show(view))
-        self._safely(lambda: self._show_frame(page, view))
+            self.safely(lambda: page.show(view))
+        self.safely(lambda: self._show_frame(page, view))
 
     def go(self, name: PageName) -> None:
         """Show another page."""
@@ -190,9 +190,9 @@ class ConsoleApp(ListeningApp):
         return Situation(
             page=self._page,
             field=self._field,
-            moving=state.may_move,
+            moving=state.may_move or self.ui.queued,
             small=self._is_small,
-            jogging=state.activity is Activity.JOGGING,
+            jogging=state.activity is Activity.JOGGING or self.ui.queued,
             jog=self.ui.jog,
             reading=self._list.is_open,
             at_rest=self._is_known_at_rest,
@@ -209,15 +209,16 @@ class ConsoleApp(ListeningApp):
 
     @property
     def _is_known_at_rest(self) -> bool:
-        return known_at_rest(self.ui.control.state, self.ui.control.now_s(), self._acted_s)
+        state, now_s = self.ui.control.state, self.ui.control.now_s()
+        return known_at_rest(state, now_s, self._acted_s, queued=self.ui.queued)
 
     def stop_now(self, reason: str) -> None:
         """Stop the machine. Also called from the thread that reads the terminal."""
-        self.ui.control.stop(reason)
+        self.ui.stop(reason)
 
     def kill_now(self, reason: str) -> None:
         """Open every loop of the machine. Also called from the thread that reads the terminal."""
-        self.ui.control.kill(reason)
+        self.ui.kill(reason)
 
     def action_quit(self) -> None:  # type: ignore[override]
         """Leave, unless something moves."""
@@ -227,7 +228,7 @@ class ConsoleApp(ListeningApp):
     def pointed(self, event: events.MouseEvent) -> None:
         """Do what a click or the wheel asks for."""
         page, now = self._pages[self._page], self.situation()
-        self._safely(lambda: point(event, self.screen, page, now, self._press))
+        self.safely(lambda: point(event, self.screen, page, now, self._press))
 
     @property
     def page(self) -> PageName:
@@ -286,6 +287,7 @@ class ConsoleApp(ListeningApp):
         now = self.situation()
         self._typed = now.field is FieldKind.TEXT
         verdict, action = judge(event.key, event.character, now)
+        page.heard(None if action is None else action.id)
         if event.key in TAKE.keys and self._palette.still_taking():
             verdict, action = Verdict.NOTHING, None
         match verdict:
@@ -353,7 +355,7 @@ class ConsoleApp(ListeningApp):
             case _:
                 self._list.open(PAGE)
                 self._acted_s = now_s
-                self._safely(lambda: page.act(action.id))
+                self.safely(lambda: page.act(action.id))
 
     def _why_not(self, action: Action) -> tuple[Problem, ...]:
         """Return why an action cannot be done now: what its key would answer."""
@@ -361,7 +363,7 @@ class ConsoleApp(ListeningApp):
             return self._orders.why_not(action.id)
         return cramped(action, self.size) or self._made(action.page).why_not(action.id, self.ui.view)
 
-    def _safely(self, work: Callable[[], None]) -> None:
+    def safely(self, work: Callable[[], None]) -> None:
         """Run an operation of one page. Its faults stay its own: the rows, the stop and the machine continue."""
         try:
             with self.ui.answering():

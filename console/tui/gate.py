@@ -78,12 +78,15 @@ class Situation:
     own: OwnKeys = dataclasses.field(default_factory=dict)
 
 
-def known_at_rest(state: StationState, now_s: float, acted_s: float) -> bool:
-    """Whether nothing moves, nor will by a command of `acted_s` that the machine has not begun yet."""
+def known_at_rest(state: StationState, now_s: float, acted_s: float, *, queued: bool) -> bool:
+    """Whether nothing moves, nor will by a command of `acted_s` that the machine has not begun yet.
+
+    `queued`: steps of a jog are still to be made.
+    """
     if state.activity is Activity.CONNECTING:
         return True
     settled = now_s - acted_s > SETTLED_S and not state.is_stale(now_s)
-    return settled and not state.seen_moving and not state.may_move
+    return settled and not (state.seen_moving or state.may_move or queued)
 
 
 def stops_at_once(key: str, now: Situation) -> bool:

@@ -34,6 +34,7 @@ class Token(Enum):
     KEY = auto()
     AXIS = auto()
     RING = auto()
+    TOLERANCE = auto()  # the rings between which a round part lies
     MARK = auto()
     BEFORE = auto()
     AFTER = auto()
@@ -106,6 +107,7 @@ def palette_of(colours: Colours) -> Palette:
         Token.KEY: on(colours.bright),
         Token.AXIS: on(colours.dim),
         Token.RING: on(colours.ring),
+        Token.TOLERANCE: on(colours.text),
         Token.MARK: on(colours.bright, bold=True),
         Token.BEFORE: on(colours.before),
         Token.AFTER: on(colours.after),

@@ -7,9 +7,11 @@ from collections.abc import Callable
 from textual import events
 
 from console.tui.application.leaving import LeavingApp
-from console.tui.driver import StopSent, TooFast
-from console.tui.gate import PASTED, FieldKind, Situation, is_page
+from console.tui.driver import Scanned, StopSent, TooFast
+from console.tui.gate import FieldKind, Situation, is_page
 from console.tui.keymap import Action
+from console.tui.layout import is_small
+from console.tui.scanning.scans import Scans
 from console.tui.ui_context import UiContext
 from profiles.problem import Problem
 
@@ -19,6 +21,7 @@ class ListeningApp(LeavingApp):
 
     ui: UiContext
     heard: Callable[[str], object]
+    scans: Scans
 
     def tick(self) -> None:
         """Show the newest state."""
@@ -28,8 +31,8 @@ class ListeningApp(LeavingApp):
         """Return what a key is judged by now."""
         raise NotImplementedError
 
-    def stop_now(self, reason: str) -> None:
-        """Stop the machine."""
+    def safely(self, work: Callable[[], None]) -> None:
+        """Run an operation of one page. Its faults stay its own."""
         raise NotImplementedError
 
     def took(self, event: events.Key) -> bool:
@@ -47,16 +50,8 @@ class ListeningApp(LeavingApp):
             self.heard("…" if written else event.key)  # what is written in free text is nobody's business
             if self.took(event):
                 return
-        elif (
-            isinstance(event, events.Paste)
-            and not event.is_forwarded
-            and self.situation().field is not FieldKind.TEXT
-        ):
-            # It was not typed, does nothing, and stops any motion.
-            moving = self.ui.control.state.may_move
-            self.ui.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
-            if moving:
-                self.stop_now(PASTED)
+        elif isinstance(event, events.Paste) and not (event.is_forwarded or self._takes_text):
+            self.scans.pasted(moving=self.situation().moving)
             self.call_after_refresh(self.tick)
             return
         elif isinstance(event, events.MouseEvent):
@@ -77,11 +72,12 @@ class ListeningApp(LeavingApp):
 
     def on_too_fast(self, keys: TooFast) -> None:
         """Handle keys that came too fast to be typed."""
-        if keys.written:
-            code = "screen.too_fast_entry"
-        else:
-            code = "screen.too_fast_stopped" if keys.stopped else "screen.too_fast"
-        self.ui.say_until_key(Problem(code=code))
+        self.scans.too_fast(written=keys.written, stopped=keys.stopped)
+        self.tick()
+
+    def on_scanned(self, scanned: Scanned) -> None:
+        """Handle what such keys were."""
+        self.safely(lambda: self.scans.take(scanned.scan, small=is_small(self.size)))
         self.tick()
 
     def say_changed(self, action: Action) -> None:

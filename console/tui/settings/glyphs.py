@@ -35,6 +35,10 @@ def _of_dots(bits: int) -> str:
 
 
 TABLE = {
+    **dict.fromkeys(range(0x2500, 0x2580), "+"),  # lines and their crossings; blocks after them
+    **dict.fromkeys(range(0x2580, 0x25A0), "#"),
+    ord("═"): "=",
+    ord("║"): "|",
     **LIKE,
     **{0x2800 + bits: _of_dots(bits) for bits in range(1, 256)},
     **dict.fromkeys(map(ord, "↑▲△"), "^"),
