@@ -32,6 +32,7 @@ NAMES = (
     "hostile_host",
     "roundness",
     "flight_recorder",
+    "shift",
 )
 """The longest come first."""
 

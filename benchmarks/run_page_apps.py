@@ -34,8 +34,9 @@ from console.tui.frame import ROWS, Frame
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
-from console.tui.pages.cut_lines import error_series, live_lines, mean_error_um, progress_line
+from console.tui.pages.cut_lines import live_lines, mean_error_um, progress_line
 from console.tui.pages.run import FULL_TURN_DEG, LEAST_POLAR_ROWS, WIDEST_FACT
+from console.tui.run.error_band import band_series
 from console.tui.theme import COLOUR, DARK_THEME, Token
 from profiles.store import load_job, load_machine
 
@@ -219,7 +220,7 @@ class Stock(App[None]):
         self.query_one(f"#{name}", Static).update(Text("\n").join(rows), layout=False)
 
     def _plot_errors(self, cut: CutProgress) -> None:
-        _, limits_um = error_series(cut)
+        _, limits_um = band_series(cut, None)
         widget = self.query_one("#errors", PlotextPlot)
         widget.plt.clear_data()
         widget.plt.xlim(*FULL_TURN_DEG)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from profiles.arrays import Floats
-from profiles.metrology.circles import LEAST_SQUARES, ReferenceCircle, least_squares
+from profiles.metrology.circles import LEAST_SQUARES, ReferenceCircle, least_squares, limacon_circle
 from profiles.metrology.filters import POINTS_PER_UNDULATION, gaussian_filter
 from profiles.metrology.geometric import circles_about_axis, geometric_circle, polar
 from profiles.metrology.harmonics import Harmonic, filled, harmonics, suspects
@@ -145,9 +145,32 @@ def evaluate(
 
 def centred_profile(angle_deg: ArrayLike, deviation_um: ArrayLike, filter_upr: float | None = 50.0) -> Floats:
     """Return the local deviations from the least squares circle, filtered, in the given order; shape (M,)."""
+    return profile_of(angle_deg, deviation_um, filter_upr)[1]
+
+
+def profile_of(
+    angle_deg: ArrayLike,
+    deviation_um: ArrayLike,
+    filter_upr: float | None = 50.0,
+    *,
+    kind: str = LEAST_SQUARES,
+    radius_mm: float | None = None,
+) -> tuple[Floats, Floats]:
+    """Return the filtered deviations from a reference circle, um, and their angles, deg; shape (M,) each.
+
+    `kind` is one of `CIRCLES`. The angles are those given but for a part that is taken about its own centre: see
+    `evaluate`, also for `radius_mm` and what is raised.
+    """
     angle, deviation = checked(angle_deg, deviation_um)
-    centred = _centred(angle, deviation, np.ones(angle.shape, dtype=bool), None)
-    return (centred if filter_upr is None else _filtered(angle, centred, filter_upr, None)).profile_um
+    centred = _centred(angle, deviation, np.ones(angle.shape, dtype=bool), radius_mm)
+    if filter_upr is not None:
+        centred = _filtered(angle, centred, filter_upr, None)
+    angle, profile = centred.angle_deg, centred.profile_um
+    if kind == LEAST_SQUARES:
+        return angle, profile
+    circle, theta = limacon_circle(kind, angle, profile), np.radians(angle)
+    x_um, y_um = circle.centre_x_um, circle.centre_y_um
+    return angle, profile - circle.deviation_um - x_um * np.cos(theta) - y_um * np.sin(theta)
 
 
 def _centred(

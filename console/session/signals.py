@@ -91,6 +91,8 @@ class Interruption:
             return
         if guarded is None:
             raise Interrupted(self.reason)
+        if self.hurried_s is not None and guarded.stop.reason is not None:
+            return  # each stop begins the proof of rest anew, and is repeated until then
         hurried = reason != signal.SIGINT.name or guarded.stop.reason is not None
         if hurried and self.hurried_s is None:
             self.hurried_s = time.monotonic()

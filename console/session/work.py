@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from console.session.data.kept_files import make_folder
+from console.session.typed_number import plain_number
 from drivers.cutting.strategy import DEFAULT_STRATEGY, UNCOMPENSATED
 from profiles.fields import Field, Kind, fault, spelled
 from profiles.files import printable
@@ -19,6 +19,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.store import BUNDLED_JOBS, LoadedJob, LoadedMachine, load_job, save_job
 
 if TYPE_CHECKING:
+    from console.session.data.identified import ChosenResponse
     from drivers.preview.preview import Preview, Underway
     from profiles.compensations.learned import LearnedCompensation
 
@@ -45,7 +46,6 @@ REQUIRED = tuple(
 NO_VALUE = "-"
 
 # Python accepts more as a number ("1_000", "1e3", "nan") than an operator would write.
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,8 @@ class Work:
 
     `compensation` is what was learned of this cut, None the model's. Later edits do not change it:
     `console.session.cut.compensated` judges whether it still applies. `set_aside` gives the reason why this cut
-    does not use the newest accepted version; empty where it does, or there is none.
+    does not use the newest accepted version; empty where it does, or there is none. `inverts` is the identified
+    response that the cut inverts, None the model's; nothing learned is used with it.
 
     `missing` are the values of a new job that nobody has given yet: what `job` has there means nothing. Such a
     work exists on the page Set-up alone.
@@ -70,6 +71,7 @@ class Work:
     strategy: str = DEFAULT_STRATEGY.value
     compensation: LearnedCompensation | None = None
     set_aside: tuple[Problem, ...] = ()
+    inverts: ChosenResponse | None = None
     stage: str = STAGES[0]
     outlook: Underway | None = None
     preview: Preview | None = None
@@ -121,7 +123,7 @@ def parsed(text: str, key: str) -> Any:
     field_ = _FIELDS[key]
     if field_.optional and text.strip() == NO_VALUE:
         return None
-    value = text.strip() if field_.kind in (Kind.TEXT, Kind.CHOICE) else _number(text.strip(), field_)
+    value = text.strip() if field_.kind in (Kind.TEXT, Kind.CHOICE) else entered_number(text.strip(), field_)
     code = fault(field_, value)
     if code:
         raise ProfileError(Problem(code=code, key=key, value=spelled(value), limit=field_.limit))
@@ -229,7 +231,7 @@ def saved_as(work: Work, name: str, folder: Path) -> Work:
     job = replace(work.job, name=name) if work.is_new else copy_of(work.job, name, work.loaded.job.name)
     save_job(job, path, private=True)
     fresh = opened(load_job(str(path)), work.machine)
-    return replace(fresh, strategy=work.strategy, stage=work.stage)
+    return replace(fresh, strategy=work.strategy, stage=work.stage, inverts=work.inverts)
 
 
 def saved(work: Work) -> Work:
@@ -245,7 +247,7 @@ def saved(work: Work) -> Work:
         raise ProfileError(Problem(code="job.changed_elsewhere", where=printable(str(path)), key=path.stem))
     save_job(work.job, path, overwrite=True)
     fresh = opened(load_job(str(path)), work.machine)
-    return replace(fresh, strategy=work.strategy, stage=work.stage)
+    return replace(fresh, strategy=work.strategy, stage=work.stage, inverts=work.inverts)
 
 
 def differs(now: LoadedJob, before: LoadedJob) -> bool:
@@ -264,15 +266,10 @@ def _labels(job: Job) -> tuple[str, tuple[str, ...]]:
     return job.note, job.tags
 
 
-def _number(text: str, field_: Field) -> float | int | str:
+def entered_number(text: str, field_: Field) -> float | int | str:
     """Parse an entry; a text that is no number is returned unchanged, for the refusal to quote."""
-    before, comma, after = text.partition(",")
-    # A separator could mean thousands: more than one of them, or a comma before exactly three digits.
-    thousands = bool(comma) and len(after) == 3 and before.lstrip("+-")[:1] not in ("0", "")
-    if thousands or text.count(".") + text.count(",") > 1:
-        raise ProfileError(Problem(code="value.ambiguous", key=field_.key, value=text, limit=field_.limit))
-    plain = text.replace(",", ".")
-    if not _NUMBER.fullmatch(plain):
+    plain = plain_number(text, field_.key, field_.limit)
+    if plain is None:
         return text
     try:
         return int(plain) if field_.kind is Kind.WHOLE else float(plain)

@@ -19,9 +19,9 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.alarms.logged_control import LoggedControl
 from console.tui.collector import Collector
-from console.tui.driver import StopSent, TooFast, Written
+from console.tui.driver import Scanned, StopSent, TooFast, Written
 from console.tui.frame import ROWS, Frame, frame_rows, small_rows
-from console.tui.gate import PASTED, FieldKind, HeldKeys, Situation, Verdict, is_page, is_stray, judge, stop_reason
+from console.tui.gate import FieldKind, HeldKeys, Situation, Verdict, is_page, is_stray, judge, stop_reason
 from console.tui.keymap import READING, TAKE, Action, PageName
 from console.tui.layout import CSS, SMALLEST, cramped, is_small
 from console.tui.lines import Line, Sheet
@@ -30,6 +30,7 @@ from console.tui.page import Page
 from console.tui.page_class import page_class
 from console.tui.palette_keys import PaletteKeys
 from console.tui.previewing import ChosenPath, Previewer, fault_of
+from console.tui.scanning.scans import Scans
 from console.tui.standing_orders import StandingOrders
 from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette
 from console.tui.ui_context import UiContext, View
@@ -79,15 +80,14 @@ class ConsoleApp(App[None]):
         self._ui_loop: asyncio.AbstractEventLoop | None = None
         self._leaving, self._collector = False, Collector()
         self.fault: Exception | None = None
-        self._local_time = local_time
-        self._ticking = ticking
+        self._local_time, self._ticking = local_time, ticking
         self._pages: dict[PageName, Page] = {}
         self._page = PageName.JOBS
         self._given_up: Job | None = None
         self._dismissed: tuple[Problem, ...] = ()
         self._acted_s = float("-inf")
         self._orders = StandingOrders(self.ui)
-        self._held = HeldKeys()
+        self._held, self._scans = HeldKeys(), Scans(self.ui, lambda: self._made(PageName.JOBS))
         self._previewer, self._path = Previewer(), ChosenPath()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
         self._list = ListPanel(palette, text)
@@ -169,9 +169,9 @@ class ConsoleApp(App[None]):
         return Situation(
             page=self._page,
             field=self._field,
-            moving=state.may_move,
+            moving=state.may_move or self.ui.queued,
             small=self._is_small,
-            jogging=state.activity is Activity.JOGGING,
+            jogging=state.activity is Activity.JOGGING or self.ui.queued,
             jog=self.ui.jog,
             reading=self._list.is_open,
             at_rest=self._is_known_at_rest,
@@ -192,15 +192,15 @@ class ConsoleApp(App[None]):
         if state.activity is Activity.CONNECTING:
             return True
         settled = now_s - self._acted_s > SETTLED_S and not state.is_stale(now_s)
-        return settled and not state.seen_moving and not state.may_move
+        return settled and not (state.seen_moving or state.may_move or self.ui.queued)
 
     def stop_now(self, reason: str) -> None:
         """Stop the machine. Also called from the thread that reads the terminal."""
-        self.ui.control.stop(reason)
+        self.ui.stop(reason)
 
     def kill_now(self, reason: str) -> None:
         """Open every loop of the machine. Also called from the thread that reads the terminal."""
-        self.ui.control.kill(reason)
+        self.ui.kill(reason)
 
     async def on_event(self, event: events.Event) -> None:
         """Judge every key before any widget sees it."""
@@ -210,11 +210,7 @@ class ConsoleApp(App[None]):
             if self._took(event):
                 return
         elif isinstance(event, events.Paste) and not event.is_forwarded and self._field is not FieldKind.TEXT:
-            # It was not typed, does nothing, and stops any motion.
-            moving = self.ui.control.state.may_move
-            self.ui.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
-            if moving:
-                self.stop_now(PASTED)
+            self._scans.pasted(moving=self.situation().moving)
             self.call_after_refresh(self.tick)
             return
         await super().on_event(event)
@@ -227,11 +223,12 @@ class ConsoleApp(App[None]):
 
     def on_too_fast(self, keys: TooFast) -> None:
         """Handle keys that came too fast to be typed."""
-        if keys.written:
-            code = "screen.too_fast_entry"
-        else:
-            code = "screen.too_fast_stopped" if keys.stopped else "screen.too_fast"
-        self.ui.say_until_key(Problem(code=code))
+        self._scans.too_fast(written=keys.written, stopped=keys.stopped)
+        self.tick()
+
+    def on_scanned(self, scanned: Scanned) -> None:
+        """Handle what such keys were."""
+        self._safely(lambda: self._scans.take(scanned.scan, small=self._is_small))
         self.tick()
 
     def action_quit(self) -> None:  # type: ignore[override]
@@ -313,6 +310,7 @@ class ConsoleApp(App[None]):
         now = self.situation()
         self._typed = now.field is FieldKind.TEXT
         verdict, action = judge(event.key, event.character, now)
+        page.heard(None if action is None else action.id)
         if event.key in TAKE.keys and self._palette.still_taking():
             verdict, action = Verdict.NOTHING, None
         match verdict:

@@ -23,6 +23,7 @@ from textual.message import Message
 from console.tui import gate
 from console.tui.keymap import KILL_KEYS, STOP_KEYS, Action, PageName
 from console.tui.pace import QUIET_S, Pace
+from console.tui.scanning.collector import Collector, Scan
 
 WAIT_S = 0.1  # time that the reading thread waits for a key before it checks whether to end
 CHUNK = 4096
@@ -45,6 +46,14 @@ class TooFast(Message):
     def __init__(self, *, written: bool, stopped: bool) -> None:
         super().__init__()
         self.written, self.stopped = written, stopped
+
+
+class Scanned(Message):
+    """What keys that came too fast were, once all of them are there."""
+
+    def __init__(self, scan: Scan) -> None:
+        super().__init__()
+        self.scan = scan
 
 
 class Written(events.Key):
@@ -77,6 +86,7 @@ class StopDriver(LinuxDriver):
     def __init__(self, app: App[Any], **options: Any) -> None:
         super().__init__(app, **options)
         self._pace: Pace[events.Key] = Pace()
+        self._codes = Collector()
         self._stopped_s = float("-inf")
         # A suspended console cannot stop anything. And Textual answers each SIGCONT, which comes with a hang-up,
         # with one more thread that reads the same terminal.
@@ -110,6 +120,7 @@ class StopDriver(LinuxDriver):
             # After all pending input: a delayed thread must not take a key of a burst for a single one.
             for key in self._pace.due(time.monotonic()):
                 super().process_message(key)
+            self._tell(self._codes.due(time.monotonic()))
 
     def _hear(self, key: events.Key, now_s: float) -> None:
         target = cast(StopTarget, self._app)
@@ -137,9 +148,17 @@ class StopDriver(LinuxDriver):
             super().process_message(Written(key.key, key.character))
         else:
             burst = self._pace.hold(key.key, key, now_s)
+        stopped = now_s - self._stopped_s <= QUIET_S
         if burst:
-            stopped = now_s - self._stopped_s <= QUIET_S
             super().process_message(TooFast(written=written, stopped=stopped))
+        code = self._codes.hear(
+            key.key, key.character, now_s, burst=burst, written=written, stopped=stopped and burst
+        )
+        self._tell(code)
+
+    def _tell(self, code: Scan | None) -> None:
+        if code is not None:
+            super().process_message(Scanned(code))
 
 
 class Reader:

@@ -12,14 +12,16 @@ from datetime import datetime
 from rich.cells import cell_len
 
 from console.session.station.alarms import Alarm, Priority, foremost, unseen
+from console.session.station.holding import is_paused
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
 from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, actions_of
 from console.tui.lines import BLANK, Line, clipped, dim, hanging, line, name_in, plain, ranged, width_of, wrapped
+from console.tui.link.holder_lines import observing, onlookers
+from console.tui.link.lost_lines import is_watched, lost_step
 from console.tui.pages.fields import named
 from console.tui.theme import Token
-from drivers.lathe.lengths import settings_of
 from drivers.lathe.snapshot import AxisName
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -65,13 +67,14 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     attention = state.activity in (Activity.STOPPED, Activity.LOST, Activity.STOPPING)
     token = Token.WARNING if attention else Token.STRONG if state.moving else Token.TEXT
     activity = text(f"activity.{state.activity}")
-    if state.activity is Activity.CUTTING and state.cut is not None and state.cut.synchronisation is not None:
+    if is_paused(state):
+        activity = text("frame.paused")
+    elif state.activity is Activity.CUTTING and state.cut is not None and state.cut.synchronisation is not None:
         activity = f"{activity} · {text(f'frame.sync.{state.cut.synchronisation}')}"
         token = Token.WARNING if state.cut.is_lost else token
     if _observes(state):
-        held = text("frame.looks_on", holder=state.holder) if state.holder else text("frame.looks_on_free")
-        activity, token = held, Token.WARNING
-    right = (*_age(frame), dim(f"   {frame.clock:%H:%M} "))
+        activity, token = observing(text, state, frame.clock), Token.WARNING
+    right = (*onlookers(text, state), *_age(frame), dim(f"   {frame.clock:%H:%M} "))
     room = width - width_of((*head, *right)) - cell_len(activity) - 1
     machine, job = _names(state.machine, frame.job, room)
     names = [(f"{name} · ", token) for name, token in ((machine, Token.DIM), (job, Token.STRONG)) if name]
@@ -175,8 +178,8 @@ def next_row(frame: Frame, width: int) -> list[Line]:
     step: Line = frame.next_step
     if answer_of(frame) and unseen_alarm(state) is not None:
         return _answer(frame, width)
-    if state.activity is Activity.LOST:
-        step = line((text("frame.lost"), Token.ACTION))
+    if lost := lost_step(text, state):
+        step = line((lost, Token.ACTION))
     elif state.activity is Activity.CONNECTING:
         step = line(dim(text("frame.connecting")))
     elif _observes(state) and state.stop is None:
@@ -202,6 +205,8 @@ def stop_row(frame: Frame, width: int) -> list[Line]:
 
 def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:
     stop = state.stop
+    if is_watched(state):
+        return text("lost_link.not_delivered"), Token.WARNING
     if stop is not None and not stop.delivered:
         return text("frame.not_delivered"), Token.ALARM
     if state.activity is Activity.LOST:
@@ -223,6 +228,8 @@ def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> t
 
 def spindle_stop_s(machine: MachineProfile, speed_rpm: float) -> float:
     """Return the time from this speed to rest after a stop, s; a revolution a minute is 6 degrees a second."""
+    from drivers.lathe.lengths import settings_of  # not for the first paint: the link thread has it by then
+
     return settings_of(machine, AxisName.SPINDLE).stop_s(6.0 * abs(speed_rpm))
 
 

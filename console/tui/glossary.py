@@ -67,6 +67,9 @@ TERMS: dict[PageName, tuple[str, ...]] = {
         "ront",
         "ronp",
         "lsc",
+        "mzc",
+        "mcc",
+        "mic",
         "upr",
         "free",
         "harmonic",
@@ -80,6 +83,20 @@ TERMS: dict[PageName, tuple[str, ...]] = {
         "ront",
         "chart",
         "cpk",
+    ),
+    PageName.TUNE: (
+        "gain_margin",
+        "phase_margin",
+        "delay_margin",
+        "sensitivity",
+        "bandwidth",
+    ),
+    PageName.CALIBRATE: (
+        "wrench_line",
+        "offset",
+        "stiffness",
+        "alpha",
+        "residual",
     ),
 }
 

@@ -39,6 +39,8 @@ class PageName(StrEnum):
     ALARMS = "alarms"
     MORE = "more"
     SETTINGS = "settings"
+    TUNE = "tune"
+    CALIBRATE = "calibrate"
 
 
 NUMBERED = tuple(PageName)[: tuple(PageName).index(PageName.MORE)]
@@ -91,6 +93,8 @@ ACTIONS: tuple[Action, ...] = (
         for page, digit in DIGITS.items()
     ),
     Action(id="page.settings", keys=(), shown="0 s", beside=True),
+    Action(id="page.tune", keys=(), shown="0 u", beside=True),
+    Action(id="page.calibrate", keys=(), shown="0 c", beside=True),
     Action(id="recover", keys=("f2",), shown="F2"),
     Action(id="acknowledge", keys=("k", "ㅏ"), shown="k"),
     Action(id="take_over", keys=("t", "ㅅ"), shown="t", row="", once=True),
@@ -130,6 +134,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="setup.save_as", keys=("s", "ㄴ"), shown="s"),
     Action(id="preview.strategy", keys=("c", "ㅊ"), shown="c"),
     Action(id="preview.learned", keys=("l", "ㅣ"), shown="l"),
+    Action(id="preview.response", keys=("i", "ㅑ"), shown="i"),
     Action(id="preview.stage", keys=("s", "ㄴ"), shown="s"),
     Action(id="preview.program", keys=("p", "ㅔ"), shown="p"),
     Action(id="preview.up", keys=("up", "pageup"), shown="↑", row="↑↓"),
@@ -147,10 +152,17 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="align.backward", keys=("pagedown",), shown="PgDn", row="", moves=True, stops=Stops.MOTION),
     Action(id="align.larger", keys=("+", "="), shown="+", row="+-", stops=Stops.JOG),
     Action(id="align.smaller", keys=("-",), shown="-", row="", stops=Stops.JOG),
+    Action(id="align.goto", keys=("g", "ㅎ"), shown="g", row=""),
+    Action(id="align.go", keys=("f6",), shown="F6", row="", moves=True, once=True),
+    Action(id="align.flank", keys=("i", "ㅑ"), shown="i", row="", once=True),
+    Action(id="align.skim", keys=("m", "ㅡ"), shown="m", row="", once=True),
+    Action(id="align.force", keys=("f", "ㄹ"), shown="f", row=""),
     Action(id="align.back", keys=("b", "ㅠ"), shown="b", row=""),
     Action(id="align.off", keys=("f3",), shown="F3", stops=Stops.MOTION),
     Action(id="run.arm", keys=("f5",), shown="F5", once=True),
     Action(id="run.start", keys=("f6",), shown="F6", moves=True, once=True),
+    Action(id="run.feed_hold", keys=("f4",), shown="F4", moves=True, once=True),
+    Action(id="run.one_turn", keys=("f10",), shown="F10", row="", moves=True, once=True),
     Action(id="run.hold", keys=("f7",), shown="F7", moves=True, once=True),
     Action(id="run.retract", keys=("f8",), shown="F8", moves=True, once=True),
     Action(id="inspect.measure", keys=("m", "ㅡ"), shown="m"),
@@ -158,8 +170,15 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="inspect.revert", keys=("v", "ㅍ"), shown="v", once=True),
     Action(id="inspect.offset", keys=("o", "ㅐ"), shown="o", row="", once=True),
     Action(id="inspect.import", keys=("i", "ㅑ"), shown="i"),
-    Action(id="inspect.export", keys=("x", "ㅌ"), shown="x", row=""),
     Action(id="inspect.next", keys=("enter",), shown="Enter"),
+    Action(id="inspect.view", keys=("h", "ㅗ"), shown="h"),
+    Action(id="inspect.beside", keys=("b", "ㅠ"), shown="b"),
+    Action(id="inspect.circle", keys=("c", "ㅊ"), shown="c", row=""),
+    Action(id="inspect.filter", keys=("f", "ㄹ"), shown="f", row=""),
+    Action(id="inspect.larger", keys=("+", "="), shown="+ -", row=""),
+    Action(id="inspect.smaller", keys=("-",), shown="-", row="", beside=True),
+    Action(id="inspect.whole", keys=("z", "ㅋ"), shown="z", row=""),
+    Action(id="inspect.export", keys=("x", "ㅌ"), shown="x", row=""),
     Action(id="inspect.up", keys=("up",), shown="↑", row="", stops=Stops.MOTION),
     Action(id="inspect.down", keys=("down",), shown="↓", row="", stops=Stops.MOTION, beside=True),
     Action(id="inspect.page_up", keys=("pageup",), shown="PgUp", row="", stops=Stops.MOTION),
@@ -199,6 +218,23 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="more.down", keys=("down",), shown="↓", row="", beside=True),
     Action(id="more.open", keys=("enter",), shown="Enter"),
     Action(id="more.settings", keys=("s", "ㄴ"), shown="s"),
+    Action(id="more.tune", keys=("u", "ㅕ"), shown="u"),
+    Action(id="more.calibrate", keys=("c", "ㅊ"), shown="c"),
+    Action(id="tune.view", keys=("v", "ㅍ"), shown="v"),
+    Action(id="tune.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="tune.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="tune.read", keys=("r", "ㄱ"), shown="r"),
+    Action(id="calibrate.kind", keys=("v", "ㅍ"), shown="v"),
+    Action(id="calibrate.view", keys=("p", "ㅔ"), shown="p"),
+    Action(id="calibrate.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="calibrate.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="calibrate.new", keys=("n", "ㅜ"), shown="n"),
+    Action(id="calibrate.take", keys=("enter",), shown="Enter", row=""),
+    Action(id="calibrate.import", keys=("i", "ㅑ"), shown="i"),
+    Action(id="calibrate.offset", keys=("o", "ㅐ"), shown="o", row=""),
+    Action(id="calibrate.undo", keys=("u", "ㅕ"), shown="u", row=""),
+    Action(id="calibrate.drop", keys=("d", "ㅇ"), shown="d", row="", once=True),
+    Action(id="calibrate.keep", keys=("a", "ㅁ"), shown="a", once=True),
 )
 
 READING = (

@@ -9,6 +9,7 @@ from console.tui.frame import MARKS, Frame, answer_of
 from console.tui.glossary import glossary_lines
 from console.tui.keymap import LISTS, Action, help_lines
 from console.tui.lines import BLANK, Line, Sheet, dim, hanging, line, wrapped
+from console.tui.link.lost_lines import lost_rows
 from console.tui.pages.fields import named
 from console.tui.palette_list import QUERY_CAP, Entry, found, palette_lines
 from console.tui.theme import Palette, Token
@@ -150,6 +151,7 @@ def message_lines(frame: Frame, of_page: Sequence[Line], width: int) -> list[Lin
         rows += [BLANK, line((text("messages.answers", count=len(answers)), Token.TITLE))]
     for problem in answers:
         rows += hanging(("– ", Token.WARNING), text.problem(named(problem, text)), width, Token.WARNING)
+    rows += lost_rows(text, frame.state, width)
     if of_page:
         rows += [BLANK, line((text(f"page.{frame.page}"), Token.TITLE)), *of_page]
     return [*rows, BLANK, line(dim(text("messages.close")))]

@@ -44,6 +44,9 @@ class Page(Container):
     def act(self, action: str) -> None:
         """Perform the action of one of the page's own keys."""
 
+    def heard(self, action: str | None) -> None:
+        """Note a key before it is acted on, whatever it means: the action, None without one."""
+
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why an action of the page cannot be done now: what its key answers. Empty where it can."""
         return ()
@@ -55,6 +58,9 @@ class Page(Container):
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return what the page asks the operator to do or to correct, uncut, for the list of messages."""
         return []
+
+    def open_named(self, name: str) -> None:
+        """Open the job of a scanned code, or say why not: for the page that lists the jobs."""
 
     @property
     def chosen_alarm(self) -> Problem | None:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from drivers.cutting.strategy import Strategy
     from drivers.preview.outlook import Outlook
     from drivers.preview.preview import Asked, Preview, Program, Underway
+    from profiles.axis.response import ServoResponse
     from profiles.axis.servo import Eq9Summary
     from profiles.compensations.learned import ExpectedPart
     from profiles.compensations.path import CutPath
@@ -59,8 +60,8 @@ class Kept(Generic[Key, Value]):
 class Question:
     """What is to be predicted; `path` is that of a cut with `strategy`, None for the model's.
 
-    `taught` is the result expected from the part that the path was learned from. A cut `in_air` has its program
-    further out.
+    `taught` is the result expected from the part that the path was learned from. `response` is the identified one
+    that the path inverts, None the model's. A cut `in_air` has its program further out.
     """
 
     job: Job
@@ -68,6 +69,7 @@ class Question:
     strategy: str
     path: CutPath | None = None
     taught: ExpectedPart | None = None
+    response: ServoResponse | None = None
     in_air: bool = False
 
 
@@ -104,6 +106,7 @@ class Previewer:
             strategy=work.strategy,
             path=path,
             taught=None if path is None else _taught(work, alignment),
+            response=_inverted(work),
             in_air=work.stage == "air",
         )
         answered = self._answered(work, question)
@@ -171,6 +174,12 @@ class Previewer:
         return True
 
 
+def _inverted(work: Work) -> ServoResponse | None:
+    """Return the identified response of the chosen path; one of another path is refused, and not predicted."""
+    chosen = work.inverts
+    return None if chosen is None or chosen.identified.path.value != work.strategy else chosen.response
+
+
 def _taught(work: Work, alignment: Alignment) -> ExpectedPart | None:
     """Return what a part has taught of the path, with jaw 1 where it was found; None for an air cut."""
     from console.session.stages import Stage
@@ -190,7 +199,7 @@ def _begin(question: Question) -> _Begun:
     from drivers.preview.outlook import outlook
     from drivers.preview.preview import all_asked
 
-    parts = (question.job, question.machine, Strategy(question.strategy), None)
+    parts = (question.job, question.machine, Strategy(question.strategy), question.response)
     try:
         seen = outlook(*parts, path=question.path, taught=question.taught)
     except ProblemError as error:
@@ -216,10 +225,11 @@ class ChosenPath:
 
     def of(self, work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | None:
         """Return the path of compensation and stage, None for the model's, and for one that may not be cut."""
-        if work.compensation is None and work.stage != "partial":
+        if work.compensation is None and work.inverts is None and work.stage != "partial":
             return None
         # Tuple comparison checks identity first, and from tick to tick the objects are the same.
-        made_of = (work.job, work.loaded, work.strategy, work.stage, work.compensation, alignment, simulated)
+        chosen = (work.strategy, work.stage, work.compensation, work.inverts)
+        made_of = (work.job, work.loaded, *chosen, alignment, simulated)
         if made_of != self._made_of:
             self._made_of, self._path = made_of, _path(work, alignment, simulated=simulated)
         return self._path
@@ -227,7 +237,7 @@ class ChosenPath:
 
 def _path(work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | None:
     # Loads numerics, which the first page does without.
-    from console.session.cut.compensated import chosen_problems, path_of
+    from console.session.cut.compensated import chosen_problems, inverted_path, path_of
     from console.session.stages import Stage, staged
     from drivers.cutting.strategy import Strategy
 
@@ -235,7 +245,9 @@ def _path(work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | Non
         return None
     job, machine = aligned_job(work.job, alignment), aligned_machine(work.machine.machine, alignment)
     try:
-        learned = path_of(job, work.job, work.compensation)
-        return staged(job, machine, Strategy(work.strategy), Stage(work.stage), learned)
+        strategy, path = Strategy(work.strategy), path_of(job, work.job, work.compensation)
+        if path is None:
+            path = inverted_path(job, machine, strategy, work.inverts)
+        return staged(job, machine, strategy, Stage(work.stage), path)
     except ProblemError:
-        return None  # the preview of the model fails for the same reason, and reports it
+        return None  # the preview fails for the same reason, and reports it

@@ -32,6 +32,7 @@ class Token(Enum):
     KEY = auto()
     AXIS = auto()
     RING = auto()
+    TOLERANCE = auto()  # the rings between which a round part lies
     MARK = auto()
     BEFORE = auto()
     AFTER = auto()
@@ -70,6 +71,7 @@ COLOUR: Palette = {
     Token.KEY: _on_dark(_BRIGHT),
     Token.AXIS: _on_dark(_DIM),
     Token.RING: _on_dark("#626262"),
+    Token.TOLERANCE: _on_dark(_GREY),
     Token.MARK: _on_dark(_BRIGHT, bold=True),
     Token.BEFORE: _on_dark(_ORANGE),
     Token.AFTER: _on_dark(_CYAN),

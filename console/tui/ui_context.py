@@ -40,7 +40,8 @@ class UiContext:
 
     `draft` is a new job that is being filled in: while it is, no job is open. `copying` asks the page Set-up for
     the name of a copy of the open job. `go` shows another page. `data` is the operator's folder. `jog` is the
-    action that requested the last jog step. `log` is that of this session, up to the last tick.
+    action that requested the last jog step, `queued` whether steps of it are still to be made: the machine may
+    rest between two of them. `log` is that of this session, up to the last tick.
     """
 
     text: Catalogue
@@ -53,6 +54,7 @@ class UiContext:
     draft: Work | None = None
     copying: bool = False
     jog: str | None = None
+    queued: bool = False
     log: SessionLog = field(default_factory=SessionLog)
     _said: tuple[Problem, ...] = ()
     _said_at: Moment | None = None
@@ -97,6 +99,16 @@ class UiContext:
     def view(self) -> View:
         """What the pages are shown now."""
         return View(state=self.control.state, work=self.work, now_s=self.control.now_s())
+
+    def stop(self, reason: str) -> None:
+        """Stop the machine; no step of a jog key follows. Also called from the thread that reads the terminal."""
+        self.control.stop(reason)
+        self.queued = False
+
+    def kill(self, reason: str) -> None:
+        """Open every loop of the machine, as `stop`."""
+        self.control.kill(reason)
+        self.queued = False
 
     def say_until_key(self, problem: Problem) -> None:
         """Show until the next key a text that holds in any state, such as why the machine is being stopped."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from drivers.cutting.feed_hold import FeedHold
 from drivers.cutting.guarding import ProgramEnd
+from drivers.cutting.program_reports import ProgramReports
 from drivers.cutting.sampling import BatchGather
 from drivers.errors import DriverError, LinkTimeoutError
 from drivers.lathe.guards import Guard, unguarded
@@ -29,6 +31,8 @@ STOPPED_BY_ITEM = f"P{STOPPED_BY}"
 class CutProgram:
     """The program of one machine. `held`: whether the last loaded program was asked to end early.
 
+    `hold` is the feed hold of that program.
+
     `definitions` are the axis definitions of the controller, which a loaded program may have changed. Every method
     that queries or sends raises `DriverError` when the link breaks or the controller refuses to answer.
     """
@@ -43,6 +47,7 @@ class CutProgram:
         self._stop, self._heartbeat, self._poller = wiring.stop, wiring.heartbeat, wiring.poller
         self._sending, self._motion, self._tables = wiring.sending, motion, wiring.tables
         self._forget_jogs = forget_jogs
+        self.hold = FeedHold(wiring.client, wiring.sending)
 
     @property
     def watchdog(self) -> str:
@@ -64,6 +69,7 @@ class CutProgram:
         self._sending.refuse_unless_owner()
         self.definitions = axis_definitions or self._machine.controller.axis_definitions
         self._to_restore, self._loaded = restore, None
+        self.hold = FeedHold(self._client, self._sending)
         self._client.request(f"{STOPPED_BY_ITEM}=0")
         self._loaded = load_program(self._client, program, DIALECTS[self._machine.controller.family])
         self.held = False
@@ -128,6 +134,7 @@ class CutProgram:
             return f"&1 {guarded}"
 
         self._forget_jogs()
+        self.hold = FeedHold(self._client, self._sending)
         self._sending.move(f"B{number}R", guarded)
 
     def end_after_turn(self) -> None:
@@ -162,11 +169,17 @@ class CutProgram:
         """Return the gatherer of tool and spindle during a cut, see `drivers.cutting.sampling`; nothing moves."""
         return BatchGather(self._client, self._machine, self._clock, lambda: self._poller.round_trip_s)
 
+    def reports(self) -> ProgramReports | None:
+        """Return the reader of what the loaded program reports of itself, None where none is loaded."""
+        loaded = self._loaded
+        return None if loaded is None else ProgramReports(self._client, self._poller, loaded.program)
+
     def follow(self, watch: Callable[[Snapshot], None], timeout_s: float, guard: Guard = unguarded) -> Snapshot:
         """Poll the machine until the program has ended and the axes have arrived.
 
         After `REST_S` it suffices that the tool is commanded to rest and lags by less than its warning limit.
-        Meanwhile `guard` judges each poll, and the constants of the program are read in turn.
+        Meanwhile `guard` judges each poll, and the constants of the program are read in turn. A feed hold takes
+        its own time: the program bounds it.
 
         Raises:
             DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, `controller.constant_differs`,
@@ -184,6 +197,7 @@ class CutProgram:
                 "program",
                 watch,
                 guard=guard,
+                waits=lambda: self.hold.report.active,
             )
         finally:
             self._poller.watched, self._poller.changed = None, None

@@ -17,6 +17,16 @@ if TYPE_CHECKING:
     from profiles.machine import MachineProfile
 
 
+def _hold_from(planning: Planning) -> float:
+    """Return from where on a cut may be held: it comes in again some turns before, with the carriage in motion."""
+    from drivers.pmac.programs.hold import back_mm
+    from drivers.pmac.programs.pvt import out_ms
+
+    job, machine, setup = planning.job, planning.machine, planning.setup
+    way_mm = back_mm(job.feed_mm_per_rev, 60_000.0 / job.spindle_speed_rpm, out_ms(setup))
+    return setup.carriage_start + way_mm * machine.carriage.counts_per_mm
+
+
 def _by_pvt(planning: Planning, command: LobedPath) -> Made:
     """Make segments of PVT, with the spindle turned by the program."""
     from drivers.pmac.programs.pvt import pvt_program
@@ -25,6 +35,7 @@ def _by_pvt(planning: Planning, command: LobedPath) -> Made:
         text=pvt_program(planning.job, planning.setup, command),
         tool_start=planning.setup.retracted,
         axis_definitions=planning.machine.controller.axis_definitions,
+        hold_from=_hold_from(planning),
     )
 
 
@@ -32,6 +43,7 @@ def _cam(planning: Planning) -> Made:
     """Make a compensation table by the angle of the spindle."""
     from drivers.pmac.programs.cam import cam_program, correction_register
     from drivers.pmac.programs.cam_table import make_cam
+    from drivers.pmac.programs.setup import SERVO
 
     job, machine, setup = planning.job, planning.machine, planning.setup
     cam = make_cam(machine, setup, planning.command)
@@ -42,6 +54,8 @@ def _cam(planning: Planning) -> Made:
         table=cam.table,
         correction_register=correction_register(machine),
         zero_row_z=cam.zero_z,
+        # Without the spindle among its axes the program does not know at which angle the tool comes in again.
+        hold_from=_hold_from(planning) if machine.spindle.drive == SERVO and not planning.trimmed else None,
     )
 
 
@@ -57,6 +71,7 @@ def _timebase(planning: Planning) -> Made:
         axis_definitions=definitions,
         restore=timebase.restoring_lines(machine, dialect),
         clock=timebase.spindle_clock(job, machine, dialect),
+        hold_from=_hold_from(planning),
     )
 
 

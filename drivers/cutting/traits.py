@@ -48,6 +48,8 @@ class Made:
     `table` is the compensation table that the program switches on. Before it is loaded, and once it has ended,
     `Tables.left` finds nothing. After a stop the tool retracts, the carriage moves to `zero_row_z`
     (counts), and the table is switched off there. `clock` is the spindle where it is the program's time base.
+    `hold_from` is where the carriage (counts) has room behind it to come back from a feed hold, None where the
+    tool would not come in again at the same angle and place.
     """
 
     text: str
@@ -58,6 +60,12 @@ class Made:
     correction_register: str = ""
     zero_row_z: float | None = None
     clock: SpindleClock | None = None
+    hold_from: float | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether a feed hold brings the tool back in at the same angle and place."""
+        return self.hold_from is not None
 
 
 class AngleZero(Enum):

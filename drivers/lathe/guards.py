@@ -6,7 +6,7 @@ Pure: a snapshot goes in, problems come out. The code that waits for the motion 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import REAL_TIME_PERCENT, AxisName, Snapshot
@@ -105,10 +105,16 @@ class ProgramGuard:
         """`real_time` is False for a program whose time base is not the feed override."""
         self._lengths, self._ranges, self._real_time = lengths, tuple(ranges), real_time
         self._last: Snapshot | None = None
+        self.further_turned = 0.0  # counts by which a feed hold lets the spindle go beyond its range
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge one poll."""
-        outside = _outside(self._ranges, snapshot, "cut.outside_plan", self._lengths)
+        further = self.further_turned
+        ranges = [
+            replace(each, high=each.high + further) if each.axis is AxisName.SPINDLE and further else each
+            for each in self._ranges
+        ]
+        outside = _outside(ranges, snapshot, "cut.outside_plan", self._lengths)
         problems = (self._override(snapshot), *outside, self._stalled(snapshot))
         return tuple(problem for problem in problems if problem is not None)
 

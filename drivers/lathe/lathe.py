@@ -23,8 +23,9 @@ from drivers.lathe.lengths import motor_of
 from drivers.lathe.motion import Motion
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.polling import POLL_TIMEOUT_S, Poller
+from drivers.lathe.signature import read_signature, sign
 from drivers.lathe.snapshot import AxisName, Snapshot, SnapshotItems, driven_axes
-from drivers.lathe.standing import NOBODY, Standing
+from drivers.lathe.standing import NOBODY, Signature, Standing
 from drivers.lathe.standstill import prove_rest
 from drivers.lathe.stop import StopPath
 from drivers.lathe.wiring import Wiring
@@ -104,6 +105,26 @@ class Lathe:
             raise RefusedError(Problem(code="controller.family_differs", where=where, value=kind, limit=limit))
         return version, kind
 
+    def reconnect(self) -> Snapshot:
+        """Set up a link that was opened anew, and read the machine and who controls it; return what it does.
+
+        Nothing is claimed, stopped or renewed: what this console had guarded is left to the controller.
+        Raises RefusedError: `controller.family_differs`.
+        """
+        if self._heartbeat is not None:
+            self._heartbeat.forgo()
+        self.connect()
+        return self.snapshot()
+
+    @property
+    def ends_within_s(self) -> float:
+        """How long the controller may take to end what its host no longer guards; 0 where it ends nothing."""
+        return 0.0 if self._heartbeat is None else self._heartbeat.ends_within_s
+
+    def is_ending(self) -> bool:
+        """Query whether the controller is ending something that lost its host."""
+        return self._heartbeat is not None and self._heartbeat.is_ending()
+
     def claim(self) -> None:
         """Claim control of the machine for this console; without ownership there is nothing to claim.
 
@@ -122,6 +143,17 @@ class Lathe:
             return NOBODY
         self._jogs.forget()
         return self.ownership.take_control(at_rest=self.snapshot().at_rest)
+
+    def sign(self, name: str, host: str, minute: int) -> None:
+        """Write into the controller who has claimed it; a failure affects nothing, the next poll reports it."""
+        if self.ownership is not None and self.ownership.standing is Standing.OWNER:
+            with suppress(DriverError):
+                mark = Signature(number=self.ownership.number, name=name, host=host, minute=minute)
+                sign(self._client, mark)
+
+    def signed_by(self, holder: int) -> Signature | None:
+        """Return who works at the console of this number; None where it has not written that."""
+        return read_signature(self._client, holder)
 
     def release(self) -> None:
         """Release control; if the link fails, the next console has to take control."""

@@ -41,10 +41,12 @@ class Motion:
         *,
         guard: Guard = unguarded,
         homing: AxisName | None = None,
+        waits: Callable[[], bool] = lambda: False,
     ) -> Snapshot:
         """Poll until the motion is over; `watch` is called with each poll of a cut. `what` names it in errors.
 
-        `guard` judges each poll. The axis that is `homing` may lose its zero; every other must keep it.
+        `guard` judges each poll. The axis that is `homing` may lose its zero; every other must keep it. While it
+        `waits` for somebody the timeout does not run.
 
         Raises:
             DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, `controller.was_reset`,
@@ -73,6 +75,8 @@ class Motion:
                 if alone:
                     raise DriverError(*alone)
                 return snapshot
+            if waits() and not alone:
+                deadline = self._clock.now_s() + timeout_s
             if self._clock.now_s() > deadline:
                 self._stop.stop(f"{what}: {timeout_s:g} s")
                 raise DriverError(*alone, Problem(code="machine.timeout", key=what, value=f"{timeout_s:g} s"))

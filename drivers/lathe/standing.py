@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum, auto
 
 NOBODY = 0  # the console number that means no console
@@ -16,3 +17,13 @@ class Standing(StrEnum):
     """It was the owner until another console wrote its number: what is armed or moving is no longer ours."""
     CHANGING = auto()
     """A claim, take-control or release is in progress; only its reply shows who owns the machine."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signature:
+    """The console `number` is worked by `name` at the computer `host`, since `minute` (UTC, of the epoch)."""
+
+    number: int
+    name: str
+    host: str
+    minute: int

@@ -120,6 +120,10 @@ class StopPath:
         self.loops_closed = False
         self._released = proven
 
+    def withdraw(self, count: int) -> None:
+        """Drop the first `count` stops, none of which reached the machine: another console controls it now."""
+        self._released, self.given_up = max(self._released, count), False
+
     def switch_off(self) -> None:
         """Disable the drives without a stop in force afterwards: a normal action, for a machine at rest."""
         self.loops_closed = False

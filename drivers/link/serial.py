@@ -58,7 +58,7 @@ class SerialLink:
                     raise TimeoutError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
                 if left:
                     time.sleep(self._pace.wait_s(now_s))
-        except OSError as error:
+        except (OSError, ValueError) as error:
             raise self._lost(error) from error
 
     def send_urgent(self, data: bytes) -> None:
@@ -70,7 +70,7 @@ class SerialLink:
         held = self._handing.acquire(timeout=URGENT_WAIT_S)
         try:
             self._squeeze_in(data, deadline)
-        except OSError as error:
+        except (OSError, ValueError) as error:  # a closed line has no descriptor
             raise self._lost(error) from error
         finally:
             if held:

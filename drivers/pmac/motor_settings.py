@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.settings import PARTS_PER_COUNT, settings_with
-from drivers.pmac.trajectory.jog import change_speed, jog_settings
+from drivers.pmac.trajectory.jog import JogSettings, change_speed, jog_settings, jog_to
 from drivers.pmac.variables import VariableStore
 from profiles.machine import MachineProfile
 
@@ -85,10 +85,24 @@ class MotorSettings:
     @property
     def home_braking_s(self) -> float:
         """Time from the home search speed, Ix23, to rest."""
+        settings = self._jog_settings(23)
+        return sum(piece.duration_ms for piece in change_speed(0.0, settings.speed, 0.0, settings)) / _PER_S
+
+    @property
+    def home_speed(self) -> float:
+        """Speed of a home search, Ix23, per second."""
+        return self._jog_settings(23).speed / self.counts_per_unit * _PER_S
+
+    def jog_s(self, way: float) -> float:
+        """Return the commanded duration of a jog over this distance; the axis may settle some moments later."""
+        pieces = jog_to(0.0, way * self.counts_per_unit, self._jog_settings(22))
+        return sum(piece.duration_ms for piece in pieces) / _PER_S
+
+    def _jog_settings(self, speed: int) -> JogSettings:
+        """Return the settings of a jog at the speed of this variable."""
         dialect = DIALECTS[self.machine.controller.family]
         variables = VariableStore(settings_with(self.machine.controller.variables, dialect), dialect)
-        settings = jog_settings(variables, self.motor, 23)
-        return sum(piece.duration_ms for piece in change_speed(0.0, settings.speed, 0.0, settings)) / _PER_S
+        return jog_settings(variables, self.motor, speed)
 
     def step_speed(self, way: float) -> float:
         """Return an upper bound of the speed that a jog over this distance reaches, per second.

@@ -1,6 +1,6 @@
 """The variables and PLCs of a controller that belong to the console; nothing else may use them.
 
-They are above those that programs of the console calculate with (P11 to P45), and exist in both families. Besides
+They are above those that programs of the console calculate with (P11 to P52), and exist in both families. Besides
 them the heartbeat has P1006 to P1010, M71 and M1000 to M1014 (`heartbeat/watchdog.py`), on a Turbo I5112 as a
 second timer; a cut on the spindle's time base has M199, one on a table the M-variable of the tool's correction.
 """
@@ -25,3 +25,6 @@ RETRACTED = 1005  # P-variable: target of the tool when a cut is ended, counts o
 
 STOPPED_BY = 1011
 """P-variable: the number of a monitoring console that has stopped the machine; written after its stop."""
+
+SIGNATURE = 1012
+"""P-variables up to P1023: who controls the machine, in words (`drivers/lathe/signature.py`)."""

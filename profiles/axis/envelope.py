@@ -25,6 +25,8 @@ from profiles.problem import ProfileError
 AMPLITUDES_UM = (5.0, 16.5, 27.5, 50.0, 100.0, 200.0, 500.0, 1000.0)
 RESERVED_N = 100.0  # cutting force that is reserved
 _LEAST_HZ, _MOST_HZ, _GRID = 0.05, 1e5, 4000
+_LEAST_AMPLITUDE_UM = 0.01
+"""A job without a lobe has no limit; nor has a hundredth of a micrometre."""
 _REFINED, _PARTS = 7, 64  # a crossing is found to 64^-7 of a step of the grid
 
 
@@ -68,8 +70,8 @@ def envelope(
 ) -> Envelope:
     """Return the envelope of a machine for the jaws of a job."""
     rows = tuple(envelope_row(machine, each, job.jaws, reserved_n=reserved_n) for each in amplitudes_um)
-    # A job without a lobe has no limit; nor has a hundredth of a micrometre.
-    at_job = envelope_row(machine, max(job.lobe_amplitude_um, 0.01), job.jaws, reserved_n=reserved_n)
+    amplitude_um = max(job.lobe_amplitude_um, _LEAST_AMPLITUDE_UM)
+    at_job = envelope_row(machine, amplitude_um, job.jaws, reserved_n=reserved_n)
     fraction = job.roundness_tolerance_um / job.lobe_error_um_pp if job.lobe_error_um_pp > 0 else math.inf
     plain_hz = first_beyond(lambda f: np.abs(1 - sampled_response(machine, f)), fraction, nyquist_hz(machine))
     return Envelope(
@@ -121,6 +123,13 @@ def speed_limits_rpm(
         "grip_loss": most_loss_speed_rpm(job.chucking_force_n, of_jaws),
         "response": spindle_speed_rpm(_highest_invertible_hz(machine, response), job.jaws),
     }
+
+
+def highest_safe_speed(job: Job, machine: MachineProfile, response: ServoResponse) -> tuple[dict[str, float], str]:
+    """Return `speed_limits_rpm` of a job, and the name of the lowest, which is its highest safe speed."""
+    amplitude_um = max(job.lobe_amplitude_um, _LEAST_AMPLITUDE_UM)
+    limits = speed_limits_rpm(job, machine, response, envelope_row(machine, amplitude_um, job.jaws))
+    return limits, min(limits, key=limits.__getitem__)
 
 
 def first_beyond(measure: Callable[[Floats], Floats], limit: float, top_hz: float) -> float | None:

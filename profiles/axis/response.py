@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from profiles.arrays import Complexes, Floats, complexes, floats
+from profiles.axis.monotone_cubic import monotone_cubic
 from profiles.axis.servo import sampled_response
 from profiles.machine import MachineProfile
 from profiles.problem import refused
@@ -181,9 +182,7 @@ class _Points:
         hz, gain, *_ = self.table
         if hz.size == 1:
             return self._lines(frequency_hz)
-        from scipy.interpolate import PchipInterpolator
-
-        gains, phases_rad = (PchipInterpolator(hz, each)(frequency_hz) for each in (gain, self._phase_rad))
+        gains, phases_rad = (monotone_cubic(hz, each, frequency_hz) for each in (gain, self._phase_rad))
         return _phasor(gains, phases_rad)
 
     def _lines(self, frequency_hz: Floats) -> Complexes:

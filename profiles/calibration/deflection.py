@@ -79,6 +79,11 @@ class DeflectionFit:
     freedom: int
     outliers: tuple[int, ...]
 
+    def deflections_um(self, columns: Mapping[str, Floats]) -> Floats:
+        """Return the deflections that the fit has for measurements; columns as for `fit_deflection`, um."""
+        model = _Model(columns, self.jaws, self.youngs_gpa, REFERENCE_FORCE_N)
+        return model.at(np.array([math.log(self.stiffness_n_per_um), self.alpha, math.log(self.jaw_length_mm)]))
+
     def anisotropy(
         self, *, chucking_force_n: float, load_n: float, overhang_mm: float, diameter_mm: float
     ) -> Anisotropy:

@@ -91,7 +91,9 @@ class WithStation(OneConsole):
         return [problem.code for problem in self.state.refusals]
 
 
-def console_of(sim: SimulatedLathe, machine: MachineProfile, data: Path, *, locking: bool = True) -> OneConsole:
+def console_of(
+    sim: SimulatedLathe, machine: MachineProfile, data: Path, *, locking: bool = True, name: str = ""
+) -> OneConsole:
     """Connect a console. `data` is the folder of its user, where the lock and the log are."""
     line = HeardPort(port=sim.connect())
     link = MemoryLink(line, sim)
@@ -104,15 +106,15 @@ def console_of(sim: SimulatedLathe, machine: MachineProfile, data: Path, *, lock
 
     lathe = Lathe(client, machine, sim, stop, tell, Heartbeat(client, sim, machine), Ownership(client))
     lock = partial(take_lock, data, ADDRESS) if locking else None
-    owning = Owning(lathe, ADDRESS, data, lock)
+    owning = Owning(lathe, ADDRESS, data, lock, name=name)
     client.connect()
     return OneConsole(sim=sim, line=line, client=client, lathe=lathe, stop=stop, owning=owning, looks=looks)
 
 
-def station_of(sim: SimulatedLathe, data: Path, *, locking: bool = True) -> WithStation:
+def station_of(sim: SimulatedLathe, data: Path, *, locking: bool = True, name: str = "") -> WithStation:
     """Connect a console with a station, as a screen has it: it claims the machine, or looks on."""
     loaded: LoadedMachine = load_machine(MACHINE)
-    alone = console_of(sim, loaded.machine, data, locking=locking)
+    alone = console_of(sim, loaded.machine, data, locking=locking, name=name)
     context = StationContext(
         lathe=alone.lathe,
         owning=alone.owning,
@@ -121,6 +123,7 @@ def station_of(sim: SimulatedLathe, data: Path, *, locking: bool = True) -> With
         shop=None,
         records=data,
         local_time=lambda: LOCAL_TIME,
+        client=alone.client,
     )
     context.tell(address=ADDRESS)
     station = Station(context)

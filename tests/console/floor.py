@@ -129,7 +129,8 @@ def open_floor(
                 look(snapshot)
             floor.station.seen(snapshot)
 
-    lathe = Lathe(PmacClient(link, sim), machine.machine, sim, stop, seen)
+    client = PmacClient(link, sim)
+    lathe = Lathe(client, machine.machine, sim, stop, seen)
     context = StationContext(
         lathe=lathe,
         owning=Owning(lathe, link.address, records),
@@ -138,6 +139,7 @@ def open_floor(
         shop=sim,
         records=records,
         local_time=lambda: LOCAL_TIME,
+        client=client,
     )
     floor = Floor(sim=sim, lathe=lathe, stop=stop, link=link, station=Station(context), context=context)
     made.append(floor)

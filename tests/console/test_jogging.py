@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from console.session.cut.alignment import Alignment, TouchOff, clamping_of
+from console.session.station.durations import jog_s
 from console.session.station.jogging import (
     STEPS_DEG,
     STEPS_MM,
@@ -158,3 +159,15 @@ def test_the_tool_radius_is_that_of_the_touch_off(machine: MachineProfile) -> No
     assert tool_radius_mm(250_000.0, machine, Alignment()) == pytest.approx(26.0)
     touched = Alignment(touch_off=TouchOff(zero_radius_mm=76.1, diameter_mm=52.0, at="08:45"))
     assert tool_radius_mm(250_000.0, machine, touched) == pytest.approx(26.1)
+
+
+@pytest.mark.parametrize(("axis", "rung"), STEPS)
+def test_the_time_of_a_step_is_that_of_its_trajectory(machine: MachineProfile, axis: AxisName, rung: int) -> None:
+    step = Steps(mm=rung, deg=rung).of(axis)
+    end_ms = sum(piece.duration_ms for piece in trajectory(machine, axis, step))
+    assert jog_s(machine, axis, -step) == pytest.approx(end_ms / 1000.0)
+
+
+def test_a_long_jog_takes_its_way_at_its_speed_and_a_ramp(machine: MachineProfile) -> None:
+    # 100 mm at 10 mm/s, and once the acceleration time of 100 ms.
+    assert jog_s(machine, AxisName.CARRIAGE, 100.0) == pytest.approx(10.1)

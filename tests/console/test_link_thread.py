@@ -14,6 +14,7 @@ from console.session.station.link_thread import LinkThread
 from console.session.station.state import Activity, StationState
 from console.session.station.station import Opened
 from drivers.errors import LinkError
+from drivers.lathe.snapshot import Snapshot
 from profiles.problem import Problem
 from tests.console.floor import Floor, open_floor
 
@@ -111,6 +112,27 @@ def test_the_end_stops_what_moves_and_leaves_the_drives_off(link: LinkThread, fl
     assert stop is not None and stop.reason == "SIGTERM" and stop.killed and stop.rest_s is not None
     snapshot = floor.lathe.snapshot()
     assert snapshot.at_rest and snapshot.loops_open and not snapshot.homed
+
+
+def test_signals_that_keep_coming_do_not_keep_the_machine_from_being_proven_at_rest(floor: Floor) -> None:
+    """Each stop begins the proof of rest anew: those of further signals would use up the time for it."""
+    link = LinkThread("a lathe", True, lambda: opened(floor), give_up=lambda _: None)
+    link.start()
+    link.open()
+    wait_until(lambda: link.state.activity is Activity.READY)
+    ordered(link, EnableDrives())
+    wait_until(lambda: link.state.activity is Activity.READY and link.state.alignment.drives_on)
+    begun: list[float] = []
+
+    def again(snapshot: Snapshot) -> None:
+        if begun or not snapshot.at_rest:
+            begun.append(floor.sim.now_s())
+            link.end("SIGTERM", must_leave=True)
+
+    floor.looks.append(again)
+    ordered(link, Home())
+    assert link.join(SOON_S) and link.rested
+    assert begun[-1] - begun[0] < 3.0, "ramp, drives off, and both proven"
 
 
 def test_an_end_between_an_order_and_its_beginning_lets_nothing_move(floor: Floor) -> None:

@@ -23,6 +23,7 @@ from console.session.station.commands import (
     Home,
     Jog,
     Measure,
+    ReadLoop,
     Recover,
     Retract,
     Start,
@@ -130,8 +131,8 @@ def test_a_second_console_of_the_same_computer_looks_on_as_well(
     assert beside.state.holder == owner.number
 
 
-def test_every_order_but_three_is_refused_to_an_observer(owner: WithStation, observer: WithStation) -> None:
-    assert {type(order) for order in REFUSED} | {Verify, Recover, TakeControl} == set(HANDLERS)
+def test_every_order_but_four_is_refused_to_an_observer(owner: WithStation, observer: WithStation) -> None:
+    assert {type(order) for order in REFUSED} | {Verify, Recover, TakeControl, ReadLoop} == set(HANDLERS)
     observer.hear()
     for order in REFUSED:
         assert not observer.station.post(order)
@@ -186,7 +187,8 @@ def test_an_observer_that_has_stopped_a_machine_at_rest_changes_nothing_for_its_
 ) -> None:
     observer.look()
     observer.stop.stop("escape")
-    assert observer.look().activity is Activity.STOPPED
+    assert observer.look().activity is Activity.READY
+    assert observer.refusals == ["session.stopped_at_rest"]
     assert ready.look().activity is Activity.READY and ready.alarms == []
     in_a_jog(ready, observer.look)
     assert ready.refusals == [] and ready.alarms == []

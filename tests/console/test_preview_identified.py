@@ -127,16 +127,23 @@ def test_what_may_be_friction_counts_where_the_cut_swings_further_than_what_was_
 
 @pytest.mark.parametrize("path", ["pvt", "cam"])
 def test_what_is_predicted_is_of_the_strategy_whose_path_was_identified(
-    console: Console, tmp_path: Path, job_file: JobFile, path: str
+    console: Console, tmp_path: Path, job_file: JobFile, path: str, data_folder: Path
 ) -> None:
-    words = (str(job_file(cut_length_mm="1.0")), "--strategy", path, "--identified", str(file_of(tmp_path, path)))
+    """By its file, and as the newest of those that `console identify` has kept."""
+    file = file_of(tmp_path, path)
+    if path == "cam":
+        kept = data_folder / "trilobe" / "identified" / MACHINE.name
+        kept.mkdir(parents=True)
+        file = file.rename(kept / "cam-20011130T140500000Z.json")
+    asked = str(file) if path == "pvt" else "newest"
+    words = (str(job_file(cut_length_mm="1.0")), "--strategy", path, "--identified", asked)
     seen = console("preview", *words, "--json")
     assert seen.code == 0
     found = seen.json
     assert (found["strategy"], found["response"]["source"], found["response"]["name"]) == (
         path,
         "identified",
-        "there.json",
+        file.name,
     )
     assert found["predicted"]["before"]["ront_um"] == pytest.approx(55.0)
     assert found["predicted"]["after"]["ront_um"] < 0.1

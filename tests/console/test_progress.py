@@ -10,9 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from console.session.cut.phase_times import CutPhase
 from console.session.cut.telemetry import phase_of
 from console.session.station.commands import Start
 from console.session.station.progress import CutProgress, CutStage
+from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.compensations.path import LobedPath
 from tests.console.floor import experiment_1, set_up_once
 
@@ -53,7 +55,14 @@ def test_a_cut_is_followed_from_its_start_to_its_end(tmp_path: Path, in_copies: 
     floor = set_up_once(tmp_path)
     floor.arm(experiment_1(3.0))
     seen: list[CutProgress] = []
-    floor.looks.append(lambda _: seen.append(floor.state.cut) if floor.state.cut else None)
+    times_s: dict[CutStage, float] = {}
+
+    def look(snapshot: Snapshot) -> None:
+        if floor.state.cut is not None:
+            seen.append(floor.state.cut)
+            times_s.setdefault(floor.state.cut.stage, snapshot.at_s)
+
+    floor.looks.append(look)
     floor.do(Start())
     stages = list(dict.fromkeys(moment.stage for moment in seen))
     assert stages == [CutStage.POSITION, CutStage.RUN_UP, CutStage.CUT, CutStage.RETRACT]
@@ -65,3 +74,20 @@ def test_a_cut_is_followed_from_its_start_to_its_end(tmp_path: Path, in_copies: 
     assert max(abs(moment.tool_error_um) for moment in steady) < 2.0
     last = floor.state.cut
     assert last is not None and (last.turn, last.fraction) == (60.0, 1.0)
+    # 60 turns of 60 ms in the part: what is left goes down to nothing, and so does the way of the carriage.
+    left_s = [moment.phases[0].left_s for moment in cutting]
+    assert {moment.phases[0].phase for moment in cutting} == {CutPhase.CUT}
+    assert left_s == sorted(left_s, reverse=True) and left_s[0] == pytest.approx(3.6, abs=0.1)
+    assert [each.phase for each in cutting[0].phases] == [CutPhase.CUT, CutPhase.RETRACT, CutPhase.HOME]
+    (last_to_go,) = cutting[-1].to_go
+    assert last_to_go.axis is AxisName.CARRIAGE and last_to_go.left < 0.1
+    run_up = [moment for moment in seen if moment.stage is CutStage.RUN_UP]
+    took_s = times_s[CutStage.CUT] - times_s[CutStage.RUN_UP]
+    assert run_up[0].phases[0].left_s == pytest.approx(took_s, abs=0.2)
+    # The line that the controller plays, by its own listing: the longest one, in the loop of the turns.
+    places = {moment.place.text: moment.place.line for moment in steady if moment.place is not None}
+    assert len(places) == 1
+    ((text, line),) = places.items()
+    assert floor.context.plan is not None and line is not None
+    assert text.startswith("X(P11+P12*COS(P27))")
+    assert floor.context.plan.program.lines[-1 - len(floor.context.plan.program.program) + line - 1] == text

@@ -83,8 +83,8 @@ class CutFloor:
         axis: Any = self.card.card.motors[SPINDLE].axis
         axis._axis.speed_ripple = share
 
-    def start(self) -> None:
-        """Go to the start of the plan and begin."""
+    def start(self, before_run: str = "") -> None:
+        """Go to the start of the plan and begin, with `before_run` on the same line."""
         plan, card = self.plan, self.card
         # Ten times as fast as an operator would: nothing is told of the way.
         jog = self.machine.controller.variables[f"I{CARRIAGE}22"]
@@ -100,7 +100,7 @@ class CutFloor:
         for recorder in self._recorders.values():
             recorder.commands.clear()
             recorder.positions.clear()
-        card.tell(f"&1B{plan.program.number}R")
+        card.tell(f"&1 {before_run} B{plan.program.number}R")
 
     def finish(self, timeout_s: float = 60.0) -> Track:
         """Let time pass until the program has ended and nothing moves, and return what was done."""

@@ -16,6 +16,7 @@ import pytest
 from textual.pilot import Pilot
 
 from console.session.cut.alignment import Alignment, JawAngle, TouchOff, aligned_job, clamping_of
+from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseLeft
 from console.session.cut.telemetry import Phase, SpindleRipple
 from console.session.data import records
 from console.session.data.kept_files import jobs_folder
@@ -37,8 +38,9 @@ from console.tui.keymap import ACTIONS, DIGITS, PageName
 from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
+from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import Strategy
-from drivers.lathe.snapshot import AxisState, Snapshot
+from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
 from drivers.preview.preview import Preview, preview
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
@@ -46,7 +48,7 @@ from profiles.problem import Problem
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
-from tests.tui import records_stage
+from tests.tui import calibrate_stage, records_stage, tune_stage
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
 CLOCK = datetime(2026, 1, 2, 8, 52)
@@ -106,6 +108,11 @@ def scene_of(page: PageName) -> Scene:
             alarms, log = alarmed()
             return Scene(page=page, state=replace(machine(Activity.READY), alarms=alarms), work=signed(), log=log)
         case PageName.MORE | PageName.SETTINGS:
+            return Scene(page=page, state=machine(Activity.READY), work=signed())
+        case PageName.TUNE:
+            state = replace(machine(Activity.READY), tool_loop=tune_stage.tool_loop())
+            return Scene(page=page, state=state, work=signed())
+        case PageName.CALIBRATE:
             return Scene(page=page, state=machine(Activity.READY), work=signed())
         case PageName.INSPECT:
             after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
@@ -191,7 +198,10 @@ def cut() -> CutProgress:
         synchronisation=Synchronisation.IN_SYNC,
         ripple=SpindleRipple(1.183, 0.568),
         angles_deg=angles_deg,
-        errors_um=harmonics,
+        errors_um=harmonics + 0.13 * np.cos(1.7 * np.arange(240.0)),
+        phases=(PhaseLeft(CutPhase.CUT, 4.6), PhaseLeft(CutPhase.RETRACT, 0.41), PhaseLeft(CutPhase.HOME, 0.83)),
+        to_go=(AxisToGo(AxisName.CARRIAGE, 3.84),),
+        place=ProgramPlace(program=2, text="X(P11+P12*COS(P27)):(-P15*SIN(P27))", line=31, lines=66),
     )
 
 
@@ -245,6 +255,8 @@ def fill(data: Path) -> None:
         save_job(replace(load_job(EXPERIMENT).job, name=name, **changes), folder / f"{name}.toml")  # type: ignore[arg-type]
     (folder / "unfinished.toml").write_text("name = 3\n", encoding="utf-8")
     (data / FILE_NAME).write_bytes(recorded())
+    tune_stage.fill(data)
+    calibrate_stage.fill(data)
 
 
 @cache

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 from textual.app import App, ComposeResult
 
-from console.session.station.commands import Command
+from console.session.station.commands import Command, Jog
 from console.session.station.state import StationState
 from console.session.work import Work, opened
 from console.text.catalogue import load
@@ -33,6 +34,7 @@ class FixedControl:
         self.orders: list[Command] = []
         self.stops: list[str] = []
         self.kills: list[str] = []
+        self.arrives = True
         self._now_s = now_s
 
     def now_s(self) -> float:
@@ -43,7 +45,10 @@ class FixedControl:
         self._now_s = now_s
 
     def post(self, intent: Command) -> bool:
+        """Remember an order; a jog is in position at once, unless it never `arrives`."""
         self.orders.append(intent)
+        if isinstance(intent, Jog) and self.arrives:
+            self.state = replace(self.state, jogs=self.state.jogs + 1)
         return True
 
     def stop(self, reason: str) -> None:

@@ -121,7 +121,7 @@ def test_steps_have_marks_and_the_present_one_says_how() -> None:
     text = shown(state()).text
     assert "✓ 4 homed" in text
     assert "● 5 jaw 1" in text
-    assert "○ 6 tool" in text
+    assert "○ 6 touch-off" in text
     assert "until jaw 1 reaches the mark" in text
 
 
@@ -137,7 +137,7 @@ def test_a_valid_alignment_names_what_it_rests_on() -> None:
 
 @pytest.mark.parametrize(
     ("changes", "step"),
-    [({"jaws": "2"}, "○ 5 jaw 1"), ({"diameter_mm": "60"}, "○ 6 tool")],
+    [({"jaws": "2"}, "○ 5 jaw 1"), ({"diameter_mm": "60"}, "○ 6 touch-off")],
 )
 def test_another_chuck_or_diameter_is_not_ticked(changes: dict[str, str], step: str) -> None:
     """Experiment 1 was aligned; a job with other jaws or another diameter is opened."""
@@ -146,17 +146,21 @@ def test_another_chuck_or_diameter_is_not_ticked(changes: dict[str, str], step: 
         other = edited(other, key, value)
     page = shown(state(VALID), work=other)
     assert "Alignment: not valid" in page.text
-    assert "● 2 blank" in page.text and step in page.text
+    assert "● 2 clamped" in page.text and step in page.text
 
 
 def test_what_is_seen_is_told_as_simulated() -> None:
-    text = shown(state()).text
+    text = shown(state(), size=(100, 30)).text
     assert "SIM jaw 1 is 12.34° past the mark" in text
     assert "SIM gap from tool to part 0.250 mm" in text
-    touching = shown(state(seen=WorkshopView(jaw_1_past_mark_deg=-0.5, tool_gap_mm=-0.002))).text
+    # In 24 rows that of the present step.
+    assert ("past the mark" in shown(state()).text, "SIM gap" in shown(state()).text) == (True, False)
+    found = shown(state(VALID)).text
+    assert ("past the mark" in found, "SIM gap" in found) == (False, True)
+    touching = shown(state(seen=WorkshopView(jaw_1_past_mark_deg=-0.5, tool_gap_mm=-0.002)), size=(100, 30)).text
     assert "0.50° before the mark" in touching
     assert "touches, 0.002 mm deep" in touching
-    just = shown(state(seen=WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=0.0))).text
+    just = shown(state(VALID, seen=WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=0.0))).text
     assert "touches, 0.000 mm deep" in just
 
 
@@ -169,7 +173,6 @@ def test_a_real_machine_has_no_simulated_view() -> None:
 
 def test_a_larger_terminal_has_a_picture_of_the_chuck() -> None:
     assert "◂" in shown(state(), size=(100, 30)).text
-    assert "◂" not in shown(state()).text
 
 
 def test_the_clamping_names_blank_and_force_and_why() -> None:
@@ -187,7 +190,7 @@ def test_in_phase_is_claimed_only_where_jaw_1_was_taken_at_the_mark(
     # The spindle stands where jaw 1 was taken, so that what is seen now is what was seen then.
     taken = state(VALID, seen=WorkshopView(jaw_1_past_mark_deg=past_deg, tool_gap_mm=0.25))
     page = shown(taken, language=language)
-    assert ("12.34°" in page.text.split("6 ")[-1]) is (past_deg > 1.0)
+    assert ("12.34°" in words_of(page.text)) is (past_deg > 1.0)
     if language == "en":
         assert phrase in page.text
         assert ("in phase" in page.text) is (past_deg <= 1.0)
@@ -229,7 +232,7 @@ def test_of_a_lost_machine_nothing_is_shown_as_known() -> None:
     page = shown(state(VALID, activity=Activity.LOST, snapshot=moving), size=(100, 30))
     assert "STALE" in page.text
     assert "MOVING" not in page.text
-    assert "? 3 drives enabled" in page.text
+    assert "? 3 drives on" in page.text
     assert "? 4 homed" in page.text
     assert "Alignment: unknown" in page.text
     assert "R 26.5000 mm 0.6 um ? ?" in " ".join(page.text.split())

@@ -77,8 +77,14 @@ def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float
 
 def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
     once = {action.id for action in ACTIONS if action.once}
-    orders = {"align.step", "align.take", "run.arm", "run.start", "run.hold", "run.retract", "take_over"}
-    assert once == orders | {"inspect.accept", "inspect.revert", "inspect.offset", "jobs.delete"}
+    once_of_page = {
+        "align": ("step", "take", "go", "flank", "skim"),
+        "calibrate": ("drop", "keep"),
+        "inspect": ("accept", "revert", "offset"),
+        "jobs": ("delete",),
+        "run": ("arm", "start", "feed_hold", "one_turn", "hold", "retract"),
+    }
+    assert once == {"take_over"} | {f"{page}.{key}" for page, keys in once_of_page.items() for key in keys}
 
 
 def test_presses_within_eight_tenths_of_a_second_are_one() -> None:
@@ -242,36 +248,6 @@ def test_while_a_part_is_cut_every_page_may_be_looked_at(key: str, tmp_path: Pat
     console = pressed(tmp_path, run_stage.cutting(), PageName.RUN, (0.0, key))
     assert console.control.stops == []
     assert DIGITS[console.app._page] == key
-
-
-def test_a_press_that_makes_no_step_is_told_behind_the_next_that_does(tmp_path: Path) -> None:
-    """The machine rests a moment later: what was said of the press must not go with it."""
-    jogging = align_stage.state(activity=Activity.JOGGING)
-    fill(tmp_path)
-    scene = Scene(page=PageName.ALIGN, state=align_stage.state(), work=experiment())
-    app, control = application(scene, tmp_path)
-
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            for at_s, key, now in (
-                (100.0, "j", scene.state),
-                (100.1, "right", scene.state),
-                (100.3, "right", jogging),
-                (100.4, "", jogging),
-                (100.8, "right", scene.state),
-                (100.9, "", scene.state),
-            ):
-                control.at(at_s)
-                control.state = now
-                if key:
-                    await pilot.press(key)
-                app.tick()
-                await pilot.pause()
-
-    asyncio.run(run())
-    (missed,) = app.ui.said
-    assert (len(control.orders), missed.code) == (2, "screen.presses_missed")
-    assert (missed.key, missed.value, missed.limit) == ("→", "1", "3")
 
 
 def test_a_machine_that_was_lost_in_motion_is_still_stopped_by_any_key_and_can_be_left(tmp_path: Path) -> None:

@@ -15,10 +15,11 @@ from rich.cells import cell_len
 from console.session.station.commands import Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.text.catalogue import load
+from console.tui.inspecting.comparison import compared
 from console.tui.keymap import PageName
 from console.tui.lines import plain
 from console.tui.pages.inspect import InspectPage
-from console.tui.pages.inspect_lines import compared, harmonic_lines, phase_from_jaw_deg, result_lines
+from console.tui.pages.inspect_lines import harmonic_lines, phase_from_jaw_deg, result_lines
 from console.tui.plot.polar_view import PolarView
 from console.tui.theme import Token
 from console.tui.ui_context import View
@@ -106,7 +107,7 @@ def test_the_page_holds_both_parts_and_the_verdict(room: tuple[int, int], langua
     rows = text.split("\n")
     assert len(rows) <= room[1]
     assert all(cell_len(row) <= room[0] for row in rows)
-    for figure in ("55.00", "RONt", "RONq", "95.", "LSC", "PASS" if language == "en" else "합격"):
+    for figure in ("55.00", "RONt LSC ▸", "95.", "3: ", "PASS" if language == "en" else "합격"):
         assert figure in text
     assert load(language)("inspect_page.simulated") in text
     assert load(language)("state.free") in text
@@ -132,16 +133,22 @@ def test_the_table_has_the_parameters_of_both_traces() -> None:
     """A pure cosine of 27.5 um: peak and valley 27.5, rms 27.5 over the root of 2, whatever its centre was."""
     rows = results(BOTH)
     assert rows[0].split() == ["um", "before", "after"]
-    assert [row.split()[:2] for row in rows[1:5]] == [
-        ["RONt", "55.00"],
+    assert [row.split()[:-1] for row in rows[1:8]] == [
+        ["RONt", "LSC", "▸", "55.00"],
+        ["RONt", "MZC", "55.00"],
+        ["RONt", "MCC", "55.00"],
+        ["RONt", "MIC", "55.00"],
         ["RONp", "27.50"],
         ["RONv", "27.50"],
         ["RONq", "19.45"],
     ]
-    assert float(rows[1].split()[2]) == pytest.approx(AFTER.result.ront_um, abs=0.005)
-    assert float(rows[4].split()[2]) == pytest.approx(((1.0 + 0.04 + 0.09) / 2.0) ** 0.5, abs=0.005)
+    after = [float(row.split()[-1]) for row in rows[1:8]]
+    assert after[:4] == pytest.approx([circle.ront_um for circle in AFTER.result.circles], abs=0.005)
+    assert after[0] == pytest.approx(AFTER.result.ront_um, abs=0.005)
+    assert after[6] == pytest.approx(((1.0 + 0.04 + 0.09) / 2.0) ** 0.5, abs=0.005)
+    assert [row.split()[-2:] for row in rows[8:10]] == [["55.00", "2.00"], ["+0.0°", "+12.0°"]]
     gained = 100.0 * (1.0 - AFTER.result.ront_um / 55.0)
-    assert rows[5].split() == ["improvement", f"{gained:.1f}", "%"]
+    assert rows[10].split() == ["improvement", f"{gained:.1f}", "%"]
     assert "Simulated, not machined." in rows
 
 
@@ -185,9 +192,9 @@ def test_the_verdict_is_a_mark_a_word_and_both_numbers(amplitude_um: float, mark
 
 def test_without_a_measured_part_before_it_is_the_job_that_speaks() -> None:
     state = StationState(measured=PRINTED)
-    assert results(state)[1].split() == ["RONt", "55.00", "28.00"]
-    assert results(state)[2].split() == ["RONp", "–", "14.00"]
-    assert results(state)[5].split() == ["against", "the", "job", "49.1", "%"]
+    assert results(state)[1].split() == ["RONt", "LSC", "▸", "55.00", "28.00"]
+    assert results(state)[5].split() == ["RONp", "–", "14.00"]
+    assert results(state)[10].split() == ["against", "the", "job", "49.1", "%"]
     assert harmonics(state)[1].split()[-2:] == ["55.00", "28.00"]
     assert harmonics(state)[4].split()[-2:] == ["–", "-10.0°"]
     for room in ROOMS:
@@ -214,7 +221,7 @@ def test_a_part_that_was_clamped_anew_is_turned_to_the_same_jaw() -> None:
 
 def test_an_uncompensated_part_has_no_after() -> None:
     rows = results(StationState(measured=BEFORE, uncompensated=BEFORE))
-    assert rows[1].split() == ["RONt", "55.00", "–"]
+    assert rows[1].split() == ["RONt", "LSC", "▸", "55.00", "–"]
     assert not any("improvement" in row for row in rows)
     assert any("✗ FAIL: 55.00 um of 5.00 um" in row for row in rows)
 

@@ -137,3 +137,10 @@ def test_any_number_of_parts_is_drawn_in_any_room(count: int, size: tuple[int, i
     chart = job_chart(parts((ZIGZAG * 13)[:count]), Figure.RONT, judge=False)
     rows = chart_cells(chart_picture(chart), *size).text_rows()
     assert [len(row) for row in rows] == [size[0]] * size[1]
+
+
+def test_parts_that_inverted_another_response_are_not_made_alike() -> None:
+    """One alone has no scatter: its limits wait for the parts like it."""
+    by_model, found = parts(ZIGZAG), parts([1.0, 1.2], inverted="pvt-20260103T093000000Z.json")
+    both = replace(by_model, points=(*by_model.points, *found.points))
+    assert job_chart(both, Figure.RONT).begins == len(ZIGZAG)

@@ -93,7 +93,13 @@ def test_enter_ends_a_search_and_opens_a_single_match(own: Path, tmp_path: Path)
         await typed(stage, "flange")
         assert (stage.gone, stage.page.field, names(stage)) == ([], FieldKind.NONE, ["flange-1", "flange-2"])
         await stage.act("jobs.search")
-        await typed(stage, "-2")
+        await typed(stage, "lee")  # other words, in the place of those before
+        assert not [name for name in names(stage) if "flange" in name]
+        await stage.act("jobs.search")
+        await typed(stage, "flange")
+        await stage.act("jobs.search")
+        await stage.pilot.press("end")
+        await typed(stage, "-2")  # behind the words before
         assert stage.gone == [PageName.SETUP]
         assert stage.ui.work is not None and stage.ui.work.job.name == "flange-2"
 

@@ -202,8 +202,22 @@ def test_no_job_is_opened_while_it_matters(state: StationState, code: str, langu
         assert stage.codes == [code]
         assert stage.gone == []
         assert width_of(stage.page.next_step(stage.view)) <= 78
+        stage.ui.said = ()
+        stage.page.open_named("lee-2001-experiment-2")  # by a scanned code
+        assert (stage.codes, stage.gone) == ([code], [])
 
     play(scene, tmp_path, work=experiment(), state=state, language=language)
+
+
+def test_a_scanned_code_opens_its_job_and_gives_up_edits_at_the_second_time(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        stage.page.open_named("lee-2001-experiment-2")
+        assert (stage.codes, stage.gone) == (["screen.edits_unsaved"], [])
+        stage.page.open_named("LEE-2001-EXPERIMENT-2")
+        assert stage.gone == [PageName.SETUP]
+        assert stage.ui.work is not None and stage.ui.work.loaded.path.stem == "lee-2001-experiment-2"
+
+    play(scene, tmp_path, work=edited(experiment(), "feed_mm_per_rev", "0.04"))
 
 
 def test_a_long_list_goes_along_with_the_selection(own: Path, tmp_path: Path) -> None:

@@ -146,7 +146,7 @@ def test_w_closes_what_w_opened_and_a_hangul_layout_has_it_too(tmp_path: Path) -
     async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
         before = rows_of(app)
         for key in ("w", "ㅈ"):
-            await pilot.press(key)
+            await pilot.press(key, "end")
             await settle(app, pilot)
             assert load("ko")("messages.close") in "\n".join(rows_of(app))
             await pilot.press(key)

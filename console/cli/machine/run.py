@@ -31,7 +31,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     add_shared(parser, text, "sim", *LINK)
     add_strategy(parser, text)
     add_shared(parser, text, *PLANT)
-    parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
+    parser.add_argument("--identified", metavar="FILE|newest", help=text("help.identified"))
     parts = within(whole_number, 1, MOST_PARTS, "usage.parts", MOST_PARTS)
     parser.add_argument("--learn", metavar="PARTS", type=parts, help=text("help.run.learn"))
     parser.add_argument("--stage", choices=STAGES, default="full", help=text("help.stage"))

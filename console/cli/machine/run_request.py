@@ -9,7 +9,7 @@ from pathlib import Path
 from console.cli.library import data_of, job_of, machine_of, true_parameters_of
 from console.session.cut.run import RunPlan, plan_run
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
-from console.session.data.identified import response_in
+from console.session.data.identified import asked_response
 from console.session.data.learned_store import NONE, accepted, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
 from console.session.learning.learning import refuse_unlearnable
@@ -113,7 +113,8 @@ def _path(
     if options.identified is None:
         return None if learned is None else learned.path, ""
     strategy = Strategy(options.strategy)
-    response = response_in(Path(options.identified), machine, strategy, simulated=simulated)
+    data, asked = data_of(options), options.identified
+    response = asked_response(data, asked, machine, strategy, simulated=simulated).response
     if learned is not None:
         raise SessionError(Problem(code="run.two_inverses", key="--compensation", value="--identified"))
     return nominal_path(job, machine, strategy, response), response.name

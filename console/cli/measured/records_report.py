@@ -28,6 +28,7 @@ from console.session.stages import Stage
 from console.session.station.commands import Command
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
+from profiles.files import printable
 
 ID_DIGITS = 8
 WIDTH = 78
@@ -101,7 +102,7 @@ def _stage(row: RunRow, text: Catalogue) -> str:
 
 def _compensation(row: RunRow, text: Catalogue) -> str:
     if row.compensation is None or row.compensation == MODEL:
-        return ""
+        return "" if row.inverted is None else f"{text('response.identified')} {printable(row.inverted, 60)}"
     return text("records.version", version=row.compensation)
 
 
@@ -111,6 +112,7 @@ def row_fields(row: RunRow) -> dict[str, object]:
         "run": row.run_id,
         "started": row.started.isoformat(),
         **fields_of(row, "job", "machine", "simulated", "operator", "strategy", "stage", "compensation"),
+        "inverted": row.inverted,
         "ended": asdict(row.ended),
         **fields_of(row, "ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm"),
         **fields_of(row, "diameter_tolerance_um"),

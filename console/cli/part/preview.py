@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from pathlib import Path
 
 from console.cli.arguments import add_job
 from console.cli.parser import Parser
@@ -16,22 +15,24 @@ def add(parser: Parser, text: Catalogue) -> None:
     add_job(parser, text)
     names, strategy_help = [*map(str, Strategy)], text("help.preview.strategy", default=DEFAULT_STRATEGY)
     parser.add_argument("--strategy", choices=names, default=DEFAULT_STRATEGY.value, help=strategy_help)
-    parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
+    parser.add_argument("--identified", metavar="FILE|newest", help=text("help.identified"))
 
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Print the preview; 1 when a rule refuses the job, or when the strategy cannot cut it."""
-    from console.cli.library import job_of, judged_of
+    from console.cli.library import data_of, job_of, judged_of
     from console.cli.output import show, tell
     from console.cli.part.preview_report import preview_fields, preview_lines
-    from console.session.data.identified import response_in
+    from console.session.data.identified import asked_response
     from drivers.preview.preview import preview
     from profiles.findings import refusals
     from profiles.problem import ProblemError
 
     job, judged = job_of(options).job, judged_of(options)
-    strategy, file = Strategy(options.strategy), options.identified
-    response = None if file is None else response_in(Path(file), judged.machine, strategy)
+    strategy, asked = Strategy(options.strategy), options.identified
+    response = None
+    if asked is not None:
+        response = asked_response(data_of(options), asked, judged.machine, strategy).response
     seen = preview(job, judged.machine, strategy, response)
     warnings = tell(judged.warnings, text)
     show(

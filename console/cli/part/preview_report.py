@@ -8,13 +8,14 @@ from dataclasses import asdict
 
 from console.cli.judgement import MARKS, finding_fields, finding_lines, span_fields, span_line
 from console.cli.output import harmonics_of
+from console.text.band import band_reasons
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from drivers.cutting.planning import CutPlan
 from drivers.preview.band import Band, predicted_band
 from drivers.preview.outlook import grip_demand
 from drivers.preview.preview import Preview, Response
-from profiles.axis.envelope import envelope, speed_limits_rpm
+from profiles.axis.envelope import envelope, highest_safe_speed
 from profiles.findings import Severity
 from profiles.lobe.lobe_conditions import OTHER_CUT, lobe_source
 from profiles.problem import ProblemError
@@ -56,27 +57,13 @@ def _predicted(seen: Preview, text: Catalogue) -> dict[str, object] | None:
     band = predicted_band(seen, seen.strategy)
     if band is None:
         return None
-    because = [{"code": code, "um": um, "text": words} for code, um, words in _reasons(band, seen, text)]
+    reasons = band_reasons(band, seen.response, text)
+    because = [{"code": code, "um": um, "text": words} for code, um, words in reasons]
     return {
         "before": {"ront_um": seen.job.lobe_error_um_pp},
         "after": {"ront_um": band.after_um},
         "band": {"low_um": band.low_um, "high_um": band.high_um, "because": because},
     }
-
-
-def _reasons(band: Band, seen: Preview, text: Catalogue) -> list[tuple[str, float | None, str]]:
-    """Return code, um p-p (None is not known) and sentence of each contribution to the band."""
-    servo, force_n = f"band.servo.{seen.response.source}", band.assumed_friction_n
-    friction, words = "band.friction.identified", text("band.friction.identified")
-    if force_n is not None:
-        friction, words = "band.friction.assumed", text("band.friction.assumed", assumed=f"{force_n:g}")
-    return [
-        (servo, band.servo_um, text(servo)),
-        ("band.clamping", band.clamping_um, text("band.clamping")),
-        ("band.cutting", band.cutting_um, text("band.cutting")),
-        (friction, band.friction_um, words),
-        ("band.spindle", band.spindle_um, text("band.spindle", assumed=f"{band.spindle_um:g}")),
-    ]
 
 
 def _response(seen: Preview) -> dict[str, object]:
@@ -214,14 +201,14 @@ def _because(seen: Preview, band: Band | None, text: Catalogue) -> list[str]:
     if band is None:
         return []
     rows = [(text("preview.because"), "um p-p")]
-    rows += [(words, "-" if um is None else f"{um:.2f}") for _, um, words in _reasons(band, seen, text)]
+    reasons = band_reasons(band, seen.response, text)
+    rows += [(words, "-" if um is None else f"{um:.2f}") for _, um, words in reasons]
     return [*table(rows, numeric=(1,)), ""]
 
 
 def _speed_limits(seen: Preview) -> tuple[dict[str, float], str]:
     """Return each limit of the spindle speed for this job, rpm, and the name of the lowest."""
-    limits = speed_limits_rpm(seen.job, seen.machine, seen.response, envelope(seen.job, seen.machine).at_job)
-    return limits, min(limits, key=limits.__getitem__)
+    return highest_safe_speed(seen.job, seen.machine, seen.response)
 
 
 def _loop_row(name: str, loop: Response) -> tuple[str, ...]:

@@ -63,29 +63,39 @@ class Clamping:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JawAngle:
-    """Spindle angle at which jaw 1 meets the mark, degrees from the index in [0, 360), for this number of jaws."""
+    """Spindle angle at which jaw 1 meets the mark, degrees from the index in [0, 360), for this number of jaws.
+
+    `spread_deg` is that of the results of an indicator, the uncertainty of the angle; None where taken by eye.
+    """
 
     angle_deg: float
     jaws: int
     at: str
     on: Mounted = Mounted()
+    spread_deg: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchOff:
-    """Radius of the tool tip at motor position zero, as found on a surface of this diameter."""
+    """Radius of the tool tip at motor position zero, as found on a surface of this diameter.
+
+    `skimmed`: by the micrometer on a skim cut, not by touching the surface of the blank.
+    """
 
     zero_radius_mm: float
     diameter_mm: float
     at: str
     on: Mounted = Mounted()
+    skimmed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alignment:
     """Known set-up of the machine. `settings` is None until the controller was compared with its profile.
 
-    `on` is what is mounted now. `lost` records why and when stamps became invalid.
+    `flanks` are readings for jaw 1 that are not taken yet, degrees from the index; `skim_counts` is where the tool
+    made a skim cut that is to be measured. Both mean nothing without home. `on` is what is mounted now. `lost`
+    records why and when stamps became invalid.
     """
 
     settings: tuple[Problem, ...] | None = None
@@ -94,6 +104,8 @@ class Alignment:
     clamping: Clamping | None = None
     jaw: JawAngle | None = None
     touch_off: TouchOff | None = None
+    flanks: tuple[float, ...] = ()
+    skim_counts: float | None = None
     lost: tuple[Problem, ...] = ()
     on: Mounted = Mounted()
 
@@ -122,6 +134,7 @@ def observed(
     after = replace(alignment, drives_on=drives_on, homed=homed)
     if homed:
         return _settled(after, "alignment.home_lost")
+    after = replace(after, flanks=(), skim_counts=None)
     if alignment.homed and (alignment.jaw or alignment.touch_off):
         return _without(replace(after, jaw=None, touch_off=None), Problem(code="alignment.home_lost", value=at))
     return after
@@ -131,26 +144,42 @@ def unclamped(alignment: Alignment, at: str) -> Alignment:
     """Return the alignment after the chuck was opened."""
     if alignment.clamping is None:
         return alignment
-    return _without(replace(alignment, clamping=None), Problem(code="alignment.unclamped", value=at))
+    return _without(
+        replace(alignment, clamping=None, skim_counts=None), Problem(code="alignment.unclamped", value=at)
+    )
 
 
 def clamped(alignment: Alignment, job: Job, at: str) -> Alignment:
     """Return the alignment with the blank of a job; a change of jaws requires finding jaw 1 again."""
-    fresh = replace(alignment, clamping=clamping_of(job, at))
+    before = alignment.jaw or alignment.clamping
+    flanks = alignment.flanks if before is None or before.jaws == job.jaws else ()
+    fresh = replace(alignment, clamping=clamping_of(job, at), skim_counts=None, flanks=flanks)
     fresh = _settled(fresh, "alignment.unclamped", "alignment.handed_over")
     if alignment.jaw is None or alignment.jaw.jaws == job.jaws:
         return fresh
     return _without(replace(fresh, jaw=None), Problem(code="alignment.jaws_changed", value=at))
 
 
-def jaw_found(alignment: Alignment, angle_deg: float, jaws: int, at: str) -> Alignment:
+def jaw_found(
+    alignment: Alignment, angle_deg: float, jaws: int, at: str, spread_deg: float | None = None
+) -> Alignment:
     """Return the alignment with jaw 1 at an angle from the index, for this number of jaws."""
-    stamp = JawAngle(angle_deg=angle_deg % 360.0, jaws=jaws, at=at, on=alignment.on)
-    return _settled(replace(alignment, jaw=stamp), "alignment.jaws_changed")
+    stamp = JawAngle(angle_deg=angle_deg % 360.0, jaws=jaws, at=at, on=alignment.on, spread_deg=spread_deg)
+    return _settled(replace(alignment, jaw=stamp, flanks=()), "alignment.jaws_changed")
+
+
+def without_reading(alignment: Alignment) -> Alignment:
+    """Return the alignment without the newest reading: a flank, a skim cut, the touch-off, or else jaw 1."""
+    if alignment.flanks:
+        return replace(alignment, flanks=alignment.flanks[:-1])
+    if alignment.skim_counts is not None:
+        return replace(alignment, skim_counts=None)
+    return replace(alignment, jaw=None) if alignment.touch_off is None else replace(alignment, touch_off=None)
 
 
 def handed_over(alignment: Alignment, at: str) -> Alignment:
     """Return the alignment after another console has had control."""
+    alignment = replace(alignment, flanks=(), skim_counts=None)
     if alignment.clamping is None and alignment.jaw is None and alignment.touch_off is None:
         return alignment
     gone = replace(alignment, clamping=None, jaw=None, touch_off=None, lost=())

@@ -9,13 +9,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from console.session.data.identified import ChosenResponse, response_problems
 from console.session.data.learned_store import accepted, asked_for, versions
-from console.session.stages import Stage, not_staged
+from console.session.stages import Stage, nominal_path, not_staged
 from console.session.work import Work
 from drivers.cutting.strategy import Strategy
 from profiles.compensations.learned import LearnedCompensation, differences
 from profiles.compensations.path import CutPath
 from profiles.job import Job
+from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
 
@@ -33,8 +35,12 @@ def compensation_problems(
     stage: Stage,
     *,
     simulated: bool,
+    inverts: ChosenResponse | None = None,
 ) -> tuple[Problem, ...]:
     """Return why a part may not be cut with this compensation (None: the model's) in this stage.
+
+    `inverts` is the identified response of a cut without one, None the model's: codes `run.two_inverses` and those
+    of `response_problems`.
 
     `loaded` is the file of the job, None for one that was edited: codes `learned.edited`, those of `differences`,
     and `stage.strategy`.
@@ -44,6 +50,11 @@ def compensation_problems(
         problems = (Problem(code="learned.edited", key=str(compensation.version)),)
     elif compensation is not None and loaded is not None:
         problems = differences(compensation, asked_for(loaded, machine, strategy, simulated=simulated))
+    if inverts is not None and compensation is not None:
+        both = Problem(code="run.two_inverses", key=str(compensation.version), value=inverts.name)
+        problems = (*problems, both)
+    elif inverts is not None:
+        problems = response_problems(inverts, machine.machine, strategy, simulated=simulated)
     if stage is Stage.PARTIAL and not strategy.traits.inverts:
         problems = (*problems, not_staged(stage, strategy))
     return problems
@@ -84,7 +95,22 @@ def with_news(work: Work, data: Path, *, simulated: bool) -> Work:
 
 def using(work: Work, version: LearnedCompensation) -> Work:
     """Return the work with a version and the strategy it belongs to."""
-    return replace(work, compensation=version, strategy=version.holds_for.strategy, set_aside=())
+    return replace(work, compensation=version, strategy=version.holds_for.strategy, set_aside=(), inverts=None)
+
+
+def inverting(work: Work, chosen: ChosenResponse | None) -> Work:
+    """Return the work with an identified response to invert, None for the model's, and nothing learned."""
+    return replace(without_learned(work), inverts=chosen)
+
+
+def inverted_path(
+    job: Job, machine: MachineProfile, strategy: Strategy, inverts: ChosenResponse | None
+) -> CutPath | None:
+    """Return the path of a cut that inverts an identified response, None for the model's.
+
+    Raises as `nominal_path`: the response cannot be inverted at this speed.
+    """
+    return None if inverts is None else nominal_path(job, machine, strategy, inverts.response)
 
 
 def without_learned(work: Work) -> Work:
@@ -105,6 +131,7 @@ def chosen_problems(work: Work, *, simulated: bool) -> tuple[Problem, ...]:
         Strategy(work.strategy),
         Stage(work.stage),
         simulated=simulated,
+        inverts=work.inverts,
     )
 
 

@@ -7,6 +7,7 @@ is set again as its profile says. Where either fails, the caller stops the machi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -16,6 +17,7 @@ from console.session.cut.interlocks import SPEED_BAND, START_BAND_COUNTS, at_spe
 from console.session.cut.recording import Recorder, Unrecorded
 from console.session.cut.telemetry import CutFigures, Telemetry
 from console.session.errors import SessionError, refuse
+from drivers.cutting.feed_hold import MOST_HELD_S, HoldLedger
 from drivers.cutting.guarding import CutLength, cut_guard, end_problems
 from drivers.cutting.path_seen import PathSeen
 from drivers.cutting.planning import CutPlan
@@ -179,19 +181,24 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
     """Run the program to its end, and compare the cut with its plan: only the planned cut makes a good part.
 
     Compared are turns and length, the program with its constants and tables, the settings, and the polled path,
-    which shows a change that somebody has reverted.
+    which shows a change that somebody has reverted. A feed hold is taken out of what is compared: it takes whole
+    turns, with the tool out.
     """
     telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
     length, path = CutLength(plan, lathe.machine), PathSeen(plan, lathe.machine)
+    guard, ledger = cut_guard(plan, lathe.machine), HoldLedger(lathe.machine.spindle.counts_per_rev)
 
     def polled(snapshot: Snapshot) -> None:
-        telemetry.see(snapshot, holding=lathe.program.held)
-        length.see(snapshot)
-        if not lathe.program.held:  # while retracting, the tool is on no path of a turn
-            path.see(snapshot)
+        lathe.program.hold.read()
+        unheld = ledger.see(snapshot, lathe.program.hold.report)
+        guard.further_turned = math.inf if unheld is None else ledger.turns * lathe.machine.spindle.counts_per_rev
+        if unheld is not None:
+            telemetry.see(unheld, holding=lathe.program.held)
+            length.see(unheld)
+            if not lathe.program.held:  # while retracting, the tool is on no path of a turn
+                path.see(unheld)
         see(snapshot)
 
-    guard = cut_guard(plan, lathe.machine)
     lathe.program.start(plan.program.number, plan.setup.retracted)
     lathe.program.follow(polled, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, guard)
     lathe.program.put_back()
@@ -199,6 +206,8 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
     if not end.finished:  # a program that was ended in mid-turn no longer reports its turns
         end = replace(end, turns=length.turns)
     early = end_problems(plan, end, length, held=lathe.program.held)
+    if early and lathe.program.hold.report.active:  # nobody has resumed it
+        early = (*early, Problem(code="cut.hold_lapsed", limit=f"{MOST_HELD_S / 60.0:g} min"))
     changed = (*early, *_changes(lathe, plan, ended=True), *lathe.verify())
     if problems := changed or tuple(path.problems()):
         raise NotAsPlannedError(*problems, turns=end.turns)

@@ -183,14 +183,24 @@ def _other_chuck(kept: Calibration, machine: MachineProfile) -> Problem:
     return Problem(code="calibration.other_chuck", where=kept.date, key="chuck.name", value=value, limit=limit)
 
 
-def _contradictions(kept: Calibration, stated: Mapping[str, float | None], file: Path) -> list[Problem]:
-    """Return `calibration.differs` for each key of [chuck] whose profile value a calibration contradicts."""
+def fit_of(kept: Calibration, file: Path) -> DeflectionFit | WrenchFit:
+    """Return the fit that a calibration of a chuck keeps. Raises ProfileError: `calibration.record`."""
     from profiles.calibration.deflection import DeflectionFit
     from profiles.calibration.wrench import WrenchFit
 
     kind: type[DeflectionFit] | type[WrenchFit] = DeflectionFit if kept.kind == JAWS else WrenchFit
     try:
-        fit = record(kind, {f.name: kept.found[f.name] for f in fields(kind) if f.name in kept.found})
+        return record(kind, {f.name: kept.found[f.name] for f in fields(kind) if f.name in kept.found})
+    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
+        raise record_problem(file, str(error)) from error
+
+
+def _contradictions(kept: Calibration, stated: Mapping[str, float | None], file: Path) -> list[Problem]:
+    """Return `calibration.differs` for each key of [chuck] whose profile value a calibration contradicts."""
+    from profiles.calibration.deflection import DeflectionFit
+
+    fit = fit_of(kept, file)
+    try:
         differ = _jaws_differ(fit, stated) if isinstance(fit, DeflectionFit) else _line_differs(fit, stated)
         return [
             Problem(code="calibration.differs", where=kept.date, key=f"chuck.{key}", value=value, limit=limit)

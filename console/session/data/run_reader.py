@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.record_file import FILE_NAME, is_damage, opened_to_read, present, record_error
-from console.session.data.run_rows import FAILED, MODEL, Ending, How, RunRow, date_of, rows_where
+from console.session.data.run_rows import FAILED, MODEL, Ending, How, RunRow, date_of, inverted_of, rows_where
 from console.session.data.run_story import AlarmStory, RecordedPart, RunEvent, RunStory, Telemetry, story_of
 from console.session.errors import SessionError
 from profiles.files import printable
@@ -59,7 +59,10 @@ class RunFilters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartPoint:
-    """A measured product of a job: a point of a run chart. `lobe_um_pp` is its harmonic at the number of jaws."""
+    """A measured product of a job: a point of a run chart. `lobe_um_pp` is its harmonic at the number of jaws.
+
+    `compensation` and `inverted` are those of `RunRow`.
+    """
 
     run_id: str
     at: datetime
@@ -73,6 +76,7 @@ class PartPoint:
     strategy: str
     stage: str | None
     compensation: str | None
+    inverted: str | None = None
 
 
 def runs(
@@ -116,7 +120,7 @@ def story(folder: Path, run_id_prefix: str) -> RunStory:
 
 _MEASURED = """
 SELECT measurements.run_id, measurements.at_utc, part, ront_um, measurements.tolerance_um, runs.tolerance_um,
-    diameter_mm, nominal_diameter_mm, diameter_tolerance_um, lobe_um_pp, strategy, stage, compensation
+    diameter_mm, nominal_diameter_mm, diameter_tolerance_um, lobe_um_pp, strategy, stage, compensation, setup
 FROM runs JOIN measurements ON measurements.run_id = runs.run_id
 WHERE product = 1 AND job = ? AND machine = ? AND simulated = ?
 AND number = (SELECT max(number) FROM measurements AS again WHERE again.run_id = measurements.run_id
@@ -141,7 +145,7 @@ def measured_parts(
 
 def _point(found: Sequence[Any]) -> PartPoint:
     run_id, at_utc, part, ront_um, of_part, of_run, diameter_mm, nominal_mm, diameter_um, *more = found
-    lobe, strategy, stage, version = more
+    lobe, strategy, stage, version, setup = more
     return PartPoint(
         run_id=run_id,
         at=date_of(at_utc)[0],
@@ -155,6 +159,7 @@ def _point(found: Sequence[Any]) -> PartPoint:
         strategy=strategy,
         stage=stage,
         compensation=None if stage is None else MODEL if version is None else str(version),
+        inverted=inverted_of(setup),
     )
 
 

@@ -45,8 +45,9 @@ class Ending:
 class RunRow:
     """One run. What an older console did not record is None.
 
-    `started` is UTC, `compensation` the learned version or "none". `ront_um` is RONt of the product (not of a part
-    cut for comparison), least squares circle, as filtered in `console.session.cut.run`; None where it was not
+    `started` is UTC, `compensation` the learned version or "none", `inverted` the name of the identified response
+    that a cut with nothing learned has inverted, None for the model's. `ront_um` is RONt of the product (not of a
+    part cut for comparison), least squares circle, as filtered in `console.session.cut.run`; None where it was not
     measured. `passed` is None of a part that was not meant to be good. `diameter_mm` is its mean diameter, that
     may be off by `diameter_tolerance_um` either way, None where that is not judged. `damaged` says that some of
     its data cannot be read.
@@ -61,6 +62,7 @@ class RunRow:
     operator: str | None = None
     stage: str | None = None
     compensation: str | None = None
+    inverted: str | None = None
     ended: Ending = Ending(how=How.OPEN)
     ront_um: float | None = None
     tolerance_um: float | None = None
@@ -78,13 +80,14 @@ class RunRow:
 
 FAILED_HOW = frozenset({How.HELD, How.EARLY, How.STOPPED, How.FAILED, How.KILLED})
 
+_INVERTED, _MODEL_RESPONSE = "inverted", "model"
 COMPLETE = ("result", "cut")
 ENDS = (*COMPLETE, "held", "ended_early", "stopped", "ended")
 _STARTS = ("armed", "started")
 
 _COLUMNS = (
     "runs.run_id, runs.started_utc, runs.job, runs.machine, runs.simulated, runs.strategy, runs.operator,"
-    " runs.stage, runs.compensation, runs.tolerance_um"
+    " runs.stage, runs.compensation, runs.tolerance_um, runs.setup"
 )
 
 FAILED = f"""(
@@ -152,7 +155,7 @@ def _marks(values: Iterable[object]) -> str:
 
 
 def _row(run: Sequence[Any], ends: list[Event], part: Sequence[Any] | None, *, damaged: bool = False) -> RunRow:
-    run_id, started, job, machine, simulated, strategy, operator, stage, compensation, tolerance_um = run
+    run_id, started, job, machine, simulated, strategy, operator, stage, compensation, tolerance_um, setup = run
     ront_um, limit_um, passed, diameter_mm, nominal_mm, diameter_um = part or (None,) * 6
     made = _made(ends) if stage is None else (stage, MODEL if compensation is None else str(compensation))
     begun, ahead = date_of(started)
@@ -166,6 +169,7 @@ def _row(run: Sequence[Any], ends: list[Event], part: Sequence[Any] | None, *, d
         operator=operator,
         stage=made[0],
         compensation=made[1],
+        inverted=inverted_of(setup),
         ended=_ending(ends),
         ront_um=ront_um,
         tolerance_um=tolerance_um if tolerance_um is not None else limit_um,
@@ -175,6 +179,12 @@ def _row(run: Sequence[Any], ends: list[Event], part: Sequence[Any] | None, *, d
         passed=None if passed is None else bool(passed),
         damaged=damaged or ahead,
     )
+
+
+def inverted_of(setup: str | None) -> str | None:
+    """Return the identified response that a recorded cut has inverted, None for the model's, or not recorded."""
+    name = None if setup is None else table_of(setup).get(_INVERTED)
+    return name if isinstance(name, str) and name != _MODEL_RESPONSE else None
 
 
 def date_of(text: str) -> tuple[datetime, bool]:

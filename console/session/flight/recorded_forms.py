@@ -97,9 +97,21 @@ def names() -> Mapping[str, Any]:
     from console.session.learning.part_learning import PartLearning
     from console.session.station.progress import CutProgress
     from drivers.cutting.strategy import Strategy
+    from drivers.identification.tool_loop import ToolLoop
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
     from profiles.traces import Trace
 
-    found = (MadeWith, PartLearning, PartLobe, CutProgress, Strategy, Job, RoundnessResult, LoadedJob, Trace)
+    found = (
+        MadeWith,
+        PartLearning,
+        PartLobe,
+        CutProgress,
+        Strategy,
+        Job,
+        RoundnessResult,
+        LoadedJob,
+        Trace,
+        ToolLoop,
+    )
     return {**{each.__name__: each for each in found}, "CutPlan": RecordedPlan}

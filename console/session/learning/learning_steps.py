@@ -11,7 +11,7 @@ from typing import Any
 
 from console.session.cut.alignment import Alignment, JawAngle, aligned_job
 from console.session.cut.run import FILTER_UPR
-from console.session.data.identified import response_in
+from console.session.data.identified import kept_file, response_in
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.data.made_parts import (
     AS_FILED,
@@ -133,7 +133,7 @@ def taught_by(
     filed, (strategy, stage) = job.job, _followed(made)
     asked = asked_for(job, machine, strategy, simulated=is_simulated(trace))
     known = versions(data, asked)
-    inverted = _inverted(made, machine.machine, identified, simulated=asked.simulated)
+    inverted = _inverted(made, machine.machine, identified, data, simulated=asked.simulated)
     version = chosen(made.compensation, known, asked)
     path = nominal_path(filed, machine.machine, strategy, inverted) if version is None else version.path
     part = _part(trace, filed, made, extra, robust=robust)
@@ -287,11 +287,15 @@ def _bad_extra(value: str, limit: str) -> Problem:
 
 
 def _inverted(
-    made: MadeWith, machine: MachineProfile, identified: Path | None, *, simulated: bool
+    made: MadeWith, machine: MachineProfile, identified: Path | None, data: Path, *, simulated: bool
 ) -> ServoResponse | None:
-    """Return the response that the cut has inverted, None the model's; `learned.identified` without its file."""
+    """Return the response that the cut has inverted, None the model's; `learned.identified` without its file.
+
+    Where no file is given it is the one that is kept under that name.
+    """
     if made.inverted == MADE_BY_MODEL:
         return None
+    identified = identified or kept_file(data, machine, made.inverted)
     if identified is None:
         raise SessionError(Problem(code="learned.identified", key="--identified", value=made.inverted))
     return response_in(identified, machine, Strategy(made.strategy), simulated=simulated)

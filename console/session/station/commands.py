@@ -11,12 +11,17 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from console.session.data.identified import ChosenResponse
     from console.session.station.state import StationState
     from drivers.cutting.strategy import Strategy
     from profiles.compensations.learned import LearnedCompensation
     from profiles.job import Job
     from profiles.problem import Problem
     from profiles.store import LoadedJob
+
+
+LEAST_ARMED_S, MOST_ARMED_S = 10.0, 90.0
+"""How long after arming a cut may be started, s: as long as its summary takes to read."""
 
 
 @dataclass(frozen=True)
@@ -62,27 +67,55 @@ class Jog(Command):
     distance: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class GoTo(Command):
+    """Go to a typed target with one jog: Z, mm from its zero, or C, degrees from the index the shorter way."""
+
+    axis: AxisName
+    target: float
+
+
+class TakeFlank(Command):
+    """Record the present spindle angle as that of a flank of jaw 1 at the indicator."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class TakeJaw(Command):
-    """Record the present spindle angle as the one at which jaw 1 meets the mark."""
+    """Record the angle at which jaw 1 meets the mark: by its flanks where there are readings, else the present.
+
+    Readings with a larger spread than `most_spread_deg` are refused; None for no limit.
+    """
+
+    most_spread_deg: float | None = None
+
+
+class NoteSkim(Command):
+    """Record the present position of the tool as that of a skim cut, whose diameter is to be measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TakeTouchOff(Command):
-    """Record that the tool tip touches a surface of this radius at its present position."""
+    """Record that the tool tip is at this radius: at its present position, or where it made the skim cut."""
 
     radius_mm: float
+    skimmed: bool = False
+
+
+class ReadLoop(Command):
+    """Read the gains of the tool and the servo period from the controller. Nothing moves."""
 
 
 class Forget(Command):
-    """Forget the touch-off, or jaw 1 where there is none, to take it again."""
+    """Forget the newest reading: a flank, a skim cut, the touch-off, or jaw 1 where there is none of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Arm(Command):
-    """Plan, load, read back and check a cut; start is allowed for some seconds after it.
+    """Plan, load, read back and check a cut; start is allowed for `valid_s` seconds after it.
 
     `loaded` is the file that the job is from, None where it differs from it: then nothing was learned of it.
     `compensation` is what was learned of it, None the model's; `stage` is a `console.session.stages.Stage`.
+    `inverts` is the identified response that a cut without anything learned inverts, None the model's.
     """
 
     job: Job
@@ -91,6 +124,8 @@ class Arm(Command):
     loaded: LoadedJob | None = None
     compensation: LearnedCompensation | None = None
     stage: str = "full"
+    valid_s: float = LEAST_ARMED_S
+    inverts: ChosenResponse | None = None
 
 
 class Disarm(Command):
@@ -103,6 +138,17 @@ class Start(Command):
 
 class EndCut(Command):
     """End the cut at the end of the present turn, tool out first."""
+
+
+class HoldFeed(Command):
+    """Hold the cut at the end of the present turn: the tool goes out, the spindle turns on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResumeFeed(Command):
+    """Bring the tool of a held cut in again, at the same angle and place; with `one_turn` for one turn."""
+
+    one_turn: bool = False
 
 
 class Retract(Command):

@@ -16,7 +16,9 @@ from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError
 from console.session.station.actions import alarm_events, command_event
 from console.session.station.alarms import Alarms, Priority, cleared, raised
-from console.session.station.commands import Command
+from console.session.station.commands import Command, HoldFeed, ResumeFeed
+from console.session.station.link.onlookers import Onlookers
+from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning
 from console.session.station.reaching import Commissioned
 from console.session.station.state import Armed, StationState
@@ -25,6 +27,7 @@ from drivers.cutting.planning import CutPlan
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
+from drivers.pmac.client import PmacClient
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
@@ -34,10 +37,13 @@ from profiles.store import LoadedMachine
 class StationContext:
     """Everything that one command needs. `state` is replaced by `tell`, from any thread.
 
-    Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only. `plan` is
-    that of the last arming, `started` what was last started; `seen` gets every status poll during a cut.
+    Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only. Without
+    `reopening` a lost link stays lost, without `onlookers` nobody is counted who looks on. `client` is that of the
+    controller, for what the lathe has no function for. `plan` is that of the last arming, `started` what was last
+    started; `seen` gets every status poll during a cut.
     `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
+    `hold_asked` is the last command about a feed hold that has not been passed on.
     """
 
     lathe: Lathe
@@ -48,12 +54,16 @@ class StationContext:
     records: Path
     local_time: Callable[[], str]
     commissioned: Commissioned | None = None
+    reopening: Reopening | None = None
+    onlookers: Onlookers | None = None
+    client: PmacClient | None = None
     plan: CutPlan | None = None
     started: Armed | None = None
     record: RunRecord | None = None
     seen: Callable[[Snapshot], None] | None = None
     limits_seen: frozenset[str] = frozenset()
     end_asked: bool = False
+    hold_asked: HoldFeed | ResumeFeed | None = None
     _incomplete_told: bool = field(default=False, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _state: StationState = field(init=False)

@@ -5,27 +5,28 @@ from __future__ import annotations
 from dataclasses import replace
 
 from console.session.cut.alignment import aligned_job, problems
-from console.session.cut.compensated import compensation_problems, path_of, stored_problems
+from console.session.cut.compensated import compensation_problems, inverted_path, path_of, stored_problems
 from console.session.cut.engine import CutEnd, NotAsPlannedError, Step, cut, load
 from console.session.cut.run import planned, refuse_unplannable
 from console.session.data.calibrated_chuck import calibrations_of
+from console.session.data.identified import changed_problems
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, tool_lobe_event
 from console.session.data.records import RunFacts, begin_record
 from console.session.errors import SessionError, refuse
 from console.session.stages import Stage
-from console.session.station.commands import Arm, Disarm, Retract, Start
+from console.session.station.commands import Arm, Disarm, HoldFeed, Retract, Start
 from console.session.station.context import StationContext
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress, CutStage, CutWatch
 from console.session.station.state import Activity, Armed, TouchedBlank
+from drivers.cutting.feed_hold import HoldState
 from drivers.cutting.planning import CutPlan, first_spindle_counts
+from drivers.errors import RefusedError
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
 from profiles.store import job_text
-
-START_WITHIN_S = 10.0  # how long after arming a cut may be started
 
 
 def arm(context: StationContext, command: Arm) -> None:
@@ -38,13 +39,17 @@ def arm(context: StationContext, command: Arm) -> None:
     also = _learned(context, command), own.commissioned(own.lathe.snapshot())
     refuse_unplannable(job, context.machine, strategy, *also, jaw_found=True, simulated=own.simulated)
     plan = _planned(context, command, job)
-    load(own, plan, lambda *_: None, aligned=True)
+    context.tell(loading_until_s=context.clock.now_s() + _loading_s(context, plan))
+    try:
+        load(own, plan, lambda *_: None, aligned=True)
+    finally:
+        context.tell(loading_until_s=None)
     jaw, learned = context.state.alignment.jaw, command.compensation
     made = MadeWith(
         compensation=NONE if learned is None else str(learned.version),
         strategy=strategy.value,
         stage=Stage(command.stage).value,
-        inverted=MODEL,
+        inverted=MODEL if command.inverts is None else command.inverts.name,
         cut_jaw_1_deg=AS_FILED if jaw is None else str(jaw.angle_deg),
     )
     _open_record(context, command, plan, made)
@@ -54,15 +59,20 @@ def arm(context: StationContext, command: Arm) -> None:
         strategy=strategy,
         plan=plan,
         alignment=context.state.alignment,
-        until_s=context.clock.now_s() + START_WITHIN_S,
+        until_s=context.clock.now_s() + command.valid_s,
         made=made,
         loaded=command.loaded,
     )
     context.tell(armed=armed)
 
 
+def _loading_s(context: StationContext, plan: CutPlan) -> float:
+    """Return about how long a program takes to load and to read back, s: twice a poll for each line."""
+    return 2.0 * len(plan.program.lines) * context.lathe.round_trip_s
+
+
 def _learned(context: StationContext, command: Arm) -> tuple[Problem, ...]:
-    """Check the learned version again: it may have been chosen some time ago, and files may have changed."""
+    """Check version and response again: they may have been chosen some time ago, and files may have changed."""
     learned, loaded = command.compensation, command.loaded
     problems = compensation_problems(
         learned,
@@ -71,7 +81,10 @@ def _learned(context: StationContext, command: Arm) -> tuple[Problem, ...]:
         command.strategy,
         Stage(command.stage),
         simulated=context.shop is not None,
+        inverts=command.inverts,
     )
+    if command.inverts is not None:
+        problems = (*problems, *changed_problems(command.inverts))
     return problems if learned is None else (*problems, *stored_problems(learned, context.records))
 
 
@@ -84,6 +97,8 @@ def _planned(context: StationContext, command: Arm, job: Job) -> CutPlan:
     turn = round((context.lathe.snapshot().spindle.position - start) / machine.spindle.counts_per_rev)
     watchdog = context.lathe.program.watchdog
     try:
+        if path is None:
+            path = inverted_path(job, machine, strategy, command.inverts)
         return planned(job, machine, strategy, stage, path, watchdog=watchdog, from_turn=turn)
     except ProblemError as refused:
         raise SessionError(*refused.problems) from refused
@@ -125,6 +140,8 @@ class _Watched:
     def __init__(self, context: StationContext, armed: Armed) -> None:
         self._context, self._strategy, self._stage = context, armed.strategy, CutStage.POSITION
         self.watch = CutWatch(armed.plan, armed.job, context.machine, in_air=armed.made.stage == Stage.AIR)
+        self._reports = context.lathe.program.reports()
+        self._held = False
 
     def step(self, step: Step, detail: str) -> None:
         if step is Step.CUT:
@@ -133,15 +150,38 @@ class _Watched:
             self._context.tell(activity=Activity.CUTTING)
 
     def see(self, snapshot: Snapshot) -> None:
-        """Pass the operator's hold on, once, between two polls of the program."""
+        """Pass the operator's hold on, once, between two polls of the program, and read what it reports."""
         context = self._context
+        if self._reports is not None:
+            self._reports.read()
         if context.end_asked and not context.lathe.program.held:
             context.lathe.program.end_after_turn()
+        self._pass_on_hold()
+
+    def _pass_on_hold(self) -> None:
+        """Pass on what the operator has asked of a feed hold, and note what the program reports of it."""
+        context, hold = self._context, self._context.lathe.program.hold
+        asked, context.hold_asked = context.hold_asked, None
+        try:
+            if isinstance(asked, HoldFeed):
+                hold.ask()
+            elif asked is not None:
+                hold.resume(one_turn=asked.one_turn)
+        except RefusedError as refused:  # it has ended meanwhile, or a line did not arrive: nothing was sent
+            context.log_refusal(refused.problems)
+            context.tell(refusals=tuple(refused.problems))
+        held, cut = hold.report.state is HoldState.HELD, context.state.cut
+        if held is not self._held and cut is not None:
+            self._held = held
+            context.note("feed_hold" if held else "resumed", turn=cut.turn, z_mm=cut.z_mm, turns=hold.report.turns)
 
     def publish(self, snapshot: Snapshot) -> None:
         """Publish a status poll, in whatever wait it was made."""
         context = self._context
-        seen = self.watch.see(snapshot, self._stage, context.lathe.program.held, context.state.spindle_rpm)
+        program = context.lathe.program
+        seen = self.watch.see(snapshot, self._stage, program.held, context.state.spindle_rpm, program.hold.report)
+        if self._reports is not None:
+            seen = replace(seen, place=self._reports.place)
         context.tell(cut=seen, touched=_touched(seen, context.state.touched))
 
 
@@ -184,6 +224,8 @@ def _finish(context: StationContext, watched: _Watched, end: CutEnd) -> None:
     """Report how the cut has ended."""
     stage = CutStage.HELD if end.held else CutStage.DONE
     ended = watched.watch.see(end.last, stage, end.held, context.state.spindle_rpm)
+    if ended.holds_mm:
+        context.note("held_at", z_mm=list(ended.holds_mm))
     # An air cut has not touched the part: it is as good a blank as before.
     context.tell(cut=replace(ended, figures=end.figures), cut_done=not end.held and not ended.in_air)
     made = {} if context.started is None else context.started.made.event()
@@ -232,7 +274,7 @@ def _facts(context: StationContext, command: Arm) -> RunFacts:
             "touch_off_at": None if touched is None else touched.at,
             "aligned": True,
             "calibrations": calibrations_of(context.loaded_machine),
-            "inverted": MODEL,
+            "inverted": MODEL if command.inverts is None else command.inverts.name,
             "address": context.state.address,
         },
     )

@@ -5,21 +5,25 @@ A refusal is a `SessionError` and leaves the machine alone; on any other error t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from console.session.cut.alignment import TouchOff, clamped, force_problems, jaw_found
+from console.session.cut.alignment import clamped, force_problems
 from console.session.cut.engine import tool_clear
 from console.session.cut.interlocks import of_job
 from console.session.errors import SessionError, refuse
 from console.session.station import commands, jogging
 from console.session.station.alarms import recovered
+from console.session.station.conditions import refuse_unless_homed, require
 from console.session.station.context import StationContext
 from console.session.station.cutting import arm, disarm, retract, start
+from console.session.station.durations import approach_s, home_s, jog_s
 from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
+from console.session.station.readings import forget, note_skim, take_flank, take_jaw, take_touch_off
 from console.session.station.state import Activity
+from console.session.station.targets import GO_TO, distance_to, target_problems
+from console.session.station.tuning import read_loop
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
@@ -52,18 +56,19 @@ def take_control(context: StationContext, command: commands.TakeControl) -> None
     if not context.lathe.snapshot().loops_open:
         context.lathe.confirm_nobody_inside()  # whoever had control has enabled the drives since
     context.tell_standing()
+    context.tell(lost_link=None)
     context.end_alarms(*OWNER_CODES)
     verify(context, commands.Verify())
 
 
 def confirm_clamping(context: StationContext, command: commands.ConfirmClamping) -> None:
     """Record the operator's confirmation that the blank is clamped; in the simulator, clamp it."""
-    _require(context.lathe.snapshot().loops_open, "alignment.drives_on")
+    require(context.lathe.snapshot().loops_open, "alignment.drives_on")
     _refuse_unless_still(context)
     in_part = jogging.tool_in_part(
         context.lathe.snapshot(), context.loaded_machine.machine, context.state.alignment
     )
-    _require(not in_part, "machine.tool_in_part")
+    require(not in_part, "machine.tool_in_part")
     refuse(of_job(command.job, context.machine).problems)
     refuse(force_problems(command.job))
     if context.shop is not None:
@@ -75,7 +80,7 @@ def confirm_clamping(context: StationContext, command: commands.ConfirmClamping)
 def switch_on(context: StationContext, _: commands.EnableDrives) -> None:
     """Enable the drives, on a controller that is set as its profile says."""
     settings = context.state.alignment.settings
-    _require(settings is not None, "alignment.not_verified")
+    require(settings is not None, "alignment.not_verified")
     refuse(settings or ())
     _refuse_unless_still(context)
     context.lathe.confirm_nobody_inside()
@@ -95,71 +100,56 @@ def switch_off(context: StationContext, _: commands.DisableDrives) -> None:
 
 def home(context: StationContext, _: commands.Home) -> None:
     """Home all axes."""
-    _require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
+    require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
+    ends_s = home_s(context.machine, context.lathe.snapshot())
+    context.tell(ends_s=None if ends_s is None else context.clock.now_s() + ends_s)
     context.lathe.home()
 
 
 def approach(context: StationContext, command: commands.Approach) -> None:
     """Move the tool out, the carriage over the part, and the tool in to the retract distance."""
-    _refuse_unless_homed(context)
+    refuse_unless_homed(context)
     machine = context.machine
     setup = cut_setup(command.job, machine)
     over_mm = min(OVER_PART_MM, 0.5 * command.job.cut_length_mm)
     face = (machine.carriage.jaw_face_mm - command.job.overhang_mm) * machine.carriage.counts_per_mm
-    lathe = context.lathe
+    lathe, over = context.lathe, face + over_mm * machine.carriage.counts_per_mm
+    within_s = approach_s(machine, lathe.snapshot(), over, setup.retracted)
+    context.tell(ends_s=context.clock.now_s() + within_s)
     if lathe.snapshot().tool.position > setup.retracted:
         lathe.retract(setup.retracted)
-    lathe.jog_to(AxisName.CARRIAGE, face + over_mm * machine.carriage.counts_per_mm)
+    lathe.jog_to(AxisName.CARRIAGE, over)
     lathe.jog_to(AxisName.TOOL, setup.retracted, settle=False)
 
 
 def jog(context: StationContext, command: commands.Jog) -> None:
     """Jog one step; toward the work no further than to the clamped part, as far as that is known."""
-    _refuse_unless_homed(context)
+    refuse_unless_homed(context)
     if command.axis is AxisName.TOOL:
         nominal, alignment = context.loaded_machine.machine, context.state.alignment
         longest_mm = jogging.longest_toward_mm(context.lathe.snapshot(), nominal, alignment)
         if jogging.is_too_long(command.distance, longest_mm):
             value, limit = f"{command.distance:.3f} mm", f"<= {longest_mm:.3f} mm"
             raise SessionError(Problem(code="machine.step_too_long", key="tool", value=value, limit=limit))
-    context.lathe.jog_by(command.axis, command.distance * jogging.counts_per_unit(context.machine, command.axis))
+    too_fast = jogging.speed_problem(context.machine, command.axis, command.distance)
+    refuse(() if too_fast is None else (too_fast,))
+    _jog_by(context, command.axis, command.distance)
 
 
-def take_jaw(context: StationContext, _: commands.TakeJaw) -> None:
-    """Record jaw 1 at the present spindle position."""
-    _refuse_unless_homed(context)
-    snapshot = context.lathe.snapshot()
-    _require(snapshot.at_rest, "machine.moving")
-    alignment, counts_per_deg = context.state.alignment, jogging.counts_per_unit(context.machine, AxisName.SPINDLE)
-    angle_deg = math.fmod(snapshot.spindle.position / counts_per_deg, 360.0)
-    jaws = context.machine.chuck.jaws if alignment.clamping is None else alignment.clamping.jaws
-    context.tell(alignment=jaw_found(alignment, angle_deg, jaws, context.local_time()))
+def go_to(context: StationContext, command: commands.GoTo) -> None:
+    """Go to a target with one jog, if nothing is in the way; the carriage or the spindle."""
+    refuse_unless_homed(context)
+    require(command.axis in GO_TO, "machine.no_target_axis")
+    snapshot, machine = context.lathe.snapshot(), context.loaded_machine.machine
+    refuse(target_problems(snapshot, machine, context.state.alignment, command.axis, command.target))
+    _jog_by(context, command.axis, distance_to(snapshot, machine, command.axis, command.target))
 
 
-def take_touch_off(context: StationContext, command: commands.TakeTouchOff) -> None:
-    """Record the touch-off: the tool tip is at this radius at its present position."""
-    _refuse_unless_homed(context)
-    snapshot = context.lathe.snapshot()
-    _require(snapshot.at_rest, "machine.moving")
-    nominal, alignment = context.loaded_machine.machine, context.state.alignment
-    tool, clamping = nominal.tool, alignment.clamping
-    if clamping is None or not jogging.over_part(snapshot, nominal, clamping.overhang_mm):
-        raise SessionError(Problem(code="alignment.beside_part", key="tool"))
-    zero_mm = command.radius_mm + snapshot.tool.position / tool.counts_per_mm
-    if abs(zero_mm - tool.home_radius_mm) > jogging.TOUCH_OFF_BAND_MM:
-        value = f"R {zero_mm:.3f} mm"
-        limit = f"R {tool.home_radius_mm:.3f} ± {jogging.TOUCH_OFF_BAND_MM:g} mm"
-        raise SessionError(Problem(code="alignment.touch_off_far", key="tool", value=value, limit=limit))
-    diameter_mm, at = clamping.diameter_mm, context.local_time()
-    stamp = TouchOff(zero_radius_mm=zero_mm, diameter_mm=diameter_mm, at=at, on=alignment.on)
-    context.tell(alignment=replace(alignment, touch_off=stamp))
-
-
-def forget(context: StationContext, _: commands.Forget) -> None:
-    """Forget one reading: the touch-off, or jaw 1 where there is none."""
-    alignment = context.state.alignment
-    without = replace(alignment, jaw=None) if alignment.touch_off is None else replace(alignment, touch_off=None)
-    context.tell(alignment=without)
+def _jog_by(context: StationContext, axis: AxisName, distance: float) -> None:
+    """Jog, and count it once it is in position."""
+    context.tell(ends_s=context.clock.now_s() + jog_s(context.machine, axis, distance))
+    context.lathe.jog_by(axis, distance * jogging.counts_per_unit(context.machine, axis))
+    context.tell(jogs=context.state.jogs + 1)
 
 
 def recover(context: StationContext, _: commands.Recover) -> None:
@@ -168,7 +158,7 @@ def recover(context: StationContext, _: commands.Recover) -> None:
     if context.state.controls:
         context.lathe.acknowledge_loss()
     context.change_alarms(recovered)
-    context.tell(stop=None, armed=None)
+    context.tell(stop=None, armed=None, lost_link=None)
     context.limits_seen = context.lathe.snapshot().limits
 
 
@@ -180,22 +170,12 @@ def measure(context: StationContext, _: commands.Measure) -> None:
     if plan is None or context.started is None or not context.state.cut_done:
         raise SessionError(Problem(code="session.nothing_cut"))
     snapshot = context.lathe.snapshot()
-    _require(snapshot.at_rest, "machine.moving")
-    _require(tool_clear(snapshot, plan), "machine.tool_in_part")
+    require(snapshot.at_rest, "machine.moving")
+    require(tool_clear(snapshot, plan), "machine.tool_in_part")
     if not snapshot.loops_open:
         context.lathe.switch_off()
     _refuse_unless_still(context)
     measure_simulated(context)
-
-
-def _require(holds: bool, code: str) -> None:
-    if not holds:
-        raise SessionError(Problem(code=code))
-
-
-def _refuse_unless_homed(context: StationContext) -> None:
-    _require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
-    _require(context.lathe.snapshot().homed, "alignment.not_homed")
 
 
 def _refuse_unless_still(context: StationContext) -> None:
@@ -219,9 +199,13 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.Home: (Activity.HOMING, home),
     commands.Approach: (Activity.APPROACHING, approach),
     commands.Jog: (Activity.JOGGING, jog),
+    commands.GoTo: (Activity.JOGGING, go_to),
+    commands.TakeFlank: (Activity.READY, take_flank),
     commands.TakeJaw: (Activity.READY, take_jaw),
+    commands.NoteSkim: (Activity.READY, note_skim),
     commands.TakeTouchOff: (Activity.READY, take_touch_off),
     commands.Forget: (Activity.READY, forget),
+    commands.ReadLoop: (Activity.VERIFYING, read_loop),
     commands.Arm: (Activity.ARMING, arm),
     commands.Disarm: (Activity.READY, disarm),
     commands.Start: (Activity.POSITIONING, start),

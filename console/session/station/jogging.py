@@ -32,8 +32,15 @@ FEELING_STEP_MM = 0.01  # longest step toward a surface that should already be i
 STEP_TOLERANCE_MM = 0.0005
 """Tolerance on the step limit: what is shown with three decimals must agree with what is allowed."""
 
+DEG_PER_S_OF_AN_RPM = 6.0
+SPEED_TOLERANCE = 0.001  # jog speeds are whole numbers of counts/ms: 16.667 of them are 100.002 rpm
+
 CLEAR_MM = 0.2
 """Radial distance from the part at which the tool counts as clear: many times the drift of a disabled drive."""
+
+SETUP_MM_PER_S, SETUP_RPM = 2000.0 / 60.0, 100.0
+"""Highest speeds of a jog in set-up, axes and spindle. Our choice: 2 m/min is the usual figure for the axes of a
+lathe; the standard for the machine at hand may ask for less, and then its own jog speed (Ix22) has to be lower."""
 
 TOUCH_OFF_BAND_MM = 1.5
 """Allowed distance of a touch-off from the tool radius in the profile: less than the retract distance."""
@@ -105,6 +112,27 @@ def longest_toward_mm(snapshot: Snapshot | None, machine: MachineProfile, alignm
 def is_too_long(step_mm: float, longest_mm: float) -> bool:
     """Return whether a step is longer than it may be."""
     return step_mm > longest_mm + STEP_TOLERANCE_MM
+
+
+def step_speed(machine: MachineProfile, axis: AxisName, distance: float) -> float:
+    """Return an upper bound of the speed of a jog over a distance, mm/s, or rpm of the spindle."""
+    speed = settings_of(machine, axis).step_speed(abs(distance))
+    return speed / DEG_PER_S_OF_AN_RPM if axis is AxisName.SPINDLE else speed
+
+
+def setup_speed(axis: AxisName) -> float:
+    """Return the highest speed of a jog in set-up, mm/s, or rpm of the spindle."""
+    return SETUP_RPM if axis is AxisName.SPINDLE else SETUP_MM_PER_S
+
+
+def speed_problem(machine: MachineProfile, axis: AxisName, distance: float) -> Problem | None:
+    """Return why a jog over a distance is too fast for set-up; None where it is not. Nothing is slowed down."""
+    speed, most = step_speed(machine, axis, distance), setup_speed(axis)
+    if speed <= most * (1.0 + SPEED_TOLERANCE):
+        return None
+    unit = "rpm" if axis is AxisName.SPINDLE else "mm/s"
+    value, limit = f"{speed:.1f} {unit}", f"<= {most:.1f} {unit}"
+    return Problem(code="machine.setup_speed", key=axis, value=value, limit=limit)
 
 
 def stopping_distance(machine: MachineProfile, axis: AxisName, step: float) -> float:

@@ -111,10 +111,14 @@ class LinkThread:
             self._opened.station.beat()
 
     def end(self, reason: str, *, must_leave: bool = False) -> None:
-        """Leave the machine at rest and end. With `must_leave` the process ends even if the screen cannot."""
+        """Leave the machine at rest and end. With `must_leave` the process ends even if the screen cannot.
+
+        Once is enough: a stop begins the proof of rest anew, and those of further signals would use up its time.
+        """
+        asked = self._ending is not None and (self._must_leave or not must_leave)
         self._ending = self._ending or reason
         self._must_leave = self._must_leave or must_leave
-        if self._opened is not None:
+        if self._opened is not None and not asked:
             stop, state = self._opened.stop, self.state
             if must_leave:
                 stop.leave_by_s = min(stop.leave_by_s, self.now_s() + LEAVE_WITHIN_S)

@@ -13,7 +13,9 @@ import errno
 import fcntl
 import os
 import re
+import socket
 import stat
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -37,10 +39,20 @@ class Owning:
     """Control of the machine at one address, from one console."""
 
     def __init__(
-        self, lathe: Lathe, address: str, data: Path, lock: Callable[[], ConsoleLock | None] | None = None
+        self,
+        lathe: Lathe,
+        address: str,
+        data: Path,
+        lock: Callable[[], ConsoleLock | None] | None = None,
+        *,
+        name: str = "",
     ) -> None:
-        """Take `lock`, which takes the lock of this computer; None: nobody else can reach the machine."""
+        """Take `lock`, which takes the lock of this computer; None: nobody else can reach the machine.
+
+        With the `name` of an operator, each claim is signed in the controller.
+        """
         self._lathe, self._address, self._data, self._take_lock = lathe, address, data, lock
+        self._name = name
         self._lock: ConsoleLock | None = None
 
     def claim(self) -> None:
@@ -97,6 +109,9 @@ class Owning:
         return NOBODY if self._lathe.ownership is None else self._lathe.ownership.number
 
     def _keep(self) -> None:
+        """Leave the number in the lock, for the next console, and the name in the controller, for observers."""
+        if self._name:
+            self._lathe.sign(self._name, socket.gethostname().partition(".")[0], int(time.time() // 60))
         if self._lock is not None and self._lathe.ownership is not None:
             self._lock.keep(self._number)
 
@@ -137,11 +152,10 @@ def take_lock(data: Path, address: str) -> ConsoleLock | None:
     Raises:
         SessionError: `lock.unwritable`.
     """
-    place = address.rpartition("?")[0] or address
-    path = data / "locks" / f"{re.sub(r'[^A-Za-z0-9.-]+', '_', place)}.lock"
+    path = lock_path(data, address)
     descriptor: int | None = None
     try:
-        descriptor = _opened(path)
+        descriptor = open_lock(path)
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         if descriptor is not None:
@@ -154,7 +168,13 @@ def take_lock(data: Path, address: str) -> ConsoleLock | None:
     return ConsoleLock(descriptor, int(left) if left.isdigit() else 0)
 
 
-def _opened(path: Path) -> int:
+def lock_path(data: Path, address: str) -> Path:
+    """Return the file of the lock of the machine at an address."""
+    place = address.rpartition("?")[0] or address
+    return data / "locks" / f"{re.sub(r'[^A-Za-z0-9.-]+', '_', place)}.lock"
+
+
+def open_lock(path: Path) -> int:
     """Open the lock file, creating it where it is missing; OSError unless a plain file of ours alone."""
     make_private_folder(path.parent)
     if path.parent.is_symlink() or path.is_symlink():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from statistics import linear_regression
 
@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from console.session.cut import telemetry
 from console.session.cut.interlocks import SPEED_BAND
+from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseClock, PhaseLeft, to_the_start
+from drivers.cutting.feed_hold import MOST_HELD_S, NOT_HELD, HoldReport, HoldState
+from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -27,17 +30,18 @@ STANDS_FRACTION = 0.05  # below this fraction of the job's speed a spindle count
 
 
 class CutStage(StrEnum):
-    """The stages of a cut in their order."""
+    """The stages of a cut in their order. While it is `paused` by a feed hold the tool is out; then it cuts on."""
 
     POSITION = "position"
     RUN_UP = "run_up"
     CUT = "cut"
+    PAUSED = "paused"
     RETRACT = "retract"
     DONE = "done"
     HELD = "held"
 
 
-RUNNING = frozenset({CutStage.RUN_UP, CutStage.CUT, CutStage.RETRACT})
+RUNNING = frozenset({CutStage.RUN_UP, CutStage.CUT, CutStage.PAUSED, CutStage.RETRACT})
 """Stages in which the program of a cut runs."""
 
 
@@ -54,6 +58,13 @@ class CutProgress:
     there is no phase. `synchronisation` is None where nothing must be synchronised, or too little was sampled.
     `ripple` is the speed ripple of the spindle within a turn, by the last samples in the part; None where it
     cannot be determined. A cut `in_air` has all of it beside the part, at the planned clearance.
+
+    `phases` are those that are not over, with the time left. `to_go` is how far the axes have to go: to the start
+    of the program, in the cut the carriage to its end. `place` is the line of the program, by the controller; None
+    where it has not reported one.
+
+    `hold` is the feed hold, by the controller; it may be asked for from Z `hold_from_mm` on, None where the
+    program cannot be held. `holds_mm` is where it was held, `held_left_s` how long the program still waits.
     """
 
     stage: CutStage
@@ -78,6 +89,13 @@ class CutProgress:
     synchronisation: Synchronisation | None = None
     ripple: telemetry.SpindleRipple | None = None
     in_air: bool = False
+    phases: tuple[PhaseLeft, ...] = ()
+    to_go: tuple[AxisToGo, ...] = ()
+    place: ProgramPlace | None = None
+    hold: HoldReport = NOT_HELD
+    hold_from_mm: float | None = None
+    holds_mm: tuple[float, ...] = ()
+    held_left_s: float | None = None
 
     @property
     def in_phase(self) -> bool | None:
@@ -112,6 +130,33 @@ class Synchronisation(StrEnum):
     WAITING = "waiting"
     IN_SYNC = "in_sync"
     LOST = "lost"
+
+
+class Away:
+    """When a feed hold has the tool off its path, by the reports of the program: such polls are not judged.
+
+    The program reports its moves before they are made, so a turn is left out after it has come back. `at_mm` is
+    where the cut was held, `left_s` how long the program still waits.
+    """
+
+    def __init__(self, counts_per_rev: float) -> None:
+        self.at_mm: tuple[float, ...] = ()
+        self.left_s: float | None = None
+        self._per_rev = counts_per_rev
+        self._back_at: float | None = None
+        self._held_s: float | None = None
+
+    def see(self, snapshot: Snapshot, hold: HoldReport, reached_mm: float) -> bool:
+        """Take a poll, with how far the part is cut; return whether the tool may be off its path."""
+        if hold.state is HoldState.HELD:
+            if self._held_s is None:
+                self._held_s, self.at_mm = snapshot.at_s, (*self.at_mm, reached_mm)
+            self.left_s = max(MOST_HELD_S - (snapshot.at_s - self._held_s), 0.0)
+        else:
+            self._held_s = self.left_s = None
+        if hold.active:
+            self._back_at = abs(snapshot.spindle.position) + self._per_rev
+        return self._back_at is not None and abs(snapshot.spindle.position) < self._back_at
 
 
 class SpindleWatch:
@@ -151,9 +196,42 @@ class CutWatch:
         self._held = self._over = False
         self._judged = plan.strategy.traits.follows_lobe
         self._phase_limit_deg = telemetry.phase_limit_deg(plan.target, job.roundness_tolerance_um)
+        self._clock = PhaseClock(plan, machine)
+        self._away = Away(machine.spindle.counts_per_rev)
 
-    def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
+    def see(
+        self,
+        snapshot: Snapshot,
+        stage: CutStage,
+        holding: bool,
+        speed_rpm: float | None,
+        hold: HoldReport = NOT_HELD,
+    ) -> CutProgress:
         """Take a poll and return the progress at that moment, including the spindle speed."""
+        if hold.state is HoldState.HELD:  # by the controller: the turns of a hold for one turn are not polled
+            fed_mm = (hold.cut_turns - self._plan.setup.turns_clear) * self._job.feed_mm_per_rev
+            self._reached_mm = max(self._reached_mm, fed_mm)
+        if self._away.see(snapshot, hold, self._reached_mm) and stage is CutStage.RUN_UP and not holding:
+            stage = CutStage.PAUSED if hold.state is HoldState.HELD else CutStage.CUT
+        moment = self._judged_moment(snapshot, stage, holding, speed_rpm)
+        return replace(
+            moment,
+            phases=self._phases(snapshot, moment),
+            to_go=self._to_go(snapshot, moment),
+            hold=hold,
+            hold_from_mm=self._hold_from_mm,
+            holds_mm=self._away.at_mm,
+            held_left_s=self._away.left_s if moment.stage is CutStage.PAUSED else None,
+        )
+
+    @property
+    def _hold_from_mm(self) -> float | None:
+        first = self._plan.hold_from
+        return None if first is None else (first - self._face) / self._machine.carriage.counts_per_mm
+
+    def _judged_moment(
+        self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None
+    ) -> CutProgress:
         angle_deg = 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
         infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
         target_um = float(self._plan.target.at_um(angle_deg))
@@ -161,7 +239,7 @@ class CutWatch:
         # A hold retracts the tool while the carriage is still over the part: what it leaves is not judged.
         self._held = self._held or (holding and telemetry.is_leaving(error_um, self._peak_um))
         cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
-        self._over = self._over or (bool(self._errors) and infeed_um < 0.0)
+        self._over = self._over or (stage is CutStage.RUN_UP and bool(self._errors) and infeed_um < 0.0)
         cutting = cutting and not self._held and not self._over
         if cutting and snapshot.program_running:
             stage = CutStage.CUT
@@ -175,6 +253,22 @@ class CutWatch:
             # A program stopped by somebody else leaves the tool where it is.
             stage = CutStage.CUT if cutting else CutStage.RETRACT
         return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, target_um)
+
+    def _phases(self, snapshot: Snapshot, moment: CutProgress) -> tuple[PhaseLeft, ...]:
+        phase = _PHASES.get(moment.stage)
+        if moment.synchronisation is Synchronisation.WAITING:
+            phase = CutPhase.INDEX
+        return () if phase is None else self._clock.left(phase, snapshot, moment.left_s)
+
+    def _to_go(self, snapshot: Snapshot, moment: CutProgress) -> tuple[AxisToGo, ...]:
+        match moment.stage:
+            case CutStage.POSITION:
+                return to_the_start(self._plan, self._machine, snapshot)
+            case CutStage.RUN_UP | CutStage.CUT | CutStage.PAUSED:
+                left_mm = (self._end - snapshot.carriage.position) / self._machine.carriage.counts_per_mm
+                return (AxisToGo(AxisName.CARRIAGE, max(left_mm, 0.0)),)
+            case _:
+                return ()
 
     def _moment(
         self,
@@ -221,7 +315,7 @@ class CutWatch:
                 return 0.0  # the carriage is still on its way to the part
             case CutStage.DONE:
                 return self._job.cut_length_mm
-            case CutStage.RETRACT | CutStage.HELD:
+            case CutStage.PAUSED | CutStage.RETRACT | CutStage.HELD:
                 return self._reached_mm
             case _:
                 return self._past_face_mm(snapshot)
@@ -240,6 +334,15 @@ class CutWatch:
             return None
         begun = abs(snapshot.tool.position - self._plan.tool_start) * self._machine.tool.count_um > BEGUN_UM
         return before_part(strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, begun=begun)
+
+
+_PHASES = {
+    CutStage.POSITION: CutPhase.APPROACH,
+    CutStage.RUN_UP: CutPhase.RUN_UP,
+    CutStage.CUT: CutPhase.CUT,
+    CutStage.PAUSED: CutPhase.CUT,
+    CutStage.RETRACT: CutPhase.RETRACT,
+}
 
 
 def _samples(pairs: deque[tuple[float, float]]) -> NDArray[np.float64]:

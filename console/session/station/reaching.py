@@ -11,7 +11,10 @@ from pathlib import Path
 from console.session.cut.engine import CutContext
 from console.session.data.stop_records import stop_record_problems
 from console.session.errors import refuse
+from console.session.operator import operator_name
 from console.session.signals import Interruption
+from console.session.station.link.onlookers import Onlookers
+from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning, take_lock
 from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
@@ -22,8 +25,9 @@ from drivers.lathe.safety import safety_problems
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
-from drivers.link.address import LinkAddress, SimulatedAddress
+from drivers.link.address import LinkAddress, SimulatedAddress, WiredAddress
 from drivers.link.opening import open_link
+from drivers.link.renewable import RenewableLink
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
@@ -90,6 +94,8 @@ class Reached:
     clock: Clock
     address: str
     shop: SimulatorProcess | None
+    reopening: Reopening | None = None
+    onlookers: Onlookers | None = None
     close: Callable[[], None] = field(repr=False)
 
     @property
@@ -122,26 +128,40 @@ def reach(
             )
             opened.callback(process.close)
             address = process.address
-        link = open_link(address)
+        link, reopening = _renewable(address, process)
         opened.callback(link.close)
+        opened.callback(reopening.close)
         clock = RealClock()
         traced = tracing.of(link, clock.now_s)
         stop, client = StopPath(traced), PmacClient(traced, clock)
         ownership = Ownership(client)
         heartbeat = Heartbeat(client, clock, loaded.machine, owner_seen=ownership.see)
         lathe = Lathe(client, loaded.machine, clock, stop, seen, heartbeat, ownership)
-        lock = None if process is not None else (lambda: take_lock(data, link.address))
         return Reached(
             client=client,
             lathe=lathe,
             heartbeat=heartbeat,
             stop=stop,
-            owning=Owning(lathe, link.address, data, lock),
+            owning=Owning(lathe, link.address, data) if process else _owning(lathe, link.address, data),
             clock=clock,
             address=link.address,
             shop=process,
+            reopening=reopening,
+            onlookers=None if process else Onlookers(data, link.address),
             close=opened.pop_all().close,
         )
+
+
+def _owning(lathe: Lathe, address: str, data: Path) -> Owning:
+    """Return the ownership of a machine that others can reach, too: locked here, signed there."""
+    return Owning(lathe, address, data, lambda: take_lock(data, address), name=operator_name())
+
+
+def _renewable(address: WiredAddress, process: SimulatorProcess | None) -> tuple[RenewableLink, Reopening]:
+    """Open a link that may be opened anew; that of a simulator only as long as its process lives."""
+    link = RenewableLink(open_link(address))
+    over = (lambda: not process.alive) if process is not None else (lambda: False)
+    return link, Reopening(link, lambda: open_link(address), over)
 
 
 def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) -> None:

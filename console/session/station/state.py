@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
+from console.session.station.link.lost_link import LostLink
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import NOBODY, Standing
+from drivers.lathe.standing import NOBODY, Signature, Standing
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.problem import Problem
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from console.session.station.progress import CutProgress
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
+    from drivers.identification.tool_loop import ToolLoop
     from profiles.job import Job
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
@@ -161,16 +163,23 @@ class StationState:
 
     `cut_done` means that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
     job, that was cut without compensation and measured. `refusals` answer the last command, and end with the next.
+    `loading_until_s` is about when the program will have been loaded, machine time; None while none is.
     `spindle_rpm` is None until enough was sampled. `stops` counts those that were settled. `marks_mm` is
     where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
     cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
     cut at all, as of the last time its settings were read. `standing` is this console's role at the
-    machine, `holder` the number of the console that controls it.
+    machine, `holder` the number of the console that controls it, `held_by` who that is as far as it has said so,
+    `onlookers` how many others of this data folder look on while this one controls. `jogs` counts the jogs that
+    ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known.
+    `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
+    read last.
     """
 
     activity: Activity = Activity.CONNECTING
     standing: Standing = Standing.OWNER
     holder: int = NOBODY
+    held_by: Signature | None = None
+    onlookers: int = 0
     simulated: bool = True
     machine: str = ""
     address: str = ""
@@ -185,6 +194,10 @@ class StationState:
     refusals: tuple[Problem, ...] = ()
     stop: StopState | None = None
     stops: int = 0
+    jogs: int = 0
+    ends_s: float | None = None
+    lost_link: LostLink | None = None
+    loading_until_s: float | None = None
     armed: Armed | None = None
     cut: CutProgress | None = None
     cut_done: bool = False
@@ -193,6 +206,7 @@ class StationState:
     uncommissioned: tuple[Problem, ...] = ()
     measured: MeasuredPart | None = None
     uncompensated: MeasuredPart | None = None
+    tool_loop: ToolLoop | None = None
 
     @property
     def moving(self) -> bool:

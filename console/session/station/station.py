@@ -20,9 +20,25 @@ from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import killed_or_refused
 from console.session.errors import SessionError, fault_problem
 from console.session.station.alarms import OF_A_CUT, Priority, seen
-from console.session.station.commands import Acknowledge, Arm, Command, EndCut, Recover, Start, TakeControl, Verify
+from console.session.station.armed_watch import watch_armed
+from console.session.station.commands import (
+    Acknowledge,
+    Arm,
+    Command,
+    EndCut,
+    HoldFeed,
+    ReadLoop,
+    Recover,
+    ResumeFeed,
+    Start,
+    TakeControl,
+    Verify,
+)
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
+from console.session.station.holding import hold_refusal
+from console.session.station.link.holding import HolderWatch
+from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
 from console.session.station.reaching import Commissioned, reach
 from console.session.station.state import IDLE, MOVING, Activity, StationState
@@ -39,7 +55,7 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 SCREEN_TIMEOUT_S = 2.0  # timeout of a silent screen while something moves
-OBSERVERS_COMMANDS = (Verify, Recover, TakeControl)
+OBSERVERS_COMMANDS = (Verify, Recover, TakeControl, ReadLoop)
 """Commands open to a console that only observes; a stop needs no permission."""
 
 
@@ -54,6 +70,8 @@ class Station:
         self._link_time = LinkTime()
         self._spindle = SpindleWatch(context.loaded_machine.machine.spindle.counts_per_rev)
         self._stops, self._sight = Stops(context, self._spindle.forget), ChuckSight(context)
+        self._holder = HolderWatch(context)
+        self._reconnecting = Reconnecting(context, self._stops)
 
     @property
     def state(self) -> StationState:
@@ -79,13 +97,15 @@ class Station:
         )
         context.tell_standing()
         watch_poll(context, before, snapshot)
+        watch_armed(context, snapshot)
         self._stops.watch(snapshot)
         if context.seen is not None:
             context.seen(snapshot)
             watch_phase(context)
         else:
             context.end_alarms(*OF_A_CUT)
-        self._sight.sample()
+        if not self._stops.leaving:  # whoever leaves looks at the chuck no more, and an answer may take its time
+            self._sight.sample()
         context.check_record()
         silent = self._beat_s is not None and context.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
         if silent and context.state.activity in MOVING and context.lathe.stop.reason is None:
@@ -116,7 +136,7 @@ class Station:
     def post(self, intent: Command) -> bool:
         """Take a command, from any thread; False where it is refused because the machine is busy."""
         context = self._context
-        if isinstance(intent, Acknowledge | EndCut):
+        if isinstance(intent, Acknowledge | EndCut | HoldFeed | ResumeFeed):
             context.log_command(intent)
         if isinstance(intent, Acknowledge):
             context.change_alarms(partial(seen, shown=intent.shown))
@@ -125,6 +145,12 @@ class Station:
             if context.state.activity is not Activity.CUTTING:
                 return self._refuse(Problem(code="session.nothing_to_hold"))
             context.end_asked = True
+            return True
+        if isinstance(intent, HoldFeed | ResumeFeed):
+            refused = hold_refusal(intent, context.state)
+            if refused is not None:
+                return self._refuse(refused)
+            context.hold_asked = intent
             return True
         with self._slot:
             if context.state.activity is Activity.LOST:
@@ -163,19 +189,24 @@ class Station:
     def _step(self, command: Command | None) -> None:
         context = self._context
         if self._stops.gone:
+            self._reconnecting.step()
             return
         if context.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
-        elif command is not None:
-            self._carry_out(command)
+            self._reconnecting.settled()
         else:
-            self._guarded(self._poll)
+            self._stops.commanded = command is not None
+            if command is not None:
+                self._carry_out(command)
+            else:
+                self._guarded(self._poll)
         armed = context.state.armed
         if armed is not None and context.clock.now_s() > armed.until_s:
             context.tell(armed=None, refusals=(Problem(code="session.arm_expired"),))
 
     def close(self, reason: str) -> None:
-        """Leave the machine at rest with its drives off, as far as possible. Never raises."""
+        """Leave the machine at rest with its drives off, as far as possible; then write. Never raises."""
+        self._stops.leaving = True
         context, lathe, snapshot = self._context, self._context.lathe, self.state.snapshot
         # A drive may be on: enabled by us, or on when control was taken.
         if self.state.controls and (lathe.has_moved or snapshot is None or not snapshot.loops_open):
@@ -189,17 +220,19 @@ class Station:
                     lathe.program.put_back()
         if not lathe.stop.given_up:  # a machine left in doubt stays ours: the next console must check it
             context.owning.release()
+        self._stops.write_later()
         context.end_record()
 
     def _carry_out(self, command: Command) -> None:
         activity, work = HANDLERS[type(command)]
         context = self._context
-        context.end_asked = False
+        context.end_asked, context.hold_asked = False, None
         if not isinstance(command, Arm):  # that one begins a record of its own
             context.log_command(command)
         if not isinstance(command, Start):
             context.tell(armed=None)  # what was read in the summary may have changed
-        context.tell(refusals=(), activity=activity if context.state.stop is None else context.state.activity)
+        shown = activity if context.state.stop is None else context.state.activity
+        context.tell(refusals=(), ends_s=None, activity=shown)
 
         def worked() -> None:
             work(context, command)
@@ -224,6 +257,7 @@ class Station:
             raise DriverError(Problem(code="machine.fault", key="poll", value=", ".join(faults)))
         context.end_alarms("link.silent")
         watch_axes(context, snapshot)
+        self._holder.look()
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Run an operation on the machine; on any error, report it and stop the machine."""
@@ -297,9 +331,12 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         shop=reached.shop,
         records=data,
         local_time=_local_time,
+        client=reached.client,
         commissioned=Commissioned(
             reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
         ),
+        reopening=reached.reopening,
+        onlookers=reached.onlookers,
     )
     context.tell(address=reached.address)
     for problem in warnings_of(machine):

@@ -10,22 +10,33 @@ from console.session.station.actions import stopped_by
 from console.session.station.context import StationContext
 from console.session.station.jogging import behind_face_mm, tool_in_part
 from console.session.station.progress import RUNNING, CutStage
-from console.session.station.state import Activity, StopState
+from console.session.station.state import MOVING, Activity, StopState
 from console.session.station.watches import watch_axes
-from drivers.errors import DriverError
+from drivers.errors import DriverError, RefusedError
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
 from drivers.link.base import GONE
-from profiles.problem import ProblemError
+from profiles.problem import Problem, ProblemError
+
+RESTED_S = 1.0  # for how long nothing may have moved before a stop that asks for no reset
+NEEDS_NO_RESET = frozenset({"space", "escape", "f12"})
+"""Stop keys: pressed at rest, they are no reason for a reset. F9 has disabled the drives, and asks for one."""
 
 
 class Stops:
-    """Stops of one machine. `gone` is whether the connection is lost for good."""
+    """Stops of one machine. `gone` is whether the connection is lost: nothing answers until it is opened anew.
+
+    `commanded` is whether the last thing that the station did before a stop was a command, and no poll. While
+    `leaving`, the record waits: the machine comes to rest first, and files are written after it (`write_later`).
+    """
 
     def __init__(self, context: StationContext, forget_speed: Callable[[], None]) -> None:
         """Take `forget_speed`: the polls of a spindle coming to rest give no valid speed."""
         self._context, self._forget_speed = context, forget_speed
-        self.gone = False
+        self.gone, self.commanded = False, True
+        self.leaving = False
+        self._later: list[tuple[str, dict[str, object]]] = []
+        self._moved_s = float("-inf")
         self._noted: tuple[bool, bool] | None = None  # of the last stop in the record: rest proven, drives off
 
     def settle(self, *, lost: bool = False) -> None:
@@ -36,6 +47,7 @@ class Stops:
             self._poll_stopped()
             return
         under_way = before is not None and before.rest_s is None
+        idle = self._idle() if before is None else None
         current = replace(
             before or self._begun_stop(),
             reason=stop.reason or "",
@@ -62,6 +74,31 @@ class Stops:
             context.tell(stop=current, activity=Activity.LOST)
         else:
             self._rested(current, snapshot)
+            if idle is not None and _same_drives(idle, snapshot):
+                self._let_go(snapshot)
+
+    def _idle(self) -> Snapshot | None:
+        """Return the last poll where a stop key was pressed and nothing has moved for a while; else None.
+
+        Between two steps of a jog it is a stop like any other.
+        """
+        state = self._context.state
+        if self._context.clock.now_s() - self._moved_s < RESTED_S:
+            return None
+        pressed = self._context.lathe.stop.reason in NEEDS_NO_RESET and not self.commanded
+        at_rest = state.snapshot is not None and state.snapshot.at_rest and not state.snapshot.lost
+        return state.snapshot if pressed and at_rest else None
+
+    def _let_go(self, snapshot: Snapshot) -> None:
+        """End a stop that has found nothing to stop: what was armed is over, and no reset is asked for."""
+        context = self._context
+        try:
+            context.lathe.stop.release()
+        except RefusedError:  # another stop came meanwhile
+            return
+        context.limits_seen = snapshot.limits
+        told = (Problem(code="session.stopped_at_rest"),)
+        context.tell(stop=None, activity=Activity.READY, refusals=told)
 
     def _begun_stop(self) -> StopState:
         """Return the state of a stop that has just come; what it ended stays with it until F2.
@@ -112,8 +149,9 @@ class Stops:
         try:
             snapshot = context.lathe.snapshot()
         except DriverError as error:
+            self.gone = any(problem.code in GONE for problem in error.problems)
             for problem in error.problems:
-                context.alarm(problem)
+                context.alarm_once(problem)
             context.tell(activity=Activity.LOST)
         else:
             watch_axes(context, snapshot)
@@ -125,7 +163,7 @@ class Stops:
         self._noted = (proven, killed)
         if before is None:
             cut = context.state.cut if stop.of_cut else None
-            context.note_anyway(
+            self._note(
                 "stopped",
                 reason=stop.reason,
                 by=stopped_by(stop.reason),
@@ -135,14 +173,32 @@ class Stops:
                 taken_after_s=taken_after_s,
             )
         elif killed and not before[1]:
-            context.note_anyway("killed", proven=proven)
+            self._note("killed", proven=proven)
         elif proven and not before[0]:
-            context.note_anyway("at_rest")
+            self._note("at_rest")
+
+    def _note(self, kind: str, **data: object) -> None:
+        self._later.append((kind, data))
+        if not self.leaving:
+            self.write_later()
+
+    def write_later(self) -> None:
+        """Write into the record what has waited."""
+        while self._later:
+            kind, data = self._later.pop(0)
+            self._context.note_anyway(kind, **data)
 
     def watch(self, snapshot: Snapshot) -> None:
-        """Note when the controller first obeys a stop, by a poll that was requested after it."""
+        """Note when something moves, and when the controller first obeys a stop, by a poll requested after it."""
+        if snapshot.moving or self._context.state.activity in MOVING - {Activity.STOPPING}:
+            self._moved_s = self._context.clock.now_s()
         stop = self._context.state.stop
         if stop is None or stop.taken_s is not None or snapshot.asked_s < stop.sent_s:
             return
         if snapshot.obeys_stop(killed=self._context.lathe.stop.killed):
             self._context.tell(stop=replace(stop, taken_s=snapshot.at_s))
+
+
+def _same_drives(before: Snapshot, after: Snapshot) -> bool:
+    """Whether no drive has been enabled or disabled since."""
+    return before.loops_open == after.loops_open and before.open_loops == after.open_loops

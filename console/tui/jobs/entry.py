@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 
 from textual.widgets import Input
+from textual.widgets.input import Selection
 
 from profiles.fields import TEXT_CAP_CHARACTERS
 
@@ -38,11 +39,15 @@ class JobsEntry(Input):
         self.typing = Typing.NOTHING
 
     def open(self, typing: Typing, value: str) -> None:
-        """Begin with this text, the cursor behind it; the next characters are for the entry."""
+        """Begin with this text, the cursor behind it; the next characters are for the entry.
+
+        The words of a search are selected: a character begins another search, an arrow key keeps them.
+        """
         self.typing = typing
         self.max_length = _PATH_CAP_CHARACTERS if typing is Typing.PATH else TEXT_CAP_CHARACTERS
         self.value = value
-        self.cursor_position = len(value)
+        begin = 0 if typing is Typing.SEARCH else len(value)
+        self.selection = Selection(begin, len(value))
         self.display = True
         self.keep_focus()
 

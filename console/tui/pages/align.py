@@ -8,8 +8,14 @@ from typing import ClassVar
 from textual.containers import Vertical
 
 from console.session.cut.alignment import AlignStep, force_problems
+from console.session.cut.jaw_by_indicator import READINGS, allowed_spread_deg
 from console.session.station import commands
 from console.session.station.state import Activity, StationState
+from console.tui.align.align_entry import AlignEntry
+from console.tui.align.answers import asked_lines, asked_title
+from console.tui.align.ask_keys import FORCES, TARGETS, AskKeys
+from console.tui.align.chuck_picture import PICTURE_ROWS, JawSeen, jaw_seen, picture_lines
+from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, dim, line, wrapped
 from console.tui.page import Page
@@ -23,6 +29,7 @@ from drivers.lathe.snapshot import AxisName
 from profiles.job import Job
 from profiles.problem import Problem
 
+ROOMY_ROWS = 24  # rows of the page from which the chuck has a panel of its own
 CONFIRM_S = 3.0  # time in which a second Enter confirms the warning of the first
 
 
@@ -31,13 +38,18 @@ class AlignPage(Page):
 
     name_: ClassVar[PageName] = PageName.ALIGN
     DEFAULT_CSS = """
-    AlignPage { layout: horizontal; }
+    AlignPage { layout: horizontal; layers: base entry; }
     AlignPage .left { width: 59fr; height: 1fr; }
     AlignPage .right { width: 41fr; height: 1fr; }
     AlignPage Sheet { width: 1fr; height: 1fr; padding: 0 1; border: round $secondary;
         border-title-color: $foreground; background: $background; }
     AlignPage #align-axes { height: 7; }
+    AlignPage #align-asked { display: none; height: 1fr; }
+    AlignPage.-asking #align-asked { display: block; }
+    AlignPage.-asking #align-jog { display: none; }
+    AlignPage #align-entry { offset: 14 8; }
     AlignPage #align-steps { height: 8; }
+    AlignPage.-low #align-steps { height: 5; }
     AlignPage #align-chuck { height: 9; display: none; }
     AlignPage.-roomy #align-chuck { display: block; }
     AlignPage.-tall #align-chuck { height: 50%; }
@@ -51,11 +63,14 @@ class AlignPage(Page):
         self._steps = Sheet(palette, id="align-steps")
         self._why = Sheet(palette, id="align-why")
         self._chuck = Sheet(palette, id="align-chuck")
+        self._asked, self._entry = Sheet(palette, id="align-asked"), AlignEntry()
         self.panels = (
-            Vertical(self._axes, self._jog_panel, classes="left"),
+            Vertical(self._axes, self._jog_panel, self._asked, classes="left"),
             Vertical(self._steps, self._why, self._chuck, classes="right"),
+            self._entry,
         )
         self._jog = JogKeys(ui, self._later)
+        self._ask = AskKeys(ui, self._entry, self._jog)
         self._warned_s: float | None = None
         self._axes.border_title = ui.text("align_page.axes")
         self._steps.border_title = ui.text("align_page.steps")
@@ -63,35 +78,47 @@ class AlignPage(Page):
 
     def show(self, view: View) -> None:
         """Show the newest state."""
-        simulated = view.state.simulated and view.state.seen is not None
-        self.set_class(simulated and self.size.width >= 100 and self.size.height >= 24, "-roomy")
+        seen = jaw_seen(view.state, self.ui.machine.machine)
+        self.set_class(seen is not None and self.size.width >= 100 and self.size.height >= ROOMY_ROWS, "-roomy")
+        self.set_class(self.size.height < ROOMY_ROWS, "-low")
         self.set_class(self.size.height >= 36, "-tall")
         text, state, job = self.ui.text, view.state, view.job
         machine = self.ui.machine.machine
         if state.moving:
             self._jog.renew(view.now_s)  # idle time counts from the end of the motion
         self._jog.let_go(state, view.now_s)
-        self._jog.press_due()
+        self._jog.follow()
         self._axes.show(align_lines.axes_lines(text, state, machine, view.now_s, self._axes.size.width))
         jog = self._jog.view(state, view.now_s)
         axes = "C °" if jog.axis is AxisName.SPINDLE else "X Z mm"
         self._jog_panel.show(jog_lines(text, jog, *self._jog_panel.size), text("align_page.jog", axes=axes))
-        self._steps.show(align_lines.step_lines(text, state, job))
-        why = align_lines.why_lines(text, state, job, machine, *self._why.size)
-        self._why.show(why, self._why_title(state, job))
-        if state.seen is not None and self.has_class("-roomy"):
-            jaws = machine.chuck.jaws if job is None else job.jaws
-            lost, past_deg = state.activity is Activity.LOST, state.seen.jaw_1_past_mark_deg
-            self._chuck.show(() if lost else chuck_lines(*self._chuck.size, jaws, past_deg))
+        self._show_asked(view)
+        jaws = machine.chuck.jaws if job is None else job.jaws
+        steps, roomy = align_lines.step_lines(text, state, job), self.has_class("-roomy")
+        low = self.has_class("-low")
+        self._steps.show(align_lines.beside_each_other(steps, self._steps.size) if low else steps)
+        self._show_why(view, None if roomy else seen, jaws)
+        if roomy and seen is not None:
+            title = text("align_page.chuck_title" if state.simulated else "align_page.chuck_found")
+            drawn = chuck_lines(*self._chuck.size, jaws, seen.past_deg)
+            self._chuck.show(drawn, title, seen.angle)
 
     def act(self, action: str) -> None:
         """Perform the action of a key, or show why not."""
         if action != "align.take":
             self._warned_s = None
+        if self._ask.is_open:  # which first gets the characters that came before
+            self._entry.call_later(self._do, action)
+        else:
+            self._do(action)
+
+    def _do(self, action: str) -> None:
+        if self.ui.answers(self._ask.why_not(action, self.ui.view)):
+            return
         if action in JOGS:
             self._jog.press(action)
         else:
-            self._jog.forget()
+            self._jog.heard(action)
             answers: dict[str, Callable[[str], None]] = {
                 "align.step": self._do_step,
                 "align.take": self._take,
@@ -100,20 +127,36 @@ class AlignPage(Page):
                 "align.smaller": self._jog.change_rung,
                 "align.off": self._switch_off,
                 "align.back": self._take_back,
+                "align.goto": self._ask_target,
+                "align.go": lambda _: self._ask.go(self.ui.view),
+                "align.force": self._ask_force,
+                "align.skim": self._skim,
+                "align.flank": self._take_flank,
             }
             answers[action](action)
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why the machine, the step or the jog is not ready for a key."""
+        if action == "align.go" or self._ask.is_open:
+            reasons = self._ask.why_not(action, view)
+            if reasons or action == "align.go":
+                return reasons
         if action in JOGS:
             return self._jog.why_not(action, view.state, view.now_s)
         if action in ("align.larger", "align.smaller"):
             return ()
         return refusal(view.state, action) or align_reasons(action, view.state, view.job, self.ui.machine.machine)
 
+    @property
+    def field(self) -> FieldKind:
+        """A number, while one is asked for."""
+        return FieldKind.NUMBER if self._ask.is_open else FieldKind.NONE
+
     def next_step(self, view: View) -> Line:
         """Return what to do now."""
         text, state, job = self.ui.text, view.state, view.job
+        if self._ask.is_open:
+            return line((text(f"align_page.next.asked_{self._ask.asked}"), Token.ACTION))
         word = waiting(state)
         if word:
             return line(dim(text(f"align_page.next.{word}")))
@@ -130,16 +173,35 @@ class AlignPage(Page):
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return how to do the present step, and why the alignment is not valid."""
         text, state = self.ui.text, view.state
+        if self._ask.is_open:
+            return asked_lines(text, self._ask.question(view), width, None)
         by_hand = [] if state.simulated else [BLANK, *wrapped(text("align_page.real"), width)]
         return [*align_lines.why_lines(text, state, view.job, self.ui.machine.machine, width, None), *by_hand]
+
+    def heard(self, action: str | None) -> None:
+        """Drop the steps of a jog key that wait, at any other key."""
+        self._jog.heard(action)
 
     def leave(self) -> None:
         """Disable the jog; a step in progress ends with the page."""
         self._warned_s = None
+        self._stop_jog("page", "screen.left_jogging")
         self._jog.end()
-        if self.ui.control.state.activity is Activity.JOGGING:
-            self.ui.say_until_key(Problem(code="screen.left_jogging"))
-            self.ui.control.stop("page")
+        self._ask.close()
+
+    def on_mount(self) -> None:
+        """Watch the focus of the terminal, where it reports it: whoever looks elsewhere does not jog."""
+        self.watch(self.app, "app_focus", self._see_focus, init=False)
+
+    def _see_focus(self, focused: bool) -> None:
+        if not focused:
+            self._stop_jog("blur", "screen.blurred_jogging")
+            self._jog.end()
+
+    def _stop_jog(self, reason: str, code: str) -> None:
+        if self.ui.control.state.activity is Activity.JOGGING or self.ui.queued:
+            self.ui.say_until_key(Problem(code=code))
+            self.ui.stop(reason)
 
     def _next_word(self, state: StationState, step: AlignStep | None, job: Job | None) -> str:
         machine = self.ui.machine.machine
@@ -149,6 +211,10 @@ class AlignPage(Page):
             return "clamp_drives_on"
         if step is AlignStep.CLAMP and job is not None and force_problems(job):
             return "clamp_refused"
+        if step is AlignStep.JAW and state.alignment.flanks:
+            return "jaw_flanks_all" if len(state.alignment.flanks) >= READINGS else "jaw_flanks"
+        if step in (AlignStep.TOUCH_OFF, None) and state.alignment.skim_counts is not None:
+            return "skimmed"
         if step is AlignStep.JAW and not self._jog.enabled:
             return "jaw_enable"
         if step is AlignStep.TOUCH_OFF:
@@ -182,18 +248,24 @@ class AlignPage(Page):
     def _take(self, key: str) -> None:
         """Confirm what was done by hand, or take the present position (Enter). Nothing moves."""
         state, job = self.ui.control.state, self.ui.job
+        if self._ask.is_open:
+            self._ask.take(self.ui.view)
+            return
         if self.ui.answers(self.why_not(key, self.ui.view)) or job is None:
             return
         match align_lines.step_now(state.alignment, job):
             case AlignStep.CLAMP | AlignStep.DRIVES:
                 self.ui.control.post(commands.ConfirmClamping(job=job))
             case AlignStep.JAW:
-                self._take_jaw(state)
+                self._take_jaw(state, job)
             case AlignStep.TOUCH_OFF:
                 self.ui.control.post(commands.TakeTouchOff(radius_mm=job.radius_mm))
 
-    def _take_jaw(self, state: StationState) -> None:
-        """Take jaw 1 at the present position; visibly far from the mark, only after a second press."""
+    def _take_jaw(self, state: StationState, job: Job) -> None:
+        """Take jaw 1 by its flanks, or where it is; visibly far from the mark, only after a second press."""
+        if state.alignment.flanks:
+            self.ui.control.post(commands.TakeJaw(most_spread_deg=allowed_spread_deg(job)))
+            return
         now_s, warned_s = self.ui.control.now_s(), self._warned_s
         off_deg = 0.0 if state.seen is None else abs(state.seen.jaw_1_past_mark_deg)
         again = warned_s is not None and now_s - warned_s <= CONFIRM_S
@@ -208,6 +280,45 @@ class AlignPage(Page):
         """Forget the touch-off or, before it, jaw 1: that step is the present one again. Nothing moves."""
         if not self.ui.answers(self.why_not(key, self.ui.view)):
             self.ui.control.post(commands.Forget())
+
+    def _show_why(self, view: View, seen: JawSeen | None, jaws: int) -> None:
+        """Show what to do and what is missing, with the chuck where there is room; for jaw 1 before the rest."""
+        text, state, job = self.ui.text, view.state, view.job
+        machine, (width, height) = self.ui.machine.machine, self._why.size
+        rows = align_lines.why_lines(text, state, job, machine, width, None)
+        first = align_lines.step_now(state.alignment, job) is AlignStep.JAW
+        room = PICTURE_ROWS if first and height > 2 * PICTURE_ROWS else height - len(rows)
+        picture = picture_lines(text, seen, jaws, room, width)
+        shown = align_lines.why_lines(text, state, job, machine, width, height - len(picture))
+        self._why.show([*picture, *shown], self._why_title(state, job))
+
+    def _ask_target(self, key: str) -> None:
+        """Ask for a target of Z, then of C, then close the entry (g). Nothing moves."""
+        if self._ask.is_open or not self.ui.answers(self.why_not(key, self.ui.view)):
+            self._ask.step(TARGETS)
+
+    def _ask_force(self, key: str) -> None:
+        """Ask for a wrench torque, then for a force, then close the entry (f). Nothing moves or is changed."""
+        if self._ask.is_open or not self.ui.answers(self.why_not(key, self.ui.view)):
+            self._ask.step(FORCES)
+
+    def _skim(self, key: str) -> None:
+        """Note a skim cut, then ask for its diameter (m). Nothing moves."""
+        if self._ask.is_open or not self.ui.answers(self.why_not(key, self.ui.view)):
+            self._ask.skim(self.ui.view)
+
+    def _take_flank(self, key: str) -> None:
+        """Take a flank of jaw 1 at the indicator (i). Nothing moves."""
+        if not self.ui.answers(self.why_not(key, self.ui.view)):
+            self.ui.control.post(commands.TakeFlank())
+
+    def _show_asked(self, view: View) -> None:
+        """Show the entry in the place of the jog panel, with how it is understood."""
+        self._ask.keep(view.state)
+        self.set_class(self._ask.is_open, "-asking")
+        if self._ask.is_open:
+            title = asked_title(self.ui.text, self._ask.asked)
+            self._asked.show(asked_lines(self.ui.text, self._ask.question(view), *self._asked.size), title)
 
     def _switch_off(self, key: str) -> None:
         stops = self._jog.stops_what_moves(self.ui.control.state, key)

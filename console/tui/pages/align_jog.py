@@ -1,15 +1,16 @@
-"""Jogging on the page Align: one step per press, while enabled. What cannot be done now shows why."""
+"""Jogging on the page Align: every press is one step, while enabled. What cannot be done now shows why."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 
 from console.session.cut.alignment import AlignStep
-from console.session.station.commands import Jog
-from console.session.station.jogging import JogEnable, Steps, is_too_long, longest_toward_mm
+from console.session.station.commands import GoTo, Jog
+from console.session.station.jogging import JogEnable, Steps, is_too_long, longest_toward_mm, speed_problem
 from console.session.station.state import Activity, StationState
+from console.tui.align.jog_presses import SURE_S, JogPresses
+from console.tui.align.step_queue import MOST_WAITING, StepQueue
 from console.tui.pages.align_lines import step_now
 from console.tui.pages.jog_lines import JogView
 from console.tui.ui_context import KEYS, UiContext, refusal
@@ -26,74 +27,14 @@ JOGS = {
 }
 """Axis and direction of each jog key: toward the work, toward the chuck, with the cut are positive."""
 
-REPEAT_S = 0.12  # presses of one key closer together are a terminal's repeats of a held key
-FIRST_REPEAT_S = 0.7  # longest delay before a terminal repeats a held key, in most settings
-SURE_S = 0.06  # decision time for a press that may be such a repeat: the next one follows some 30 ms after it
-SERIES_S = 2.0  # presses further apart are counted anew
+GO = "align.go"  # the key that starts a go-to
 
 Later = Callable[[float, Callable[[], None]], None]
 """Call a function after this many seconds, while the page exists."""
 
 
-class JogPresses:
-    """Presses of one jog key. `taken` are steps that were commanded, `missed` came during motion.
-
-    `held`: the key repeats. Times are of any monotonic clock. No press is decided later than `SURE_S`
-    after it: nothing waits for the end of a motion.
-    """
-
-    def __init__(self) -> None:
-        self.taken = self.missed = 0
-        self.held = False
-        self._key: str | None = None
-        self._pressed_s = -math.inf
-        self._sure_at_s: float | None = None
-
-    def forget(self) -> None:
-        """Reset after another key or a stop: nothing waits, and the count begins anew."""
-        self.taken = self.missed = 0
-        self.held = False
-        self._key, self._sure_at_s = None, None
-
-    def press(self, key: str, now_s: float, *, at_rest: bool) -> bool:
-        """Note a press; return whether it is a step now. For one that `waits`, `due` decides."""
-        gap_s = now_s - self._pressed_s if key == self._key else math.inf
-        if gap_s > SERIES_S:
-            self.forget()
-        self._key, self._pressed_s, self._sure_at_s = key, now_s, None
-        self.held = gap_s < REPEAT_S
-        if self.held:
-            return False
-        if gap_s < FIRST_REPEAT_S:
-            self._sure_at_s = now_s + SURE_S
-            return False
-        return self._decided(at_rest=at_rest)
-
-    @property
-    def waits(self) -> bool:
-        """Whether a press waits until it is known to be no repeat."""
-        return self._sure_at_s is not None
-
-    def due(self, now_s: float, *, at_rest: bool) -> str | None:
-        """Return the key of a press that was no repeat, once, where it is a step."""
-        if self._sure_at_s is None or now_s < self._sure_at_s:
-            return None
-        self._sure_at_s = None
-        return self._key if self._decided(at_rest=at_rest) else None
-
-    def _decided(self, *, at_rest: bool) -> bool:
-        self.taken += at_rest
-        self.missed += not at_rest
-        return at_rest
-
-    def refused(self) -> None:
-        """Withdraw the last step: the machine was still busy."""
-        self.taken -= 1
-        self.missed += 1
-
-
 class JogKeys:
-    """Jog keys of one page: whether enabled, the selected steps, and the accepted presses."""
+    """Jog keys of one page: whether enabled, the selected steps, and the steps that were asked for."""
 
     def __init__(self, ui: UiContext, later: Later) -> None:
         self.ui = ui
@@ -101,21 +42,33 @@ class JogKeys:
         self._steps = Steps()
         self._jogged: tuple[AlignStep | None, AxisName] | None = None
         self._jog: JogEnable | None = None
-        self._presses = JogPresses()
+        self._presses, self._queue = JogPresses(), StepQueue()
 
     @property
     def enabled(self) -> bool:
         """Whether the jog keys move the machine now."""
         return self._jog is not None
 
-    def forget(self) -> None:
-        """Forget the presses that wait; another key came between them."""
-        self._presses.forget()
+    def heard(self, key: str | None) -> None:
+        """Drop the steps that wait at any key but their own; the one under way goes to its end."""
+        if key is None or key != self._queue.key:
+            self._presses.forget()
+            self._queue.drop()
+            self._tell()
 
     def end(self) -> None:
-        """Disable the jog."""
+        """Disable the jog; no step waits any more."""
         self._jog = None
+        self._forget()
+
+    def _forget(self) -> None:
         self._presses.forget()
+        self._queue.forget()
+        self._tell()
+
+    def _tell(self) -> None:
+        """Let the gate of the keys know of steps: between two of them the machine is at rest, but goes on."""
+        self.ui.queued = self._queue.left > 0
 
     def why_not(self, key: str, state: StationState, now_s: float) -> tuple[Problem, ...]:
         """Return why a jog key makes no step from rest: the machine, no enable, or too long a step."""
@@ -123,7 +76,27 @@ class JogKeys:
             return reasons
         if self._jog is None or not self._jog.holds(state, now_s):
             return (Problem(code="screen.jog_not_enabled"),)
-        return self._too_long(key, state)
+        return self._too_long(key, state) or self._too_fast(key)
+
+    def _too_fast(self, key: str) -> tuple[Problem, ...]:
+        axis = JOGS[key][0]
+        problem = speed_problem(self.ui.machine.machine, axis, self._steps.of(axis))
+        return () if problem is None else (problem,)
+
+    def why_not_go(self, state: StationState, now_s: float) -> tuple[Problem, ...]:
+        """Return why a go-to does not begin, whatever its target: the machine, or no enable."""
+        if reasons := refusal(state, GO):
+            return reasons
+        enabled = self._jog is not None and self._jog.holds(state, now_s)
+        return () if enabled else (Problem(code="screen.jog_not_enabled"),)
+
+    def go(self, axis: AxisName, target: float) -> None:
+        """Go to a target: one motion, no steps."""
+        self._forget()
+        self._jogged = step_now(self.ui.control.state.alignment, self.ui.job), axis
+        self.ui.jog = GO
+        self.renew(self.ui.control.now_s())
+        self.ui.control.post(GoTo(axis=axis, target=target))
 
     def _too_long(self, key: str, state: StationState) -> tuple[Problem, ...]:
         step = self._steps.of(JOGS[key][0])
@@ -140,47 +113,87 @@ class JogKeys:
     def change_rung(self, key: str) -> None:
         """Select the next longer or shorter step of the axis."""
         state = self.ui.control.state
-        if state.activity is Activity.JOGGING and self.stops_what_moves(state, key):
+        self._see(state, self.ui.control.now_s())
+        jogs = state.activity is Activity.JOGGING or self.ui.queued
+        if jogs and self.stops_what_moves(state, key):
             return
         self._steps = self._steps.changed(self._axis(state), 1 if key == "align.larger" else -1)
         self.renew(self.ui.control.now_s())
 
     def press(self, key: str) -> None:
-        """Handle a jog key: one step per press at rest; other presses are counted and reported."""
+        """Handle a jog key: each press is one step; those of a moving machine wait for the steps before them."""
         state, now_s = self.ui.control.state, self.ui.control.now_s()
-        continues = state.activity is Activity.JOGGING and key == self.ui.jog
+        self._see(state, now_s)
+        if self._presses.due(now_s) == key:
+            self._ask(key)
+        continues = key == self.ui.jog and (state.activity is Activity.JOGGING or self.ui.queued)
         if not continues and (self.stops_what_moves(state, key) or self.ui.refuses(key)):
-            self._presses.forget()
+            self._forget()
             return
-        self.let_go(state, now_s)
         if self._jog is None:
             self.ui.say("screen.jog_not_enabled")
             return
-        if self._presses.press(key, now_s, at_rest=not state.moving):
-            self._jog_by(key, state)
+        if self._presses.press(key, now_s):
+            self._ask(key)
         elif self._presses.waits:
-            self._later(1.1 * SURE_S, self.press_due)
-        self._report_presses(key)
+            self._later(1.1 * SURE_S, self.follow)
+        elif self._presses.held:
+            self.ui.say_until_key(Problem(code="screen.jog_key_held", key=KEYS[key]))
 
-    def press_due(self) -> None:
-        """Handle a press that might have been the first repeat of a held key, and was not."""
+    def follow(self) -> None:
+        """Command the next step, once the one before is made; at each tick, and when a press is decided."""
         state, now_s = self.ui.control.state, self.ui.control.now_s()
-        self.let_go(state, now_s)
+        self._see(state, now_s)
         if self._jog is None:
+            return
+        if (key := self._presses.due(now_s)) is not None:
+            self._ask(key)
+        self._post_next(state)
+        self._tell()
+
+    def _see(self, state: StationState, now_s: float) -> None:
+        """Note what became of the enabled jog and of the step under way; nothing is commanded."""
+        self.let_go(state, now_s)
+        stopped = self._queue.left > 0 and not self.ui.queued  # by a key, in the thread that reads the terminal
+        if self._jog is None or stopped:
+            self._forget()
+            return
+        waited = self._queue.waiting
+        if not self._queue.follow(state, now_s) and not state.refusals:
+            self.ui.say_until_key(Problem(code="screen.steps_held_up", value=str(waited)))
+        self._tell()
+
+    def _ask(self, key: str) -> None:
+        """Take one more step into the queue; it is commanded at once where the machine is at rest."""
+        state = self.ui.control.state
+        if self._queue.left == 0 and self.ui.answers(self.why_not(key, state, self.ui.control.now_s())):
             self._presses.forget()
             return
-        decides = self._presses.waits
-        key = self._presses.due(now_s, at_rest=not state.moving)
-        if key is not None and not self.ui.refuses(key):
-            self._jog_by(key, state)
-        if decides and not self._presses.waits and self.ui.jog is not None:
-            self._report_presses(self.ui.jog)
+        if not self._queue.add(key, self.ui.control.now_s()):
+            self.ui.say_until_key(Problem(code="screen.steps_full", key=KEYS[key], limit=str(MOST_WAITING)))
+        self.ui.jog = key
+        self._post_next(state)
+        self._tell()
+
+    def _post_next(self, state: StationState) -> None:
+        """Command the next step at rest, unless something is against it: then none of them is made."""
+        key = self._queue.key
+        if key is None or not self._queue.is_due or state.moving:
+            return
+        if self.ui.answers(self.why_not(key, state, self.ui.control.now_s())):
+            self._forget()
+            return
+        axis, sign = JOGS[key]
+        self._jogged = step_now(state.alignment, self.ui.job), axis
+        self.renew(self.ui.control.now_s())
+        self._queue.posted(state)
+        if not self.ui.control.post(Jog(axis=axis, distance=sign * self._steps.of(axis))):
+            self._forget()
 
     def let_go(self, state: StationState, now_s: float) -> None:
         """Disable the jog after its timeout or a stop."""
         if self._jog is not None and not self._jog.holds(state, now_s):
-            self._jog = None
-            self._presses.forget()
+            self.end()
 
     def renew(self, now_s: float) -> None:
         """Restart the idle time."""
@@ -194,16 +207,18 @@ class JogKeys:
             state=state,
             steps=self._steps,
             axis=self._axis(state),
-            made=self._presses.taken,
+            made=self._queue.made,
+            asked=self._queue.asked,
+            now_s=now_s,
             left_s=None if self._jog is None else self._jog.left_s(now_s),
         )
 
     def stops_what_moves(self, state: StationState, key: str) -> bool:
         """Stop first: another axis, direction or step during motion is a change of mind."""
-        if not state.moving:
+        if not (state.moving or self.ui.queued):
             return False
         self.ui.say_until_key(Problem(code="screen.key_in_motion", key=KEYS[key]))
-        self.ui.control.stop(f"change {KEYS[key]}")
+        self.ui.stop(f"change {KEYS[key]}")
         return True
 
     def _axis(self, state: StationState) -> AxisName:
@@ -212,24 +227,3 @@ class JogKeys:
         if self._jogged is not None and self._jogged[0] is step:
             return self._jogged[1]
         return AxisName.SPINDLE if step is AlignStep.JAW else AxisName.TOOL
-
-    def _jog_by(self, key: str, state: StationState) -> None:
-        axis, sign = JOGS[key]
-        step = self._steps.of(axis)
-        if self.ui.answers(self._too_long(key, state)):
-            self._presses.forget()
-            return
-        self._jogged, self.ui.jog = (step_now(state.alignment, self.ui.job), axis), key
-        self.renew(self.ui.control.now_s())
-        if not self.ui.control.post(Jog(axis=axis, distance=sign * step)):
-            self._presses.refused()
-
-    def _report_presses(self, key: str) -> None:
-        """Report which presses made no step; the text stays, because the machine comes to rest soon after."""
-        presses = self._presses
-        if presses.held:
-            self.ui.say_until_key(Problem(code="screen.jog_key_held", key=KEYS[key]))
-        elif presses.missed:
-            missed, pressed = str(presses.missed), str(presses.missed + presses.taken)
-            code = "screen.presses_missed"
-            self.ui.say_until_key(Problem(code=code, key=KEYS[key], value=missed, limit=pressed))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from rich.cells import cell_len
+from textual.geometry import Size
 
 from console.session.cut.alignment import (
     Alignment,
@@ -18,6 +19,8 @@ from console.session.cut.alignment import (
 from console.session.station.jogging import counts_per_unit, over_part, tool_in_part, tool_radius_mm
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
+from console.tui.align.jaw_lines import flank_lines
+from console.tui.align.travel_lines import moving_words
 from console.tui.lines import (
     BLANK,
     NOTHING,
@@ -122,7 +125,9 @@ def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int)
     drives = ("! " + text("align_page.drives_partly"), Token.WARNING)
     if state.snapshot.loops_closed or state.snapshot.loops_open:
         drives = dim(text("align_page.drives_on" if state.snapshot.loops_closed else "align_page.drives_off"))
-    moving = (text("align_page.moving"), Token.STRONG) if state.seen_moving else dim(text("align_page.at_rest"))
+    moving = dim(text("align_page.at_rest"))
+    if state.seen_moving:
+        moving = moving_words(text, state, now_s), Token.STRONG
     return ranged((drives,), (moving,), width)
 
 
@@ -162,6 +167,13 @@ def step_lines(text: Catalogue, state: StationState, job: Job | None) -> list[Li
     return rows
 
 
+def beside_each_other(steps: list[Line], size: Size) -> list[Line]:
+    """Return the steps in two columns of half the rows; each is cut where it is too wide."""
+    half, column = (len(steps) + 1) // 2, (size.width - 1) // 2
+    pairs = zip(steps[:half], steps[half:], strict=False)
+    return [(*ranged(left, BLANK, column), dim(" "), *ranged(right, BLANK, column)) for left, right in pairs]
+
+
 def is_valid(alignment: Alignment, job: Job | None) -> bool:
     """Whether tool and lobe would be in phase for this job."""
     return job is not None and not problems(alignment, job)
@@ -188,6 +200,8 @@ def _missing(
     advice = text("align_page.next.stopped") if word == "stopped" else hint(text, state, job, machine)
     missing = [text.problem(named(problem, text)) for problem in problems(state.alignment, job)]
     rows = [row for each in missing for row in hanging(dim("· "), each, width)]
+    if step_now(state.alignment, job) is AlignStep.JAW and state.alignment.flanks:
+        return [*flank_lines(text, state.alignment, job, width), *rows]
     return [*wrapped(advice, width, Token.STRONG), *rows]
 
 
@@ -201,6 +215,8 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
     if step is AlignStep.CLAMP and force_problems(job):
         return text("align_page.hint.clamp_refused")
     place = touch_word(state, machine) if step is AlignStep.TOUCH_OFF else ""
+    if step is AlignStep.TOUCH_OFF and state.alignment.skim_counts is not None:
+        return text("align_page.hint.skimmed")
     if step is AlignStep.CLAMP and job.lobe_error_source not in MEASURED:
         place = "_any"
     return text(
@@ -295,8 +311,10 @@ def _taken(text: Catalogue, alignment: Alignment) -> Iterator[tuple[str, str, st
         yield text("align_page.stamp.force"), f"{clamping.force_n:.0f} N", "", clamping.at
     if jaw is not None:
         on = ", ".join(filter(None, (text("align_page.stamp.jaws", jaws=jaw.jaws), jaw.on.chuck)))
-        yield text("align_page.stamp.jaw"), f"{jaw.angle_deg:.2f} °", on, jaw.at
+        within = "" if jaw.spread_deg is None else f" ± {jaw.spread_deg:.2f}"
+        yield text("align_page.stamp.jaw"), f"{jaw.angle_deg:.2f}{within} °", on, jaw.at
     if touched is not None:
         zero, on = f"R {touched.zero_radius_mm:.3f} mm", f"D {touched.diameter_mm:g}"
-        on = ", ".join(filter(None, (on, touched.on.tool)))
+        how = text("align_page.stamp.skimmed") if touched.skimmed else ""
+        on = ", ".join(filter(None, (on, how, touched.on.tool)))
         yield text("align_page.stamp.touch"), zero, on, touched.at

@@ -11,15 +11,12 @@ from console.session.cut.telemetry import SpindleRipple
 from console.session.station.progress import CutProgress, CutStage
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, line, ranged, to_the_right, width_of, wrapped
-from console.tui.plot.frame import nice_limits
-from console.tui.plot.trace_view import Series
 from console.tui.theme import Token
 from profiles.job import Job
 
 LABEL_WIDTH = 14
 BEFORE_CUT = frozenset({CutStage.POSITION, CutStage.RUN_UP})  # stages before the cut of the part
 BIN_DEG = 10.0  # bin width for averages in the polar plot: single samples are too few in a turn
-LEAST_LIMIT_UM = 2.0  # minimum scale of the error axis, so that it does not change in normal operation
 Floats = NDArray[np.float64]
 
 
@@ -63,6 +60,8 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
         return fact(text(f"run_page.live.{key}"), value, width, label_width=LABEL_WIDTH)
 
     stage = text("run_page.holding") if cut.holding else text(f"run_page.stage.{cut.stage}")
+    if cut.hold.asked and cut.stage is CutStage.CUT and not cut.holding:
+        stage = text("run_page.hold_asked")
     not_judged = wrapped(text("run_page.not_judged"), width, Token.DIM)
     return [
         fact(text("run_page.live.stage"), stage, width, label_width=LABEL_WIDTH, token=Token.STRONG),
@@ -98,14 +97,15 @@ def phase_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     """Return the phase error of the spindle with its limit, and a scale of both."""
     phase_deg, limit_deg = cut.phase_error_deg, cut.phase_limit_deg
     shown = text("run_page.no_phase") if phase_deg is None else f"{phase_deg:+z.2f} °"
-    fraction, token = None, Token.DIM
+    fraction, within, token = None, 0.0, Token.DIM
     if phase_deg is not None and limit_deg is not None:
         fraction, token = phase_deg / limit_deg, Token.TEXT
+        within = 0.0 if cut.phase is None else cut.phase.within_deg / limit_deg
         if cut.in_phase is False:
             shown, token = f"! {text('run_page.out_of_phase')} {shown}", Token.WARNING
     return [
         fact(text("run_page.live.phase"), shown, width, label_width=LABEL_WIDTH, token=token),
-        line((to_the_right(gauge(fraction, width - 2), width), token)),
+        line((to_the_right(gauge(fraction, width - 2, within), width), token)),
         line(dim(to_the_right(_phase_limit(text, cut), width))),
     ]
 
@@ -119,24 +119,23 @@ def _phase_limit(text: Catalogue, cut: CutProgress) -> str:
     return text("run_page.limit_known", limit=limit, within=f"{cut.phase.within_deg:.2f}°")
 
 
-def gauge(fraction: float | None, cells: int) -> str:
-    """Return a scale from -limit to +limit with a mark at this fraction of the limit; beyond it an arrow."""
+def gauge(fraction: float | None, cells: int, within: float = 0.0) -> str:
+    """Return a scale from -limit to +limit with a needle at this fraction of the limit; beyond it an arrow.
+
+    On either side of the needle the scale is double as far as its uncertainty `within` reaches.
+    """
     half = max((cells - 3) // 2, 1)
     scale = list("├" + "─" * half + "┼" + "─" * half + "┤")
-    if fraction is not None and abs(fraction) > 1.0:
+    if fraction is None:
+        return "".join(scale)
+    needle, reach = half + 1 + round(fraction * half), round(within * half)
+    for cell in range(max(needle - reach, 1), min(needle + reach, 2 * half + 1) + 1):
+        scale[cell] = "╪" if cell == half + 1 else "═"
+    if abs(fraction) > 1.0:
         scale[0 if fraction < 0 else -1] = "◀" if fraction < 0 else "▶"
-    elif fraction is not None:
-        scale[half + 1 + round(fraction * half)] = "●"
+    else:
+        scale[needle] = "●"
     return "".join(scale)
-
-
-def error_series(cut: CutProgress) -> tuple[tuple[Series, ...], tuple[float, float]]:
-    """Return the last samples over the spindle angle, and limits in um; no series without compensation."""
-    if not cut.judged:
-        return (), (-LEAST_LIMIT_UM, LEAST_LIMIT_UM)
-    most = float(np.max(np.abs(cut.errors_um), initial=LEAST_LIMIT_UM))
-    samples = Series(x=cut.angles_deg, y=cut.errors_um, token=Token.AFTER, dots=True)
-    return (samples,), nice_limits(-most, most)
 
 
 def mean_error_um(cut: CutProgress) -> tuple[Floats, Floats]:

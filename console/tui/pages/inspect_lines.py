@@ -3,87 +3,84 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from console.session.station.state import MeasuredPart, StationState
+from console.session.data.run_reader import MODEL, PartPoint
+from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
+from console.tui.inspecting.comparison import Comparison, Side
 from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
+from console.tui.pages.learn_lines import identified_words
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.pages.stop_lines import mark_lines
+from console.tui.records.list_lines import local
 from console.tui.theme import Token
-from profiles.compensations.path import free_state_lobe
-from profiles.job import Job
-from profiles.lobe.lobe_origin import without_lobe
-from profiles.roundness import RoundnessResult, centred_profile
+from profiles.files import printable
+from profiles.metrology.circles import CIRCLES
+from profiles.roundness import RoundnessResult
 
-FloatArray = NDArray[np.float64]
 FRONT_MULTIPLES = 3  # multiples of the number of jaws that are listed before the other harmonics
 LEAST_PHASED_UM_PP = 0.1  # amplitude below which the phase of a lobe is not shown
 _COLUMN = 9
-_TURN_DEG = np.arange(360.0)
+_CHOSEN = " ▸"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Side:
-    """One of the two parts, at angles with jaw 1 of the page, um; the lobe that the job states has no `result`."""
-
-    angle_deg: FloatArray
-    profile_um: FloatArray
-    ront_um: float
-    result: RoundnessResult | None
-    jaw_1_deg: float | None
+def named(result: RoundnessResult, text: Catalogue, circle: str | None = None) -> str:
+    """Return the state, circle and filter that apply to all figures of a result, about its circle or another."""
+    filtered = filter_words(result, text)
+    return " · ".join((text(f"state.{result.state}"), circle or result.reference_circle, filtered))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Comparison:
-    """The last part against the same part without compensation; `after` is None when that was the last part."""
-
-    part: MeasuredPart
-    before: Side
-    after: Side | None
-
-
-def compared(state: StationState) -> Comparison | None:
-    """Return the comparison of the last measured part, None when nothing is measured."""
-    part, plain = state.measured, state.uncompensated
-    if part is None:
-        return None
-    if not part.strategy.traits.follows_lobe:
-        return Comparison(part=part, before=_measured(part, part.jaw_1_deg), after=None)
-    before = _stated(part)
-    if plain is not None and _as_cut(plain.job) == _as_cut(part.job):
-        before = _measured(plain, part.jaw_1_deg)
-    return Comparison(part=part, before=before, after=_measured(part, part.jaw_1_deg))
-
-
-def _as_cut(job: Job) -> Job:
-    """Return what a plain cut of a job depends on: all but its name, and what its file says of the lobe."""
-    return replace(without_lobe(job), name="", lobe_phase_deg=0.0, assumed=(), source="", copied_from=None)
-
-
-def named(result: RoundnessResult, text: Catalogue) -> str:
-    """Return the state, circle and filter that apply to all figures of a result."""
+def filter_words(result: RoundnessResult, text: Catalogue) -> str:
+    """Return the filter of a result."""
     upr = result.filter_upr
-    filtered = text("inspect_page.filtered", upr=f"{upr:g}") if upr else text("inspect_page.unfiltered")
-    return " · ".join((text(f"state.{result.state}"), result.reference_circle, filtered))
+    return text("inspect_page.filtered", upr=f"{upr:g}") if upr else text("inspect_page.unfiltered")
 
 
-def caption_lines(seen: Comparison, um_per_division: float, text: Catalogue, width: int) -> list[Line]:
-    """Return the legend of the traces, their scale, and where jaw 1 is."""
+def caption_lines(seen: Comparison, text: Catalogue, width: int, *, beyond: bool = False) -> list[Line]:
+    """Return the legend of the traces, and where jaw 1 is; or that the zoom leaves something `beyond` the plot."""
     before, after = seen.before, seen.after
     what = text("inspect_page.measured_before") if before.result else text("inspect_page.stated")
+    if seen.other is not None:
+        what = other_words(seen.other.point, text)
     lines = [_trace_words((BEFORE_KEY, Token.BEFORE), what, before.ront_um, width)]
     if after is not None:
         how = text("inspect_page.measured_after", strategy=seen.part.strategy.value)
         lines.append(_trace_words((AFTER_KEY, Token.AFTER), how, after.ront_um, width))
+    if beyond:
+        return [*lines, line((fitted(text("inspect_page.beyond"), width), Token.WARNING))]
+    if seen.other is not None and seen.part.phase_known and before.jaw_1_deg is None:
+        return [*lines, line((fitted(text("inspect_page.not_turned"), width), Token.WARNING))]
     angle = f"{seen.part.jaw_1_deg:.1f}"
     jaw = text("inspect_page.jaw", angle=angle) if seen.part.phase_known else text("inspect_page.jaw_unknown")
-    scale = text("inspect_page.scale", value=f"{um_per_division:g}")
-    lines.append(ranged(line(dim(jaw)), line(dim(" " + scale)), width))
-    return lines
+    return [*lines, line(dim(fitted(jaw, width)))]
+
+
+def scale_words(
+    um_per_division: float, tolerance_um: float | None, text: Catalogue, *, ringed: bool, zoomed: bool
+) -> str:
+    """Return the scale of the plot, and the tolerance whose rings it shows, or at which zoom it would."""
+    words = [text("inspect_page.scale_zoomed" if zoomed else "inspect_page.scale", value=f"{um_per_division:g}")]
+    if tolerance_um is not None:
+        key = "tolerance" if ringed else "tolerance_small"
+        words.append(text(f"inspect_page.{key}", value=f"{tolerance_um:g}"))
+    return " · ".join(words)
+
+
+def other_words(point: PartPoint, text: Catalogue) -> str:
+    """Return when a recorded part was measured, and how it was cut."""
+    made = point.strategy if point.compensation is None else made_of_point(point, text)
+    return f"{local(point.at)[5:]} {printable(made, 30)}"
+
+
+def made_of_point(point: PartPoint, text: Catalogue) -> str:
+    """Return strategy, compensation and stage of a recorded part."""
+    model = point.compensation in (None, MODEL)
+    if model and point.inverted is not None:
+        compensation = identified_words(text, point.inverted)
+    else:
+        compensation = text("made.model") if model else text("made.learned", version=point.compensation or "")
+    stage = "" if point.stage in (None, "full") else f", {text(f'made.{point.stage}')}"
+    return f"{point.strategy}, {compensation}{stage}"
 
 
 def wrong_lines(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
@@ -94,26 +91,61 @@ def wrong_lines(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
     return lines
 
 
-def result_lines(seen: Comparison, simulated: bool, text: Catalogue, width: int, height: int) -> list[Line]:
-    """Return the table of both parts and the verdict; in little room lesser figures go, not the defects."""
+def result_lines(
+    seen: Comparison, simulated: bool, text: Catalogue, width: int, height: int, *, lobe_elsewhere: bool = False
+) -> list[Line]:
+    """Return the table of both parts and the verdict; in little room lesser figures go, not the defects.
+
+    The lobe is left out where it is shown elsewhere.
+    """
     before, after = seen.before, seen.after.result if seen.after else None
-    ront = _columns("RONt", f"{before.ront_um:.2f}", _figure(after, "ront_um"), width, Token.STRONG)
-    head = [_heading(text, width), ront, *_diameter(seen.part, text, width)]
+    chosen = seen.looked.circle
+    head, four = [_heading(seen, text, width)], [_ront(seen, kind, width) for kind in CIRCLES]
+    diameter = _diameter(seen.part, text, width)
     lesser = [
-        _columns(name, _figure(before.result, key), _figure(after, key), width, Token.TEXT)
+        _columns(name, _figure(before.result, chosen, key), _figure(after, chosen, key), width, Token.TEXT)
         for name, key in (("RONp", "ronp_um"), ("RONv", "ronv_um"), ("RONq", "ronq_um"))
     ]
-    gained, lines = _gained(seen, text, width), _verdict(seen, text, width)
+    gained, lines, lobe = _gained(seen, text, width), _verdict(seen, text, width), list[Line]()
     if simulated:
         lines += wrapped(text("inspect_page.simulated"), width, Token.SIM)
-    spare = height - len(head) - len(lesser) - len(gained) - len(lines)
-    if spare > 1 and before.result is None and seen.after is not None:
-        lines += [BLANK, *wrapped(text("inspect_page.stated_long"), width, Token.DIM)]
+    if not lobe_elsewhere:
+        lobe = _lobe_rows(seen, text, width)
     wrong = wrong_lines(seen.part, text, width)
-    room = height - len(head) - len(gained) - len(lines) - len(wrong)
-    if room < 0:
-        gained = []
-    return clipped([*head, *lesser[: max(room, 0)], *gained, *lines, *wrong], height, text("panel.more"))
+    room = height - len(head) - len(diameter) - len(lines) - len(wrong)
+    circles = four if len(four) <= room else [_ront(seen, chosen, width)]
+    room -= len(circles)
+    kept: list[list[Line]] = []
+    for rows in (lobe, gained, lesser):  # the most important first; each as a whole, or not at all
+        fits = len(rows) <= room
+        kept.append(rows if fits else [])
+        room -= len(rows) if fits else 0
+    lobe, gained, lesser = kept
+    shown = [*head, *circles, *diameter, *lesser, *lobe, *gained, *lines, *wrong]
+    if room > 1 and before.result is None and seen.after is not None:
+        shown += [BLANK, *wrapped(text("inspect_page.stated_long"), width, Token.DIM)]
+    return clipped(shown, height, text("panel.more"))
+
+
+def _ront(seen: Comparison, kind: str, width: int) -> Line:
+    """Return RONt of both parts about one circle; the one that is drawn is marked."""
+    before, after = seen.before, seen.after
+    one, two = (NOTHING if side is None else _ront_of(side, kind) for side in (before, after))
+    chosen = kind == seen.looked.circle
+    name = f"RONt {kind}{_CHOSEN if chosen else ''}"
+    return _columns(name, one, two, width, Token.STRONG if chosen else Token.TEXT)
+
+
+def _ront_of(side: Side, kind: str) -> str:
+    if side.result is None:  # the job states a lobe, which is as high about each of the circles
+        return f"{side.ront_um:.2f}"
+    return f"{side.result.circle(kind).ront_um:.2f}"
+
+
+def _lobe_rows(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
+    """Return the lobe, peak to peak, and its angle from jaw 1."""
+    jaws = seen.part.job.jaws
+    return [_harmonic(seen, jaws, text, width, Token.TEXT), _phases(seen, jaws, text, width)]
 
 
 def _diameter(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
@@ -129,11 +161,11 @@ def _diameter(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
 
 def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the harmonics of both parts, those of the jaws first, and the phase of the lobe from jaw 1."""
-    jaws, result = seen.part.job.jaws, seen.part.result
+    jaws, result = seen.part.job.jaws, seen.shown.result
     known = [harmonic.n for harmonic in result.harmonics]
     front = [jaws * multiple for multiple in range(1, FRONT_MULTIPLES + 1) if jaws * multiple in known]
     # In the least room the heading is that of the table above.
-    lines = [_heading(text, width)] if height > len(front) + 1 else []
+    lines = [_heading(seen, text, width)] if height > len(front) + 1 else []
     lines += [_harmonic(seen, n, text, width, Token.STRONG) for n in front]
     lines.append(_phases(seen, jaws, text, width))
     lines += [_harmonic(seen, n, text, width, Token.DIM) for n in known if n not in front]
@@ -150,40 +182,18 @@ def phase_from_jaw_deg(side: Side, n: int) -> float | None:
     return math.remainder(found.phase_deg - side.jaw_1_deg, 360.0 / n)
 
 
-def _measured(part: MeasuredPart, jaw_1_deg: float) -> Side:
-    """Return a measured part, turned so that its jaw 1 is at an angle; unequal angles stay unfiltered."""
-    trace, result = part.trace, part.result
-    return Side(
-        angle_deg=trace.angle_deg + (jaw_1_deg - part.jaw_1_deg),
-        profile_um=centred_profile(trace.angle_deg, trace.deviation_um, result.filter_upr),
-        ront_um=result.ront_um,
-        result=result,
-        jaw_1_deg=part.jaw_1_deg if part.phase_known else None,
-    )
-
-
-def _stated(part: MeasuredPart) -> Side:
-    past_deg = part.job.lobe_past_jaw_deg or 0.0
-    lobe = free_state_lobe(replace(part.job, lobe_phase_deg=part.jaw_1_deg + past_deg))
-    return Side(
-        angle_deg=_TURN_DEG,
-        profile_um=lobe.at_um(_TURN_DEG),
-        ront_um=part.job.lobe_error_um_pp,
-        result=None,
-        jaw_1_deg=part.jaw_1_deg,
-    )
-
-
 def _trace_words(key: Piece, what: str, ront_um: float, width: int) -> Line:
     return ranged(line(key, " ", what), line((f" {ront_um:.2f} um", key[1])), width)
 
 
-def _figure(result: RoundnessResult | None, key: str) -> str:
-    return NOTHING if result is None else f"{getattr(result, key):.2f}"
+def _figure(result: RoundnessResult | None, circle: str, key: str) -> str:
+    return NOTHING if result is None else f"{getattr(result.circle(circle), key):.2f}"
 
 
-def _heading(text: Catalogue, width: int) -> Line:
-    return _columns("um", text("inspect_page.before"), text("inspect_page.after"), width, Token.DIM)
+def _heading(seen: Comparison, text: Catalogue, width: int) -> Line:
+    before = text("inspect_page.before" if seen.other is None else "inspect_page.other")
+    after = text("inspect_page.after" if seen.other is None else "inspect_page.this")
+    return _columns("um", before, after, width, Token.DIM)
 
 
 def _columns(name: str, before: str, after: str, width: int, token: Token) -> Line:
@@ -193,7 +203,7 @@ def _columns(name: str, before: str, after: str, width: int, token: Token) -> Li
 
 
 def _gained(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
-    if seen.after is None or seen.before.ront_um == 0.0:
+    if seen.after is None or seen.other is not None or seen.before.ront_um == 0.0:
         return []
     percent = 100.0 * (seen.before.ront_um - seen.after.ront_um) / seen.before.ront_um
     label = text("inspect_page.improvement") if seen.before.result else text("inspect_page.improvement_stated")
@@ -226,7 +236,12 @@ def _roundness_verdict(seen: Comparison, text: Catalogue, width: int) -> list[Li
     facts = {"value": f"{ront_um:.2f}", "limit": f"{limit_um:.2f}"}
     passes = ront_um <= limit_um
     words = text("inspect_page.pass", **facts) if passes else text("inspect_page.fail", **facts)
-    return [_judged(words, passes, width)]
+    rows = [_judged(words, passes, width)]
+    if not seen.looked.is_verdict:  # figures beside it are by something else
+        result = seen.part.result
+        by = text("inspect_page.judged_by", circle=result.reference_circle, filter=filter_words(result, text))
+        rows += wrapped(by, width, Token.DIM)
+    return rows
 
 
 def _harmonic(seen: Comparison, n: int, text: Catalogue, width: int, token: Token) -> Line:

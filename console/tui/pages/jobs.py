@@ -21,6 +21,7 @@ from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, name_in, wrapped
 from console.tui.page import Page
 from console.tui.pages.jobs_lines import JobList, hidden_words, summary_lines, table_lines, visible
+from console.tui.scanning.codes import found
 from console.tui.theme import Token
 from console.tui.ui_context import KEYS, UiContext, View, locked
 from profiles.files import printable
@@ -280,6 +281,16 @@ class JobsPage(Page):
         elif entry is not None:
             with self.ui.answering():
                 self._take(load_job(str(entry.path)), copying=copying)
+
+    def open_named(self, name: str) -> None:
+        """Open the job of a scanned code, from whatever page, where Enter would open it here."""
+        if refused := locked(self.ui.control.state, *OPENS):
+            self.ui.said = (refused,)
+        elif isinstance(entry := found(list_jobs(jobs_folder(self.ui.data)), name), Problem):
+            self.ui.said = (entry,)
+        else:
+            with self.ui.answering():
+                self._take(load_job(str(entry.path)), copying=False)
 
     def _begin(self) -> None:
         """Begin a new job on a blank form, or continue the one that was begun."""

@@ -10,11 +10,11 @@ from itertools import groupby
 from operator import itemgetter
 
 import numpy as np
-from rich.cells import cell_len
 
 from console.session.station.jogging import STEPS_DEG, STEPS_MM, Steps, longest_toward_mm, stopping_distance
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
+from console.tui.align.travel_lines import moving_words, speed_line, travel_lines
 from console.tui.lines import BLANK, Line, Piece, dim, first_fitting, line, ranged, to_the_right, wrapped
 from console.tui.plot.canvas import BrailleCanvas
 from console.tui.plot.cell_view import Cells
@@ -34,35 +34,46 @@ _BESIDE = 3  # columns to the right of the rim, for the mark
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JogView:
-    """Input of the panel. `left_s` is None while disabled; `axis` has the step of + and -; `made` counts steps."""
+    """Input of the panel. `left_s` is None while disabled; `axis` has the step of + and -.
+
+    `made` of `asked` steps of the last key are done. `now_s` is machine time.
+    """
 
     machine: MachineProfile
     state: StationState
     steps: Steps
     axis: AxisName
     made: int
+    asked: int
+    now_s: float
     left_s: float | None
 
 
 def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Line]:
     """Return the jog panel; in little room the picture goes first, then the stopping distance."""
     head = [_enable_line(text, jog, width), *_ladder(text, jog)]
-    picture, distance, seen = _directions(text, jog), _stopping_line(text, jog), seen_lines(text, jog, width)
+    travel = [*travel_lines(text, jog.state, jog.machine, width), _turning_line(text, jog)]
+    facts = [_stopping_line(text, jog), speed_line(text, jog.machine, jog.steps)]
+    seen = seen_lines(text, jog, width)
     return first_fitting(
         height,
         text("panel.more"),
-        [*head, BLANK, *picture, BLANK, distance, *seen],
-        [*head, BLANK, *picture, distance, *seen],
-        [*head, *picture, distance, *seen],
-        [*head, distance, *seen],
+        [*head, BLANK, *travel, BLANK, *facts, *seen],
+        [*head, BLANK, *travel, *facts, *seen],
+        [*head, *travel, *facts, *seen],
+        [*head, *travel, *facts, *_of_step(seen, jog.state)],
+        [*head, *travel, facts[0], *seen],
+        [*head, *facts, *seen],
         [*head, *seen],
     )
 
 
 def _enable_line(text: Catalogue, jog: JogView, width: int) -> Line:
-    right = BLANK
-    if jog.state.moving:
-        right = line(" ", (text("align_page.moving"), Token.STRONG))
+    right, under_way = BLANK, jog.made < jog.asked
+    if under_way and jog.asked > 1:
+        right = line(" ", (text("align_page.steps_of", made=jog.made, asked=jog.asked), Token.STRONG))
+    elif jog.state.moving or under_way:
+        right = line(" ", (moving_words(text, jog.state, jog.now_s), Token.STRONG))
     elif jog.made:
         right = line(" ", ("✓ ", Token.OK), text("align_page.made", count=jog.made))
     left = dim("○ " + text("align_page.jog_off"))
@@ -92,17 +103,11 @@ def _rungs(steps: Sequence[str], chosen: int, unit: str, *, changes: bool) -> Li
     return (*pieces, dim(unit))
 
 
-def _directions(text: Catalogue, jog: JogView) -> list[Line]:
-    chuck = text("align_page.chuck")
-    lead = " " * (cell_len(chuck) + 4)
+def _turning_line(text: Catalogue, jog: JogView) -> Line:
+    """Return the keys of the spindle, and how long a step of the tool toward the work may be."""
     longest_mm = longest_toward_mm(jog.state.snapshot, jog.machine, jog.state.alignment)
     longest = text("align_page.at_most", step=f"{longest_mm:.3f} mm")
-    carriage = line(f"{chuck} ", ("←", Token.KEY), dim(" ─┼─ "), ("→ ", Token.KEY), text("align_page.tailstock"))
-    return [
-        line(lead, ("↑ ", Token.KEY), text("align_page.away")),
-        line(*carriage, "   ", ("PgUp ", Token.KEY), text("align_page.forward")),
-        line(lead, ("↓ ", Token.KEY), text("align_page.toward"), dim(" " + longest)),
-    ]
+    return line(("PgUp ", Token.KEY), text("align_page.forward"), dim("   "), ("↓ ", Token.KEY), dim(longest))
 
 
 def _stopping_line(text: Catalogue, jog: JogView) -> Line:
@@ -128,6 +133,13 @@ def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:
     if seen is None:
         return [line(mark, dim(" " + text("align_page.not_seen"))), BLANK]
     return [line(mark, " " + jaw_words(text, seen, jog.machine)), line(mark, " " + gap_words(text, seen))]
+
+
+def _of_step(seen: list[Line], state: StationState) -> list[Line]:
+    """Return what is seen of jaw 1 until it is found, then of the tool; of a real lathe everything."""
+    if not state.simulated or state.seen is None:
+        return seen
+    return seen[:1] if state.alignment.jaw is None else seen[1:]
 
 
 def jaw_words(text: Catalogue, seen: WorkshopView, machine: MachineProfile) -> str:

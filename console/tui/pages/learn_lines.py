@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
+from contextlib import suppress
+from datetime import UTC, datetime
 
+from console.session.data.made_parts import MODEL
 from console.session.learning.learning_steps import Taught
 from console.session.learning.part_learning import PartLearning
-from console.session.stages import Stage
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
-from console.tui.lines import Line, hanging, wrapped
+from console.tui.inspecting.plain_words import plain_words
+from console.tui.lines import Line, hanging, name_in, wrapped
 from console.tui.theme import Token
-from profiles.compensations.path import expected
+from profiles.files import printable
 
+_DATED = re.compile(r"-(\d{4})-?(\d\d)-?(\d\d)T(\d\d):?(\d\d)")
+_LONGEST_NAME = 16
 _MARK = ("! ", Token.WARNING)
 _CAUSE = ("✗ ", Token.WARNING)
 
@@ -21,7 +26,8 @@ _CAUSE = ("✗ ", Token.WARNING)
 def learn_title(learning: PartLearning, text: Catalogue) -> str:
     """Return the title: how the part was cut."""
     made = learning.made
-    return text("inspect_page.learn", made=f"{made.strategy}, {made_words(text, made.version, made.stage)}")
+    words = made_words(text, made.version, made.stage, made.inverted)
+    return text("inspect_page.learn", made=f"{made.strategy}, {words}")
 
 
 def learn_lines(
@@ -33,32 +39,35 @@ def learn_lines(
     failed: bool = False,
     brief: bool = False,
 ) -> list[Line]:
-    """Return the learning step or why none; a part that has `failed` cannot stay, even within clamping scatter.
+    """Return what the part says in plain words, the learning step in figures or why there is none, and warnings.
 
-    Of the causes of its failure only the largest is shown where it is to be `brief`.
+    A part that has `failed` begins with the causes, of which only the largest is shown where it is to be `brief`.
     """
-    lines = cause_lines(learning, text, width, brief=brief) if failed else []
-    lines += reason_lines(learning, text, width)
+    lines = head_lines(learning, work, text, width, failed=failed, brief=brief)
     taught = learning.taught
     if taught is not None:
-        if taught.stage is Stage.PARTIAL:
-            lines += wrapped(_half_words(taught, text), width, Token.STRONG)
-        lines += wrapped(_harmonics_words(taught, text), width, Token.STRONG)
+        lines += wrapped(_harmonics_words(taught, text), width)
         lines += wrapped(" · ".join(_facts(taught, work, text)), width)
-        if in_scatter(taught) and not learning.reasons and not is_kept(learning, work):
-            scatter = f"{taught.step.expected_half_width_um_pp:.2f}"
-            words = text("inspect_page.may_scatter" if failed else "inspect_page.in_scatter", scatter=scatter)
-            lines += hanging(_MARK, words, width, Token.WARNING)
         for problem in taught.warnings:
             lines += hanging(_MARK, text.problem(problem), width, Token.WARNING)
     return lines
 
 
+def head_lines(
+    learning: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool, brief: bool
+) -> list[Line]:
+    """Return the plain words: why the part has failed, what is left and what to press, why nothing is learned."""
+    lines = cause_lines(learning, text, width, brief=brief) if failed else []
+    lines += wrapped(plain_words(learning, work, text, failed=failed), width, Token.STRONG)
+    return [*lines, *reason_lines(learning, text, width)]
+
+
 def cause_lines(learning: PartLearning, text: Catalogue, width: int, *, brief: bool) -> list[Line]:
     """Return why a part that failed is not round, largest first; the largest alone where it is to be `brief`."""
     causes = () if learning.taught is None else learning.taught.causes
-    shown = causes[:1] if brief else causes
-    return [row for cause in shown for row in hanging(_CAUSE, cause_words(cause, text), width, Token.STRONG)]
+    words = [cause_words(cause, text) for cause in causes[: 1 if brief else None]]
+    said = [" ".join((text("inspect_page.plain.missed"), *words[:1])), *words[1:]]
+    return [row for sentence in said for row in hanging(_CAUSE, sentence, width, Token.STRONG)]
 
 
 def reason_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Line]:
@@ -67,41 +76,35 @@ def reason_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Li
     return [row for reason in reasons for row in hanging(_MARK, reason, width, Token.WARNING)]
 
 
-def is_kept(learning: PartLearning | None, work: Work | None) -> bool:
-    """Whether the next cut uses this part's learning step."""
-    used = None if work is None else work.compensation
-    if learning is None or learning.taught is None or used is None:
-        return False
-    return used == replace(learning.taught.step.next, version=used.version)
-
-
-def in_scatter(taught: Taught) -> bool:
-    """Whether the remaining lobe is within the scatter of clamping and gauge."""
-    lobe = taught.step.next.path.target.lobes
-    wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.harmonics if each.order == lobe]
-    return max(wrong, default=0.0) < taught.step.expected_half_width_um_pp
-
-
-def made_words(text: Catalogue, compensation: str | None, stage: str) -> str:
-    """Return compensation and stage; `compensation` is the learned version, None the model."""
-    what = text("made.model") if compensation is None else text("made.learned", version=compensation)
+def made_words(text: Catalogue, compensation: str | None, stage: str, inverted: str = MODEL) -> str:
+    """Return compensation and stage; `compensation` is the learned version, None the inverse of `inverted`."""
+    if compensation is not None:
+        what = text("made.learned", version=compensation)
+    else:
+        what = text("made.model") if inverted == MODEL else identified_words(text, inverted)
     return f"{what}, {text(f'made.{stage}')}"
+
+
+def identified_words(text: Catalogue, name: str) -> str:
+    """Return in short which identified response was inverted: its date, local time, else its name."""
+    found, shown = _DATED.search(name), name_in(printable(name), _LONGEST_NAME)
+    if found is not None:
+        year, month, day, hour, minute = (int(each) for each in found.groups())
+        with suppress(ValueError, OverflowError):
+            local = datetime(year, month, day, hour, minute, tzinfo=UTC).astimezone()
+            shown = local.strftime("%m-%d %H:%M")
+    return text("made.identified", date=shown)
 
 
 def chosen_words(text: Catalogue, work: Work) -> str:
     """Return the choice for the open job; for a version that repeats another one also that."""
     learned = work.compensation
+    if learned is None and work.inverts is not None:
+        return made_words(text, None, work.stage, work.inverts.name)
     if learned is None or learned.reverts is None:
         return made_words(text, None if learned is None else str(learned.version), work.stage)
     older = text("made.model") if learned.is_model else str(learned.reverts)
     return made_words(text, f"{learned.version} (= {older})", work.stage)
-
-
-def _half_words(taught: Taught, text: Catalogue) -> str:
-    part = taught.step.next.part
-    whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.fraction
-    left = expected(whole_um_pp, taught.stage.fraction)
-    return text("inspect_page.half_left", right=f"{left.right_um_pp:.1f}", wrong=f"{left.wrong_um_pp:.1f}")
 
 
 def _harmonics_words(taught: Taught, text: Catalogue) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from console.session.cut.compensated import chosen_problems, using, with_accepted, without_learned
+from console.session.cut.compensated import chosen_problems, inverting, using, with_accepted, without_learned
+from console.session.data.identified import ChosenResponse, kept_responses
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
 from console.session.learning.calibrating import LOBE_TAKEN, PartLobe, accept_lobe, lobe_event
@@ -15,6 +16,7 @@ from console.session.station.state import MeasuredPart
 from console.session.work import STAGES, Work, opened
 from console.tui.pages.lobe_lines import is_taken
 from console.tui.ui_context import UiContext
+from drivers.cutting.strategy import Strategy
 from profiles.compensations.learned import LearnedCompensation
 from profiles.problem import Problem, ProblemError
 
@@ -126,6 +128,44 @@ def step_compensation(ui: UiContext) -> None:
     newest = _newest(work, ui.data, simulated=ui.control.state.simulated)
     ui.work = using(work, newest)
     ui.said = date_problems(newest)
+
+
+def step_response(ui: UiContext) -> None:
+    """Select the next identified response of this machine and strategy, newest first; after the oldest the model.
+
+    Raises:
+        SessionError: as `kept_responses`, none is kept or applies. The choice stays.
+        ProfileError: those kept cannot be read.
+    """
+    work = ui.work
+    if work is None:
+        return
+    kept = _offered_responses(work, ui.data, simulated=ui.control.state.simulated)
+    names = [chosen.name for chosen in kept]
+    following = 0
+    if work.inverts is not None:
+        following = names.index(work.inverts.name) + 1 if work.inverts.name in names else len(kept)
+    ui.work = inverting(work, kept[following] if following < len(kept) else None)
+    say_what_does_not_hold(ui)
+
+
+def why_no_response(work: Work, data: Path, *, simulated: bool) -> tuple[Problem, ...]:
+    """Return why `step_response` would raise for this work; reads the responses of its machine."""
+    try:
+        _offered_responses(work, data, simulated=simulated)
+    except ProblemError as error:
+        return tuple(error.problems)
+    return ()
+
+
+def _offered_responses(work: Work, data: Path, *, simulated: bool) -> tuple[ChosenResponse, ...]:
+    """Return the responses that may be chosen; none, once one is chosen, where no other applies."""
+    try:
+        return kept_responses(data, work.machine.machine, Strategy(work.strategy), simulated=simulated)
+    except ProblemError:
+        if work.inverts is None:
+            raise
+        return ()  # the model can always be chosen again
 
 
 def why_no_compensation(work: Work, data: Path, *, simulated: bool) -> tuple[Problem, ...]:

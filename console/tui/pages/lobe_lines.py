@@ -14,12 +14,11 @@ _MARK = ("! ", Token.WARNING)
 
 def lobe_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int) -> list[Line]:
     """Return the fitted lobe with its confidence, why the job cannot take it, and what to know before it does."""
-    lines = [] if lobe.found is None else wrapped(_found_words(lobe.found, text), width, Token.STRONG)
+    lines = _plain_lines(lobe, work, text, width)
+    lines += [] if lobe.found is None else wrapped(_found_words(lobe.found, text), width)
     problems = (*lobe.reasons, *(() if lobe.found is None else lobe.found.warnings))
     for problem in problems:
         lines += hanging(_MARK, text.problem(problem), width, Token.WARNING)
-    if is_taken(lobe, work) and work is not None:
-        lines += wrapped(text("inspect_page.lobe_taken", job=work.job.name), width)
     return lines
 
 
@@ -29,6 +28,16 @@ def is_taken(lobe: PartLobe | None, work: Work | None) -> bool:
         return False
     job, found = work.job, lobe.found
     return (job.lobe_error_source, job.lobe_error_um_pp) == ("fitted", found.fit.error_um_pp)
+
+
+def _plain_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int) -> list[Line]:
+    """Return in plain words what the lobe is for, or that there is none."""
+    if lobe.found is None or (lobe.reasons and not is_taken(lobe, work)):
+        return wrapped(text("inspect_page.plain.no_lobe"), width, Token.STRONG)
+    if is_taken(lobe, work) and work is not None:
+        return wrapped(text("inspect_page.lobe_taken", job=work.job.name), width, Token.STRONG)
+    error = f"{lobe.found.fit.error_um_pp:.1f}"
+    return wrapped(text("inspect_page.plain.lobe", error=error), width, Token.STRONG)
 
 
 def _found_words(found: FoundLobe, text: Catalogue) -> str:

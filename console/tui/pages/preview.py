@@ -13,32 +13,32 @@ from textual.events import Resize
 from console.session.cut.alignment import Alignment
 from console.session.cut.compensated import chosen_problems
 from console.session.cut.interlocks import of_lobe
-from console.session.learning.learning_steps import scatter_um
 from console.session.stages import Stage
 from console.session.station.state import StationState
 from console.session.work import Work, with_strategy
 from console.text.catalogue import Catalogue
 from console.tui.keymap import PageName
-from console.tui.lines import Line, Sheet, clipped, line, wrapped
+from console.tui.lines import BLANK, Line, Sheet, clipped, line, wrapped
 from console.tui.page import ChartPage
 from console.tui.pages import preview_lines
 from console.tui.pages.learn_lines import chosen_words
 from console.tui.pages.learning_keys import (
     say_what_does_not_hold,
     step_compensation,
+    step_response,
     step_stage,
     why_no_compensation,
+    why_no_response,
 )
 from console.tui.pages.run_lines import window_words
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
+from console.tui.predicting.why_lines import SpeedLimits, span_of, speed_line, why_lines
 from console.tui.theme import Palette, Token
 from console.tui.ui_context import UiContext, View
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
-from drivers.preview.band import predicted_band
 from drivers.preview.preview import Underway
-from profiles.compensations.next_version import half_width_um_pp
 from profiles.findings import Finding, Severity
 from profiles.job import NO_LOBE
 from profiles.problem import Problem
@@ -139,13 +139,13 @@ class PreviewPage(ChartPage):
         #preview-caption { width: 16; height: 1fr; }
         #preview-path { height: 1fr; }
         #preview-strategy { height: 8; }
-        #preview-margins { height: 9; }
+        #preview-margins { height: 10; }
         #preview-program, #preview-message { height: 1fr; }
         #preview-message { padding: 1 2; }
     }
     PreviewPage.-roomy #preview-strategy { height: 12; }
     PreviewPage.-tall #preview-strategy { height: 18; }
-    PreviewPage.-tall #preview-margins { height: 15; }
+    PreviewPage.-tall #preview-margins { height: 16; }
     PreviewPage.-bare #preview-roundness, PreviewPage.-bare #preview-path { display: none; }
     PreviewPage.-bare #preview-strategy, PreviewPage.-bare #preview-margins { height: 1fr; }
     """
@@ -170,6 +170,8 @@ class PreviewPage(ChartPage):
         self.panels = (self._charts, self._program, self._message)
         self.texts = (self._caption, self._strategy, self._margins, self._message)
         self._reading = False
+        self._speeds = SpeedLimits()
+        self._in_full: tuple[tuple[Work, bool, int], list[Line]] | None = None
         self._drawn: tuple[Underway, Strategy] | None = None
         self._roundness.border_title = text("preview_page.roundness")
         self._roundness.border_subtitle = text("preview_page.roundness_as")
@@ -204,6 +206,8 @@ class PreviewPage(ChartPage):
             return (Problem(code="screen.nothing_to_cut"),)
         if action == "preview.learned":
             return why_no_compensation(view.work, self.ui.data, simulated=view.state.simulated)
+        if action == "preview.response":
+            return why_no_response(view.work, self.ui.data, simulated=view.state.simulated)
         if action in _CHOICES or action == "preview.program" or self._reading:
             return ()
         return (Problem(code="screen.program_closed"),)
@@ -215,7 +219,7 @@ class PreviewPage(ChartPage):
             return line((text("preview_page.next_job"), Token.ACTION))
         seen, strategy = known_of(work), Strategy(work.strategy)
         if seen is None:
-            words = text("preview_page.next_problem" if work.preview_problems else "preview_page.next_wait")
+            words = text(f"preview_page.{_waiting_word(work)}")
         elif chosen_problems(work, simulated=view.state.simulated):
             words = text("preview_page.next_choose")
         elif preview_lines.refused(seen, strategy):
@@ -231,16 +235,30 @@ class PreviewPage(ChartPage):
         return line((words, Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
-        """Return why the chosen compensation does not apply, and the findings against the job."""
-        text, work = self.ui.text, view.work
+        """Return why the chosen compensation does not apply, the findings, and what explains the prediction."""
+        work, kept = view.work, self._in_full
         if work is None:
             return []
-        seen, strategy = known_of(work), Strategy(work.strategy)
-        chosen = chosen_problems(work, simulated=view.state.simulated)
+        # Called at each tick while the list is open, and the band takes some ten milliseconds.
+        asked = (work, view.state.simulated, width)
+        if kept is None or kept[0][0] is not work or kept[0][1:] != asked[1:]:
+            kept = self._in_full = asked, self._lines_in_full(work, width, simulated=view.state.simulated)
+        return kept[1]
+
+    def _lines_in_full(self, work: Work, width: int, *, simulated: bool) -> list[Line]:
+        text, seen, strategy = self.ui.text, known_of(work), Strategy(work.strategy)
+        chosen = chosen_problems(work, simulated=simulated)
         found = () if seen is None else preview_lines.findings_of(seen, strategy)
         aside = [Finding(severity=Severity.WARNING, problem=problem) for problem in work.set_aside]
         against = preview_lines.problem_lines((*chosen, *work.preview_problems), text, width)
-        return [*against, *preview_lines.finding_lines((*aside, *found), text, width)]
+        rows = [*against, *preview_lines.finding_lines((*aside, *found), text, width)]
+        if seen is None:
+            return rows
+        return [
+            *rows,
+            *([BLANK] if rows else []),
+            *why_lines(work, seen, strategy, self._speeds.of(seen), text, width),
+        ]
 
     def leave(self) -> None:
         """Show the charts again for when the operator comes back."""
@@ -262,7 +280,7 @@ class PreviewPage(ChartPage):
         else:
             self.see(self._charts, self.panels)
             self._draw(seen, strategy)
-            self._write(seen, strategy, view.state.alignment, _band(work, seen, strategy))
+            self._write(seen, strategy, view.state.alignment, span_of(work, seen, strategy))
             told = "roundness_by_part" if preview_lines.by_part(seen, strategy) else "roundness_as"
             self._roundness.border_subtitle = text(f"preview_page.{told}")
             self._strategy.border_subtitle = self._chosen_words(work, view.state)
@@ -302,7 +320,9 @@ class PreviewPage(ChartPage):
         self._caption.show(caption)
         self._strategy.show(preview_lines.strategy_lines(seen, strategy, text, *self._strategy.size))
         needs = preview_lines.margins(seen, strategy)
-        self._margins.show(preview_lines.margin_lines(needs, text, *self._margins.size, window))
+        size = self._margins.size
+        rows = preview_lines.margin_lines(needs, text, size.width, size.height - 1, window)
+        self._margins.show([*rows, speed_line(self._speeds.of(seen), text, size.width)][: max(size.height, 0)])
 
 
 def _step_strategy(ui: UiContext) -> None:
@@ -317,28 +337,16 @@ def _step_strategy(ui: UiContext) -> None:
 _CHOICES: dict[str, Callable[[UiContext], None]] = {
     "preview.strategy": _step_strategy,
     "preview.learned": step_compensation,
+    "preview.response": step_response,
     "preview.stage": step_stage,
 }
 
 
-def _band(work: Work, seen: Underway, strategy: Strategy) -> preview_lines.Span | None:
-    """Return the limits of the remaining error: by the model, or by the part that a learned path is from."""
-    learned = work.compensation is not None and not work.compensation.is_model
-    if work.stage == Stage.AIR:
-        return None
-    if learned:
-        return _span_by_part(work, seen, strategy)
-    band = predicted_band(seen, strategy)
-    return None if band is None else (band.low_um, band.high_um)
-
-
-def _span_by_part(work: Work, seen: Underway, strategy: Strategy) -> preview_lines.Span | None:
-    """Return the limits by the confidence of the part's lobe and the scatter of two clampings; None if unknown."""
-    told, part = preview_lines.by_part(seen, strategy), work.compensation.part if work.compensation else None
-    if told is None or told.ront_um is None or part is None:
-        return None
-    half_um = half_width_um_pp(part.lobe_sd_um, scatter_um(seen.job, seen.machine))
-    return max(told.ront_um - half_um, 0.0), told.ront_um + half_um
+def _waiting_word(work: Work) -> str:
+    """Return what to do while there is nothing to show: wait, or change what cannot be predicted."""
+    if not work.preview_problems:
+        return "next_wait"
+    return "next_problem" if work.inverts is None else "next_problem_response"
 
 
 def _next_words(text: Catalogue, work: Work, seen: Underway) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from textual.widgets import Input
+from textual.widgets.input import Selection
 
 from console.session.data.run_reader import RunFilters
 from console.session.station.state import StationState
@@ -274,7 +275,7 @@ class RecordsPage(ChartPage):
 
     def _type_words(self) -> None:
         self._entry.value = self._words
-        self._entry.cursor_position = len(self._words)
+        self._entry.selection = Selection(0, len(self._words))  # a character begins another search
         self._entry.display = True
         self.screen.set_focus(self._entry, scroll_visible=False)
 

@@ -9,19 +9,25 @@ from textual.containers import Horizontal, Vertical
 
 from console.session.cut.alignment import JawAngle
 from console.session.cut.compensated import with_news
-from console.session.station.commands import Arm, Disarm, EndCut, Retract, Start
+from console.session.station.commands import Arm, Command, Disarm, EndCut, HoldFeed, ResumeFeed, Retract, Start
+from console.session.station.holding import hold_refusal, is_paused
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress
 from console.session.station.state import Activity
-from console.tui.keymap import PageName
+from console.session.work import Work
+from console.tui.keymap import PageName, actions_of
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, entitle, line, wrapped
 from console.tui.page import Page
 from console.tui.pages import run_lines
-from console.tui.pages.cut_lines import error_series, live_lines, mean_error_um, progress_line, values_title
+from console.tui.pages.cut_lines import live_lines, mean_error_um, progress_line, values_title
 from console.tui.pages.run_next import Phase, in_part, next_word, phase_of
 from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, stale, stop_lines
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TracePicture, TraceView
+from console.tui.run.error_band import band_series, error_band
+from console.tui.run.moment_lines import moment_in_full, moment_lines
+from console.tui.run.reading_time import reading_s
+from console.tui.run.why_lines import why_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
 from drivers.cutting.strategy import Strategy
@@ -59,6 +65,7 @@ class RunPage(Page):
     RunPage #run-left { width: 54fr; }
     RunPage #run-right { width: 46fr; }
     RunPage #run-progress { height: 3; }
+    RunPage #run-program { height: 6; }
     RunPage #run-values { width: 47fr; }
     RunPage #run-plots { width: 53fr; height: 1fr; }
     RunPage PolarView { display: none; }
@@ -74,7 +81,8 @@ class RunPage(Page):
         self._values = Sheet(palette, id="run-values")
         self._errors = TraceView(palette=palette, id="run-errors")
         self._polar = PolarView(palette=palette, id="run-polar")
-        plots = _Down(self._errors, self._polar, id="run-plots")
+        self._moment = Sheet(palette, id="run-program")
+        plots = _Down(self._errors, self._polar, self._moment, id="run-plots")
         self.panels = (
             _Across(self._left, self._right, id="run-two"),
             _Down(self._progress, _Across(self._values, plots, id="run-moment"), id="run-live"),
@@ -142,9 +150,28 @@ class RunPage(Page):
 
     def act(self, action: str) -> None:
         """Perform the action of a key, or show why not."""
-        do = {"run.arm": self._arm, "run.start": self._start, "run.hold": self._hold, "run.retract": self._retract}
-        if action in do:
-            do[action]()
+        if action == "run.arm":
+            self._arm()
+            return
+        command = self._command(action)
+        if command is not None and not self.ui.answers(self.why_not(action, self.ui.view)):
+            self.ui.control.post(command)
+
+    def _command(self, action: str) -> Command | None:
+        """Return the command of a key, if it has one; F6 starts what is armed, or resumes what is held."""
+        match action:
+            case "run.start":
+                return ResumeFeed() if is_paused(self.ui.control.state) else Start()
+            case "run.feed_hold":
+                return HoldFeed()
+            case "run.one_turn":
+                return ResumeFeed(one_turn=True)
+            case "run.hold":
+                return EndCut()
+            case "run.retract":
+                return Retract()
+            case _:
+                return None
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why nothing can be armed, started, ended or retracted now."""
@@ -153,6 +180,12 @@ class RunPage(Page):
             case "run.arm" if state.armed is None:
                 checked = run_lines.checks(state, view.work, machine)
                 return refusal(state, action) or run_lines.failing(checked)
+            case "run.start" if is_paused(state):
+                return ()
+            case "run.feed_hold" | "run.one_turn":
+                command = HoldFeed() if action == "run.feed_hold" else ResumeFeed(one_turn=True)
+                refused = hold_refusal(command, state)
+                return () if refused is None else (refused,)
             case "run.start":
                 over = state.armed is None or view.now_s > state.armed.until_s
                 return (Problem(code="screen.not_armed"),) if over else refusal(state, action)
@@ -172,12 +205,18 @@ class RunPage(Page):
         if view.state.activity is Activity.LOST:
             return line((self.ui.text("frame.lost"), Token.ACTION))
         word, token = next_word(view, self.ui.machine.machine)
-        armed = view.state.armed
-        left_s = 0 if armed is None else max(math.ceil(armed.until_s - view.now_s), 0)
+        armed, until_s = view.state.armed, view.state.loading_until_s
+        if armed is not None:
+            until_s = armed.until_s
+        left_s = 0 if until_s is None else max(math.ceil(until_s - view.now_s), 0)
         return line((self.ui.text(f"run_page.next.{word}", left=left_s), token))
 
     def in_full(self, view: View, width: int) -> list[Line]:
-        """Return what was armed, what is missing for a start, or what to do after a stop or a cut."""
+        """Return what was armed, what is missing, or what to do next; and every reason against an action."""
+        why = why_lines(self.ui.text, actions_of(self.name_), lambda action: self.why_not(action, view), width)
+        return [*self._told_in_full(view, width), *why]
+
+    def _told_in_full(self, view: View, width: int) -> list[Line]:
         text, state, machine = self.ui.text, view.state, self.ui.machine.machine
         facts = min(width, WIDEST_FACT)
         match phase_of(state):
@@ -187,8 +226,9 @@ class RunPage(Page):
                 return stop_lines(text, state, facts)
             case Phase.ENDED:
                 return run_lines.after_lines(text, state, view.work, machine, width)
-            case Phase.CUTTING:
-                return []
+            case Phase.CUTTING if state.cut is not None:
+                live = live_lines(text, state.cut, view.job, facts)
+                return [*moment_in_full(text, state.cut, error_band(state.cut), width), BLANK, *live]
         moves = [] if state.armed is None else run_lines.moves_lines(text, state.armed, machine, width)
         rows = [] if view.work is None else run_lines.summary_lines(text, state, view.work, view.now_s, facts)
         found = run_lines.check_lines(text, run_lines.checks(state, view.work, machine), width)
@@ -209,20 +249,17 @@ class RunPage(Page):
                 loaded=None if work.edited else work.loaded,
                 compensation=work.compensation,
                 stage=work.stage,
+                valid_s=self._reading_s(work),
+                inverts=work.inverts,
             )
             self.ui.control.post(command)
 
-    def _start(self) -> None:
-        if not self.ui.answers(self.why_not("run.start", self.ui.view)):
-            self.ui.control.post(Start())
-
-    def _hold(self) -> None:
-        if not self.ui.answers(self.why_not("run.hold", self.ui.view)):
-            self.ui.control.post(EndCut())
-
-    def _retract(self) -> None:
-        if not self.ui.answers(self.why_not("run.retract", self.ui.view)):
-            self.ui.control.post(Retract())
+    def _reading_s(self, work: Work) -> float:
+        """Return how long the summary takes to read that arming will show."""
+        view = self.ui.view
+        summary = run_lines.summary_lines(self.ui.text, view.state, work, view.now_s, WIDEST_FACT)
+        moves = wrapped(self.ui.text("run_page.moves_first", z=0, radius=0, speed=0, duration=0), WIDEST_FACT)
+        return reading_s([*summary, *moves])
 
     def _show_before(self, view: View) -> None:
         text, state, work = self.ui.text, view.state, view.work
@@ -251,7 +288,12 @@ class RunPage(Page):
         if cut is self._drawn:
             return
         self._drawn = cut
-        series, limits = error_series(cut)
+        band = error_band(cut)
+        room = self._moment.size.width
+        self._moment.show(
+            moment_lines(text, cut, band, room) if room >= LEAST_WIDTH else [], text("run_page.program")
+        )
+        series, limits = band_series(cut, band)
         self._errors.show(TracePicture(series=series, x_limits=FULL_TURN_DEG, y_limits=limits, y_unit="um"))
         if self.has_class("-roomy"):
             self._show_polar(cut, view.state.alignment.jaw)

@@ -95,7 +95,7 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
         job, strategy = state.armed.job, state.armed.strategy
     elif work is not None:
         job, strategy = work.job, Strategy(work.strategy)
-        if work.compensation is not None or work.stage != Stage.FULL:
+        if work.compensation is not None or work.inverts is not None or work.stage != Stage.FULL:
             chosen = chosen_problems(work, simulated=state.simulated)
     else:
         yield Interlock(name="job", problems=(Problem(code="screen.nothing_to_cut"),))
@@ -150,7 +150,10 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
     clamped = "" if clamping is None else clamping.at
     found = "" if jaw is None else f"{jaw.angle_deg:.2f} °  {jaw.at}"
     touched = "" if tip is None else f"R {tip.zero_radius_mm:.3f} mm  {tip.at}"
-    made = chosen_words(text, work) if armed is None else made_words(text, armed.made.version, armed.made.stage)
+    made = chosen_words(text, work)
+    if armed is not None:
+        how = armed.made
+        made = made_words(text, how.version, how.stage, how.inverted)
     pairs = [
         ("job", name_in(printable(job.name), max(width - LABEL_WIDTH, 0))),
         ("revision", _revision(text, work, armed)),
@@ -236,6 +239,9 @@ def after_lines(
 ) -> list[Line]:
     """Return what comes next after a cut, the marks of stops, and what another cut of the same blank lacks."""
     marks = mark_lines(text, state.marks_mm, width)
+    if state.cut is not None and state.cut.holds_mm:
+        places = ", ".join(f"{place_mm:.1f}" for place_mm in state.cut.holds_mm)
+        marks += wrapped(text("run_page.hold_mark", z=places), width, Token.WARNING)
     missing = [] if is_over(state) else [check for check in checks(state, work, machine) if check.problems]
     rows = check_lines(text, tuple(missing), width)
     following = wrapped(text(f"run_page.{_after_word(state)}"), width)

@@ -11,10 +11,11 @@ from console.session.station.state import Activity, StationState
 from console.tui.pages.run_lines import checks, is_over
 from console.tui.theme import Token
 from console.tui.ui_context import View
+from drivers.cutting.feed_hold import HoldState
 from profiles.machine import MachineProfile
 
 ENDED = (CutStage.DONE, CutStage.HELD)
-LEFT_STAGES = frozenset({CutStage.CUT, CutStage.RETRACT})
+LEFT_STAGES = frozenset({CutStage.CUT, CutStage.PAUSED, CutStage.RETRACT})
 """Stages with the tool in the part, or retracting; a cut that ended in one of them was interrupted."""
 
 
@@ -52,6 +53,8 @@ def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
         return _stage_word(state.cut), Token.STRONG
     if state.armed is not None:
         return "armed", Token.ACTION
+    if state.loading_until_s is not None:
+        return "loading", Token.DIM
     if state.activity is not Activity.READY:
         return "wait", Token.DIM
     if phase is Phase.ENDED and is_over(state):
@@ -93,6 +96,10 @@ def _stage_word(cut: CutProgress) -> str:
             return "retracting"
         case _ if cut.holding:
             return "holding"
+        case CutStage.PAUSED:
+            return "paused"
+        case CutStage.CUT if cut.hold.active:
+            return "returning" if cut.hold.state is HoldState.COMES_IN else "hold_asked"
         case CutStage.RUN_UP:
             return "run_up"
         case _:

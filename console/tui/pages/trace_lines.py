@@ -109,7 +109,7 @@ def _part_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     if choice.part is None:
         return wrapped(text("trace_import.part.none"), width, Token.WARNING)
     at, made = _local(choice.part.at_utc), choice.part.made
-    how = f"{made.strategy}, {made_words(text, made.version, made.stage)}"
+    how = f"{made.strategy}, {made_words(text, made.version, made.stage, made.inverted)}"
     rows = wrapped(text("trace_import.part.recorded", at=at, made=how), width)
     if choice.part.cut_since:
         rows += hanging(("! ", Token.WARNING), text("trace_import.part.cut_since"), width, Token.WARNING)

@@ -41,6 +41,18 @@ def coarser(step: float) -> float:
     return step_125(step * 1.01)
 
 
+def stepped_125(step: float, by: int) -> float:
+    """Return the step of 1, 2, 5 that is so many steps above one of them, below it where `by` is negative."""
+    power = round(math.log10(step / _mantissa(step)))
+    places = 3 * power + _ROUND.index(_mantissa(step)) + by
+    return float(_ROUND[places % 3] * 10.0 ** (places // 3))
+
+
+def _mantissa(step: float) -> float:
+    scaled = step / 10.0 ** math.floor(math.log10(step) + _SLACK)
+    return min(_ROUND[:3], key=lambda each: abs(each - scaled))
+
+
 def nice_limits(low: float, high: float) -> Limits:
     """Return limits of an axis on round numbers that hold both values, steady while the data vary a little."""
     low, high = proper_limits((low, high))
@@ -68,6 +80,19 @@ def ticks(limits: Limits, most: int) -> tuple[float, ...]:
         step, denser = coarser(step), found
         found = _multiples(low, high, step)
     return found if len(found) > 1 else (denser[0], denser[-1])
+
+
+def decade_ticks(limits: Limits, most: int) -> tuple[float, ...]:
+    """Return logarithms of round values within limits that are logarithms to the base 10: 1, 2, 5, or 1 alone."""
+    low, high = limits
+    powers = range(math.floor(low), math.ceil(high) + 1)
+    found: tuple[float, ...] = ()
+    for steps in ((1.0, 2.0, 5.0), (1.0, 3.0), (1.0,)):
+        places = [power + math.log10(step) for power in powers for step in steps]
+        found = tuple(place for place in places if low - _SLACK <= place <= high + _SLACK)
+        if len(found) <= most + 1:
+            break
+    return found if len(found) > 1 else (low, high)
 
 
 def _multiples(low: float, high: float, step: float) -> tuple[float, ...]:
@@ -111,6 +136,12 @@ class _Axis:
     labels: tuple[str, ...]
 
     @classmethod
+    def along_decades(cls, limits: Limits, columns: int, unit: str) -> Self:
+        places = decade_ticks(limits, columns // _COLUMNS_PER_TICK + 1)
+        labels = [label(10.0**place) for place in places]
+        return cls(limits=limits, ticks=places, labels=(*labels[:-1], labels[-1] + unit))
+
+    @classmethod
     def along_x(cls, limits: Limits, columns: int, unit: str) -> Self:
         places = _FULL_TURN_TICKS if limits == _FULL_TURN else ticks(limits, columns // _COLUMNS_PER_TICK + 1)
         labels = [label(place) for place in places]
@@ -124,13 +155,24 @@ class _Axis:
 
 @lru_cache(maxsize=FRAMES_KEPT)
 def plot_frame(
-    columns: int, rows: int, x_limits: Limits, y_limits: Limits, y_unit: str = "", x_unit: str = ""
+    columns: int,
+    rows: int,
+    x_limits: Limits,
+    y_limits: Limits,
+    y_unit: str = "",
+    x_unit: str = "",
+    *,
+    decades: bool = False,
 ) -> PlotFrame:
-    """Return the axes for a size in cells, with units of one-cell characters; without room the data take all."""
+    """Return the axes for a size in cells, with units of one-cell characters; without room the data take all.
+
+    With `decades` the x are logarithms to the base 10, and the ticks show the values themselves.
+    """
     columns, rows = max(columns, 1), max(rows, 1)
     y = _Axis.along_y(proper_limits(y_limits), rows, y_unit)
     left, data_rows = max(map(len, y.labels)) + 1, rows - 2
-    x = _Axis.along_x(proper_limits(x_limits), columns - left, x_unit)
+    along = _Axis.along_decades if decades else _Axis.along_x
+    x = along(proper_limits(x_limits), columns - left, x_unit)
     if columns - left < _LEAST_COLUMNS or data_rows < _LEAST_ROWS:
         text, left, data_rows = [" " * columns] * rows, 0, rows
     else:

@@ -16,6 +16,9 @@ from console.tui.plot.cell_view import Cells, CellView
 from console.tui.plot.frame import FRAMES_KEPT, step_125
 from console.tui.theme import Token
 
+Rings = tuple[float, float]
+"""Radii of the two tolerance rings, um from the reference ring."""
+
 DIVISIONS = 2  # divisions between the reference ring and the largest deviation shown, on either side
 _REFERENCE_FRACTION = 0.6
 """Radius of the reference ring as a fraction of the largest radius: equal room within and without."""
@@ -28,7 +31,9 @@ OFF_THE_DOTS_DEG = 0.37
 
 _RING_DASH = Dash(on=1, off=1)
 _DIVISION_DASH = Dash(on=1, off=5)
-_RING_LAYER, _MARK_LAYER, _FIRST_TRACE_LAYER = 0, 1, 2
+_TOLERANCE_DASH = Dash(on=1, off=2)
+_LEAST_DOTS_BETWEEN = 3.0  # distance below which two tolerance rings and the trace between them blur
+_RING_LAYER, _TOLERANCE_LAYER, _MARK_LAYER, _FIRST_TRACE_LAYER = 0, 1, 2, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,22 +96,49 @@ def fitting_um_per_division(traces: Sequence[PolarTrace]) -> float:
     return step_125(max(largest / DIVISIONS, _LEAST_UM_PER_DIVISION))
 
 
+def fits(traces: Sequence[PolarTrace], um_per_division: float) -> bool:
+    """Whether all of the traces are within the plot on a scale."""
+    return fitting_um_per_division(traces) <= um_per_division * (1.0 + 1.0e-9)
+
+
+def shows_rings(rings_um: Rings, um_per_division: float, columns: int, rows: int) -> bool:
+    """Whether two tolerance rings are far enough apart, and near enough, to be seen on a scale."""
+    place = dial(columns, rows)
+    inner, outer = (place.reference + each / um_per_division * place.division for each in rings_um)
+    return outer - inner >= _LEAST_DOTS_BETWEEN and inner > 0.0 and outer <= place.rim
+
+
 def polar_cells(
-    traces: Sequence[PolarTrace], marks: Sequence[Mark], um_per_division: float, columns: int, rows: int
+    traces: Sequence[PolarTrace],
+    marks: Sequence[Mark],
+    um_per_division: float,
+    columns: int,
+    rows: int,
+    rings_um: Rings | None = None,
 ) -> Cells:
-    """Return rings, traces and marks for a size in cells; later traces lie over earlier ones."""
+    """Return rings, traces and marks for a size in cells; later traces lie over earlier ones.
+
+    What a scale leaves no room for, outside the rim or within the centre, is a gap in its trace.
+    """
     cells = Cells.blank(columns, rows)
     canvas = deepcopy(_rings(columns, rows))  # the part that does not change with the data
     place = dial(columns, rows)
+    if rings_um is not None and shows_rings(rings_um, um_per_division, columns, rows):
+        circle_deg = np.arange(361.0) + OFF_THE_DOTS_DEG
+        for each in rings_um:
+            radius = np.full(361, place.reference + each / um_per_division * place.division)
+            canvas.polyline(*place.spot(circle_deg, radius), _TOLERANCE_LAYER, _TOLERANCE_DASH)
     for mark in marks:
         tick = np.array([max(place.rim - _TICK_DOTS, 0.0), place.rim])
         canvas.polyline(*place.spot(mark.angle_deg, tick), _MARK_LAYER)
     for layer, trace in enumerate(traces, start=_FIRST_TRACE_LAYER):
         deviation = np.asarray(trace.deviation_um, dtype=np.float64) / um_per_division * place.division
-        x, y = place.spot(trace.angle_deg, np.maximum(place.reference + deviation, 0.0))
+        radius = place.reference + deviation
+        seen = (radius >= 0.0) & (radius <= place.rim + 0.5)
+        x, y = place.spot(trace.angle_deg, np.where(seen, radius, np.nan))
         dash = _BEFORE_DASH if trace.dashed else None
         canvas.polyline(np.append(x, x[:1]), np.append(y, y[:1]), layer, dash)
-    cells.lay(canvas, 0, 0, (Token.RING, Token.MARK, *(trace.token for trace in traces)))
+    cells.lay(canvas, 0, 0, (Token.RING, Token.TOLERANCE, Token.MARK, *(trace.token for trace in traces)))
     for mark in marks:
         _label(cells, place, mark)
     return cells
@@ -143,16 +175,34 @@ class PolarView(CellView):
 
     _traces: tuple[PolarTrace, ...] = ()
     _marks: tuple[Mark, ...] = ()
+    _rings_um: Rings | None = None
     scale_um_per_division = 1.0
 
     def show(
-        self, traces: Sequence[PolarTrace], *, um_per_division: float | None = None, marks: Sequence[Mark] = ()
+        self,
+        traces: Sequence[PolarTrace],
+        *,
+        um_per_division: float | None = None,
+        marks: Sequence[Mark] = (),
+        rings_um: Rings | None = None,
     ) -> None:
         """Draw these traces, the last one on top; without a scale, on the smallest round one on which all fit."""
         self._traces, self._marks = deepcopy(tuple(traces)), tuple(marks)  # the caller may reuse its arrays
+        self._rings_um = rings_um
         self.scale_um_per_division = um_per_division or fitting_um_per_division(self._traces)
         self.redraw()
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing of the traces is outside the plot."""
+        return fits(self._traces, self.scale_um_per_division)
+
+    @property
+    def has_rings(self) -> bool:
+        """Whether the tolerance rings are seen."""
+        scale = self.scale_um_per_division
+        return self._rings_um is not None and shows_rings(self._rings_um, scale, *self._room)
+
     def draw(self, columns: int, rows: int) -> Cells:
         """Return the picture of the last data for a size in cells."""
-        return polar_cells(self._traces, self._marks, self.scale_um_per_division, columns, rows)
+        return polar_cells(self._traces, self._marks, self.scale_um_per_division, columns, rows, self._rings_um)

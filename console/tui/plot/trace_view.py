@@ -7,9 +7,10 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from console.tui.plot.canvas import BrailleCanvas, Dash
+from console.tui.plot.canvas import DOTS_ACROSS, DOTS_DOWN, BrailleCanvas, Dash
 from console.tui.plot.cell_view import Cells, CellView
 from console.tui.plot.frame import FRAMES_KEPT, Limits, PlotFrame, plot_frame
 from console.tui.theme import Token
@@ -30,6 +31,16 @@ class Series:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mark:
+    """Single points that are drawn as one character each, over all traces."""
+
+    x: ArrayLike
+    y: ArrayLike
+    sign: str
+    token: Token
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TracePicture:
     """Input of a trace plot, apart from its size. A full turn (0 to 360) is divided by the jaws."""
 
@@ -38,11 +49,14 @@ class TracePicture:
     y_limits: Limits = (0.0, 1.0)  # `nice_limits` has round ones that keep still
     y_unit: str = ""
     x_unit: str = ""
+    decades: bool = False  # the x are logarithms to the base 10
+    marks: Sequence[Mark] = ()
 
 
 def trace_cells(picture: TracePicture, columns: int, rows: int) -> Cells:
     """Return the traces over their axes for a size in cells; later traces lie over earlier ones."""
-    frame = plot_frame(columns, rows, picture.x_limits, picture.y_limits, picture.y_unit, picture.x_unit)
+    x_limits, y_limits = picture.x_limits, picture.y_limits
+    frame = plot_frame(columns, rows, x_limits, y_limits, picture.y_unit, picture.x_unit, decades=picture.decades)
     cells = deepcopy(_axes(frame))
     canvas = BrailleCanvas(frame.data_columns, frame.data_rows)
     for layer, series in enumerate(picture.series):
@@ -52,7 +66,17 @@ def trace_cells(picture: TracePicture, columns: int, rows: int) -> Cells:
         else:
             canvas.polyline(x, y, layer, DASH if series.dashed else None)
     cells.lay(canvas, 0, frame.left, tuple(series.token for series in picture.series))
+    for mark in picture.marks:
+        x, y = frame.to_dots(mark.x, mark.y)
+        for across, down in zip(np.atleast_1d(x), np.atleast_1d(y), strict=True):
+            row, column = _cell(down, DOTS_DOWN), _cell(across, DOTS_ACROSS)
+            if 0 <= row < frame.data_rows and 0 <= column < frame.data_columns:
+                cells.write(row, frame.left + column, mark.sign, mark.token)
     return cells
+
+
+def _cell(dot: float, size: int) -> int:
+    return int(np.floor(dot + 0.5)) // size
 
 
 @lru_cache(maxsize=FRAMES_KEPT)

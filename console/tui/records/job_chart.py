@@ -139,7 +139,13 @@ def _value_um(point: PartPoint, figure: Figure) -> float | None:
 def _begins(points: Sequence[PartPoint]) -> int:
     """Return the first of the newest parts that were made alike."""
     made = [
-        (each.compensation, each.tolerance_um, each.nominal_diameter_mm, each.diameter_tolerance_um)
+        (
+            each.compensation,
+            each.inverted,
+            each.tolerance_um,
+            each.nominal_diameter_mm,
+            each.diameter_tolerance_um,
+        )
         for each in points
     ]
     others = (place for place in range(len(made), 0, -1) if made[place - 1] != made[-1])

@@ -21,7 +21,7 @@ from profiles.problem import Problem, ProblemError, ProfileError
 from profiles.roundness import centred_profile
 from profiles.store import LoadedMachine, list_jobs, load_job
 from profiles.trace_files.header import header_of
-from profiles.traces import parse_trace
+from profiles.traces import Trace, parse_trace
 
 
 class JobNow(StrEnum):
@@ -36,10 +36,11 @@ class JobNow(StrEnum):
 class RecordedTrace:
     """A trace as the page plots it: M angles, deg, and M deviations from its circle, um, filtered as then.
 
-    `jaw_1_deg` is None where the angles are not tied to the chuck.
+    `turn` is the trace itself, of one turn. `jaw_1_deg` is None where the angles are not tied to the chuck.
     """
 
     part: RecordedPart
+    turn: Trace
     angle_deg: Floats
     profile_um: Floats
     jaw_1_deg: float | None
@@ -113,6 +114,14 @@ def _last_of_each(parts: tuple[RecordedPart, ...]) -> list[RecordedPart]:
     return list({(part.product, part.part): part for part in parts}.values())
 
 
+def traced(found: RunStory, part: str) -> RecordedTrace | None:
+    """Return the trace of a product of a run, None where none was kept. ProfileError: it cannot be read."""
+    for each in reversed(_last_of_each(found.parts)):
+        if each.product and each.part == part:
+            return next(_traced(each, found.setup), None)
+    return None
+
+
 def _traced(part: RecordedPart, setup: Mapping[str, Any]) -> Iterator[RecordedTrace]:
     """Yield the trace of a part, nothing without one. ProfileError: it cannot be read."""
     if part.trace is None:
@@ -128,7 +137,7 @@ def _traced(part: RecordedPart, setup: Mapping[str, Any]) -> Iterator[RecordedTr
     if jaw_1_deg is not None:
         turn = on_the_spindle(turn, header, jaw_1_deg)
     profile_um = centred_profile(turn.angle_deg, turn.deviation_um, _number(part.data.get("filter_upr")))
-    yield RecordedTrace(part=part, angle_deg=turn.angle_deg, profile_um=profile_um, jaw_1_deg=jaw_1_deg)
+    yield RecordedTrace(part=part, turn=turn, angle_deg=turn.angle_deg, profile_um=profile_um, jaw_1_deg=jaw_1_deg)
 
 
 def _number(value: object) -> float | None:

@@ -12,6 +12,7 @@ from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wrapped
 from console.tui.pages.inspect_lines import FRONT_MULTIPLES
 from console.tui.pages.jobs_lines import job_lines
+from console.tui.pages.learn_lines import identified_words
 from console.tui.records.list_lines import local
 from console.tui.records.opened_run import JobNow, OpenedRun
 from console.tui.theme import Token
@@ -93,7 +94,11 @@ def made_of(row: RunRow, text: Catalogue) -> str:
     said = [row.strategy]
     if row.compensation is not None:
         model = row.compensation == MODEL
-        said.append(text("made.model") if model else text("made.learned", version=row.compensation))
+        if model:
+            inverted = row.inverted
+            said.append(text("made.model") if inverted is None else identified_words(text, inverted))
+        else:
+            said.append(text("made.learned", version=row.compensation))
     if row.stage is not None:
         said.append(text(f"made.{row.stage}") if row.stage in STAGES else row.stage)
     return ", ".join(printable(each, 30) for each in said)

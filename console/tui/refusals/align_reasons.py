@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from console.session.cut.alignment import AlignStep, force_problems
+from console.session.cut.jaw_by_indicator import READINGS, allowed_spread_deg, spread_problem
 from console.session.station.state import StationState
 from console.tui.pages import align_lines
 from profiles.job import Job
@@ -23,6 +24,14 @@ def align_reasons(
             return _against_take(state, job, machine)
         case "align.back":
             return _against_back(state, job)
+        case "align.goto":
+            return _against_target(state)
+        case "align.flank":
+            return _against_flank(state, job)
+        case "align.skim":
+            return _against_skim(state, job, machine)
+        case "align.force" if job is None:
+            return _because("screen.nothing_to_align")
         case "align.off" if not align_lines.drives_are_on(state):
             return _because("screen.drives_are_off")
     return ()
@@ -53,6 +62,9 @@ def _against_take(state: StationState, job: Job | None, machine: MachineProfile)
         case AlignStep.DRIVES if not align_lines.drives_are_on(state):
             # Another blank: the chuck may have been opened since the drives were disabled after a cut.
             return _against_clamping(state, job, machine)
+        case AlignStep.JAW if state.alignment.flanks:
+            problem = spread_problem(state.alignment.flanks, allowed_spread_deg(job))
+            return () if problem is None else (problem,)
         case AlignStep.TOUCH_OFF if not align_lines.is_over_part(state, machine):
             return (Problem(code="alignment.beside_part", key="tool"),)
         case AlignStep.JAW | AlignStep.TOUCH_OFF:
@@ -70,9 +82,39 @@ def _against_clamping(state: StationState, job: Job, machine: MachineProfile) ->
 
 def _against_back(state: StationState, job: Job | None) -> tuple[Problem, ...]:
     alignment = state.alignment
+    if alignment.flanks or alignment.skim_counts is not None:
+        return ()
     later = align_lines.step_now(alignment, job) in (AlignStep.TOUCH_OFF, None)
     taken = alignment.jaw is not None or alignment.touch_off is not None
     return () if later and taken else _because("screen.nothing_to_take_back")
+
+
+def _against_flank(state: StationState, job: Job | None) -> tuple[Problem, ...]:
+    if job is None:
+        return _because("screen.nothing_to_align")
+    if align_lines.step_now(state.alignment, job) is not AlignStep.JAW:
+        return _because("screen.no_flank_now")
+    if len(state.alignment.flanks) >= READINGS:
+        return (Problem(code="alignment.flanks_complete", limit=str(READINGS)),)
+    return ()
+
+
+def _against_skim(state: StationState, job: Job | None, machine: MachineProfile) -> tuple[Problem, ...]:
+    if job is None:
+        return _because("screen.nothing_to_align")
+    if align_lines.step_now(state.alignment, job) not in (AlignStep.TOUCH_OFF, None):
+        return _because("screen.no_skim_now")
+    if state.alignment.skim_counts is None and not align_lines.is_over_part(state, machine):
+        return (Problem(code="alignment.beside_part", key="tool"),)
+    return ()
+
+
+def _against_target(state: StationState) -> tuple[Problem, ...]:
+    """Return why no target can be typed: without drives or zeros it would mean nothing."""
+    alignment = state.alignment
+    if align_lines.drives_are_on(state) and alignment.drives_on and alignment.homed:
+        return ()
+    return _because("alignment.drives_off" if not alignment.drives_on else "alignment.not_homed")
 
 
 def _because(code: str) -> tuple[Problem, ...]:

@@ -6,6 +6,11 @@ from console.tui.pages.learning_keys import why_not_accepted, why_not_reverted
 from console.tui.ui_context import View, refusal
 from profiles.problem import Problem
 
+LOOKS = frozenset(
+    f"inspect.{name}" for name in ("circle", "filter", "larger", "smaller", "whole", "view", "beside")
+)
+"""Actions that show the measured part in another way; they need one."""
+
 _OF_CHOOSER = ("up", "down", "page_up", "page_down", "first", "last", "path", "state", "direction", "mark")
 
 
@@ -28,6 +33,8 @@ def inspect_reasons(action: str, view: View) -> tuple[Problem, ...]:
             return (Problem(code="screen.nothing_to_cut"),)
         case "import" if state.moving:
             return (Problem(code="machine.moving"),)
+        case _ if action in LOOKS and part is None:
+            return (Problem(code="trace.no_part"),)
         case "export" if part is None:
             return (Problem(code="trace.no_part"),)
         case name if name in _OF_CHOOSER:

@@ -13,9 +13,10 @@ import math
 from drivers.pmac.compensation.table_text import table_lines
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_number
+from drivers.pmac.programs import hold
 from drivers.pmac.programs.cam_table import Cam
 from drivers.pmac.programs.cam_trim import TRIM_VALUES, TRIMMED_CUT, trim_segment_ms, trim_values
-from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S, RUN_DOWN, RUN_UP
+from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S, RUN_DOWN, RUN_UP, SPINDLE_STEP
 from drivers.pmac.programs.setup import SERVO, CutSetup, cut_values, refuse_endless
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -73,6 +74,8 @@ def cam_program(
         "out_segments": out_segments,
         "out_ms": out_segments * segment_ms,
         "program": PROGRAM_NUMBER,
+        "hold_first": 0,
+        **hold.hold_values(job.feed_mm_per_rev, turn_ms, segment_ms, approach_ms / segment_ms),
     }
     if trimmed:
         values |= trim_values(job, setup, segment_ms, setup.spindle_start + before)
@@ -157,17 +160,16 @@ PVT{segment}
 P25=0 P45=0
 P30=0 ; turns begun
 P31=0 ; the segment in which the present turn ends
-WHILE(P25<P31 OR {go_on} AND P30<P23)
+{loop}WHILE(P25<P31 OR {go_on}{not_held} AND P30<P23)
 IF(P25!<P31)
 P30=P30+1
-P31=P30*P32-0.5
-ENDIF
+P31=P30*P32-0.5{held}
+{one_turn}ENDIF
 P25=P25+1 P45=P45+1
-X(P11):0{y} Z(P21+P18*P25):(P19)
-ENDWHILE
+{cut}ENDWHILE
 P43=P30 ; turns of the cut
-P29=P21+P18*P25 ; carriage at the end of the cut
-P33=0
+P29=P21+P18*{fed} ; carriage at the end of the cut
+{out_begins}P33=0
 IF(P30>0) P33=P19
 PVT{approach} ; the tool goes out, the carriage comes to rest
 """
@@ -188,6 +190,28 @@ ENDIF
 CLOSE
 """
 
+_MOVE = "X(P11):0{y} Z(P21+P18*{fed}):(P19)\n"
+
+_HELD_CUT = {
+    "cut": _MOVE.format(y=SPINDLE_STEP, fed="(P25-P49)"),
+    "loop": hold.LOOP,
+    "not_held": " AND {not_held}",
+    "held": "+P49",
+    "one_turn": hold.ONE_TURN,
+    "fed": "(P25-P49)",
+    "out_begins": hold.OUT,
+}
+"""The turns of a cut that can be held; only one whose spindle the program turns comes back to the same angle."""
+
+_STEADY_CUT = dict.fromkeys(_HELD_CUT, "") | {"cut": _MOVE.format(y="", fed="P25"), "fed": "P25"}
+
+
+def _filled(template: str, pieces: dict[str, str]) -> str:
+    for name, piece in pieces.items():
+        template = template.replace(f"{{{name}}}", piece)
+    return template
+
+
 _SET_UP_TURNED = _SET_UP.replace("{spindle_words}", "y spindle, ").replace(
     "{spindle_values}",
     """\
@@ -198,13 +222,26 @@ P28=P22+{before} ; spindle at the first segment
 """,
 )
 
-_OUT = """\
-P30=P28+P16*P25+P17*{approach}/1000
-P29=P29+P33*{approach}/3000
-X(P20):0 Y(P30):(P17) Z(P29):0
+_OUT = (
+    """\
+P25=P25+{hold_out} P45=P45+{hold_out}
+X(P20):0 Y(P28+P16*P25):(P17) Z(P29+P33*{approach}/3000):0
 """
+    + hold.HELD.replace("{enter}", hold.ENTER_ON_TABLE).replace("{cut}", _MOVE.format(y="{y}", fed="(P25-P49)"))
+    + """\
+P30=P28+P16*P25
+P29=P29+P33*{approach}/3000
+"""
+)
 
-_TURNED = _SET_UP_TURNED + RUN_UP + _CUT.replace("{y}", " Y(P28+P16*P25):(P17)") + _OUT + RUN_DOWN + _END
+_TURNED = (
+    _SET_UP_TURNED.replace("IF(I51=0", "{no_hold}IF(I51=0")
+    + RUN_UP
+    + _filled(_CUT, _HELD_CUT)
+    + _OUT.replace("{out_ms}", "{approach}").replace("{y}", SPINDLE_STEP)
+    + RUN_DOWN
+    + _END
+)
 
 _TRIMMED = (
     _SET_UP_TURNED.replace("CLOSE\nOPEN PROG", TRIM_VALUES + "CLOSE\nOPEN PROG")
@@ -220,7 +257,7 @@ _FOLLOWED = (
 PVT{approach} ; the tool goes to its mean depth, clear of the part
 X(P11):0 Z(P21):0
 """
-    + _CUT.replace("{y}", "")
+    + _filled(_CUT, _STEADY_CUT)
     + """\
 P29=P29+P33*{approach}/3000
 X(P20):0 Z(P29):0

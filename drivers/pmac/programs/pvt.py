@@ -17,13 +17,20 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.pmac.language.text import format_number
+from drivers.pmac.programs import hold
 from drivers.pmac.programs.setup import CutSetup, cut_values, refuse_endless
 from profiles.compensations.path import LobedPath
 from profiles.job import Job
 
 SPINDLE_STEP = " Y(P28+P16*P25):(P17)"  # The statement that moves the spindle in a segment
 
-LOBE_PATH = """\
+_ON_PATH = """\
+P27=P14+P13*P25
+X(P11+P12*COS(P27)):(-P15*SIN(P27)){y} Z(P21+P18*(P25-P24-P49)):(P19)
+"""
+
+LOBE_PATH = (
+    """\
 PVT{segment} ; the amplitude grows
 P25=0 P45=0
 WHILE(P25<P24)
@@ -34,17 +41,27 @@ X(P11+P12*P26*COS(P27)):(-P15*P26*SIN(P27)){y} Z(P21):0
 ENDWHILE
 P30=0 ; turns begun
 P31=P25 ; the segment in which the present turn ends
-WHILE(P25<P31 OR {go_on} AND P30<P23)
+"""
+    + hold.LOOP
+    + """\
+WHILE(P25<P31 OR {go_on} AND {not_held} AND P30<P23)
 IF(P25!<P31)
 P30=P30+1
-P31=P24-0.5+P30*P32
+P31=P24-0.5+P30*P32+P49
+"""
+    + hold.ONE_TURN
+    + """\
 ENDIF
 P25=P25+1 P45=P45+1
-P27=P14+P13*P25
-X(P11+P12*COS(P27)):(-P15*SIN(P27)){y} Z(P21+P18*(P25-P24)):(P19)
+"""
+    + _ON_PATH
+    + """\
 ENDWHILE
 P43=P30 ; turns of the cut
-P29=P21+P18*(P25-P24) ; carriage at the end of the cut
+P29=P21+P18*(P25-P24-P49) ; carriage at the end of the cut
+"""
+    + hold.OUT
+    + """\
 P33=0
 IF(P30>0) P33=P19
 P34={out_segments} ; the tool goes out, the carriage comes to rest
@@ -59,11 +76,13 @@ P38=-P15*SIN(P27)*P36-P37*6*P35*(1-P35)/{out_ms}*1000
 X(P20+P37*P36):(P38){y} Z(P29+P33*{out_ms}/3000*(1-P35*P35*P35)):(P33*P35*P35)
 ENDWHILE
 """
+    + hold.HELD.replace("{enter}", hold.ENTER_ON_PATH).replace("{cut}", _ON_PATH)
+)
 """The lines that move the tool along the lobe, with the spindle as an axis of the program or as its time base.
 
 Four steps: the amplitude grows clear of the part, whole turns are cut, the path is faded into the retracted
-position, everything rests. `{y}` moves the spindle, empty where something else turns it; `{go_on}` is the
-condition for another turn.
+position, everything rests; from there a feed hold leads back to the second (`hold`). `{y}` moves the spindle,
+empty where something else turns it; `{go_on}` is the condition for another turn.
 """
 
 PROGRAM_NUMBER = 2
@@ -100,7 +119,7 @@ OPEN PROG {program}
 CLEAR
 ABS
 {flag}=0 ; the host sets it to end the cut at the end of a turn
-"""
+{no_hold}"""
 
 RUN_UP = """\
 PVT{half} ; the spindle runs up
@@ -181,13 +200,18 @@ def longest_segment_ms(command: LobedPath, frequency_hz: float) -> int:
     return 1
 
 
+def out_ms(setup: CutSetup) -> int:
+    """Return how long the tool takes between its mean depth and its retracted position, at its peak speed, ms."""
+    way_mm = (setup.surface + setup.depth - setup.retracted) * setup.tool_count_um / 1000.0
+    return math.ceil(1.5 * way_mm / OUT_SPEED_MM_S * 1000.0)
+
+
 def pvt_timing(job: Job, setup: CutSetup, command: LobedPath) -> PvtTiming:
     """Return the times for a job. Raises ProblemError: `program.too_long`."""
     turn_ms = 60_000.0 / job.spindle_speed_rpm
     # The end of a turn is checked once in a segment.
     segment_ms = max(1, min(longest_segment_ms(command, job.lobe_frequency_hz), math.floor(turn_ms)))
-    way_mm = (setup.surface + setup.depth - setup.retracted) * setup.tool_count_um / 1000.0
-    approach_ms = math.ceil(1.5 * way_mm / OUT_SPEED_MM_S * 1000.0)
+    approach_ms = out_ms(setup)
     turn_segments = turn_ms / segment_ms
     refuse_endless(setup.whole_turns * turn_segments)
     return PvtTiming(
@@ -250,6 +274,10 @@ def path_values(
         "ramp": timing.ramp_segments,
         "turn": number(timing.turn_segments),
         "out_segments": timing.retract_segments,
+        "hold_first": "P24",
+        **hold.hold_values(
+            job.feed_mm_per_rev, 60_000.0 / job.spindle_speed_rpm, timing.segment_ms, timing.retract_segments
+        ),
         "out_ms": timing.retract_segments * timing.segment_ms,
         "approach": timing.approach_ms,
     }

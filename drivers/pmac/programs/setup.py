@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from drivers.pmac.language.text import format_number
+from drivers.pmac.programs import hold
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
@@ -122,6 +123,9 @@ def cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]:
         "flag": END_FLAG,
         "end_marks": END_MARKS,
         "go_on": setup.go_on,
+        "no_hold": hold.BEGIN,
+        "not_held": hold.NOT_HELD,
+        "most_held": hold.most_held(segment_ms),
     }
 
 

@@ -114,6 +114,11 @@ class SimulatorProcess:
             raise self._error("simulator.refused", "fault", f"a line has at most {LONGEST_LINE} bytes")
         return str(self._ask("fault", line=line)["said"])
 
+    @property
+    def alive(self) -> bool:
+        """Whether the process still runs; one that has ended comes back only with a new console."""
+        return not self._over and self._child.alive
+
     def close(self) -> None:
         """Ask the process to end, and kill it if it does not. Safe to call twice."""
         if not self._over:
@@ -166,6 +171,11 @@ class _Child:
             raise
         finally:
             theirs.close()
+
+    @property
+    def alive(self) -> bool:
+        """Whether it has not ended."""
+        return self._process.poll() is None
 
     def ask(self, request: dict[str, Any]) -> dict[str, Any]:
         """Send a request and return the reply."""

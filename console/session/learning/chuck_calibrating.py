@@ -1,0 +1,122 @@
+"""The chuck from a table of measurements: the fit, what a profile would have of it, what speaks against it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+from console.session.data.calibrated_chuck import refuse_unusable
+from console.session.data.calibrations import Calibration, store
+from console.session.data.kept_files import utc_now
+from profiles.calibration.deflection import DeflectionFit, fit_deflection
+from profiles.calibration.table import CalibrationKind, MeasuredTable
+from profiles.calibration.wrench import WrenchFit, fit_wrench
+from profiles.files import printable
+from profiles.machine import MachineProfile
+from profiles.materials import material_named
+from profiles.problem import Problem, ProfileError
+from profiles.store import LoadedMachine
+
+ChuckFit = WrenchFit | DeflectionFit
+
+WIDE_SLOPE = 0.10
+"""Relative half-width of a slope above which the torque for a force is too uncertain to set by."""
+
+NO_SCATTER = 1e-6
+"""Scatter in % of the force, below which there is nothing but rounding."""
+
+
+def fitted(measured: MeasuredTable, machine: MachineProfile, *, affine: bool = False) -> ChuckFit:
+    """Fit a table. Raises ProfileError: `calibration.*`, why it cannot be."""
+    columns, meta = measured.columns, measured.meta
+    if measured.kind is CalibrationKind.WRENCH:
+        return fit_wrench(columns["torque_n_m"], columns["force_n"], affine=affine)
+    if affine:
+        raise ProfileError(Problem(code="calibration.affine", value=measured.kind))
+    jaws = machine.chuck.jaws
+    stated = meta.get("jaws", str(jaws))
+    if stated != str(jaws):
+        raise ProfileError(Problem(code="calibration.jaws_differ", value=printable(stated, 20), limit=str(jaws)))
+    youngs_gpa = _stated(meta, "youngs_modulus_gpa")
+    if youngs_gpa is None:
+        if "material" not in meta:
+            raise ProfileError(Problem(code="calibration.no_modulus", limit="# youngs_modulus_gpa: 206"))
+        youngs_gpa = material_named(meta["material"]).youngs_modulus_gpa
+    return fit_deflection(columns, jaws=jaws, youngs_gpa=youngs_gpa, jaw_length_mm=_stated(meta, "jaw_length_mm"))
+
+
+def _stated(meta: Mapping[str, str], key: str) -> float | None:
+    """Return the number in a header line, None where there is none."""
+    if key not in meta:
+        return None
+    value = _number(meta[key].replace(",", "."))
+    if not (math.isfinite(value) and value > 0):
+        shown = printable(meta[key], 60) or '""'
+        raise ProfileError(Problem(code="calibration.not_positive", key=key, value=shown, limit="> 0"))
+    return value
+
+
+def chuck_calibration(loaded: LoadedMachine, measured: MeasuredTable, fit: ChuckFit, file: str) -> Calibration:
+    """Return the calibration of a machine's chuck as it is kept, dated now; `file` is that of the measurements."""
+    return Calibration(
+        kind=measured.kind,
+        subject=loaded.machine.name,
+        subject_sha256=loaded.sha256,
+        date=utc_now(),
+        file=file,
+        file_sha256=measured.sha256,
+        found={**asdict(fit), "profile": profile_values(fit)},
+        chuck=loaded.machine.chuck.name,
+    )
+
+
+def keep_chuck(data: Path, calibration: Calibration) -> Path:
+    """Keep the calibration of a chuck, and return its file.
+
+    Raises ProfileError: `calibration.unusable`, a value that no profile may have; as `keep`.
+    """
+    refuse_unusable(calibration.found["profile"], printable(calibration.file))
+    return store(data, calibration)
+
+
+def profile_values(fit: ChuckFit) -> dict[str, float]:
+    """Return the keys of [chuck] in a machine profile that this calibration determines."""
+    if isinstance(fit, DeflectionFit):
+        found = {"jaw_stiffness_n_per_um": fit.stiffness_n_per_um, "jaw_contact_exponent": fit.alpha}
+        return found | ({"jaw_length_mm": fit.jaw_length_mm} if fit.jaw_length_ci else {})
+    found = {"force_per_torque_n_per_n_m": fit.slope_n_per_n_m}
+    if fit.intercept_ci:
+        found["force_offset_n"] = fit.intercept_n
+    if fit.force_sd_percent > NO_SCATTER:  # a table without any does not predict the next clamping
+        found["force_sd_percent"] = fit.force_sd_percent
+    return found
+
+
+def fit_warnings(fit: ChuckFit, measured: MeasuredTable, where: str) -> list[Problem]:
+    """Return what speaks against a fit; `where` names the measurements."""
+    found = [
+        Problem(code="calibration.outlier", where=f"{where}:{measured.lines[place]}") for place in fit.outliers
+    ]
+    if isinstance(fit, WrenchFit):
+        if fit.misses:
+            value = f"{100 * (fit.lack_of_fit_chance or 0.0):.2g} %"
+            found.append(Problem(code="calibration.lack_of_fit", where=where, value=value, limit=">= 5 %"))
+        if fit.slope_ci > WIDE_SLOPE * fit.slope_n_per_n_m:
+            value, limit = f"{100 * fit.slope_ci / fit.slope_n_per_n_m:.2g} %", f"<= {100 * WIDE_SLOPE:g} %"
+            found.append(
+                Problem(code="calibration.wide_slope", where=where, key="slope", value=value, limit=limit)
+            )
+    if measured.ignored:
+        value = printable(", ".join(measured.ignored), 60)
+        found.append(Problem(code="calibration.ignored", where=where, value=value))
+    return found
+
+
+def _number(text: str) -> float:
+    """Return a number, not a number for anything else."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

@@ -1,0 +1,34 @@
+"""A number as an operator types it, with a decimal point or comma. What could mean two numbers is refused."""
+
+from __future__ import annotations
+
+import re
+
+from profiles.problem import Problem, ProfileError
+
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
+
+
+def plain_number(text: str, key: str, limit: str) -> str | None:
+    """Return a typed number with a point, None for a text that is no number. `limit` is what is allowed, as text.
+
+    Raises ProfileError: `value.ambiguous`, for "1,234" and "1.234.5" alike.
+    """
+    before, comma, after = text.partition(",")
+    # A separator could mean thousands: more than one of them, or a comma before exactly three digits.
+    thousands = bool(comma) and len(after) == 3 and before.lstrip("+-")[:1] not in ("0", "")
+    if thousands or text.count(".") + text.count(",") > 1:
+        raise ProfileError(Problem(code="value.ambiguous", key=key, value=text, limit=limit))
+    plain = text.replace(",", ".")
+    return plain if _NUMBER.fullmatch(plain) else None
+
+
+def typed_number(text: str, key: str, limit: str) -> float:
+    """Return a typed number.
+
+    Raises ProfileError: `value.ambiguous`, see `plain_number`; `value.not_number`.
+    """
+    plain = plain_number(text.strip(), key, limit)
+    if plain is None:
+        raise ProfileError(Problem(code="value.not_number", key=key, value=text.strip(), limit=limit))
+    return float(plain)

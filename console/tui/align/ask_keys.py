@@ -1,0 +1,116 @@
+"""Keys of the entry of the page Align: which number is asked for, and what becomes of it."""
+
+from __future__ import annotations
+
+from console.session.station.commands import NoteSkim, TakeTouchOff
+from console.session.station.state import StationState
+from console.tui.align.align_entry import AlignEntry
+from console.tui.align.answers import answered
+from console.tui.align.asked import AXES, Answer, Asked, Question
+from console.tui.pages.align_jog import JOGS, JogKeys
+from console.tui.ui_context import KEYS, UiContext, View, refusal
+from profiles.problem import Problem
+
+TARGETS, FORCES, DIAMETER = (Asked.Z, Asked.C), (Asked.TORQUE, Asked.FORCE), (Asked.DIAMETER,)
+"""What one key asks for, one after the other."""
+
+_NOT_MEANWHILE = (*JOGS, "align.step")
+"""Keys that would move something else while a number is typed."""
+
+
+class AskKeys:
+    """Entry of one page. Nothing moves while a number is typed; F6 alone goes to a target."""
+
+    def __init__(self, ui: UiContext, entry: AlignEntry, jog: JogKeys) -> None:
+        self.ui, self._entry, self._jog = ui, entry, jog
+
+    @property
+    def asked(self) -> Asked:
+        """What is asked for now."""
+        return self._entry.asked
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a number is asked for."""
+        return self._entry.asked is not Asked.NOTHING
+
+    def question(self, view: View) -> Question:
+        """Return what the entry is judged by."""
+        return Question(
+            asked=self._entry.asked,
+            typed=self._entry.value,
+            state=view.state,
+            job=view.job,
+            machine=self.ui.machine.machine,
+        )
+
+    def keep(self, state: StationState) -> None:
+        """Keep the keys in the entry; close it where the machine takes no command any more."""
+        if self.is_open and refusal(state, "align.goto"):
+            self.close()
+        self._entry.keep_focus()
+
+    def close(self) -> None:
+        """Close the entry."""
+        self._entry.close()
+
+    def step(self, order: tuple[Asked, ...]) -> None:
+        """Ask for the first of these, then for the next one, then for nothing."""
+        place = order.index(self.asked) + 1 if self.asked in order else 0
+        if place < len(order):
+            self._entry.open(order[place])
+        else:
+            self.close()
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why a key is not taken because of the entry, or of what is typed."""
+        if action == "align.go":
+            return self._against_go(view)
+        if self.is_open and action in _NOT_MEANWHILE:
+            return (Problem(code="screen.entry_open", key=KEYS[action]),)
+        if not self.is_open or action != "align.take":
+            return ()
+        if self.asked in TARGETS:
+            return (Problem(code="screen.f6_goes"),)
+        answer = self._answer(view)
+        if answer.value is None and not answer.problems and self.asked is Asked.DIAMETER:
+            return (Problem(code="screen.no_diameter"),)
+        return answer.problems
+
+    def take(self, view: View) -> None:
+        """Take the diameter of a skim cut; a torque or a force was only asked for. Nothing moves."""
+        asked, answer = self.asked, self._answer(view)
+        self.close()
+        if asked is Asked.DIAMETER and answer.value is not None:
+            self.ui.control.post(TakeTouchOff(radius_mm=answer.value / 2.0, skimmed=True))
+
+    def skim(self, view: View) -> None:
+        """Note the skim cut where the tool stands; once it is noted, ask for its diameter."""
+        if view.state.alignment.skim_counts is None and not self.is_open:
+            self.ui.control.post(NoteSkim())
+        else:
+            self.step(DIAMETER)
+
+    def go(self, view: View) -> None:
+        """Go to the typed target, or show why not."""
+        if self.ui.answers(self._against_go(view)):
+            return
+        asked, answer = self.asked, self._answer(view)
+        self.close()
+        if answer.value is not None:
+            self._jog.go(AXES[asked], answer.value)
+
+    def _against_go(self, view: View) -> tuple[Problem, ...]:
+        if reasons := refusal(view.state, "align.go"):
+            return reasons
+        if self.asked not in TARGETS:
+            return (Problem(code="screen.nothing_typed"),)
+        answer = self._answer(view)
+        if answer.problems:
+            return answer.problems
+        if answer.value is None:
+            return (Problem(code="screen.nothing_typed"),)
+        return self._jog.why_not_go(view.state, view.now_s)
+
+    def _answer(self, view: View) -> Answer:
+        return answered(self.question(view))

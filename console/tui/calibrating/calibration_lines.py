@@ -1,0 +1,179 @@
+"""Text of the page Calibrate: the list of calibrations, the fit with its confidence, the points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from console.text.catalogue import Catalogue
+from console.tui.calibrating.chuck_facts import ChuckFacts
+from console.tui.calibrating.draft import Draft
+from console.tui.calibrating.kept_list import KeptCalibration, Standing
+from console.tui.lines import Line, dim, fact, fitted, hanging, line, to_the_right, wrapped
+from console.tui.theme import Token
+from console.tui.tuning.problem_lines import problem_lines
+from profiles.calibration.table import COLUMNS, MeasuredTable
+from profiles.calibration.wrench import WrenchFit
+from profiles.files import printable
+
+LABEL_WIDTH = 32
+WIDEST = 72
+DATE = len("2001-11-30 14:05")
+HEAD_ROWS = 1
+COUNTS = (Standing.IN_FORCE, Standing.NEXT_START)
+
+
+def list_lines(
+    kept: Sequence[KeptCalibration], draft: Draft | None, selected: int, text: Catalogue, width: int, height: int
+) -> list[Line]:
+    """Return one row for each calibration, newest first; points that are not kept come before all."""
+    rows = [] if draft is None else [(text("calibrate_page.draft", count=len(draft.rows)), Token.WARNING)]
+    for each in kept:
+        token = Token.TEXT if each.standing in (*COUNTS, Standing.OF_JOB) else Token.DIM
+        rows.append((_row_words(each, text), token))
+    if not rows:
+        return wrapped(text("calibrate_page.none"), width, Token.DIM)
+    first = max(min(selected - height // 2, len(rows) - height), 0)
+    lines: list[Line] = []
+    for place, (words, token) in list(enumerate(rows))[first : first + max(height, 1)]:
+        mark = ("▶ ", Token.ACTION) if place == selected else dim("  ")
+        lines.append((mark, (fitted(words, max(width - 2, 0)), token)))
+    return lines
+
+
+def _row_words(each: KeptCalibration, text: Catalogue) -> str:
+    if each.kept is None:
+        return f"{printable(each.file.name, 30)}  {text('calibrate_page.unreadable')}"
+    date = printable(each.kept.date.replace("T", " ")[:DATE])
+    if each.standing is Standing.OF_JOB:
+        error = each.kept.found.get("error_um_pp")
+        shown = f"{error:.2f} um" if isinstance(error, float) else ""
+        return f"{date}  {printable(each.kept.subject, 40)}  {shown}"
+    return f"{date}  {text(f'calibrate_page.{each.standing}')}"
+
+
+def fit_lines(facts: ChuckFacts, kept: KeptCalibration | None, text: Catalogue, width: int) -> list[Line]:
+    """Return the fit with its confidence, what it gives the machine, and what speaks against it."""
+    room = min(width, WIDEST)
+    if facts.lobe is not None and kept is not None:
+        return _lobe_lines(facts.lobe, kept, text, width)
+    lines = problem_lines(facts.problems, text, width)
+    lines += [_valued(text(f"calibrate.{key}"), value, room) for key, value in _fit_rows(facts, text)]
+    if facts.values:
+        values = ", ".join(f"{key} = {value:.4g}" for key, value in facts.values.items())
+        lines += hanging(dim("  "), text("calibrate.profile", lines=values), width, Token.DIM)
+    lines += problem_lines(facts.warnings, text, width)
+    if kept is not None and kept.kept is not None:
+        lines += hanging(dim("  "), text(f"calibrate_page.why.{kept.standing}"), width)
+        source = printable(kept.kept.file, 200)
+        lines += hanging(dim("  "), text("calibrate_page.rests_on", file=source), width, Token.DIM)
+        if facts.fit is not None and facts.measured is None:
+            lines += hanging(("! ", Token.WARNING), text("calibrate_page.points_gone"), width)
+    return lines
+
+
+def _fit_rows(facts: ChuckFacts, text: Catalogue) -> list[tuple[str, str]]:
+    fit = facts.fit
+    if fit is None:
+        return []
+    if isinstance(fit, WrenchFit):
+        rows = [("slope", f"{fit.slope_n_per_n_m:.2f} ± {fit.slope_ci:.2f} N/(N m)")]
+        if fit.intercept_ci:
+            rows.append(("intercept", f"{fit.intercept_n:.1f} ± {fit.intercept_ci:.1f} N"))
+        return [*rows, ("scatter", f"{fit.sd_n:.1f} N, {fit.force_sd_percent:.2g} %")]
+    length = f"{fit.jaw_length_mm:.2f} mm, {text('calibrate.given')}"
+    if fit.jaw_length_ci:
+        length = f"{fit.jaw_length_mm:.2f} ± {fit.jaw_length_ci:.2f} mm"
+    return [
+        ("stiffness", f"{fit.stiffness_n_per_um:.2f} ± {fit.stiffness_ci:.2f} N/um"),
+        ("alpha", f"{fit.alpha:.3f} ± {fit.alpha_ci:.3f}"),
+        ("length", length),
+        ("scatter", f"{fit.sd_um:.3f} um"),
+    ]
+
+
+def _lobe_lines(lobe: dict[str, Any], kept: KeptCalibration, text: Catalogue, width: int) -> list[Line]:
+    """Return the lobe that a job has taken from a part."""
+    assert kept.kept is not None  # one without numbers has no lobe
+    rows = [("error", "error_um_pp", "error_ci_um_pp", "um p-p"), ("phase", "crest_deg", "crest_ci_deg", "deg")]
+    room, lines = min(width, WIDEST), list[Line]()
+    for label, key, ci, unit in rows:
+        value, half = lobe.get(key), lobe.get(ci)
+        if isinstance(value, float) and isinstance(half, float):
+            lines.append(_valued(text(f"calibrate.{label}"), f"{value:.2f} ± {half:.2f} {unit}", room))
+    past = lobe.get("past_jaw_deg")
+    if isinstance(past, float):
+        lines.append(_valued(text("calibrate.past_jaw"), f"{past:.2f} deg", room))
+    job = text("calibrate_page.job", job=printable(kept.kept.subject, 60))
+    source = text("calibrate_page.rests_on", file=printable(kept.kept.file, 200))
+    lines += hanging(dim("  "), job, width) + hanging(dim("  "), source, width, Token.DIM)
+    if lobe.get("simulated"):
+        lines += hanging(("! ", Token.WARNING), text("calibrate_page.simulated"), width)
+    return lines
+
+
+def _valued(label: str, value: str, width: int) -> Line:
+    return (dim("  "), *fact(label, value, width - 2, label_width=min(LABEL_WIDTH, max(width // 2, 1))))
+
+
+def point_lines(facts: ChuckFacts, draft: Draft | None, text: Catalogue, width: int, height: int) -> list[Line]:
+    """Return the points, the newest at the end always in sight, each with what the fit leaves of it."""
+    names, rows = _point_table(facts, draft)
+    if not rows:
+        return wrapped(text("calibrate_page.no_points"), width, Token.DIM)
+    cells = max(min(width // max(len(names), 1), 14), 4)
+    head = line(dim("".join(to_the_right(fitted(name, cells - 1).rstrip(), cells) for name in names)))
+    out = set() if facts.fit is None else set(facts.fit.outliers)
+    room = max(height - HEAD_ROWS, 1)
+    shown = list(enumerate(rows))[-room:]
+    return [
+        head,
+        *(
+            line(
+                (
+                    "".join(to_the_right(value, cells) for value in row),
+                    Token.WARNING if place in out else Token.TEXT,
+                )
+            )
+            for place, row in shown
+        ),
+    ]
+
+
+def _point_table(facts: ChuckFacts, draft: Draft | None) -> tuple[list[str], list[list[str]]]:
+    measured = facts.measured
+    if measured is None:
+        if draft is None:
+            return [], []
+        return [_short(f.key) for f in draft.fields], [[f"{value:g}" for value in row] for row in draft.rows]
+    keys = [field.key for field in COLUMNS[measured.kind]]
+    columns = [[f"{float(value):g}" for value in measured.columns[key]] for key in keys]
+    names = [_short(key) for key in keys]
+    if facts.fit is not None:
+        names, columns = [*names, "res"], [*columns, _left(facts, measured)]
+    return names, [list(row) for row in zip(*columns, strict=True)]
+
+
+def _left(facts: ChuckFacts, measured: MeasuredTable) -> list[str]:
+    fit = facts.fit
+    if isinstance(fit, WrenchFit):
+        torque, force = measured.columns["torque_n_m"], measured.columns["force_n"]
+        return [f"{value:+.1f}" for value in force - fit.intercept_n - fit.slope_n_per_n_m * torque]
+    assert fit is not None  # ensured by the caller
+    left = measured.columns["deflection_um"] - fit.deflections_um(measured.columns)
+    return [f"{value:+.3f}" for value in left]
+
+
+def _short(key: str) -> str:
+    """Return the heading of a column: quantity and unit."""
+    short = {
+        "torque_n_m": "Tq N m",
+        "force_n": "F N",
+        "chucking_force_n": "Fc N",
+        "load_n": "P N",
+        "angle_deg": "deg",
+        "diameter_mm": "d mm",
+        "overhang_mm": "a mm",
+        "deflection_um": "u um",
+    }
+    return short[key]

@@ -1,0 +1,274 @@
+"""Page Calibrate: calibrations of the chuck with their plots, new points, and the lobes that jobs have taken."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from textual.events import Resize
+from textual.geometry import Size
+
+from console.session.learning.chuck_calibrating import chuck_calibration, keep_chuck
+from console.session.station.state import StationState
+from console.tui.calibrating.calibration_lines import fit_lines
+from console.tui.calibrating.chuck_facts import ChuckFacts, draft_facts, kept_facts
+from console.tui.calibrating.draft import AGAIN, MODULUS, Draft, imported, value_of, written
+from console.tui.calibrating.kept_list import LOBE, KeptCalibration, kept_list
+from console.tui.calibrating.panels import WIDE, CalibratePanels, Kept
+from console.tui.gate import FieldKind
+from console.tui.keymap import PageName
+from console.tui.lines import Line, line
+from console.tui.page import Page
+from console.tui.records.beside import Beside, Problems
+from console.tui.theme import Token
+from console.tui.tuning.problem_lines import problem_lines
+from console.tui.ui_context import UiContext, View
+from profiles.calibration.table import CalibrationKind
+from profiles.fields import Field
+from profiles.problem import Problem
+
+KINDS = (CalibrationKind.WRENCH.value, CalibrationKind.DEFLECTION.value, LOBE)
+STEPS = {"calibrate.up": -1, "calibrate.down": 1}
+OF_DRAFT = ("calibrate.undo", "calibrate.drop", "calibrate.keep", "calibrate.offset")
+WRITES = ("calibrate.new", "calibrate.import", "calibrate.keep")
+STATISTICS = "scipy.stats"
+
+
+class CalibratePage(Page):
+    """Nothing on it moves anything."""
+
+    name_ = PageName.CALIBRATE
+
+    DEFAULT_CSS = """
+    CalibratePage { .panel { border: round $secondary; border-title-color: $foreground; } }
+    """
+
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        self._all = CalibratePanels(ui)
+        self.panels = (self._all,)
+        self._lists: Beside[Kept] = Beside()
+        self._details: Beside[ChuckFacts] = Beside()
+        self._kind = 0
+        self._plots = False
+        self._selected = 0
+        self._draft: Draft | None = None
+        self._before: list[Draft | None] = []
+        self._partial: tuple[float, ...] = ()
+        self._kept: Kept | Problems | None = None
+        self._facts: ChuckFacts | Problems | None = None
+        self._fitted: tuple[Draft | None, ChuckFacts | Problems | None] = (None, None)
+        self._visits, self._away = 0, True
+        self._shown: object = None
+
+    def act(self, action: str) -> None:
+        """Choose, enter points, keep them."""
+        if self._all.entry.is_open:
+            if action == "calibrate.take":
+                self._take()
+                self.fit()
+                return
+            self._end_entry()
+        if self.ui.answers(self.why_not(action, self.ui.view)):
+            return
+        if action in STEPS:
+            self._selected = min(max(self._selected + STEPS[action], 0), max(self._count - 1, 0))
+        elif action == "calibrate.kind":
+            self._kind, self._selected = (self._kind + 1) % len(KINDS), 0
+        elif action == "calibrate.view":
+            self._plots = not self._plots
+        elif action == "calibrate.new":
+            self._begin_point()
+        elif action == "calibrate.import":
+            self._all.ask(None, "", self.ui.text("calibrate_page.path"))
+        elif action == "calibrate.offset" and self._draft is not None:
+            self._change(replace(self._draft, affine=not self._draft.affine))
+        elif action == "calibrate.undo":
+            self._draft = self._before.pop()
+        elif action == "calibrate.drop":
+            self._change(None)
+        elif action == "calibrate.keep":
+            self._keep()
+        self.fit()
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why there is nothing to keep or to enter now."""
+        if action in WRITES and view.state.may_move:
+            return (Problem(code="screen.calibrate_moving"),)
+        if action in OF_DRAFT and self._draft is None and not (action == "calibrate.undo" and self._before):
+            return (Problem(code="screen.calibrate_nothing"),)
+        if action in ("calibrate.new", *OF_DRAFT) and KINDS[self._kind] == LOBE:
+            return (Problem(code="screen.calibrate_lobe"),)
+        if action == "calibrate.offset" and KINDS[self._kind] != CalibrationKind.WRENCH:
+            return (Problem(code="screen.calibrate_offset"),)
+        return self._keep_reasons() if action == "calibrate.keep" else ()
+
+    def _keep_reasons(self) -> tuple[Problem, ...]:
+        draft, facts = self._fitted
+        if draft is not self._draft or facts is None:
+            return (Problem(code="screen.calibrate_select"),)
+        return facts.problems if isinstance(facts, ChuckFacts) else facts
+
+    def fit(self) -> None:
+        """Choose the layout for the room."""
+        self._all.lay_out(self.size, plots=self._plots)
+
+    def on_resize(self, event: Resize) -> None:
+        """Adapt to the new size."""
+        self.fit()
+
+    def show(self, view: View) -> None:
+        """Read and fit beside the screen, and paint what has changed."""
+        if self._away:
+            self._away, self._visits = False, self._visits + 1
+        if self._all.entry.is_open:
+            if view.state.may_move:  # Space is a stop again, and no character
+                self._end_entry()
+            self._all.entry.keep_focus()
+        self.fit()
+        if can_fit(view.state):
+            self._ask()
+        row, draft = self._row, self._shown_draft
+        question = (id(self._kept), id(self._facts), row, draft, self._selected, self._plots, self._kind)
+        shown = (question, self._sizes, can_fit(view.state), self._all.entry.is_open)
+        if shown == self._shown:
+            return
+        self._shown = shown
+        note = "" if can_fit(view.state) else self.ui.text("calibrate_page.at_rest")
+        title = self.ui.text(f"calibrate_page.kind.{KINDS[self._kind]}")
+        self._all.show_list(self._kept, self._draft_here, self._selected, title, note)
+        self._all.show_facts(self._facts, row, draft)
+
+    @property
+    def field(self) -> FieldKind:
+        """A number, or the path of a file."""
+        if not self._all.entry.is_open:
+            return FieldKind.NONE
+        return FieldKind.TEXT if self._all.entry.asked is None else FieldKind.NUMBER
+
+    def leave(self) -> None:
+        """End an entry; everything is read again when the page is shown the next time."""
+        self._end_entry()
+        self._away = True
+
+    def next_step(self, view: View) -> Line:
+        """Return what to do with what is shown."""
+        if self._all.entry.is_open:
+            step = "path" if self._all.entry.asked is None else "value"
+        elif self._draft_here is not None:
+            step = "draft"
+        elif KINDS[self._kind] == LOBE:
+            step = "lobe"
+        else:
+            step = "plots" if self.size.width < WIDE and not self._plots else "kept"
+        return line((self.ui.text(f"calibrate_page.next.{step}"), Token.ACTION))
+
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return the fit of the selected calibration, and what speaks against it."""
+        if not isinstance(self._facts, ChuckFacts):
+            return problem_lines(self._facts or (), self.ui.text, width)
+        return fit_lines(self._facts, self._row, self.ui.text, width)
+
+    def _ask(self) -> None:
+        """Ask for the list and the selected calibration; both are read in threads."""
+        machine, data, kind = self.ui.machine, self.ui.data, KINDS[self._kind]
+        self._kept = self._lists.answer((kind, self._visits), lambda: kept_list(data, machine, kind))
+        row, draft = self._row, self._shown_draft
+        if draft is not None:
+            self._facts = self._details.answer(draft, lambda: draft_facts(draft, machine.machine))
+            self._fitted = draft, self._facts
+        elif row is not None:
+            self._facts = self._details.answer((row.file, self._visits), lambda: kept_facts(row))
+        else:
+            self._facts = ChuckFacts()
+
+    @property
+    def _draft_here(self) -> Draft | None:
+        draft = self._draft
+        return draft if draft is not None and draft.kind == KINDS[self._kind] else None
+
+    @property
+    def _shown_draft(self) -> Draft | None:
+        """The draft where it is the selected row."""
+        return self._draft_here if self._selected == 0 else None
+
+    @property
+    def _row(self) -> KeptCalibration | None:
+        kept = [each for each in self._kept or () if isinstance(each, KeptCalibration)]
+        place = self._selected - (self._draft_here is not None)
+        return kept[place] if 0 <= place < len(kept) else None
+
+    @property
+    def _count(self) -> int:
+        kept = [each for each in self._kept or () if isinstance(each, KeptCalibration)]
+        return len(kept) + (self._draft_here is not None)
+
+    @property
+    def _sizes(self) -> tuple[Size, ...]:
+        return (self.size, *self._all.sizes)
+
+    def _change(self, draft: Draft | None) -> None:
+        """Replace the draft; u brings the last one back."""
+        self._before.append(self._draft)
+        self._draft, self._selected = draft, 0
+        if draft is not None:
+            self._kind = KINDS.index(draft.kind)
+
+    def _begin_point(self) -> None:
+        kind = CalibrationKind(KINDS[self._kind])
+        if self._draft is None or self._draft.kind is not kind:
+            self._change(Draft(kind=kind))
+        self._selected, self._partial = 0, ()
+        self._next_value()
+
+    def _next_value(self) -> None:
+        """Ask for the next value of a point; most begin with that of the point before."""
+        draft = self._draft
+        assert draft is not None  # made when the entry began
+        asked: Field = MODULUS if draft.wants_modulus else draft.fields[len(self._partial)]
+        same = draft.rows and asked is not MODULUS and asked.key not in AGAIN
+        words = self.ui.text("calibrate_page.value", key=asked.key, unit=asked.unit, number=len(draft.rows) + 1)
+        self._all.ask(asked, f"{draft.rows[-1][len(self._partial)]:g}" if same else "", words)
+
+    def _take(self) -> None:
+        """Take a value, and ask for the next one; an empty one ends the entry."""
+        entry, draft = self._all.entry, self._draft
+        words, asked = entry.value.strip(), entry.asked
+        if not words:
+            self._end_entry()
+        elif asked is None:
+            draft = imported(Path(words).expanduser())
+            self._end_entry()
+            self._change(draft)
+        elif draft is not None:
+            value = value_of(words, asked)
+            if asked is MODULUS:
+                self._change(replace(draft, modulus_gpa=value))
+            else:
+                self._partial = (*self._partial, value)
+            if len(self._partial) == len(draft.fields):
+                self._change(draft.with_row(self._partial))
+                self._partial = ()
+            self._next_value()
+
+    def _end_entry(self) -> None:
+        self._partial = ()
+        self._all.entry.close()
+        self._all.row.display = False
+
+    def _keep(self) -> None:
+        """Keep the fit as the command does; entered points get a file of their own first."""
+        (draft, facts), machine, data = self._fitted, self.ui.machine, self.ui.data
+        if draft is None or not isinstance(facts, ChuckFacts) or facts.fit is None or facts.measured is None:
+            return
+        file = draft.file or str(written(draft, data, machine.machine.name))
+        path = keep_chuck(data, chuck_calibration(machine, facts.measured, facts.fit, file))
+        self._draft, self._before, self._fitted = None, [], (None, None)
+        self._visits += 1
+        self.ui.say("screen.calibrate_kept", value=path.name)
+
+
+def can_fit(state: StationState) -> bool:
+    """Whether a fit may be computed: in motion scipy is not loaded, because its import holds up the threads."""
+    return not state.may_move or STATISTICS in sys.modules

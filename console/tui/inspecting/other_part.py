@@ -1,0 +1,92 @@
+"""Another part of the same job, from the run record: which there are, and the trace of one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from console.session.data.run_reader import PartPoint, measured_parts, story
+from console.session.station.state import MeasuredPart
+from console.tui.records.beside import Beside, Problems
+from console.tui.records.opened_run import traced
+from profiles.files import printable
+from profiles.own_values import number
+from profiles.problem import Problem, ProfileError
+from profiles.roundness import RoundnessResult, evaluate
+from profiles.traces import Trace
+
+MOST_PARTS = 200
+"""The newest parts that are offered."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OtherPart:
+    """A recorded part: one turn of its trace, judged as its record has it; `jaw_1_deg` None where not known."""
+
+    point: PartPoint
+    turn: Trace
+    judged: RoundnessResult
+    jaw_1_deg: float | None
+    radius_mm: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WhichParts:
+    """Of which job and machine the parts are; `but` is the run of the part that they are compared with."""
+
+    job: str
+    machine: str
+    simulated: bool
+    but: str | None
+
+
+def which_parts(part: MeasuredPart, machine: str, *, simulated: bool) -> WhichParts:
+    """Return which parts may lie beside a measured one."""
+    return WhichParts(job=part.job.name, machine=machine, simulated=simulated, but=part.run_id)
+
+
+class OtherParts:
+    """Read parts beside the screen; None is returned meanwhile, problems where they cannot be read."""
+
+    def __init__(self, data: Path) -> None:
+        self._data = data
+        self._listing: Beside[list[PartPoint]] = Beside()
+        self._part: Beside[OtherPart] = Beside()
+
+    def listed(self, which: WhichParts, version: int) -> list[PartPoint] | Problems | None:
+        """Return the parts, newest first; another `version` reads them again."""
+
+        def read() -> list[PartPoint]:
+            found = measured_parts(self._data, which.job, which.machine, which.simulated, MOST_PARTS)
+            return [point for point in reversed(found) if point.run_id != which.but]
+
+        return self._listing.answer((which, version), read)
+
+    def part(self, point: PartPoint) -> OtherPart | Problems | None:
+        """Return one of them with its trace."""
+        return self._part.answer((point.run_id, point.part), lambda: other_part(self._data, point))
+
+
+def other_part(data: Path, point: PartPoint) -> OtherPart:
+    """Read a part. SessionError: as `story`, and `inspect.no_trace`; ProfileError: its trace cannot be read."""
+    found = traced(story(data, point.run_id), point.part)
+    if found is None:
+        raise ProfileError(Problem(code="inspect.no_trace", key=printable(point.run_id, 8)))
+    values, turn = found.part.data, found.turn
+    radius_mm, upr = _number(values.get("radius_mm")), _number(values.get("filter_upr"))
+    state = str(values.get("state", "unknown"))
+    judged = evaluate(
+        turn.angle_deg,
+        turn.deviation_um,
+        upr,
+        state=state if state in ("free", "clamped") else "unknown",
+        radius_mm=radius_mm,
+    )
+    return OtherPart(point=point, turn=turn, judged=judged, jaw_1_deg=found.jaw_1_deg, radius_mm=radius_mm)
+
+
+def _number(value: object) -> float | None:
+    try:
+        return None if value is None else number(value)
+    except (TypeError, ValueError):
+        return None

@@ -1,0 +1,120 @@
+"""The panels of the page Inspect: plot, tables and spectrum of a part, and how much of each is seen."""
+
+from __future__ import annotations
+
+from textual.containers import Horizontal, Vertical
+
+from console.text.catalogue import Catalogue
+from console.tui.inspecting.comparison import Comparison, Side
+from console.tui.inspecting.evaluation import tolerance_rings_um
+from console.tui.lines import BLANK, Line, Sheet, entitle
+from console.tui.pages import inspect_lines
+from console.tui.plot.frame import stepped_125
+from console.tui.plot.polar_view import Mark, PolarTrace, PolarView, fitting_um_per_division
+from console.tui.plot.spectrum_view import Bars, SpectrumPicture, SpectrumView, fitting_top_um
+from console.tui.theme import Token
+from console.tui.ui_context import UiContext
+from profiles.arrays import Floats
+from profiles.metrology.spectrum import spectrum_um_pp
+
+MOST_ZOOM = 9  # steps of 1, 2, 5 in or out
+_AXIS_CELLS = 8
+_LEAST_HIGHEST, _WIDEST_UPR = 15, 500
+_WIDEST_TABLE, _EVERY_ROW = 60, 1000
+
+
+class InspectCharts(Horizontal):
+    """Plot or spectrum on the left, tables on the right."""
+
+    def __init__(self, ui: UiContext) -> None:
+        palette, self._text = ui.palette, ui.text
+        self.polar = PolarView(palette=palette, id="inspect-polar")
+        self._caption = Sheet(palette, id="inspect-caption")
+        self._result = Sheet(palette, id="inspect-result", classes="panel")
+        self._harmonics = Sheet(palette, id="inspect-harmonics", classes="panel")
+        self.spectrum = SpectrumView(palette=palette, id="inspect-spectrum", classes="panel")
+        self._beside = SpectrumView(palette=palette, id="inspect-beside", classes="panel")
+        self._roundness = Vertical(self.polar, self._caption, id="inspect-roundness", classes="panel")
+        left = Vertical(self._roundness, self.spectrum, id="inspect-left")
+        numbers = Vertical(self._result, self._harmonics, self._beside, id="inspect-numbers")
+        super().__init__(left, numbers, id="inspect-charts")
+        self.texts = (self._caption, self._result, self._harmonics, self.spectrum, self._beside)
+
+    def show(self, seen: Comparison, zoom: int, *, is_spectrum: bool, simulated: bool) -> None:
+        """Show a comparison, `zoom` steps closer than what holds all of it."""
+        self._draw(seen, 0 if is_spectrum else zoom)
+        for view in (self.spectrum, self._beside):
+            self._draw_spectrum(view, seen, zoom if is_spectrum else 0)
+        text, polar = self._text, self.polar
+        figures = inspect_lines.named(seen.shown.result, text, seen.looked.circle)
+        tolerance_um = None if seen.part.is_half else seen.part.job.roundness_tolerance_um
+        zoomed = bool(zoom) and not is_spectrum
+        scale = inspect_lines.scale_words(
+            polar.scale_um_per_division, tolerance_um, text, ringed=polar.has_rings, zoomed=zoomed
+        )
+        entitle(self._roundness, text("inspect_page.roundness", figures=figures), scale)
+        caption = inspect_lines.caption_lines(seen, text, self._caption.size.width, beyond=not polar.is_whole)
+        self._caption.show(caption)
+        rows = inspect_lines.result_lines(
+            seen, simulated, text, *self._result.size, lobe_elsewhere=self._harmonics.display
+        )
+        self._result.show(rows, figures, text("inspect_page.looks"))
+        by = inspect_lines.filter_words(seen.shown.result, text)
+        lines = inspect_lines.harmonic_lines(seen, text, *self._harmonics.size)
+        self._harmonics.show(lines, text("inspect_page.harmonics", filter=by))
+
+    def _draw(self, seen: Comparison, zoom: int) -> None:
+        sides = ((seen.before, Token.BEFORE, True), (seen.after, Token.AFTER, False))
+        traces = [
+            PolarTrace(angle_deg=side.angle_deg, deviation_um=side.profile_um, token=token, dashed=dashed)
+            for side, token, dashed in sides
+            if side is not None
+        ]
+        marks = [Mark(angle_deg=seen.part.jaw_1_deg, label="1")] if seen.part.phase_known else []
+        scale = stepped_125(fitting_um_per_division(traces), -zoom)
+        rings = None
+        if not seen.part.is_half:
+            rings = tolerance_rings_um(seen.shown, seen.part.job.roundness_tolerance_um)
+        self.polar.show(traces, um_per_division=scale, marks=marks, rings_um=rings)
+
+    def _draw_spectrum(self, view: SpectrumView, seen: Comparison, zoom: int) -> None:
+        if not view.display or not view.size.width:
+            return
+        highest = highest_order(seen, view.size.width)
+        bars = [Bars(um_pp=orders_um_pp(seen.last), token=Token.AFTER)]
+        if seen.other is not None:
+            bars.insert(0, Bars(um_pp=orders_um_pp(seen.before), token=Token.BEFORE, thin=True))
+        top_um, jaws = stepped_125(fitting_top_um(bars, highest), -zoom), seen.part.job.jaws
+        marked = [jaws * multiple for multiple in range(1, inspect_lines.FRONT_MULTIPLES + 1)]
+        view.show(SpectrumPicture(bars=bars, highest=highest, top_um=top_um, marked=marked))
+        words = self._spectrum_words(seen, zoomed=bool(zoom), top_um=top_um)
+        entitle(view, self._text("inspect_page.spectrum", filter=words[0]), words[1])
+
+    def _spectrum_words(self, seen: Comparison, *, zoomed: bool, top_um: float) -> tuple[str, str]:
+        text = self._text
+        key = "spectrum_zoomed" if zoomed else "spectrum_top"
+        return inspect_lines.filter_words(seen.shown.result, text), text(f"inspect_page.{key}", um=f"{top_um:g}")
+
+
+def orders_um_pp(side: Side) -> Floats:
+    """Return the spectrum of a part by order; of one at unequal angles the fitted harmonics."""
+    spectrum = spectrum_um_pp(side.angle_deg, side.profile_um)
+    if spectrum.size or side.result is None:
+        return spectrum
+    spectrum.resize(_LEAST_HIGHEST + 1)
+    for harmonic in side.result.harmonics:
+        spectrum[harmonic.n] = 2.0 * harmonic.amplitude_um
+    return spectrum
+
+
+def highest_order(seen: Comparison, width: int) -> int:
+    """Return the highest order that is drawn: up to the cut-off, as far as a column of cells shows one each."""
+    upr = min(int(seen.shown.result.filter_upr or _WIDEST_UPR), seen.shown.angle_deg.size // 2)
+    return max(min(upr, width - _AXIS_CELLS), _LEAST_HIGHEST)
+
+
+def full_lines(seen: Comparison, text: Catalogue, width: int, *, simulated: bool) -> list[Line]:
+    """Return every figure of both parts, without a height."""
+    room = min(width, _WIDEST_TABLE)
+    rows = inspect_lines.result_lines(seen, simulated, text, room, _EVERY_ROW, lobe_elsewhere=True)
+    return [*rows, BLANK, *inspect_lines.harmonic_lines(seen, text, room, _EVERY_ROW)]

@@ -1,0 +1,137 @@
+"""Chooser of the page Inspect: which recorded part of the same job lies beside the one just measured."""
+
+from __future__ import annotations
+
+from console.session.data.run_reader import PartPoint
+from console.text.catalogue import Catalogue
+from console.tui.inspecting.other_part import OtherPart, OtherParts, WhichParts
+from console.tui.lines import Line, Sheet, dim, fitted, hanging, line, ranged, wrapped
+from console.tui.pages.inspect_lines import made_of_point
+from console.tui.records.list_lines import local
+from console.tui.theme import Token
+from console.tui.ui_context import UiContext
+from profiles.files import printable
+from profiles.problem import Problem
+
+_MARK_CELLS = 2
+KEYS = frozenset(
+    f"inspect.{name}" for name in ("beside", "next", "up", "down", "page_up", "page_down", "first", "last")
+)
+"""Actions of the chooser."""
+
+
+class PartChooser(Sheet):
+    """The parts in the place of the page, newest first; the first row is the part before compensation again."""
+
+    DEFAULT_CSS = "PartChooser { height: 1fr; }"
+
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui.palette, id="part-chooser", classes="panel")
+        self._ui = ui
+        self._parts = OtherParts(ui.data)
+        self._which: WhichParts | None = None
+        self._found: list[PartPoint] | tuple[Problem, ...] | None = None
+        self._opened = self._selected = 0
+        self._taken: PartPoint | None = None
+        self.display = False
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is in the place of the page."""
+        return self._which is not None
+
+    def open(self, which: WhichParts) -> None:
+        """Show the parts as they are recorded now."""
+        self._which, self._found, self._selected = which, None, 0
+        self._opened += 1
+
+    def close(self) -> None:
+        """Show the page again."""
+        self._which = None
+
+    @property
+    def page_rows(self) -> int:
+        """Rows that PgUp and PgDn go."""
+        return max(self.size.height - 1, 1)
+
+    def step(self, by: int) -> None:
+        """Select another part."""
+        last = len(self._found) if isinstance(self._found, list) else 0
+        self._selected = min(max(self._selected + by, 0), last)
+
+    def why_not(self, action: str) -> tuple[Problem, ...]:
+        """Return why a key cannot be used while the chooser is open."""
+        return () if action in KEYS else (Problem(code="screen.close_parts"),)
+
+    def take(self) -> None:
+        """Lay the selected part beside the measured one, or none of the record."""
+        listed = self._found if isinstance(self._found, list) else []
+        self._taken = listed[self._selected - 1] if 0 < self._selected <= len(listed) else None
+        self.close()
+
+    def forget(self) -> None:
+        """Lay nothing of the record beside the part: another one was measured."""
+        self._taken = None
+
+    def taken(self) -> OtherPart | None:
+        """Return the part that was chosen, None for none, and while it is read; called at each tick.
+
+        One that cannot be read is reported, and no longer chosen.
+        """
+        if self._taken is None:
+            return None
+        found = self._parts.part(self._taken)
+        if isinstance(found, tuple):
+            self._ui.said, self._taken = found, None
+            return None
+        return found
+
+    def refresh_list(self) -> None:
+        """Bring the list up to date with the reader, and paint what changed."""
+        if self._which is None:
+            return
+        self._found = self._parts.listed(self._which, self._opened)
+        self.step(0)
+        text, width, height = self._ui.text, max(self.size.width, 1), max(self.size.height, 1)
+        rows = self._rows(width)
+        first = min(max(self._selected - height // 2, 0), max(len(rows) - height, 0))
+        count = len(self._found) if isinstance(self._found, list) else 0
+        title = text("inspect_page.parts", job=printable(self._which.job, 40))
+        self.show(rows[first : first + height], title, text("inspect_page.parts_place", all=count))
+
+    def next_words(self) -> str:
+        """Return what to do in the chooser."""
+        none = isinstance(self._found, list) and not self._found
+        return self._ui.text("inspect_page.next_no_parts" if none else "inspect_page.next_parts")
+
+    def in_full(self, width: int) -> list[Line]:
+        """Return all rows of the list."""
+        return self._rows(width)
+
+    def _rows(self, width: int) -> list[Line]:
+        text, found = self._ui.text, self._found
+        if isinstance(found, tuple):
+            return problem_rows(found, text, width)
+        rows = [self._row(0, line(text("inspect_page.parts_none")), line(), width)]
+        if found is None:
+            return [*rows, line(dim(text("records_page.reading")))]
+        if not found:
+            return [*rows, *wrapped(text("inspect_page.no_parts"), width, Token.DIM)]
+        for place, point in enumerate(found, start=1):
+            name = f"{local(point.at)}  {printable(made_of_point(point, text), 40)}  {printable(point.part, 12)}"
+            tolerance = point.tolerance_um
+            mark = "·" if tolerance is None else "✓" if point.ront_um <= tolerance else "✗"
+            rows.append(self._row(place, line(name), line(f" {point.ront_um:.2f} um {mark}"), width))
+        return rows
+
+    def _row(self, place: int, left: Line, right: Line, width: int) -> Line:
+        chosen = place == self._selected
+        if not chosen:
+            return (dim(" " * _MARK_CELLS), *ranged(left, right, max(width - _MARK_CELLS, 0)))
+        words = "".join(piece for piece, _ in ranged(left, right, max(width - _MARK_CELLS, 0)))
+        return line((fitted(f"▸ {words}", width), Token.SELECTED))
+
+
+def problem_rows(problems: tuple[Problem, ...], text: Catalogue, width: int) -> list[Line]:
+    """Return why the record cannot be read."""
+    return [row for each in problems for row in hanging(("! ", Token.WARNING), text.problem(each), width)]

@@ -1,0 +1,81 @@
+"""What a measured part says, in the words of the operator: what is left of the lobe, and what to press."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from console.session.learning.learning_steps import LeftHarmonic, Taught
+from console.session.learning.part_learning import PartLearning
+from console.session.stages import Stage
+from console.session.work import Work
+from console.text.catalogue import Catalogue
+from profiles.compensations.path import expected
+
+NOTHING_LEFT = "learned.nothing"
+ELSEWHERE = "learned.lobe_elsewhere"
+
+
+def plain_words(learning: PartLearning, work: Work | None, text: Catalogue, *, failed: bool) -> str:
+    """Return one or two sentences on the learning step of a part; those of a refusal end in its reasons.
+
+    A part that has `failed` cannot stay, even within clamping scatter.
+    """
+    taught = learning.taught
+    if any(reason.code == NOTHING_LEFT for reason in learning.reasons):
+        return text("inspect_page.plain.noise")
+    if taught is None or learning.reasons:
+        return text("inspect_page.plain.refused")
+    lobe = _lobe(taught)
+    if taught.stage is Stage.PARTIAL:
+        return f"{text('inspect_page.plain.half', left=_um(lobe))} {_half_words(taught, text)}"
+    if is_kept(learning, work):
+        return text("inspect_page.plain.accepted", left=_um(lobe))
+    if lobe is not None and lobe.learned:
+        scatter = f"{taught.step.expected_half_width_um_pp:.1f}"
+        word = "correct"
+        if is_elsewhere(taught):
+            word = "elsewhere"
+        elif in_scatter(taught):
+            word = "may_scatter" if failed else "scatter"
+        return text(f"inspect_page.plain.{word}", left=_um(lobe), scatter=scatter)
+    others = [each for each in taught.harmonics if each.learned]
+    if not others:
+        return text("inspect_page.plain.noise")
+    most = max(others, key=lambda each: each.left_um_pp)
+    return text("inspect_page.plain.other", n=most.order, left=_um(most))
+
+
+def is_elsewhere(taught: Taught) -> bool:
+    """Whether the lobe is not where it is expected: the set-up is to be checked before anything is kept."""
+    return any(warning.code == ELSEWHERE for warning in taught.warnings)
+
+
+def is_kept(learning: PartLearning | None, work: Work | None) -> bool:
+    """Whether the next cut uses this part's learning step."""
+    used = None if work is None else work.compensation
+    if learning is None or learning.taught is None or used is None:
+        return False
+    return used == replace(learning.taught.step.next, version=used.version)
+
+
+def in_scatter(taught: Taught) -> bool:
+    """Whether the remaining lobe is within the scatter of clamping and gauge."""
+    lobe = taught.step.next.path.target.lobes
+    wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.harmonics if each.order == lobe]
+    return max(wrong, default=0.0) < taught.step.expected_half_width_um_pp
+
+
+def _half_words(taught: Taught, text: Catalogue) -> str:
+    part = taught.step.next.part
+    whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.fraction
+    left = expected(whole_um_pp, taught.stage.fraction)
+    return text("inspect_page.half_left", right=f"{left.right_um_pp:.1f}", wrong=f"{left.wrong_um_pp:.1f}")
+
+
+def _lobe(taught: Taught) -> LeftHarmonic | None:
+    order = taught.step.next.path.target.lobes
+    return next((each for each in taught.harmonics if each.order == order), None)
+
+
+def _um(harmonic: LeftHarmonic | None) -> str:
+    return "0.0" if harmonic is None else f"{harmonic.left_um_pp:.1f}"

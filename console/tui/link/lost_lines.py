@@ -1,0 +1,69 @@
+"""What the rows and the list of messages show of a lost link, and of one that is back."""
+
+from __future__ import annotations
+
+from console.session.station.link.lost_link import LostLink, Validity
+from console.session.station.state import Activity, StationState
+from console.text.catalogue import Catalogue
+from console.tui.lines import BLANK, Line, hanging, line
+from console.tui.theme import Token
+
+NONE = "–"
+SHORT_S = 10.0  # losses shorter than this are shown in tenths
+
+
+def lost_step(text: Catalogue, state: StationState) -> str:
+    """Return what to do about a lost link, or one that is back since; empty where neither is the case."""
+    lost = state.lost_link
+    if state.activity is Activity.LOST:
+        return text("frame.lost") if lost is None else _lost(text, lost)
+    if lost is None or lost.back_s is None:
+        return ""
+    if is_watched(state):
+        return text("lost_link.watching", age=_age(lost))
+    if not lost.validity:
+        return ""
+    key = "lost_link.back" if state.controls else "lost_link.observing"
+    return text(key, age=_age(lost), valid=_named(text, lost, holds=True), void=_named(text, lost, holds=False))
+
+
+def is_watched(state: StationState) -> bool:
+    """Whether the link is back, and the controller is watched while it ends its motion: no stop was sent yet."""
+    lost, stop = state.lost_link, state.stop
+    back = lost is not None and lost.back_s is not None and state.activity is Activity.STOPPING
+    return back and stop is not None and not stop.delivered
+
+
+def lost_rows(text: Catalogue, state: StationState, width: int) -> list[Line]:
+    """Return in full why the link is not back yet, or what is valid now that it is; empty without a loss."""
+    lost = state.lost_link
+    if lost is None:
+        return []
+    if lost.problem is not None and lost.back_s is None:
+        last = text("lost_link.last_attempt", problem=text.problem(lost.problem))
+        return [BLANK, *hanging(("– ", Token.WARNING), last, width, Token.WARNING)]
+    if not lost.validity:
+        return []
+    rows = [BLANK, line((text("lost_link.title", age=_age(lost)), Token.TITLE))]
+    for each in lost.validity:
+        mark, token = ("✓ ", Token.TEXT) if each.holds else ("✗ ", Token.WARNING)
+        rows += hanging((mark, token), _why(text, each), width, token)
+    return rows
+
+
+def _lost(text: Catalogue, lost: LostLink) -> str:
+    if lost.for_ever:
+        return text("lost_link.for_ever")
+    return text("lost_link.silent") if lost.silent else text("lost_link.trying", attempts=lost.attempts)
+
+
+def _named(text: Catalogue, lost: LostLink, *, holds: bool) -> str:
+    return ", ".join(text(f"stamp.{each.stamp}") for each in lost.validity if each.holds is holds) or NONE
+
+
+def _why(text: Catalogue, each: Validity) -> str:
+    return text(f"validity.{each.why}", stamp=text(f"stamp.{each.stamp}"), value=each.value)
+
+
+def _age(lost: LostLink) -> str:
+    return f"{lost.away_s:.1f}" if lost.away_s < SHORT_S else f"{lost.away_s:.0f}"

@@ -1,0 +1,184 @@
+"""Text of the loop on the page Tune: its gains, its margins beside what is usual, the responses kept of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rich.cells import cell_len
+
+from console.text.catalogue import Catalogue
+from console.tui.lines import Line, dim, fitted, hanging, line, wrapped
+from console.tui.theme import Token
+from console.tui.tuning.loop_facts import LoopFacts, SeenResponse
+from profiles.axis.margins import LEAST_GAIN_MARGIN, LEAST_PHASE_MARGIN_DEG, MOST_SENSITIVITY, LoopMargins
+from profiles.files import printable
+
+LABEL_WIDTH = 18
+VALUE_WIDTH = 26
+NONE = "–"
+DATE = len("2001-11-30 14:05")
+
+
+def loop_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
+    """Return margins first, then the gains and what they are from."""
+    lines = margin_lines(facts.margins, facts.period_ms, text, width)
+    lines += warning_lines(facts, text, width)
+    return lines + gain_lines(facts, text, width)
+
+
+def margin_lines(margins: LoopMargins, period_ms: float, text: Catalogue, width: int) -> list[Line]:
+    """Return the margins, one a row, beside the values that are usual; an unstable loop has none."""
+    if not margins.stable:
+        return wrapped(text("tune_page.unstable"), width, Token.ALARM)
+    gain, phase, sensitivity = margins.gain_margin, margins.phase_margin_deg, margins.sensitivity_peak
+    delay = NONE
+    if margins.delay_margin_ms is not None:
+        cycles = text("tune_page.cycles", count=f"{margins.delay_margin_ms / period_ms:.1f}")
+        delay = f"{margins.delay_margin_ms:.2f} ms, {cycles}"
+    wide = NONE if margins.bandwidth_hz is None else f"{margins.bandwidth_hz:.1f} Hz"
+    rows: list[tuple[str, str, str, bool]] = [
+        (
+            "gain_margin",
+            NONE if gain is None else f"{gain:.2f} ({_db(gain)}) @ {margins.gain_margin_hz:.0f} Hz",
+            f">= {LEAST_GAIN_MARGIN:g}",
+            gain is not None and gain < LEAST_GAIN_MARGIN,
+        ),
+        (
+            "phase_margin",
+            NONE if phase is None else f"{phase:.1f} deg @ {margins.crossover_hz:.1f} Hz",
+            f">= {LEAST_PHASE_MARGIN_DEG:g} deg",
+            phase is not None and phase < LEAST_PHASE_MARGIN_DEG,
+        ),
+        ("delay_margin", delay, "", False),
+        (
+            "sensitivity",
+            f"{sensitivity:.2f} @ {margins.sensitivity_peak_hz:.0f} Hz",
+            f"<= {MOST_SENSITIVITY:g}",
+            sensitivity > MOST_SENSITIVITY,
+        ),
+        ("bandwidth", wide, "", False),
+        ("peak", f"{margins.peak:.3f} ({_db(margins.peak)}) @ {margins.peak_hz:.1f} Hz", "", False),
+    ]
+    if margins.gain_reduction is not None:
+        rows.insert(
+            1, ("gain_reduction", f"{margins.gain_reduction:.3g} ({_db(margins.gain_reduction)})", "", False)
+        )
+    return [_row(text(f"tune_page.{key}"), value, usual, text, width, bad=bad) for key, value, usual, bad in rows]
+
+
+def _row(label: str, value: str, usual: str, text: Catalogue, width: int, *, bad: bool) -> Line:
+    mark = ("! ", Token.WARNING) if bad else dim("  ")
+    shown = (fitted(value, VALUE_WIDTH), Token.WARNING if bad else Token.TEXT)
+    room = max(width - 2 - LABEL_WIDTH - VALUE_WIDTH, 0)
+    return (
+        mark,
+        dim(fitted(label, LABEL_WIDTH)),
+        shown,
+        dim(fitted(usual and text("tune_page.usual", limit=usual), room)),
+    )
+
+
+def gain_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
+    """Return the gains in V/m, and as the controller has them."""
+    gains = facts.gains
+    rows = [
+        ("kp", f"{gains.kp_v_per_m:.5g} V/m"),
+        ("ki", f"{gains.ki_v_per_m_s:.4g} V/(m s)"),
+        ("kd", f"{gains.kd_v_s_per_m:.4g} V s/m"),
+        ("kvff", f"{gains.velocity_feedforward_v_s_per_m:.4g} V s/m"),
+        ("kaff", f"{gains.acceleration_feedforward_v_s2_per_m:.4g} V s2/m"),
+        ("period", f"{facts.period_ms:.4f} ms"),
+    ]
+    lines: list[Line] = []
+    if facts.read is not None:
+        lines += _packed([f"{name} {value:g}" for name, value in facts.read.gains.items()], width, Token.TEXT)
+    return lines + _packed([f"{text(f'tune_page.{key}')} {value}" for key, value in rows], width, Token.DIM)
+
+
+def _packed(items: Sequence[str], width: int, token: Token) -> list[Line]:
+    """Return items side by side, as many in a row as fit; none is broken."""
+    rows: list[str] = []
+    for item in items:
+        longer = f"{rows[-1]}   {item}" if rows else item
+        if rows and cell_len(longer) <= width - 2:
+            rows[-1] = longer
+        else:
+            rows.append(item)
+    return [line(dim("  "), (row, token)) for row in rows]
+
+
+def warning_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
+    """Return where the gains are from where they were not read, and what the model does not have."""
+    lines: list[Line] = []
+    if facts.read is None:
+        lines += hanging(("! ", Token.WARNING), text("tune_page.not_read"), width)
+        return lines
+    if facts.differing:
+        names = ", ".join(f"{name} {read:g} ({stated:g})" for name, (stated, read) in facts.differing.items())
+        lines += hanging(("! ", Token.WARNING), text("tune_page.differing", names=names), width)
+    if facts.read.unmodelled:
+        names = ", ".join(facts.read.unmodelled)
+        lines += hanging(("! ", Token.WARNING), text("tune_page.unmodelled", names=names), width)
+    return lines
+
+
+def response_lines(
+    responses: Sequence[SeenResponse], selected: int, text: Catalogue, width: int, height: int
+) -> list[Line]:
+    """Return the kept responses, newest first, the selected one marked, in rows of one line."""
+    if not responses:
+        return wrapped(text("tune_page.no_responses"), width, Token.DIM)
+    first = max(min(selected - height // 2, len(responses) - height), 0)
+    rows: list[Line] = []
+    for place, seen in list(enumerate(responses))[first : first + max(height, 1)]:
+        mark = ("▶ ", Token.ACTION) if place == selected else dim("  ")
+        words = (
+            fitted(_response_words(seen, text), max(width - 2, 0)),
+            Token.TEXT if not seen.problems else Token.DIM,
+        )
+        rows.append((mark, words))
+    return rows
+
+
+def _response_words(seen: SeenResponse, text: Catalogue) -> str:
+    found = seen.found
+    if found is None:
+        return f"{printable(seen.file.name, 40)}  {text('tune_page.unreadable')}"
+    date = printable(found.date.replace("T", " ")[:DATE])
+    points = found.points
+    band = NONE
+    if points:
+        low, high = (pick(point.frequency_hz for point in points) for pick in (min, max))
+        band = f"{low:g}…{high:g} Hz, {max(point.amplitude_um for point in points):.0f} um"
+    fits = text("tune_page.fits") if not seen.problems else text("tune_page.other", key=_first_key(seen))
+    return f"{date}  {found.path:<8} {band}  {fits}"
+
+
+def _first_key(seen: SeenResponse) -> str:
+    keys = list(dict.fromkeys(problem.key for problem in seen.problems))
+    return ", ".join(keys[:2]) + (" …" if len(keys) > 2 else "")
+
+
+def reason_lines(seen: SeenResponse, text: Catalogue, width: int) -> list[Line]:
+    """Return in full why a response is not one of this loop."""
+    return [row for problem in seen.problems for row in hanging(("· ", Token.DIM), text.problem(problem), width)]
+
+
+def heading(facts: LoopFacts, text: Catalogue) -> str:
+    """Return what the loop is from."""
+    return text("tune_page.loop_profile") if facts.read is None else text("tune_page.loop_read", at=facts.read.at)
+
+
+def legend(facts: LoopFacts, seen: SeenResponse | None, text: Catalogue) -> Line:
+    """Return what is drawn in the plots."""
+    pieces: list[tuple[str, Token]] = [("── ", Token.AFTER), (text("tune_page.model"), Token.TEXT)]
+    if seen is not None and seen.curve is not None:
+        pieces += [("   • ", Token.BEFORE), (text("tune_page.identified"), Token.TEXT)]
+    if facts.paper is not None:
+        pieces += [("   ✗ ", Token.MARK), (text("tune_page.table_5"), Token.TEXT)]
+    return line(*pieces)
+
+
+def _db(factor: float) -> str:
+    return f"{20.0 * math.log10(factor):+.1f} dB"

@@ -1,0 +1,46 @@
+"""What a running program reports of itself, read between two polls: its line. Only queries.
+
+A report is worth less than a poll: it is not read over a slow line, a missing reply is not asked for again, and a
+controller that does not know the query is never asked again.
+"""
+
+from __future__ import annotations
+
+from drivers.controller import Controller
+from drivers.cutting.place import EXECUTED, ProgramPlace, place_of
+from drivers.errors import ControllerError, LinkError
+from drivers.lathe.polling import SLOW_LINE_S, Poller
+from drivers.link.base import is_gone
+from drivers.pmac.program_text import ProgramText
+
+POLLS_A_REPORT = 6  # polls from one report to the next: the constants of the program are read in between
+REPORT_TIMEOUT_S = 0.1  # less than what a poll may take: watchdog and polls come first
+
+
+class ProgramReports:
+    """The reports of one program. `place` is the last line that was reported, None before."""
+
+    def __init__(self, client: Controller, poller: Poller, program: ProgramText) -> None:
+        self.place: ProgramPlace | None = None
+        self._client, self._poller, self._program = client, poller, program
+        self._polls = 0
+        self._refused = False
+
+    def read(self) -> None:
+        """Take note of a poll, and query a report when it is due.
+
+        Raises LinkError: the link is gone. A reply that is missing is left to the next round.
+        """
+        self._polls += 1
+        due = self._polls % POLLS_A_REPORT == 0
+        if not due or self._refused or self._poller.round_trip_s >= SLOW_LINE_S:
+            return
+        try:
+            (reply, *_) = self._client.request(EXECUTED, REPORT_TIMEOUT_S) or ("",)
+        except ControllerError:
+            self._refused = True
+        except LinkError as error:
+            if is_gone(error):
+                raise
+        else:
+            self.place = place_of(reply, self._program) or self.place

@@ -1,0 +1,137 @@
+"""The position loop of the tool as the controller runs it: a sampled PID, its plant behind a hold, and a delay.
+
+The plant a / (s (s + b)), in m/s2 per V, follows a zero-order hold of one servo period; the output acts one period
+late; with z = exp(j w T) and the gains of `PidGains`
+
+P(z) = (n1 z + n0) / ((z - 1) (z - d)),    d = exp(-b T)
+    B(z) = kp + ki T z / (z - 1) + kd (z - 1) / (T z)                    on the position that was read
+    F(z) = kp + ki T z / (z - 1) + kvff (z - 1) / (T z) + kaff ((z - 1) / (T z))^2     on the command
+    L = P B / z,    closed loop P F / z / (1 + L)
+
+An extra delay of the plant, such as that of the current loop, multiplies P by exp(-j w delay).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from profiles.arrays import Complexes, Floats, complexes, floats
+from profiles.axis.servo_gains import PidGains, gains_from_variables
+from profiles.machine import MachineProfile
+
+_AS_DOUBLE = 1e-6  # b T below which the plant is computed as a double integrator: differences would cancel
+LOWEST_HZ = 1e-6  # replaces 0 Hz, where the integrators have their poles
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisPlant:
+    """The moved axis a / (s (s + b)): a in m/s2 per V of the output, b in 1/s, and a delay beyond the period."""
+
+    acceleration_per_v: float
+    damping_per_s: float
+    delay_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampledLoop:
+    """One loop: its plant, its gains and its servo period."""
+
+    plant: AxisPlant
+    gains: PidGains
+    period_s: float
+
+    @property
+    def nyquist_hz(self) -> float:
+        """Half the sampling rate, above which the loop has no response."""
+        return 0.5 / self.period_s
+
+    def plant_response(self, frequency_hz: ArrayLike) -> Complexes:
+        """Return P / z with its extra delay, m/V."""
+        z, hz = self._z(frequency_hz)
+        n1, n0, decay = self._held()
+        held = (n1 * z + n0) / ((z - 1.0) * (z - decay)) / z
+        return complexes(held * np.exp(-2j * np.pi * hz * self.plant.delay_s))
+
+    def feedback(self, frequency_hz: ArrayLike) -> Complexes:
+        """Return B, V/m."""
+        z, _ = self._z(frequency_hz)
+        return complexes(self._shared(z) + self.gains.kd_v_s_per_m * self._slope(z))
+
+    def forward(self, frequency_hz: ArrayLike) -> Complexes:
+        """Return F, V/m."""
+        z, _ = self._z(frequency_hz)
+        gains, slope = self.gains, self._slope(z)
+        velocity = gains.velocity_feedforward_v_s_per_m * slope
+        return complexes(self._shared(z) + velocity + gains.acceleration_feedforward_v_s2_per_m * slope**2)
+
+    def opened(self, frequency_hz: ArrayLike) -> Complexes:
+        """Return L, the loop opened at its output."""
+        return complexes(self.plant_response(frequency_hz) * self.feedback(frequency_hz))
+
+    def closed(self, frequency_hz: ArrayLike) -> Complexes:
+        """Return the response from commanded to actual position."""
+        plant = self.plant_response(frequency_hz)
+        return complexes(plant * self.forward(frequency_hz) / (1.0 + plant * self.feedback(frequency_hz)))
+
+    def poles(self) -> Complexes:
+        """Return the poles of the closed loop without the extra delay; stable with all inside the unit circle."""
+        gains, period_s = self.gains, self.period_s
+        n1, n0, decay = self._held()
+        derivative = gains.kd_v_s_per_m / period_s
+        if gains.ki_v_per_m_s == 0.0:
+            back, under = [gains.kp_v_per_m + derivative, -derivative], [1.0, 0.0]
+        else:
+            integral = gains.ki_v_per_m_s * period_s
+            back = [gains.kp_v_per_m + integral + derivative, -gains.kp_v_per_m - 2.0 * derivative, derivative]
+            under = [1.0, -1.0, 0.0]
+        numerator = np.polymul([n1, n0], back)
+        denominator = np.polymul(np.polymul([1.0, -1.0], [1.0, -decay]), np.polymul(under, [1.0, 0.0]))
+        return complexes(np.roots(np.polyadd(denominator, numerator)))
+
+    def scaled(self, factor: float) -> SampledLoop:
+        """Return the loop with its gain multiplied."""
+        plant = replace(self.plant, acceleration_per_v=factor * self.plant.acceleration_per_v)
+        return replace(self, plant=plant)
+
+    def _z(self, frequency_hz: ArrayLike) -> tuple[Complexes, Floats]:
+        hz = np.maximum(floats(frequency_hz), LOWEST_HZ)
+        return complexes(np.exp(2j * np.pi * hz * self.period_s)), floats(hz)
+
+    def _slope(self, z: Complexes) -> Complexes:
+        return complexes((1.0 - 1.0 / z) / self.period_s)
+
+    def _shared(self, z: Complexes) -> Complexes:
+        return complexes(self.gains.kp_v_per_m + self.gains.ki_v_per_m_s / self._slope(z))
+
+    def _held(self) -> tuple[float, float, float]:
+        """Return n1, n0 and d of the plant behind its hold."""
+        plant, period_s = self.plant, self.period_s
+        x = plant.damping_per_s * period_s
+        if x < _AS_DOUBLE:
+            half = 0.5 * plant.acceleration_per_v * period_s**2
+            return half, half, 1.0
+        decay, lost = math.exp(-x), -math.expm1(-x) / x
+        scale = plant.acceleration_per_v / plant.damping_per_s * period_s
+        return scale * (1.0 - lost), scale * (lost - decay), decay
+
+
+def profile_plant(machine: MachineProfile) -> AxisPlant:
+    """Return the tool by the masses and motor constants of its profile."""
+    tool = machine.tool
+    mass_kg = tool.moving_mass_kg
+    return AxisPlant(
+        acceleration_per_v=tool.loop_gain_n_per_v / mass_kg, damping_per_s=tool.damping_n_s_per_m / mass_kg
+    )
+
+
+def loop_of(machine: MachineProfile, plant: AxisPlant | None = None) -> SampledLoop:
+    """Return the loop with the gains and the servo period of a profile; raises as `gains_from_variables`."""
+    return SampledLoop(
+        plant=profile_plant(machine) if plant is None else plant,
+        gains=gains_from_variables(machine),
+        period_s=machine.controller.servo_period_ms / 1000.0,
+    )

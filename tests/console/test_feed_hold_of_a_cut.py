@@ -1,0 +1,158 @@
+"""A cut that the operator holds and resumes: the same part, the same judgement; and what may happen meanwhile."""
+
+from __future__ import annotations
+
+import itertools
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from console.session.station.commands import Command, EndCut, HoldFeed, Measure, Recover, ResumeFeed, Start
+from console.session.station.holding import is_paused
+from console.session.station.progress import CutProgress, CutStage
+from console.session.station.state import Activity, StationState
+from drivers.cutting.planning import Strategy
+from drivers.errors import LinkError
+from profiles.problem import Problem
+from tests.console.floor import Floor, experiment_1, set_up_once
+
+
+@pytest.fixture
+def aligned(tmp_path: Path, in_copies: None) -> Floor:
+    return set_up_once(tmp_path)
+
+
+def codes(state: StationState) -> list[str]:
+    return [alarm.problem.code for alarm in state.alarms]
+
+
+def in_turn(floor: Floor, turn: float) -> bool:
+    cut = floor.state.cut
+    return cut is not None and cut.stage is CutStage.CUT and cut.turn > turn
+
+
+def held(floor: Floor, then: Callable[[], object], strategy: Strategy = Strategy.PVT) -> StationState:
+    """Arm and start a cut, hold it in its tenth turn, and do something half a second after it is held."""
+    floor.arm(experiment_1(), strategy)
+    assert floor.state.armed is not None, floor.state.refusals
+    floor.when(lambda _: in_turn(floor, 10.0), lambda: order(floor, HoldFeed()))
+    since: list[float] = []
+
+    def long_held(_: object) -> bool:
+        if is_paused(floor.state):
+            since.append(floor.sim.now_s())
+        return bool(since) and floor.sim.now_s() > since[0] + 0.5
+
+    floor.when(long_held, lambda: then())
+    return floor.do(Start())
+
+
+def order(floor: Floor, command: Command) -> None:
+    assert floor.station.post(command), floor.state.refusals
+
+
+@pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE])
+def test_a_held_cut_is_as_good_as_any(aligned: Floor, strategy: Strategy) -> None:
+    seen: list[CutProgress] = []
+    aligned.looks.append(lambda _: seen.append(aligned.state.cut) if aligned.state.cut else None)
+    state = held(aligned, lambda: order(aligned, ResumeFeed()), strategy)
+    assert state.cut_done and codes(state) == [] and state.refusals == ()
+    cut = state.cut
+    assert cut is not None and cut.figures is not None
+    assert (cut.turn, cut.fraction) == (30.0, 1.0)
+    # What the tool did outside is no error of the cut, and no phase that was lost.
+    assert cut.tool_error_peak_um < 3.0 and cut.figures.tool_error_um < 3.0
+    assert cut.holds_mm == (pytest.approx(0.55, abs=0.06),)
+    stages = [moment.stage for moment in seen]
+    assert stages.index(CutStage.CUT) < stages.index(CutStage.PAUSED)
+    assert {moment.in_phase for moment in seen if moment.stage is CutStage.PAUSED} <= {True, None}
+    left_s = [moment.held_left_s for moment in seen if moment.held_left_s is not None]
+    assert left_s[0] == pytest.approx(600.0, abs=0.2) and left_s == sorted(left_s, reverse=True)
+    aligned.do(Measure())
+    measured = aligned.state.measured
+    assert measured is not None and measured.result.ront_um < 2.0
+
+
+def test_one_turn_after_the_other_may_be_cut(aligned: Floor) -> None:
+    turns: list[float] = []
+
+    def next_turn(_: object) -> bool:
+        cut = aligned.state.cut
+        if cut is None or not is_paused(aligned.state) or (turns and cut.turn < turns[-1] + 0.5):
+            return False
+        turns.append(cut.turn)
+        order(aligned, ResumeFeed(one_turn=len(turns) < 3))
+        return False
+
+    aligned.arm(experiment_1())
+    aligned.when(lambda _: in_turn(aligned, 10.0), lambda: order(aligned, HoldFeed()))
+    aligned.looks.append(lambda snapshot: next_turn(snapshot) and None)
+    state = aligned.do(Start())
+    assert state.cut_done and codes(state) == []
+    assert [b - a for a, b in itertools.pairwise(turns)] == pytest.approx([1.0, 1.0], abs=0.01)
+
+
+def test_f7_ends_a_held_cut_with_the_tool_out(aligned: Floor) -> None:
+    state = held(aligned, lambda: order(aligned, EndCut()))
+    assert state.activity is Activity.READY and codes(state) == []
+    assert state.cut is not None and state.cut.stage is CutStage.HELD and not state.cut_done
+    assert state.snapshot is not None and state.snapshot.at_rest
+
+
+def test_a_stop_while_held_leaves_no_mark_and_is_not_resumed(aligned: Floor) -> None:
+    state = held(aligned, lambda: aligned.stop.stop("space"))
+    assert state.activity is Activity.STOPPED and state.stop is not None
+    assert (state.stop.tool_in_part, state.stop.mark_mm, state.marks_mm) == (False, None, ())
+    assert not aligned.station.post(ResumeFeed())
+    aligned.do(Recover())
+    before = aligned.idle().snapshot
+    assert not aligned.station.post(ResumeFeed())
+    after = aligned.idle(1.0).snapshot
+    assert before is not None and after is not None and after.near(before, 100.0)
+
+
+def test_a_link_that_is_lost_while_held_brings_nothing_in(aligned: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
+    def lose() -> None:
+        def fails(*_: object) -> bytes:
+            raise LinkError(Problem(code="link.lost"))
+
+        monkeypatch.setattr(aligned.link, "receive", fails)
+        monkeypatch.setattr(aligned.link, "send", fails)
+
+    state = held(aligned, lose)
+    assert state.activity is Activity.LOST and "link.lost" in codes(state)
+    assert not aligned.station.post(ResumeFeed())
+    tool = aligned.sim.controller.motors[1]
+    aligned.sim.wait(2.0)
+    assert aligned.context.plan is not None
+    assert tool.actual < aligned.context.plan.setup.retracted + 500
+
+
+def test_a_hold_that_cannot_be_is_refused_with_the_reason(aligned: Floor) -> None:
+    found: list[str] = []
+
+    def ask(command: Command) -> Callable[[], None]:
+        def act() -> None:
+            assert not aligned.station.post(command)
+            found.extend(problem.code for problem in aligned.state.refusals)
+
+        return act
+
+    assert not aligned.station.post(HoldFeed())
+    assert [problem.code for problem in aligned.state.refusals] == ["session.nothing_to_hold"]
+    aligned.arm(experiment_1(), Strategy.PAPER)
+    aligned.when(lambda _: in_turn(aligned, 3.0), ask(HoldFeed()))
+    aligned.when(lambda _: in_turn(aligned, 4.0), ask(ResumeFeed()))
+    aligned.do(Start())
+    assert found == ["cut.no_hold", "cut.not_held"]
+
+
+def test_the_record_has_the_hold_and_who_asked(aligned: Floor) -> None:
+    held(aligned, lambda: order(aligned, ResumeFeed()))
+    aligned.station.close("quit")
+    with sqlite3.connect(aligned.context.records / "records.sqlite3") as record:
+        rows = record.execute("SELECT kind FROM events ORDER BY number").fetchall()
+    kinds = [kind for (kind,) in rows if kind in ("started", "feed_hold", "resumed", "held_at", "cut")]
+    assert kinds == ["started", "feed_hold", "resumed", "held_at", "cut"]

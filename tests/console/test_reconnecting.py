@@ -1,0 +1,245 @@
+"""A lost link comes back in place: the console reads, moves nothing, claims nothing, and ends stopped."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from console.session.station.commands import EnableDrives, Home, Jog, Recover, TakeControl
+from console.session.station.state import Activity, StationState
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.standing import NOBODY, Standing
+from drivers.pmac.language.syntax import VariableKind
+from drivers.pmac.reserved import OWNER
+from drivers.simulator.machine import SimulatedLathe
+from tests.compact import compact_machine
+from tests.console.cable import Cable, cabled, until_back
+from tests.console.consoles import STOP_CHARACTERS, WithStation
+
+READ_ONLY = (b"J", b"HM", b"R\r", b"J=", b"A\r", b"M70=", b"P1000=", b"P1003=", b"ENABLE", b"\x01")
+"""What would move, energise, claim or renew; a control-K is not among them."""
+
+Site = tuple[SimulatedLathe, WithStation, Cable]
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    sim = SimulatedLathe(compact_machine().machine)
+    console, cable = cabled(sim, tmp_path)
+    return sim, console, cable
+
+
+def held(state: StationState) -> dict[str, tuple[bool, str]]:
+    assert state.lost_link is not None
+    return {each.stamp: (each.holds, each.why) for each in state.lost_link.validity}
+
+
+def cut_at(console: WithStation, cable: Cable, moving: AxisName) -> None:
+    """Cut the cable at the first poll that sees this axis on its way."""
+    done: list[Snapshot] = []
+
+    def look(snapshot: Snapshot) -> None:
+        if not done and "desired_velocity_zero" not in snapshot.axis(moving).flags:
+            done.append(snapshot)
+            cable.cut()
+
+    console.looks.append(look)
+
+
+def activity(console: WithStation) -> Activity:
+    return console.state.activity
+
+
+def harmless(said: bytes) -> bool:
+    return not any(word in said for word in READ_ONLY)
+
+
+def test_at_rest_it_comes_back_stopped_with_its_home(site: Site) -> None:
+    """Rule R3: the true state, with what happened; rule A10: how old what is shown is."""
+    sim, console, cable = site
+    console.do(EnableDrives())
+    console.do(Home())
+    cable.cut()
+    console.look()
+    assert activity(console) is Activity.LOST and "link.lost" in console.alarms
+    for _ in range(3):
+        sim.wait(1.5)
+        console.look()
+    lost = console.state.lost_link
+    assert lost is not None and lost.attempts >= 2 and lost.problem is not None
+    assert lost.problem.code == "link.refused" and lost.back_s is None
+    assert not console.station.post(Home()) and console.refusals == ["session.lost"]
+    console.hear()
+    cable.mend()
+    until_back(console)
+    state, said = console.state, console.hear()
+    assert state.activity is Activity.STOPPED and state.standing is Standing.OWNER
+    assert harmless(said), said
+    assert state.snapshot is not None and state.snapshot.loops_open and state.snapshot.homed
+    assert held(state) == {
+        "home": (True, "home_kept"),
+        "jaw": (False, "none"),
+        "touch_off": (False, "none"),
+        "clamping": (False, "none"),
+    }
+    assert "link.lost" not in console.alarms
+    console.do(Recover())
+    assert activity(console) is Activity.READY and console.state.lost_link is None
+    console.do(EnableDrives())
+    console.do(Jog(axis=AxisName.CARRIAGE, distance=1.0))
+    assert console.state.activity is Activity.READY
+
+
+@pytest.mark.parametrize("moving", [AxisName.TOOL, AxisName.CARRIAGE])
+def test_in_mid_homing_the_controller_ends_it_and_home_is_void(site: Site, moving: AxisName) -> None:
+    _, console, cable = site
+    console.do(EnableDrives())
+    cut_at(console, cable, moving)
+    console.station.post(Home())
+    console.station.step()
+    assert console.state.activity is Activity.LOST and console.state.stop is not None
+    console.hear()
+    cable.mend()
+    until_back(console)
+    state, said = console.state, console.hear()
+    assert state.activity is Activity.STOPPED and harmless(said), said
+    holds, why = held(state)["home"]
+    assert not holds and why in ("home_lost", "home_none")
+    assert state.snapshot is not None and state.snapshot.at_rest and state.snapshot.lost
+
+
+def test_a_cable_that_is_back_at_once_does_not_let_the_motion_go_on(site: Site) -> None:
+    """The watchdog of the lost motion still runs: it is not renewed, and the controller ends the motion."""
+    sim, console, cable = site
+    console.do(EnableDrives())
+    console.do(Home())
+
+    def blink(snapshot: Snapshot) -> None:
+        if "desired_velocity_zero" not in snapshot.carriage.flags and not cable.cuts:
+            cable.cut()
+            cable.mend()
+            console.hear()
+
+    console.looks.append(blink)
+    console.station.post(Jog(axis=AxisName.CARRIAGE, distance=8.0))
+    console.station.step()
+    began_s = sim.now_s()
+    until_back(console)
+    assert harmless(console.hear()) and sim.now_s() - began_s < 5.0
+    assert console.state.activity is Activity.STOPPED
+    snapshot = console.state.snapshot
+    assert snapshot is not None and snapshot.lost == 1, "a jog, ended by the controller"
+
+
+def test_a_stop_that_was_pressed_meanwhile_is_delivered_first(site: Site) -> None:
+    _, console, cable = site
+    console.do(EnableDrives())
+    console.do(Home())
+    cable.cut()
+    console.look()
+    console.look()
+    console.stop.stop("space")
+    assert not console.stop.delivered
+    console.hear()
+    cable.mend()
+    until_back(console)
+    assert b"\x0b" in console.hear()
+    assert console.state.activity is Activity.STOPPED
+
+
+@pytest.mark.parametrize("forgets", [False, True])
+def test_a_controller_that_was_switched_off_has_lost_its_home(site: Site, forgets: bool) -> None:
+    """P-variables are kept by a battery in some controllers: then the machine is still this console's."""
+    sim, console, cable = site
+    console.do(EnableDrives())
+    console.do(Home())
+    cable.cut()
+    console.look()
+    sim.power_cycle()
+    if forgets:
+        sim.controller.variables.set(VariableKind.P, OWNER, 0.0)
+    console.hear()
+    cable.mend()
+    until_back(console)
+    state, said = console.state, console.hear()
+    assert "controller.was_reset" in console.alarms
+    assert held(state)["home"] == (False, "home_reset")
+    assert harmless(said), said
+    if not forgets:
+        assert state.controls and state.activity is Activity.STOPPED
+        console.do(Recover())
+    else:
+        assert not state.controls and state.holder == NOBODY, "nobody is claimed for in silence"
+        assert b"\x0b" not in said and state.activity is Activity.READY
+        console.do(TakeControl())
+    assert console.state.controls and console.state.lost_link is None
+
+
+def test_a_console_that_took_the_machine_meanwhile_is_left_alone(site: Site, tmp_path: Path) -> None:
+    """Rule R2: a take-over is respected, by the stop that nobody took, too."""
+    sim, console, cable = site
+    console.do(EnableDrives())
+    console.do(Home())
+    cable.cut()
+    console.look()
+    other, _ = cabled(sim, tmp_path / "there")
+    other.do(TakeControl())
+    other.do(Jog(axis=AxisName.CARRIAGE, distance=1.0))
+    console.hear()
+    cable.mend()
+    until_back(console)
+    state, said = console.state, console.hear()
+    assert state.standing is Standing.OUSTED and state.holder == other.number
+    assert harmless(said) and b"\x0b" not in said, said
+    assert state.activity is Activity.READY and state.stop is None
+    assert "owner.ousted" in console.alarms
+    assert held(state)["home"] == (True, "home_kept")
+    other.do(Jog(axis=AxisName.CARRIAGE, distance=-1.0))
+    assert other.state.activity is Activity.READY and other.state.stop is None
+    sim.wait(2.0)
+    console.stop.stop("space")  # an observer may stop
+    console.look()
+    said = console.hear()
+    assert any(stop in said for stop in STOP_CHARACTERS)
+    assert console.refusals == ["session.stopped_at_rest"]
+
+
+def test_an_observer_looks_on_again(site: Site, tmp_path: Path) -> None:
+    sim, console, _ = site
+    observer, cable = cabled(sim, tmp_path / "there")
+    assert observer.state.standing is Standing.OBSERVER
+    cable.cut()
+    observer.look()
+    assert activity(observer) is Activity.LOST
+    observer.hear()
+    cable.mend()
+    until_back(observer)
+    assert observer.state.activity is Activity.READY and observer.state.lost_link is None
+    assert harmless(observer.hear()) and observer.state.stop is None
+    assert console.look().activity is Activity.READY
+
+
+def test_what_is_gone_for_ever_is_not_tried_again(tmp_path: Path) -> None:
+    sim = SimulatedLathe(compact_machine().machine)
+    console, cable = cabled(sim, tmp_path)
+    assert console.context.reopening is not None
+    console.context.reopening._over = lambda: True
+    cable.cut()
+    console.look()
+    for _ in range(3):
+        sim.wait(2.0)
+        console.look()
+    lost = console.state.lost_link
+    assert lost is not None and lost.for_ever and lost.attempts == 0
+
+
+def test_a_link_that_is_lost_at_rest_after_a_stop_comes_back_too(site: Site) -> None:
+    _, console, cable = site
+    console.stop.kill("f9")
+    assert console.look().activity is Activity.STOPPED
+    cable.cut()
+    assert console.look().activity is Activity.LOST
+    cable.mend()
+    until_back(console)
+    assert console.state.activity is Activity.STOPPED

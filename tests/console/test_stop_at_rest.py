@@ -1,0 +1,45 @@
+"""A stop key that is pressed while nothing moves: sent as any other, and no reset is asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from console.session.station.commands import Jog, Recover
+from console.session.station.state import Activity
+from drivers.lathe.snapshot import AxisName
+from tests.console.floor import Floor, experiment_1, set_up_once
+
+
+@pytest.fixture
+def aligned(tmp_path: Path, in_copies: None) -> Floor:
+    return set_up_once(tmp_path)
+
+
+@pytest.mark.parametrize("key", ["space", "escape", "f12"])
+def test_a_stop_key_at_rest_needs_no_reset_and_ends_what_was_armed(aligned: Floor, key: str) -> None:
+    """Rule S5: a stop that was pressed by accident costs as little as can be."""
+    aligned.arm(experiment_1())
+    aligned.idle(2.0)
+    before, sent = aligned.state, aligned.stop.count
+    aligned.stop.stop(key)
+    after = aligned.idle()
+    assert aligned.stop.count > sent
+    assert after.activity is Activity.READY and after.stop is None and after.armed is None
+    assert [problem.code for problem in after.refusals] == ["session.stopped_at_rest"]
+    assert before.snapshot is not None and after.snapshot is not None
+    assert after.snapshot.loops_closed == before.snapshot.loops_closed
+    aligned.arm(experiment_1())
+    assert aligned.state.armed is not None
+    aligned.stop.kill("f9")
+    killed = aligned.idle()
+    assert killed.activity is Activity.STOPPED and killed.stop is not None, "the drives are disabled by it"
+
+
+def test_directly_after_a_motion_it_is_a_stop_of_that_motion(aligned: Floor) -> None:
+    """Somebody who stops between two steps of a jog means the jog: F2 is asked for."""
+    aligned.do(Jog(axis=AxisName.CARRIAGE, distance=-0.1))
+    aligned.stop.stop("space")
+    assert aligned.idle().activity is Activity.STOPPED
+    assert aligned.do(Recover()).activity is Activity.READY

@@ -1,0 +1,143 @@
+"""Margins of the sampled loop against python-control, and against what happens when they are used up."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from profiles.axis.margins import is_stable, loop_margins
+from profiles.axis.sampled_loop import AxisPlant, SampledLoop, loop_of
+from profiles.axis.servo import sampled_response
+from profiles.machine import MachineProfile
+from profiles.store import load_machine
+
+MACHINE = load_machine("lee-2001-lathe").machine
+
+
+def with_variables(machine: MachineProfile, **changes: float) -> MachineProfile:
+    variables = {**machine.controller.variables, **changes}
+    return replace(machine, controller=replace(machine.controller, variables=variables))
+
+
+LOOPS = {
+    "the paper's": loop_of(MACHINE),
+    "four times the gain": loop_of(with_variables(MACHINE, I130=2112)),
+    "without integrator": loop_of(with_variables(MACHINE, I133=0)),
+    "a strong integrator": loop_of(with_variables(MACHINE, I133=400_000)),
+    "unstable": loop_of(with_variables(MACHINE, I130=40_000)),
+    "without friction": loop_of(MACHINE, AxisPlant(acceleration_per_v=131.6, damping_per_s=0.0)),
+}
+
+
+def opened_by_control(loop: SampledLoop) -> control.TransferFunction:
+    """The opened loop from textbook parts, by another program: hold, one period of delay, backward differences."""
+    a, b, period_s = loop.plant.acceleration_per_v, loop.plant.damping_per_s, loop.period_s
+    plant = control.c2d(control.ss(control.TransferFunction([a], [1.0, b, 0.0])), period_s, method="zoh")
+    gains = loop.gains
+    delay = control.TransferFunction([1.0], [1.0, 0.0], period_s)
+    slope = control.TransferFunction([1.0, -1.0], [period_s, 0.0], period_s)
+    back = gains.kp_v_per_m + gains.kd_v_s_per_m * slope
+    if gains.ki_v_per_m_s:
+        back = back + gains.ki_v_per_m_s * control.TransferFunction([period_s, 0.0], [1.0, -1.0], period_s)
+    return control.ss2tf(plant) * delay * back
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_the_opened_loop_and_its_stability_are_those_of_another_program(name: str) -> None:
+    loop = LOOPS[name]
+    other = opened_by_control(loop)
+    hz = np.array([0.5, 5.0, 50.0, 400.0, 1000.0])
+    expected = np.array([other(np.exp(2j * np.pi * f * loop.period_s)) for f in hz])
+    assert loop.opened(hz) == pytest.approx(expected, rel=1e-6)
+    poles = control.feedback(control.ss(other), 1).poles()
+    assert is_stable(loop) is bool((np.abs(poles) < 1.0 - 1e-9).all()) is (name != "unstable")
+
+
+@pytest.mark.parametrize("name", [name for name in LOOPS if name != "unstable"])
+def test_the_margins_are_those_of_another_program(name: str) -> None:
+    loop = LOOPS[name]
+    found = loop_margins(loop)
+    # Not by the roots of its polynomials: there it finds a crossing at 12 Hz, where |L| is 3.2.
+    hz = np.geomspace(0.001, 0.9999 * loop.nyquist_hz, 20_000)
+    other = opened_by_control(loop)
+    response = other(np.exp(2j * np.pi * hz * loop.period_s))
+    sampled = control.FRD(response, 2 * np.pi * hz, smooth=True)
+    gains, phases_deg, _, gains_at, phases_at, _ = control.stability_margins(sampled, returnall=True)
+    above = min((g, f) for g, f in zip(gains, gains_at, strict=True) if g > 1.0 and f > 0.0)
+    assert (found.gain_margin, found.gain_margin_hz) == pytest.approx(
+        (above[0], above[1] / (2 * math.pi)), rel=1e-4
+    )
+    margin, at = min(zip(np.abs(phases_deg), phases_at, strict=True))
+    assert (found.phase_margin_deg, found.crossover_hz) == pytest.approx((margin, at / (2 * math.pi)), rel=1e-4)
+    assert found.delay_margin_ms == pytest.approx(1000.0 * math.radians(margin) / at, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["the paper's", "four times the gain", "a strong integrator"])
+def test_a_loop_becomes_unstable_just_when_a_margin_is_used_up(name: str) -> None:
+    loop, found = LOOPS[name], loop_margins(LOOPS[name])
+    assert found.gain_margin is not None and found.delay_margin_ms is not None
+    assert is_stable(loop.scaled(0.999 * found.gain_margin)) and not is_stable(
+        loop.scaled(1.001 * found.gain_margin)
+    )
+    if found.gain_reduction is not None:
+        assert not is_stable(loop.scaled(0.999 * found.gain_reduction))
+        assert is_stable(loop.scaled(1.001 * found.gain_reduction))
+    for factor, stable in ((0.999, True), (1.001, False)):
+        plant = replace(loop.plant, delay_s=factor * found.delay_margin_ms / 1000.0)
+        assert is_stable(replace(loop, plant=plant)) is stable
+
+
+def test_the_delay_margin_is_that_of_the_loop_in_steps_of_time() -> None:
+    """The difference equation with so many periods of delay settles, with one more it grows."""
+    loop = LOOPS["the paper's"]
+    delay_ms = loop_margins(loop).delay_margin_ms
+    assert delay_ms is not None
+    whole = math.floor(delay_ms / 1000.0 / loop.period_s)
+    assert whole >= 1
+    assert swings(loop, whole) < 1.0 < swings(loop, whole + 1)
+
+
+def swings(loop: SampledLoop, delay: int) -> float:
+    """How much a disturbance has grown from the first to the second half of a long time."""
+    plant = control.c2d(
+        control.ss(
+            control.TransferFunction([loop.plant.acceleration_per_v], [1.0, loop.plant.damping_per_s, 0.0])
+        ),
+        loop.period_s,
+        method="zoh",
+    )
+    a, b, c = np.asarray(plant.A), np.asarray(plant.B)[:, 0], np.asarray(plant.C)[0]
+    state, late, before, total, seen = np.zeros(2), [0.0] * (1 + delay), 0.0, 0.0, []
+    state = state + b
+    for _ in range(4000):
+        error = -float(c @ state)
+        total += error * loop.period_s
+        slope = (float(c @ state) - before) / loop.period_s
+        before = float(c @ state)
+        gains = loop.gains
+        output = gains.kp_v_per_m * error + gains.ki_v_per_m_s * total - gains.kd_v_s_per_m * slope
+        late.append(output)
+        state = a @ state + b * late.pop(0)
+        seen.append(abs(error))
+    return max(seen[3000:]) / max(seen[1000:2000])
+
+
+def test_the_closed_loop_is_the_one_that_a_cut_inverts() -> None:
+    hz = np.array([1.0, 10.0, 50.0, 70.0, 300.0])
+    feedforward = with_variables(MACHINE, I135=20_000)
+    assert loop_of(feedforward).closed(hz) == pytest.approx(sampled_response(feedforward, hz), rel=1e-9)
+
+
+def test_sensitivity_bandwidth_and_peak_are_those_of_a_fine_grid() -> None:
+    loop, found = LOOPS["four times the gain"], loop_margins(LOOPS["four times the gain"])
+    hz = np.linspace(0.5, loop.nyquist_hz, 200_001)
+    sensitivity, closed = 1.0 / np.abs(1.0 + loop.opened(hz)), np.abs(loop.closed(hz))
+    assert found.sensitivity_peak == pytest.approx(sensitivity.max(), rel=1e-6)
+    assert found.sensitivity_peak_hz == pytest.approx(hz[sensitivity.argmax()], abs=0.5)
+    assert found.peak == pytest.approx(closed.max(), rel=1e-6)
+    assert found.bandwidth_hz == pytest.approx(hz[np.argmax(closed < math.sqrt(0.5))], abs=0.01)
+    assert found.sensitivity_peak >= 1.0 / (2.0 * math.sin(math.radians(found.phase_margin_deg or 0.0) / 2.0))

@@ -1,0 +1,58 @@
+"""Presses of a jog key at the real program in a real terminal: each is a step, and a stop leaves none of them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.trainee import Trainee, console, console_at
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(120)]
+
+PRESSES = 6
+STEP_DEG, LONGER_DEG = 1.0, 10.0
+RESOLUTION_DEG = 0.05
+"""A count of the spindle is 0.036 deg; its servo rests within one of them."""
+
+
+def angle_deg(trainee: Trainee) -> float:
+    found = re.search(r"C spindle\s+([\d.]+) °", trainee.terminal.text)
+    assert found is not None, trainee.terminal.text
+    return float(found[1])
+
+
+def turned_deg(trainee: Trainee, before: float) -> float:
+    return (angle_deg(trainee) - before + 180.0) % 360.0 - 180.0
+
+
+def test_every_press_is_a_step_and_a_stop_leaves_none(tmp_path: Path) -> None:
+    with console(tmp_path, "en", 80, 24, short_ways=True) as terminal:
+        trainee = console_at(terminal)
+        trainee.switches_on()
+        trainee.starts_homing()
+        trainee.sees("align_page.next.jaw_enable", 30.0)
+        trainee.press("j", "+")
+        terminal.wait_for(r"\[1\.00\]", 5.0)
+
+        before = angle_deg(trainee)
+        trainee.press(*["pageup"] * PRESSES)
+        terminal.wait_for(rf"\d of {PRESSES} steps", 5.0)
+        terminal.wait_for(rf"✓ steps: {PRESSES}", 20.0)
+        terminal.wait_for(lambda _: abs(turned_deg(trainee, before) - PRESSES * STEP_DEG) < RESOLUTION_DEG, 5.0)
+
+        trainee.press("+", *["pageup"] * PRESSES)
+        terminal.wait_for(rf"\d of {PRESSES} steps", 5.0)
+        trainee.press("space")
+        # In a step it asks for F2; between two of them there was nothing to stop but what waited.
+        terminal.wait_for(lambda text: "F2 resets" in text or "j enables the jog; turn" in text, 10.0)
+        if "F2 resets" in terminal.text:
+            trainee.press("f2")
+        trainee.sees("align_page.next.jaw_enable", 10.0)
+        stopped = angle_deg(trainee)  # less than a turn further on
+        assert turned_deg(trainee, before) < PRESSES * STEP_DEG + (PRESSES - 1) * LONGER_DEG
+        # The jog, enabled again, does not continue with what was left.
+        trainee.press("j")
+        terminal.wait_for(r"jog enabled, 2\d s left", 5.0)
+        assert abs(turned_deg(trainee, stopped)) < RESOLUTION_DEG

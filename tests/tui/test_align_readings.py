@@ -1,0 +1,179 @@
+"""Flanks of jaw 1, the skim cut and the wrench on the page Align; the chuck at 80 x 24."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from console.session.cut.alignment import Alignment
+from console.session.station.commands import Command, NoteSkim, TakeFlank, TakeJaw, TakeTouchOff
+from console.session.station.state import StationState
+from console.session.work import edited
+from console.tui.pages.align import AlignPage
+from drivers.simulator.plant.workshop_view import WorkshopView
+from tests.tui.align_stage import NO_JAW, OFF, VALID, look, shown, state, words_of
+from tests.tui.machine_states import JAW
+from tests.tui.page_stage import PageScene, play_on
+from tests.tui.stage import LANGUAGES, experiment
+
+SIX = (352.0, 8.0, 352.1, 8.1, 351.9, 7.9)
+TOUCHING = state(replace(NO_JAW, jaw=JAW), snapshot=look(carriage_mm=172.0))
+SKIMMED = replace(TOUCHING, alignment=replace(TOUCHING.alignment, skim_counts=250_000.0))
+UNCLAMPED = state(Alignment(settings=()), snapshot=look(OFF))
+
+
+class AlignScene(PageScene):
+    page_class = AlignPage
+
+    async def type(self, text: str) -> None:
+        self.page._entry.value = text  # type: ignore[attr-defined]
+        await self.show()
+
+
+def typed(now: StationState, *keys: str, language: str = "en") -> tuple[str, Sequence[Command], list[str]]:
+    """Press keys of the page, type what is no key of it, and look."""
+    found: list[tuple[str, Sequence[Command], list[str]]] = []
+
+    async def scene(stage: AlignScene) -> None:
+        await stage.show()
+        for key in keys:
+            await (stage.act(key) if key.startswith("align.") else stage.type(key))
+        await stage.show()
+        found.append((stage.text, stage.control.orders, stage.codes))
+
+    play_on(AlignScene, scene, Path("/nowhere"), work=experiment(), state=now, language=language)
+    return found[0]
+
+
+def test_i_takes_a_flank_and_enter_their_mean_with_the_limit_of_the_part() -> None:
+    assert shown(state(), "align.flank").orders == [TakeFlank()]
+    all_six = state(replace(NO_JAW, flanks=SIX))
+    page = shown(all_six, "align.take")
+    (taken,) = page.orders
+    assert isinstance(taken, TakeJaw) and taken.most_spread_deg == pytest.approx(1.39, abs=0.005)
+    words = words_of(page.text)
+    assert "1: 352.00 8.00 → 0.00°" in words and "3: 351.90 7.90 → 359.90°" in words
+    assert "jaw 1 at 0.00°, spread 0.20°; the part allows 1.39°" in words
+    assert page.next_step == "Enter takes jaw 1 by its flanks; b drops a reading."
+
+
+@pytest.mark.parametrize(
+    ("flanks", "key", "code"),
+    [
+        (SIX[:3], "align.take", "alignment.flanks_incomplete"),
+        ((*SIX[:4], 354.0, 10.0), "align.take", "alignment.spread_too_large"),
+        (SIX, "align.flank", "alignment.flanks_complete"),
+    ],
+)
+def test_readings_that_do_not_suffice_are_not_taken(flanks: tuple[float, ...], key: str, code: str) -> None:
+    page = shown(state(replace(NO_JAW, flanks=flanks)), key)
+    assert (page.orders, page.said) == ([], [code])
+
+
+def test_a_flank_is_taken_in_its_step_alone() -> None:
+    assert shown(state(VALID), "align.flank").said == ["screen.no_flank_now"]
+
+
+def test_the_stamp_tells_the_spread_and_the_micrometer() -> None:
+    assert VALID.touch_off is not None
+    stamps = replace(VALID, jaw=replace(JAW, spread_deg=0.04), touch_off=replace(VALID.touch_off, skimmed=True))
+    text = shown(state(stamps, seen=None, simulated=False)).text
+    assert "12.60 ± 0.04 °" in text
+    assert "micrometer" in text
+
+
+def test_m_notes_the_skim_cut_and_then_asks_for_its_diameter() -> None:
+    assert shown(TOUCHING, "align.skim").orders == [NoteSkim()]
+    # The tool was at 50 mm from its zero: with D 51.940 the tip is at 75.97 there, 30 um less than in the profile.
+    text, orders, said = typed(SKIMMED, "align.skim", "51,94")
+    assert (orders, said) == ([], [])
+    assert "→ D 51.940 mm" in text
+    assert "tool zero R 75.9700 mm" in text
+    assert "-30.0 um from the machine profile" in text
+    orders = typed(SKIMMED, "align.skim", "51,94", "align.take")[1]
+    assert orders == [TakeTouchOff(radius_mm=25.97, skimmed=True)]
+
+
+def test_a_measured_tip_is_compared_with_the_touch_off_there_was() -> None:
+    again = state(replace(VALID, skim_counts=250_000.0), snapshot=look(carriage_mm=172.0))
+    text = typed(again, "align.skim", "53.02")[0]
+    # R 76.5 by the touch-off; 26.51 + 50 by the micrometer.
+    assert "+10.0 um from the touch-off R 76.5000 mm" in " ".join(text.replace("│", " ").split())
+
+
+@pytest.mark.parametrize(
+    ("given", "code"),
+    [("", "screen.no_diameter"), ("12", "screen.number_out_of_range"), ("5.1.9", "value.ambiguous")],
+)
+def test_what_is_no_diameter_of_the_part_is_not_taken(given: str, code: str) -> None:
+    _, orders, said = typed(SKIMMED, "align.skim", given, "align.take")
+    assert (orders, said) == ([], [code])
+
+
+def test_beside_the_part_no_skim_cut_is_noted() -> None:
+    assert shown(state(replace(NO_JAW, jaw=JAW)), "align.skim").said == ["alignment.beside_part"]
+    assert shown(state(), "align.skim").said == ["screen.no_skim_now"]
+
+
+def test_the_wrench_becomes_force_and_back_with_the_window_of_the_part() -> None:
+    chuck = experiment().machine.machine.chuck
+    slope = chuck.force_per_torque_n_per_n_m
+    assert slope is not None
+    text = typed(UNCLAMPED, "align.force", "3,5")[0]
+    assert f"→ 3.50 N m = {3.5 * slope:.0f} N" in text
+    assert f"job   1314 N ({1314.0 / slope:.1f} N m)" in text
+    back = typed(UNCLAMPED, "align.force", "align.force", "1314")[0]
+    assert f"→ {1314.0 / slope:.2f} N m = 1314 N" in back
+    assert "within the window of this part" in back
+    assert "too little" in typed(UNCLAMPED, "align.force", "align.force", "100")[0]
+    # It is a calculation: neither Enter nor f changes anything.
+    assert typed(UNCLAMPED, "align.force", "3,5", "align.take")[1] == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_entry_fits_its_panel_at_80_columns(language: str) -> None:
+    for now, keys in (
+        (TOUCHING, ("align.goto", "100")),
+        (TOUCHING, ("align.goto", "align.goto", "100")),
+        (SKIMMED, ("align.skim", "51.94")),
+        (UNCLAMPED, ("align.force", "3.5")),
+        (UNCLAMPED, ("align.force", "align.force", "1314")),
+    ):
+        text = typed(now, *keys, language=language)[0]
+        left = text.splitlines()[-2].split("││")[0]
+        assert "w" not in left, text  # nothing is left out of the panel
+        assert "align_page" not in text
+
+
+def test_the_chuck_is_drawn_in_24_rows_with_the_angle_of_the_spindle() -> None:
+    text = shown(state()).text
+    assert "◂ mark" in text and "C 12.60°" in text and "jaw 1 +12.34°" in text
+    other_way = shown(state(seen=WorkshopView(jaw_1_past_mark_deg=-170.0, tool_gap_mm=None))).text
+    assert text != other_way and "jaw 1 -170.00°" in other_way
+
+
+def test_on_a_real_lathe_the_chuck_is_drawn_once_jaw_1_is_found() -> None:
+    assert "◂" not in shown(state(simulated=False, seen=None), size=(100, 30)).text
+    found = shown(
+        state(replace(NO_JAW, jaw=replace(JAW, angle_deg=2.6)), simulated=False, seen=None), size=(100, 30)
+    )
+    # The spindle is at 12.6 degrees, jaw 1 was found at 2.6.
+    assert "◂" in found.text and "by jaw 1 as found" in found.text
+
+
+@pytest.mark.parametrize(
+    ("changes", "asked"),
+    [
+        ({"jaws": "2"}, "○ 5 jaw 1"),
+        ({"diameter_mm": "60"}, "○ 6 touch-off"),
+    ],
+)
+def test_another_job_asks_for_what_it_changes(changes: dict[str, str], asked: str) -> None:
+    other = experiment()
+    for key, value in changes.items():
+        other = edited(other, key, value)
+    page = shown(state(VALID), work=other)
+    assert "● 2 clamped" in page.text and asked in page.text

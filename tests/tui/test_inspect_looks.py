@@ -1,0 +1,363 @@
+"""Looking at a measured part: circle, filter, zoom, tolerance, spectrum, another part. The verdict stays."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.cells import cell_len
+
+from console.session.station.state import Activity, MeasuredPart, StationState
+from console.session.work import with_strategy
+from console.text.catalogue import load
+from console.tui.inspecting.comparison import compared
+from console.tui.inspecting.evaluation import Looked, supported_upr, tolerance_rings_um, with_next_filter
+from console.tui.inspecting.plain_words import plain_words
+from console.tui.keymap import ACTIONS
+from console.tui.pages.inspect import InspectPage
+from console.tui.plot.frame import stepped_125
+from console.tui.plot.polar_view import PolarView, shows_rings
+from console.tui.plot.spectrum_view import Bars, SpectrumPicture, spectrum_cells
+from console.tui.refusals.inspect_reasons import LOOKS
+from console.tui.theme import Token
+from drivers.cutting.planning import Strategy
+from profiles.metrology.circles import CIRCLES
+from profiles.traces import Trace
+from tests.tui import records_stage
+from tests.tui.page_stage import PageScene, play_on
+from tests.tui.scenes import AFTER, part, signed, taught
+from tests.tui.stage import LANGUAGES
+
+PART = taught(part(Strategy.CAM, (*AFTER, (30, 0.4, 5.0), (100, 0.3, 5.0))))
+PLAIN = part(Strategy.NONE, ((3, 27.1, 14.3), (2, 1.31, 67.0)))
+MEASURED = StationState(activity=Activity.READY, measured=PART, uncompensated=PLAIN)
+ROOMS = ((80, 18), (160, 42))
+
+
+class OnInspect(PageScene):
+    page_class = InspectPage
+
+
+Scene = Callable[[OnInspect], Awaitable[None]]
+
+
+def play(
+    scene: Scene,
+    data: Path,
+    *,
+    language: str = "en",
+    size: tuple[int, int] = (160, 42),
+    state: StationState = MEASURED,
+) -> None:
+    work = with_strategy(signed(), "cam")
+    play_on(OnInspect, scene, data, work=work, language=language, size=size, state=state)
+
+
+async def settled(stage: OnInspect) -> None:
+    for _ in range(3):
+        await stage.show()
+
+
+def verdict_of(text: str) -> str:
+    return next(row for row in text.splitlines() if "PASS" in row or "FAIL" in row).split("│")[-2].strip()
+
+
+def test_each_circle_is_named_wherever_its_figures_are_and_the_verdict_stays(tmp_path: Path) -> None:
+    async def scene(stage: OnInspect) -> None:
+        await settled(stage)
+        judged = verdict_of(stage.text)
+        seen = []
+        for kind in (*CIRCLES[1:], CIRCLES[0]):
+            await stage.act("inspect.circle")
+            assert stage.text.count(f"free · {kind} · 1-50 UPR") == 2, "of the plot and of the table"
+            (chosen,) = [row for row in stage.text.splitlines() if "▸" in row]
+            assert f"RONt {kind} ▸" in chosen
+            circle = PART.result.circle(kind)
+            assert f"{circle.ront_um:.2f}" in chosen
+            assert verdict_of(stage.text) == judged
+            seen.append("judged by LSC, 1-50 UPR" in stage.text)
+        assert seen == [True, True, True, False]
+        assert stage.control.orders == [] and stage.codes == []
+
+    play(scene, tmp_path)
+
+
+def test_each_filter_is_named_and_shows_what_it_lets_through(tmp_path: Path) -> None:
+    """Half of an undulation remains at the cut-off of a Gaussian filter; 30 UPR at 15 all but vanish."""
+
+    async def scene(stage: OnInspect) -> None:
+        await settled(stage)
+        judged, ront = verdict_of(stage.text), []
+        for upr in (150, 500, 15, 50):
+            await stage.act("inspect.filter")
+            assert stage.text.count(f"LSC · 1-{upr} UPR") == 2
+            assert f"p-p · 1-{upr} UPR" in stage.text, "of the harmonics"
+            assert verdict_of(stage.text) == judged
+            assert ("judged by LSC, 1-50 UPR" in stage.text) is (upr != 50)
+            row = next(row for row in stage.text.splitlines() if "RONt LSC" in row)
+            ront.append(float(row.split("│")[-2].split()[-1]))
+        assert ront[1] > ront[0] > ront[3] > ront[2]
+        assert ront[3] == pytest.approx(PART.result.ront_um, abs=0.005)
+
+    play(scene, tmp_path)
+
+
+def test_a_trace_of_few_points_has_only_the_filters_that_it_supports() -> None:
+    """Seven points for each undulation: 360 carry 50 UPR (350) and not 150 (1050)."""
+    angle_deg = np.arange(360.0)
+    trace = Trace(angle_deg=angle_deg, deviation_um=np.cos(np.radians(3 * angle_deg)))
+    assert supported_upr([trace]) == (15.0, 50.0)
+    assert supported_upr([PART.trace, trace]) == (15.0, 50.0)
+    assert supported_upr([Trace(angle_deg=angle_deg[:-1], deviation_um=angle_deg[:-1])]) == ()
+    assert with_next_filter(Looked(), None, ()) == Looked()
+
+
+def test_the_only_filter_is_refused_with_what_another_would_need(tmp_path: Path) -> None:
+    turn = np.arange(0.0, 360.0, 4.0)
+    few = replace(PART, trace=Trace(angle_deg=turn, deviation_um=np.cos(np.radians(3 * turn))))
+
+    async def scene(stage: OnInspect) -> None:
+        await settled(stage)
+        await stage.act("inspect.filter")
+        assert stage.codes == ["screen.one_filter"]
+        assert "1-50 UPR" in stage.text
+
+    play(scene, tmp_path, state=replace(MEASURED, measured=few))
+
+
+@pytest.mark.parametrize("kind", CIRCLES)
+@pytest.mark.parametrize("factor", [0.99, 1.01])
+def test_the_trace_is_between_the_tolerance_rings_exactly_where_ront_is_within(kind: str, factor: float) -> None:
+    seen = compared(MEASURED, Looked(circle=kind))
+    assert seen is not None
+    tolerance_um = factor * seen.shown.ront_um
+    inner, outer = tolerance_rings_um(seen.shown, tolerance_um)
+    assert outer - inner == pytest.approx(tolerance_um)
+    profile = seen.shown.profile_um
+    assert bool(inner <= profile.min() + 1e-9 and profile.max() <= outer + 1e-9) is (factor > 1.0)
+    if kind == "MIC":
+        assert inner == 0.0
+
+
+def test_the_tolerance_is_drawn_once_it_can_be_seen_and_the_scale_says_how(tmp_path: Path) -> None:
+    async def scene(stage: OnInspect) -> None:
+        await settled(stage)
+        assert "20 um/div · tolerance 5 um: +" in stage.text
+        polar = stage.page.query_one(PolarView)
+        scales = []
+        for _ in range(4):
+            await stage.act("inspect.larger")
+            scales.append(polar.scale_um_per_division)
+        assert scales == [10.0, 5.0, 2.0, 1.0]
+        assert "1 um/div (z: all) · ∙∙ tolerance 5 um" not in stage.text, "5 um are beyond 2 divisions"
+        assert "The zoom cuts a trace off" in stage.text
+        await stage.act("inspect.smaller")
+        assert "2 um/div (z: all) · ∙∙ tolerance 5 um" in stage.text
+        await stage.act("inspect.whole")
+        assert "20 um/div · tolerance" in stage.text and "cuts a trace off" not in stage.text
+        for _ in range(30):
+            await stage.act("inspect.smaller")
+        assert stage.codes == ["screen.zoom_end"]
+        # The next part is shown whole again.
+        stage.control.state = replace(MEASURED, measured=replace(PART, trace=replace(PART.trace)))
+        await settled(stage)
+        assert "20 um/div · tolerance" in stage.text
+
+    play(scene, tmp_path)
+
+
+def test_rings_that_blur_or_leave_the_plot_are_not_drawn() -> None:
+    assert shows_rings((-2.5, 2.5), 2.0, 40, 20)
+    assert not shows_rings((-2.5, 2.5), 50.0, 40, 20)
+    assert not shows_rings((-2.5, 2.5), 0.5, 40, 20)
+    assert [stepped_125(20.0, by) for by in (-4, -1, 0, 1, 2)] == [1.0, 10.0, 20.0, 50.0, 100.0]
+
+
+def test_a_trace_beyond_the_rim_is_not_drawn_elsewhere() -> None:
+    """One point of 100 um at 1 um/div: a gap, and no line across the plot."""
+    from console.tui.plot.polar_view import PolarTrace, polar_cells
+
+    angle_deg, deviation = np.arange(360.0), np.zeros(360)
+    deviation[10:20] = 100.0
+    spiked = PolarTrace(angle_deg=angle_deg, deviation_um=deviation, token=Token.AFTER)
+    whole = PolarTrace(angle_deg=angle_deg, deviation_um=np.zeros(360), token=Token.AFTER)
+    cells, round_ = (polar_cells([each], [], 1.0, 40, 20) for each in (spiked, whole))
+    drawn, target = ((each.tokens == Token.AFTER.value) & (each.codes != ord(" ")) for each in (cells, round_))
+    assert (drawn & ~target).sum() <= 2 and drawn.sum() > 0.9 * target.sum(), "the ends of the gap round otherwise"
+
+
+# The spectrum --------------------------------------------------------------------------------------------------
+
+
+def test_the_spectrum_has_a_bar_for_each_order_and_names_those_of_the_jaws() -> None:
+    um_pp = np.zeros(60)
+    um_pp[[3, 9, 40]] = 2.0, 1.0, 9.0
+    picture = SpectrumPicture(
+        bars=[Bars(um_pp=um_pp, token=Token.AFTER)], highest=50, top_um=2.0, marked=(3, 6, 9)
+    )
+    cells = spectrum_cells(picture, 108, 20)
+    rows = cells.text_rows()
+    left = rows[0].index("│") + 1
+    assert rows[0][left:].split() == ["3", "6", "9"]
+    heights = {}
+    for order in (3, 9, 40, 22):
+        column = left + round((order - 1) / 50 * (108 - left - 0.5))
+        near = cells.codes[2:-2, column - 1 : column + 2]
+        heights[order] = int((near != ord(" ")).any(axis=1).sum())
+    assert heights[3] > 1.7 * heights[9] > 0 and heights[22] <= 1
+    assert "↑" in rows[1], "one is higher than the plot"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("room", ROOMS)
+def test_h_shows_the_spectrum_with_every_harmonic(room: tuple[int, int], language: str, tmp_path: Path) -> None:
+    text = load(language)
+
+    async def scene(stage: OnInspect) -> None:
+        await settled(stage)
+        title = text("inspect_page.spectrum", filter="1-50 UPR")
+        assert (title in stage.text) is (room[1] > 36), "a large screen has both"
+        await stage.act("inspect.view")
+        await settled(stage)
+        assert title in stage.text and "/rev" in stage.text
+        for n in (3, 6, 9, 2, 4, 5, 7):
+            assert text("inspect_page.harmonic", n=f"{n:>2}") in stage.text
+        assert all(cell_len(row) <= room[0] for row in stage.text.splitlines())
+        await stage.act("inspect.larger")
+        assert "(z: " in stage.text
+        await stage.act("inspect.view")
+        await settled(stage)
+        assert "RONt MZC" in stage.text and "(z: " not in stage.text
+
+    play(scene, tmp_path, language=language, size=room)
+
+
+# Another part --------------------------------------------------------------------------------------------------
+
+
+def recorded(data: Path) -> None:
+    records_stage.run(data, 27.1, strategy="none", kind="part")
+    records_stage.run(data, 1.3, strategy="cam", compensation=2, kind="part")
+    records_stage.run(data, 9.0, job=replace(signed().job, name="another"), kind="part")
+    records_stage.run(data, 8.0, machine="another", kind="part")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("room", ROOMS)
+def test_another_part_of_the_job_lies_beside_this_one_on_one_scale(
+    room: tuple[int, int], language: str, tmp_path: Path
+) -> None:
+    """It has a lobe of 1.3 um, high at 12 degrees with jaw 1 at 12.63: 2.6 um p-p, 0.6 degrees before jaw 1."""
+    recorded(tmp_path)
+    text = load(language)
+
+    async def scene(stage: OnInspect) -> None:
+        await settled(stage)
+        await stage.act("inspect.beside")
+        await settled(stage)
+        listed = [row for row in stage.text.splitlines() if " um " in row]
+        assert len(listed) == 2 and "2.6" in listed[0] and "54." in listed[1], "newest first, of this job here"
+        await stage.act("inspect.measure")
+        assert stage.codes == ["screen.close_parts"]
+        await stage.act("inspect.down", "inspect.next")
+        await settled(stage)
+        assert text("made.learned", version="2") in stage.text
+        assert "-0.6°" in stage.text and text("inspect_page.other") in stage.text
+        polar = stage.page.query_one(PolarView)
+        assert polar.scale_um_per_division <= 1.0, "the scale of the two that are shown"
+        high = polar._traces[0]
+        high_deg = np.asarray(high.angle_deg)[np.argmax(np.asarray(high.deviation_um))]
+        assert abs((high_deg - 12.0 + 60.0) % 120.0 - 60.0) < 8.0
+        await stage.act("inspect.beside", "inspect.first", "inspect.next")
+        await settled(stage)
+        assert text("inspect_page.measured_before") in stage.text
+        assert stage.control.orders == []
+
+    play(scene, tmp_path, size=room, language=language)
+
+
+def test_the_figures_of_the_other_part_are_those_of_its_record(tmp_path: Path) -> None:
+    from console.session.data.run_reader import measured_parts
+    from console.tui.inspecting.other_part import other_part
+
+    recorded(tmp_path)
+    work = signed()
+    point = measured_parts(tmp_path, work.job.name, work.machine.machine.name, True)[-1]
+    other = other_part(tmp_path, point)
+    assert other.judged.ront_um == pytest.approx(point.ront_um)
+    seen = compared(MEASURED, Looked(), other)
+    assert seen is not None and seen.before.ront_um == pytest.approx(point.ront_um)
+    # With a filter that it does not support both keep that of the verdict.
+    wide = compared(MEASURED, Looked(filter_upr=500.0), other)
+    assert wide is not None and wide.looked == Looked() and wide.supported == (15.0, 50.0)
+
+
+def test_a_record_without_other_parts_and_a_damaged_one_are_told(tmp_path: Path) -> None:
+    async def scene(stage: OnInspect) -> None:
+        await settled(stage)
+        await stage.act("inspect.beside")
+        await settled(stage)
+        assert "no other measured part" in stage.text and "b closes" in stage.next_step
+        await stage.act("inspect.beside")
+        await settled(stage)
+        (tmp_path / "runs.sqlite").write_bytes(b"this is no record of runs" * 100)
+        for file in tmp_path.iterdir():
+            file.write_bytes(b"this is no record of runs" * 100)
+        await stage.act("inspect.beside")
+        await settled(stage)
+        assert "PASS" not in stage.text
+        await stage.act("inspect.beside")
+        await settled(stage)
+        assert "PASS" in stage.text
+
+    play(scene, tmp_path)
+
+
+# In plain words ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_first_words_are_what_is_left_and_what_to_press(language: str, tmp_path: Path) -> None:
+    text = load(language)
+    large = taught(part(Strategy.CAM, ((3, 9.0, 21.7),)))
+
+    def scene_of(expected: str) -> Scene:
+        async def scene(stage: OnInspect) -> None:
+            await settled(stage)
+            first = stage.text.splitlines()[1]
+            assert expected[:40] in first
+
+        return scene
+
+    cases: list[tuple[MeasuredPart, str]] = [
+        (PART, text("inspect_page.plain.scatter", left="1.8", scatter="11.6")),
+        (replace(large, job=replace(large.job, roundness_tolerance_um=5.0)), text("inspect_page.plain.missed")),
+    ]
+    for measured, expected in cases:
+        play(
+            scene_of(expected),
+            tmp_path,
+            language=language,
+            size=(80, 18),
+            state=replace(MEASURED, measured=measured),
+        )
+
+
+def test_a_lobe_that_stands_out_is_corrected_with_a_and_the_page_says_so() -> None:
+    text = load("en")
+    large = taught(part(Strategy.CAM, ((3, 9.0, 12.63),)))
+    assert large.learning is not None
+    said = plain_words(large.learning, None, text, failed=False)
+    assert said == "Remaining lobe 18.0 um: press a to correct it in the next part."
+    quiet = taught(part(Strategy.CAM, ((7, 0.3, 0.0),)))
+    assert quiet.learning is not None
+    assert plain_words(quiet.learning, None, text, failed=False).startswith("Nothing to learn")
+
+
+def test_none_of_these_keys_moves_anything() -> None:
+    found = {action.id: action for action in ACTIONS if action.id in LOOKS}
+    assert found.keys() == LOOKS
+    assert not any(action.moves for action in found.values())
