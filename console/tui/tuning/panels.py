@@ -25,6 +25,7 @@ class TuneView(StrEnum):
 
     LOOP = "loop"
     BODE = "bode"
+    TESTS = "tests"
 
 
 class LoopPanels(Horizontal):
