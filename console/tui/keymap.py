@@ -44,6 +44,7 @@ class PageName(StrEnum):
     LOG = "log"
     TUNE = "tune"
     CALIBRATE = "calibrate"
+    CONTROLLER = "controller"
 
 
 NUMBERED = tuple(PageName)[: tuple(PageName).index(PageName.MORE)]
@@ -99,6 +100,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="page.log", keys=(), shown="0 l", beside=True),
     Action(id="page.tune", keys=(), shown="0 u", beside=True),
     Action(id="page.calibrate", keys=(), shown="0 c", beside=True),
+    Action(id="page.controller", keys=(), shown="0 d", beside=True),
     Action(id="recover", keys=("f2",), shown="F2"),
     Action(id="acknowledge", keys=("k", "ㅏ"), shown="k"),
     Action(id="take_over", keys=("t", "ㅅ"), shown="t", row="", once=True),
@@ -161,6 +163,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="align.flank", keys=("i", "ㅑ"), shown="i", row="", once=True),
     Action(id="align.skim", keys=("m", "ㅡ"), shown="m", row="", once=True),
     Action(id="align.force", keys=("f", "ㄹ"), shown="f", row=""),
+    Action(id="align.hold", keys=("h", "ㅗ"), shown="h", row=""),
     Action(id="align.back", keys=("b", "ㅠ"), shown="b", row=""),
     Action(id="align.off", keys=("f3",), shown="F3", stops=Stops.MOTION),
     Action(id="run.arm", keys=("f5",), shown="F5", once=True),
@@ -248,6 +251,9 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="tune.up", keys=("up",), shown="↑", row="↑↓"),
     Action(id="tune.down", keys=("down",), shown="↓", row="", beside=True),
     Action(id="tune.read", keys=("r", "ㄱ"), shown="r"),
+    Action(id="tune.kind", keys=("x", "ㅌ"), shown="x"),
+    Action(id="tune.arm", keys=("f5",), shown="F5", once=True),
+    Action(id="tune.start", keys=("f6",), shown="F6", moves=True, once=True),
     Action(id="calibrate.kind", keys=("v", "ㅍ"), shown="v"),
     Action(id="calibrate.view", keys=("p", "ㅔ"), shown="p"),
     Action(id="calibrate.up", keys=("up",), shown="↑", row="↑↓"),
@@ -259,6 +265,24 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="calibrate.undo", keys=("u", "ㅕ"), shown="u", row=""),
     Action(id="calibrate.drop", keys=("d", "ㅇ"), shown="d", row="", once=True),
     Action(id="calibrate.keep", keys=("a", "ㅁ"), shown="a", once=True),
+    Action(id="more.controller", keys=("d", "ㅇ"), shown="d"),
+    Action(id="controller.left", keys=("left",), shown="←", row="←→"),
+    Action(id="controller.right", keys=("right",), shown="→", row="", beside=True),
+    Action(id="controller.up", keys=("up",), shown="↑", row=""),
+    Action(id="controller.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="controller.page_up", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="controller.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="controller.first", keys=("home",), shown="Home", row=""),
+    Action(id="controller.last", keys=("end",), shown="End", row="", beside=True),
+    Action(id="controller.enter", keys=("enter",), shown="Enter"),
+    Action(id="controller.all", keys=("a", "ㅁ"), shown="a"),
+    Action(id="controller.pause", keys=("p", "ㅔ"), shown="p"),
+    Action(id="controller.repeat", keys=("r", "ㄱ"), shown="r", row=""),
+    Action(id="controller.remove", keys=("x", "ㅌ"), shown="x", row=""),
+    Action(id="controller.verify", keys=("v", "ㅍ"), shown="v", once=True),
+    Action(id="controller.backup", keys=("b", "ㅠ"), shown="b", once=True),
+    Action(id="controller.diff", keys=("f", "ㄹ"), shown="f", once=True),
+    Action(id="controller.cancel", keys=("c", "ㅊ"), shown="c", row=""),
 )
 
 READING = (

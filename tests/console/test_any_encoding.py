@@ -191,6 +191,7 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
         "settings/glyphs.py Segment",
         "pages/jobs.py JobsEntry",
         "pages/records.py Input",
+        "further/controller.py Input",
         "pages/setup.py Input",
         "pages/trace_chooser.py Input",
     }

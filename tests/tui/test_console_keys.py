@@ -80,9 +80,11 @@ def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
     once_of_page = {
         "align": ("step", "take", "go", "flank", "skim"),
         "calibrate": ("drop", "keep"),
+        "controller": ("verify", "backup", "diff"),
         "inspect": ("accept", "revert", "offset"),
         "jobs": ("delete",),
         "run": ("arm", "start", "feed_hold", "one_turn", "hold", "retract"),
+        "tune": ("arm", "start"),
     }
     assert once == {"take_over"} | {f"{page}.{key}" for page, keys in once_of_page.items() for key in keys}
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from console.session.data.identified import ChosenResponse
     from console.session.station.state import StationState
+    from drivers.beside.side_line import SideLine
     from drivers.cutting.strategy import Strategy
     from profiles.compensations.learned import LearnedCompensation
     from profiles.job import Job
@@ -103,6 +104,20 @@ class TakeTouchOff(Command):
 
 class ReadLoop(Command):
     """Read the gains of the tool and the servo period from the controller. Nothing moves."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckHealth(Command):
+    """Move the tool by a step, a parabola and a sine at its zero, and keep what was gathered."""
+
+    step_um: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyTool(Command):
+    """Swing the tool at its zero at some frequencies, and keep the response of this path."""
+
+    path: Strategy
 
 
 class Forget(Command):
@@ -198,6 +213,10 @@ class Control(Protocol):
     @property
     def state(self) -> StationState:
         """The newest state."""
+
+    @property
+    def side(self) -> SideLine | None:
+        """Where worker threads ask the controller, between two polls; None where there is no controller."""
 
     def now_s(self) -> float:
         """Return machine time, to compute the age of the state."""
