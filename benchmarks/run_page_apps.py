@@ -38,6 +38,7 @@ from console.tui.pages.cut_lines import live_lines, mean_error_um, progress_line
 from console.tui.pages.run import FULL_TURN_DEG, LEAST_POLAR_ROWS, WIDEST_FACT
 from console.tui.run.error_band import band_series
 from console.tui.theme import COLOUR, DARK_THEME, Token
+from drivers.beside.side_line import SideLine
 from profiles.store import load_job, load_machine
 
 MACHINE = "lee-2001-lathe"
@@ -70,6 +71,7 @@ class Replay:
         leave: Callable[[], None],
         ready: Callable[[], bool] = lambda: True,
     ) -> None:
+        self.side: SideLine | None = None
         self._moments = moments
         self._leave = leave
         self._ready = ready

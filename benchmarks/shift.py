@@ -56,6 +56,11 @@ class InProcess:
         """The newest state."""
         return self.floor.state
 
+    @property
+    def side(self) -> None:
+        """Nobody asks beside the polls."""
+        return None
+
     def now_s(self) -> float:
         """Return machine time, s."""
         return self.floor.sim.now_s()

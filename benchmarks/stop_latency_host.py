@@ -31,6 +31,7 @@ from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
 from console.tui.theme import COLOUR
+from drivers.beside.side_line import SideLine
 from drivers.clock import RealClock
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.stop import KILL_ALL, StopPath
@@ -59,6 +60,7 @@ class Endless:
     """A control that shows the moments of a cut over and over, and whose stop is the real one."""
 
     def __init__(self, moments: Sequence[StationState], stop: Stop) -> None:
+        self.side: SideLine | None = None
         self._moments, self._stop = moments, stop
         self._ticks = count()
         self.state = moments[0]

@@ -88,6 +88,11 @@ class Lathe:
         return self._sending.has_moved
 
     @property
+    def poll_line(self) -> str:
+        """The line of a status poll."""
+        return self._poller.line
+
+    @property
     def round_trip_s(self) -> float:
         """Round-trip time of the last poll."""
         return self._poller.round_trip_s

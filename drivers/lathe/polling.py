@@ -65,6 +65,11 @@ class Poller:
         return self._client.link.address
 
     @property
+    def line(self) -> str:
+        """The line of a poll, without the watchdog renewal before it."""
+        return " ".join(self._items.items)
+
+    @property
     def sees_devices(self) -> bool:
         """Whether a poll includes safety devices."""
         return bool(self._items.inputs)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from console.tui.keymap import ACTIONS
 from profiles.words.sentences import SINGULAR
 
 ROOT = Path(__file__).parents[2]
@@ -22,8 +23,8 @@ CODE = re.compile(
     r"\.[a-z0-9_]+"
 )
 QUOTED = re.compile(r"`([a-z]+\.[a-z0-9_]+)`")
-NO_CODES = {"controller.variables", "simulator.ready", "key.help"}
-"""Looks like a code and is a table of the machine profile, or a sentence of its own."""
+NO_CODES = {"controller.variables", "simulator.ready", "key.help", *(action.id for action in ACTIONS)}
+"""Looks like a code and is a table of the machine profile, a sentence of its own, or the action of a key."""
 
 PROBLEM_FIELDS = {"where", "key", "value", "limit"}
 HIGHEST_CONTROLLER_ERROR = 19

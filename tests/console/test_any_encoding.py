@@ -186,8 +186,12 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
         "lines.py Segment",
         "plot/cell_view.py Segment",
         "lines.py to_strip",
+        "further/log.py Input",
+        "further/settings.py Input",
+        "settings/glyphs.py Segment",
         "pages/jobs.py JobsEntry",
         "pages/records.py Input",
+        "further/controller.py Input",
         "pages/setup.py Input",
         "pages/trace_chooser.py Input",
     }

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from console.tui.app import SETTLED_S
+from console.tui.gate import SETTLED_S
 from tests.trainee import Trainee, console, console_at
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(120), pytest.mark.long]

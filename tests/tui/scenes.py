@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 from textual.pilot import Pilot
 
+from console.session.appearance import Appearance
+from console.session.configuration import Configuration
 from console.session.cut.alignment import Alignment, JawAngle, TouchOff, aligned_job, clamping_of
 from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseLeft
 from console.session.cut.telemetry import Phase, SpindleRipple
@@ -33,11 +35,13 @@ from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
+from console.tui.controller import errand
 from console.tui.jobs import shelf
 from console.tui.keymap import ACTIONS, DIGITS, PageName
 from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
+from drivers.beside.side_line import SideLine
 from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
@@ -49,6 +53,7 @@ from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
 from tests.tui import calibrate_stage, records_stage, tune_stage
+from tests.tui.side_stage import DirectSide
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
 CLOCK = datetime(2026, 1, 2, 8, 52)
@@ -83,6 +88,7 @@ class Scene:
     work: Work | None = None
     keys: tuple[str, ...] = ()
     log: SessionLog = field(default_factory=SessionLog)
+    side: SideLine | None = None
 
 
 def scene_of(page: PageName) -> Scene:
@@ -109,11 +115,17 @@ def scene_of(page: PageName) -> Scene:
             return Scene(page=page, state=replace(machine(Activity.READY), alarms=alarms), work=signed(), log=log)
         case PageName.MORE | PageName.SETTINGS:
             return Scene(page=page, state=machine(Activity.READY), work=signed())
+        case PageName.LOG:
+            alarms, log = alarmed()
+            return Scene(page=page, state=replace(machine(Activity.READY), alarms=alarms), work=signed(), log=log)
         case PageName.TUNE:
             state = replace(machine(Activity.READY), tool_loop=tune_stage.tool_loop())
             return Scene(page=page, state=state, work=signed())
         case PageName.CALIBRATE:
             return Scene(page=page, state=machine(Activity.READY), work=signed())
+        case PageName.CONTROLLER:
+            side = DirectSide(lathe().machine)
+            return Scene(page=page, state=machine(Activity.READY), work=signed(), keys=("right",), side=side)
         case PageName.INSPECT:
             after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
             state = replace(machine(Activity.READY), alignment=ALIGNED, measured=after, uncompensated=before)
@@ -292,6 +304,7 @@ def fixed_world() -> Iterator[None]:
         patch.setattr(records, "utc_now", lambda: RECORDED_AT)
         for module in (shelf, jobs):
             patch.setattr(module, "load_job", signed_job)
+        patch.setattr(errand, "SHORT_S", 60.0)
         patch.setattr(beside, "SHORT_S", 60.0)  # no thread decides what is seen
         patch.setenv("TZ", "UTC")
         time.tzset()
@@ -300,10 +313,17 @@ def fixed_world() -> Iterator[None]:
 
 
 def application(
-    scene: Scene, data: Path, *, language: str = "en", palette: Palette = COLOUR
+    scene: Scene,
+    data: Path,
+    *,
+    language: str = "en",
+    palette: Palette = COLOUR,
+    appearance: Appearance | None = None,
+    configuration: Configuration | None = None,
 ) -> tuple[ConsoleApp, FixedControl]:
     """The console as it is started, but for the machine and the clock."""
     control = FixedControl(scene.state, NOW_S)
+    control.side = scene.side
     app = ConsoleApp(
         text=load(language),
         palette=palette,
@@ -312,6 +332,8 @@ def application(
         data=data,
         local_time=lambda: CLOCK,
         ticking=False,
+        appearance=appearance,
+        configuration=configuration,
     )
     app.ui.work = scene.work
     app._logs.log = scene.log

@@ -17,6 +17,7 @@ from console.tui.app import ConsoleApp
 from console.tui.page import Page
 from console.tui.theme import COLOUR, DARK_THEME
 from console.tui.ui_context import UiContext, View
+from drivers.beside.side_line import SideLine
 from profiles.store import LoadedMachine, load_job, load_machine
 
 SIZES = ((80, 24), (100, 30), (160, 48))
@@ -34,6 +35,7 @@ class FixedControl:
         self.orders: list[Command] = []
         self.stops: list[str] = []
         self.kills: list[str] = []
+        self.side: SideLine | None = None
         self.arrives = True
         self._now_s = now_s
 

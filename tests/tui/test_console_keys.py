@@ -80,6 +80,7 @@ def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
     once_of_page = {
         "align": ("step", "take", "go", "flank", "skim"),
         "calibrate": ("drop", "keep"),
+        "controller": ("verify", "backup", "diff"),
         "inspect": ("accept", "revert", "offset"),
         "jobs": ("delete",),
         "run": ("arm", "start", "feed_hold", "one_turn", "hold", "retract"),

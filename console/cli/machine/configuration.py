@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from datetime import datetime
 from pathlib import Path
 
 from console.cli.library import data_of, refuse_unsigned
@@ -11,27 +10,20 @@ from console.cli.machine.card_access import Card, card_fields, card_line
 from console.cli.machine.check_report import check_fields, check_lines, summary_line
 from console.cli.machine.doctor_checks import signature_checks
 from console.cli.output import show
+from console.session.data.controller_backups import backup_path, compare_backup, write_backup
 from console.session.data.kept_files import make_folder
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
-from drivers.commissioning.backup import CAP_BYTES, backup_text, read_backup
-from drivers.commissioning.comparison import differences
-from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.gains import Write, apply, gain_writes, refuse_unready
 from drivers.commissioning.judged import Judged
-from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.commissioning.verification import in_order, read_of_machine, verify
-from drivers.errors import RefusedError
 from drivers.lathe.ownership import Ownership
-from profiles.files import printable, read_regular_file, write_atomically
+from profiles.files import printable
 from profiles.findings import Severity, worst
-from profiles.problem import Problem
-
-BACKUP_FOLDER = "backups"
 
 
 def _backup(options: Namespace, card: Card, text: Catalogue) -> int:
-    found = _written(card, Path(options.file))
+    found = write_backup(card.client, card.client.dialect, Path(options.file))
     counts = {name: len(getattr(found, name)) for name in ("settings", "axes", "plcs", "programs")}
     done = text("configuration.backup_done", **counts, count=counts["settings"], file=printable(options.file))
     show(
@@ -55,22 +47,16 @@ def _verify(options: Namespace, card: Card, text: Catalogue) -> int:
 
 
 def _diff(options: Namespace, card: Card, text: Catalogue) -> int:
-    where, dialect = printable(options.file), card.client.dialect
-    content = read_regular_file(Path(options.file), cap_bytes=CAP_BYTES).decode("utf-8", "replace")
-    backup = read_backup(content, where)
-    family = backup.configuration.family
-    if family != dialect.name:
-        raise RefusedError(Problem(code="controller.backup_family", where=where, value=family, limit=dialect.name))
-    now = read_configuration(card.client, dialect, whole_card(dialect))
-    checks = in_order(differences(backup.configuration, now, card.machine))
+    compared = compare_backup(card.client, card.client.dialect, card.machine, Path(options.file))
+    checks = compared.checks
     verdict = text(
         "configuration.differs_from" if checks else "configuration.no_difference",
         count=len(checks),
-        date=backup.date,
+        date=compared.date,
     )
     show(
         options,
-        lambda: {**card_fields(card), "date": backup.date, "differences": check_fields(checks, text)},
+        lambda: {**card_fields(card), "date": compared.date, "differences": check_fields(checks, text)},
         lambda: [card_line(card, text), verdict, *check_lines(checks, text)],
     )
     return 1 if checks else 0
@@ -84,11 +70,10 @@ def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
     writes = gain_writes(Judged(configuration=found, machine=machine))
     backup = None
     if writes and options.yes:
-        stamp = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
-        backup = data_of(options) / BACKUP_FOLDER / f"{machine.name}-{stamp}.pmac"
+        backup = backup_path(data_of(options), machine.name)
         refuse_unready(client, client.dialect)
         make_folder(backup.parent)
-        _written(card, backup, private=True)
+        write_backup(client, client.dialect, backup, private=True)
         _apply_whole(card, writes)
     show(
         options,
@@ -124,15 +109,6 @@ def _applied(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) ->
         return [text("configuration.dry_run"), *lines]
     first = text("configuration.backup_first", file=printable(str(backup)))
     return [first, *lines, text("configuration.applied", count=len(writes))]
-
-
-def _written(card: Card, path: Path, *, private: bool = False) -> Configuration:
-    """Back up the whole controller to a file, `private` for its owner alone; never overwrite."""
-    dialect = card.client.dialect
-    configuration = read_configuration(card.client, dialect, whole_card(dialect))
-    date = datetime.now().astimezone().isoformat(timespec="seconds")
-    write_atomically(path, backup_text(configuration, date).encode("utf-8"), overwrite=False, private=private)
-    return configuration
 
 
 WORKS = {"backup": _backup, "verify": _verify, "diff": _diff, "apply": _apply}

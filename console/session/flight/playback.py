@@ -198,6 +198,11 @@ class ReplayControl:
         """The state that is shown."""
         return self.playback.moment.state
 
+    @property
+    def side(self) -> None:
+        """There is no controller."""
+        return None
+
     def now_s(self) -> float:
         """Return the machine time of the state: its age is what it was."""
         recording = self.playback.recording

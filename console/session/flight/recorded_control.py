@@ -13,6 +13,7 @@ from console.session.station.state import StationState
 if TYPE_CHECKING:
     from console.session.flight.recorder import Recorder
     from console.session.station.commands import Command, Control
+    from drivers.beside.side_line import SideLine
 
 
 class RecordedControl:
@@ -36,6 +37,11 @@ class RecordedControl:
         if joined is None or joined[0] is not state or joined[1] is not alarms:
             joined = self._joined = (state, alarms, replace(state, alarms=(*state.alarms, *alarms)))
         return joined[2]
+
+    @property
+    def side(self) -> SideLine | None:
+        """Where worker threads ask the controller."""
+        return self._control.side
 
     def now_s(self) -> float:
         """Return machine time."""

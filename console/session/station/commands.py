@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from console.session.data.identified import ChosenResponse
     from console.session.station.state import StationState
+    from drivers.beside.side_line import SideLine
     from drivers.cutting.strategy import Strategy
     from profiles.compensations.learned import LearnedCompensation
     from profiles.job import Job
@@ -212,6 +213,10 @@ class Control(Protocol):
     @property
     def state(self) -> StationState:
         """The newest state."""
+
+    @property
+    def side(self) -> SideLine | None:
+        """Where worker threads ask the controller, between two polls; None where there is no controller."""
 
     def now_s(self) -> float:
         """Return machine time, to compute the age of the state."""

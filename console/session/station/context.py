@@ -22,6 +22,7 @@ from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning
 from console.session.station.reaching import Commissioned
 from console.session.station.state import Armed, StationState
+from drivers.beside.side_line import SideLine
 from drivers.clock import Clock
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.lathe import Lathe
@@ -39,11 +40,12 @@ class StationContext:
 
     Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only. Without
     `reopening` a lost link stays lost, without `onlookers` nobody is counted who looks on. `client` is that of the
-    controller, for what the lathe has no function for, `firmware` its version and type. `plan` is that of the last
-    arming, `started` what was last started; `seen` gets every status poll during a cut.
+    controller, for what the lathe has no function for; `firmware` is its version and type. `plan` is that of the
+    last arming, `started` what was last started; `seen` gets every status poll during a cut.
     `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
-    `hold_asked` is the last command about a feed hold that has not been passed on.
+    `hold_asked` is the last command about a feed hold not yet passed on. `side` sends what worker threads
+    ask, between two polls.
     """
 
     lathe: Lathe
@@ -54,6 +56,7 @@ class StationContext:
     records: Path
     local_time: Callable[[], str]
     commissioned: Commissioned | None = None
+    side: SideLine | None = None
     reopening: Reopening | None = None
     onlookers: Onlookers | None = None
     client: PmacClient | None = None

@@ -23,6 +23,7 @@ from profiles.problem import ProblemError
 if TYPE_CHECKING:
     from console.session.station.commands import Command
     from console.session.station.station import Opened
+    from drivers.beside.side_line import SideLine
 
 LOOK_PERIOD_S = 0.1  # poll period of an idle machine
 LEAVE_S = 3.0  # timeout for a screen that cannot write to its terminal to leave, once the machine is at rest
@@ -67,6 +68,11 @@ class LinkThread:
     def rested(self) -> bool:
         """Whether the machine was left at rest, as far as it was ever opened."""
         return self._at_rest and self._finished.is_set()
+
+    @property
+    def side(self) -> SideLine | None:
+        """Where worker threads ask the controller; None before the machine is opened."""
+        return None if (opened := self._opened) is None else opened.station.side
 
     def now_s(self) -> float:
         """Return machine time."""

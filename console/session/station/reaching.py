@@ -16,6 +16,7 @@ from console.session.signals import Interruption
 from console.session.station.link.onlookers import Onlookers
 from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning, take_lock
+from drivers.beside.heard import Heard
 from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.lathe.heartbeat import Heartbeat
@@ -28,6 +29,7 @@ from drivers.lathe.stop import StopPath
 from drivers.link.address import LinkAddress, SimulatedAddress, WiredAddress
 from drivers.link.opening import open_link
 from drivers.link.renewable import RenewableLink
+from drivers.link.tapping import TappedLink
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
@@ -110,8 +112,11 @@ def reach(
     data: Path,
     tracing: Tracing,
     seen: Callable[[Snapshot], None] | None = None,
+    heard: Heard | None = None,
 ) -> Reached:
     """Open the link; for a simulated machine, start it first. `data` is the folder of this user.
+
+    `heard` keeps what goes over the link.
 
     Raises:
         LinkError: a code for each kind of failure; `simulator.not_started`.
@@ -120,12 +125,7 @@ def reach(
     with ExitStack() as opened:
         process: SimulatorProcess | None = None
         if isinstance(address, SimulatedAddress):
-            process = SimulatorProcess.start(
-                loaded.path,
-                seed=address.seed,
-                plant=address.plant,
-                clamping_sd_percent=address.clamping_sd_percent,
-            )
+            process = _started(loaded.path, address)
             opened.callback(process.close)
             address = process.address
         link, reopening = _renewable(address, process)
@@ -133,10 +133,14 @@ def reach(
         opened.callback(reopening.close)
         clock = RealClock()
         traced = tracing.of(link, clock.now_s)
+        if heard is not None:
+            traced = TappedLink(traced, heard.tap)
         stop, client = StopPath(traced), PmacClient(traced, clock)
         ownership = Ownership(client)
         heartbeat = Heartbeat(client, clock, loaded.machine, owner_seen=ownership.see)
         lathe = Lathe(client, loaded.machine, clock, stop, seen, heartbeat, ownership)
+        if heard is not None:
+            heard.poll_line = lathe.poll_line.encode("ascii")
         return Reached(
             client=client,
             lathe=lathe,
@@ -150,6 +154,13 @@ def reach(
             onlookers=None if process else Onlookers(data, link.address),
             close=opened.pop_all().close,
         )
+
+
+def _started(path: Path, address: SimulatedAddress) -> SimulatorProcess:
+    """Start the simulated lathe of a profile. Raises LinkError: `simulator.not_started`."""
+    return SimulatorProcess.start(
+        path, seed=address.seed, plant=address.plant, clamping_sd_percent=address.clamping_sd_percent
+    )
 
 
 def _owning(lathe: Lathe, address: str, data: Path) -> Owning:

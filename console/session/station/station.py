@@ -44,6 +44,9 @@ from console.session.station.reaching import Commissioned, reach
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops
 from console.session.station.watches import ChuckSight, LinkTime, watch_axes, watch_loss, watch_phase, watch_poll
+from drivers.beside.heard import Heard
+from drivers.beside.side_line import Moment, SideLine
+from drivers.clock import RealClock
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath, StoppedError
@@ -111,6 +114,24 @@ class Station:
         if silent and context.state.activity in MOVING and context.lathe.stop.reason is None:
             context.lathe.stop.stop("screen")
             context.alarm(Problem(code="session.screen_silent", limit=f"{SCREEN_TIMEOUT_S:g} s"))
+        if context.side is not None:
+            context.side.serve(self._moment(snapshot))
+
+    @property
+    def side(self) -> SideLine | None:
+        """Where worker threads ask the controller, between two polls."""
+        return self._context.side
+
+    def _moment(self, snapshot: Snapshot) -> Moment:
+        """Return what requests beside the polls are judged by; with a command waiting, as in motion."""
+        state, stopped = self._context.state, self._context.lathe.stop.reason is not None
+        return Moment(
+            at_rest=snapshot.at_rest and state.activity in IDLE and self._command is None,
+            controls=state.controls,
+            homing=state.activity is Activity.HOMING,
+            stopping=stopped and (state.stop is None or state.stop.rest_s is None),
+            lost=state.activity is Activity.LOST,
+        )
 
     def connect(self) -> bool:
         """Set up the link and compare the controller with its profile; False when nothing like a PMAC answers."""
@@ -164,6 +185,8 @@ class Station:
                 return self._refuse(Problem(code="session.busy"))
             if context.state.stop is not None and not isinstance(intent, Recover):
                 return self._refuse(Problem(code="session.stopped"))
+            if context.side is not None and context.side.reading and not isinstance(intent, Recover):
+                return self._refuse(Problem(code="beside.reading"))
             self._command = intent
             return True
 
@@ -190,6 +213,8 @@ class Station:
     def _step(self, command: Command | None) -> None:
         context = self._context
         if self._stops.gone:
+            if context.side is not None:  # nobody polls any more, and somebody may wait for an answer
+                context.side.serve(Moment(at_rest=False, controls=False, lost=True))
             self._reconnecting.step()
             return
         if context.lathe.stop.reason is not None and not isinstance(command, Recover):
@@ -323,7 +348,9 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         for station in seen:
             station.seen(snapshot)
 
-    reached = reach(machine, address, data, tracing, tell)
+    heard = Heard(RealClock().now_s)
+    reached = reach(machine, address, data, tracing, tell, heard)
+    stop = reached.stop
     context = StationContext(
         lathe=reached.lathe,
         owning=reached.owning,
@@ -332,6 +359,7 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         shop=reached.shop,
         records=data,
         local_time=_local_time,
+        side=SideLine(reached.client, reached.clock, heard, lambda: stop.reason is not None),
         client=reached.client,
         commissioned=Commissioned(
             reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated

@@ -14,6 +14,7 @@ from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from console.session.station.commands import Command, Control
+    from drivers.beside.side_line import SideLine
 
 
 class LoggedControl:
@@ -28,6 +29,11 @@ class LoggedControl:
     def state(self) -> StationState:
         """The newest state."""
         return self._control.state
+
+    @property
+    def side(self) -> SideLine | None:
+        """Where worker threads ask the controller."""
+        return self._control.side
 
     def now_s(self) -> float:
         """Return machine time."""

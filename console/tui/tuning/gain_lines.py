@@ -1,4 +1,4 @@
-"""Text of the proposed gains: settings and margins, present and proposed, how to use them, and what they rest on."""
+"""Text of the proposed gains: settings and margins, present and proposed, how to use them, what they rest on."""
 
 from __future__ import annotations
 
@@ -20,10 +20,8 @@ def gain_proposal_lines(facts: GainFacts, text: Catalogue, width: int) -> list[L
     found, plant = facts.proposal, facts.plant
     date = printable(facts.date.replace("T", " ")[:DATE])
     of = text("tune_page.plant_measured", date=date) if date else text("tune_page.plant_profile")
-    numbers = (
-        f"a {plant.acceleration_per_v:.4g} m/s2/V, b {plant.damping_per_s:.4g} 1/s, {1000 * plant.delay_s:.3g} ms"
-    )
-    lines = hanging(dim("  "), f"{of}: {numbers}", width)
+    a, b = f"a {plant.acceleration_per_v:.4g} m/s2/V", f"b {plant.damping_per_s:.4g} 1/s"
+    rests = hanging(dim("  "), f"{of}: {a}, {b}, {1000 * plant.delay_s:.3g} ms", width)
     asked = text(
         "tune_page.asked",
         gain=f"{ASKED_GAIN_MARGIN:g}",

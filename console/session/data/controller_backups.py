@@ -1,0 +1,90 @@
+"""Backups of a controller's configuration: written, listed, and compared with the controller as it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from console.session.data.kept_files import folder_name, make_folder
+from drivers.errors import RefusedError
+from profiles.files import printable, read_regular_file, write_atomically
+from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from drivers.commissioning.check import Check
+    from drivers.commissioning.configuration import Configuration
+    from drivers.controller import Controller
+    from drivers.pmac.dialect import Dialect
+    from profiles.machine import MachineProfile
+
+FOLDER, SUFFIX = "backups", ".pmac"
+MOST_LISTED = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compared:
+    """What differs now from a backup of `date`. `sha256` are the hashes of the backup and of the controller."""
+
+    date: str
+    checks: tuple[Check, ...]
+    sha256: tuple[str, str]
+
+
+def backup_path(data: Path, machine: str) -> Path:
+    """Return where a backup of now goes."""
+    stamp = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
+    return data / FOLDER / f"{folder_name(machine)}-{stamp}{SUFFIX}"
+
+
+def backups_of(data: Path, machine: str) -> tuple[Path, ...]:
+    """Return the backups of a machine in the data folder, newest first by their names."""
+    named = f"{folder_name(machine)}-"
+    try:
+        found = [path for path in (data / FOLDER).iterdir() if path.name.startswith(named)]
+    except OSError:
+        return ()
+    kept = (path for path in found if path.suffix == SUFFIX and path.is_file())
+    return tuple(sorted(kept, key=lambda path: path.name, reverse=True))[:MOST_LISTED]
+
+
+def write_backup(client: Controller, dialect: Dialect, path: Path, *, private: bool = False) -> Configuration:
+    """Back up the whole controller to a file, `private` for its owner alone; never overwrite.
+
+    Raises ProfileError: `file.exists`, `file.not_writable`; DriverError: as `read_configuration`.
+    """
+    from drivers.commissioning.backup import backup_text
+    from drivers.commissioning.reading import read_configuration, whole_card
+
+    configuration = read_configuration(client, dialect, whole_card(dialect))
+    date = datetime.now().astimezone().isoformat(timespec="seconds")
+    if private:
+        make_folder(path.parent)
+    write_atomically(path, backup_text(configuration, date).encode("utf-8"), overwrite=False, private=private)
+    return configuration
+
+
+def compare_backup(client: Controller, dialect: Dialect, machine: MachineProfile, path: Path) -> Compared:
+    """Read the whole controller, and return what differs from a backup.
+
+    Raises ProfileError: no such file, or no backup; RefusedError: `controller.backup_family`; DriverError: as
+        `read_configuration`.
+    """
+    from drivers.commissioning.backup import CAP_BYTES, read_backup
+    from drivers.commissioning.comparison import differences
+    from drivers.commissioning.reading import read_configuration, whole_card
+    from drivers.commissioning.verification import in_order
+
+    where = printable(str(path))
+    content = read_regular_file(path, cap_bytes=CAP_BYTES).decode("utf-8", "replace")
+    backup = read_backup(content, where)
+    family = backup.configuration.family
+    if family != dialect.name:
+        raise RefusedError(Problem(code="controller.backup_family", where=where, value=family, limit=dialect.name))
+    now = read_configuration(client, dialect, whole_card(dialect))
+    return Compared(
+        date=backup.date,
+        checks=in_order(differences(backup.configuration, now, machine)),
+        sha256=(backup.configuration.fingerprint, now.fingerprint),
+    )

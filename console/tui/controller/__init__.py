@@ -1,0 +1,1 @@
+"""The page Controller: its views as lines, and what it does beside the screen."""

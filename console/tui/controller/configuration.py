@@ -1,0 +1,126 @@
+"""Backup, verification and comparison of the controller's configuration, by the code of `console controller`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from console.cli.judgement import MARKS
+from console.session.data.controller_backups import backup_path, compare_backup, write_backup
+from console.text.catalogue import Catalogue
+from console.tui.lines import BLANK, Line, dim, hanging, line, wrapped
+from console.tui.theme import Token
+from drivers.beside.permitted import Kind
+from drivers.beside.side_controller import SideController
+from drivers.beside.side_line import SideLine
+from profiles.files import printable
+from profiles.findings import Severity
+from profiles.machine import MachineProfile
+from profiles.store import LoadedMachine
+
+SHOWN = 12  # digits of a hash that are shown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listed:
+    """A finding as its group, mark and sentence."""
+
+    group: str
+    severity: Severity
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """What an action found. `heading` says what; `sha256` is that of the controller where all of it was read."""
+
+    action: str
+    heading: str
+    path: Path | None = None
+    sha256: str = ""
+    held: int = 0
+    listed: tuple[Listed, ...] = ()
+
+
+class ConfigurationReader:
+    """Makes the work of an action, for a thread beside the screen."""
+
+    def __init__(self, side: SideLine, machine: LoadedMachine, data: Path, text: Catalogue) -> None:
+        self._side, self._loaded, self._data, self._text = side, machine, data, text
+        self.client = SideController(side, Kind.LISTING)
+
+    @property
+    def _machine(self) -> MachineProfile:
+        return self._loaded.machine
+
+    def backup(self) -> Result:
+        """Write a backup of the whole controller into the data folder."""
+        path = backup_path(self._data, self._machine.name)
+        with self._side.working(reading=True):
+            found = write_backup(self.client, self.client.dialect, path, private=True)
+        heading = self._text(
+            "controller_page.backup_done",
+            settings=len(found.settings),
+            plcs=len(found.plcs),
+            programs=len(found.programs),
+        )
+        return Result(action="backup", heading=heading, path=path, sha256=found.fingerprint)
+
+    def verify(self) -> Result:
+        """Judge the controller by its profile and the rules of commissioning, as `console controller verify`."""
+        from console.cli.machine.check_report import check_fields, summary_line
+        from drivers.commissioning.verification import verify
+
+        with self._side.working(reading=True):
+            checks = verify(self.client, self._machine, self.client.dialect).checks
+        unmet = [check for check in checks if check.severity is not Severity.OK]
+        listed = tuple(
+            Listed(group=check.group, severity=check.severity, sentence=str(fields["text"]))
+            for check, fields in zip(unmet, check_fields(unmet, self._text), strict=True)
+        )
+        heading = summary_line(checks, self._text)
+        return Result(action="verify", heading=heading, listed=listed, held=len(checks) - len(unmet))
+
+    def diff(self, path: Path) -> Result:
+        """Compare the controller with a backup, as `console controller diff`."""
+        from console.cli.machine.check_report import check_fields
+
+        with self._side.working(reading=True):
+            compared = compare_backup(self.client, self.client.dialect, self._machine, path)
+        listed = tuple(
+            Listed(group=check.group, severity=check.severity, sentence=str(fields["text"]))
+            for check, fields in zip(compared.checks, check_fields(compared.checks, self._text), strict=True)
+        )
+        key = "configuration.differs_from" if listed else "configuration.no_difference"
+        heading = self._text(key, count=len(listed), date=compared.date)
+        return Result(action="diff", heading=heading, path=path, sha256=compared.sha256[1], listed=listed)
+
+
+def result_lines(found: Result, text: Catalogue, width: int) -> list[Line]:
+    """Return what an action found, as a list."""
+    good = not any(each.severity is Severity.REFUSAL for each in found.listed)
+    rows = wrapped(found.heading, width, Token.OK if good else Token.WARNING)
+    if found.path is not None:
+        rows += wrapped(printable(str(found.path)), width, Token.DIM)
+    if found.sha256:
+        rows.append(line(dim(text("controller_page.hash", value=found.sha256[:SHOWN]))))
+    group = ""
+    for each in found.listed:
+        if each.group != group:
+            group = each.group
+            rows += [BLANK, line((text(f"configuration.group.{group}"), Token.TITLE))]
+        token = Token.WARNING if each.severity in (Severity.REFUSAL, Severity.WARNING) else Token.TEXT
+        rows += hanging((f"{MARKS[each.severity]} ", token), each.sentence, width)
+    return rows
+
+
+def backup_lines(paths: tuple[Path, ...], chosen: int, text: Catalogue, width: int, height: int) -> list[Line]:
+    """Return the backups of this machine around the selected one, newest first."""
+    if not paths:
+        return wrapped(text("controller_page.no_backups"), width, Token.DIM)
+    first = max(min(chosen - height // 2, len(paths) - height), 0)
+    rows = []
+    for place, path in enumerate(paths[first : first + height], start=first):
+        mark = ("▶ ", Token.ACTION) if place == chosen else dim("  ")
+        rows.append(line(mark, (printable(path.name), Token.SELECTED if place == chosen else Token.TEXT)))
+    return rows

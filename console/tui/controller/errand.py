@@ -1,0 +1,64 @@
+"""One piece of work at the controller, in a thread beside the screen: started, shown while it runs, cancelled."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from drivers.beside.side_controller import SideController
+from drivers.beside.side_line import CancelledError
+from profiles.files import printable
+from profiles.problem import Problem, ProblemError
+
+Found = TypeVar("Found")
+
+SHORT_S = 0.0  # how long a new piece of work is waited for: a tick of the screen waits for nothing
+
+
+class Errand(Generic[Found]):
+    """The last work and its result. `found` stays until the next is done; `problems` are why there is none."""
+
+    def __init__(self) -> None:
+        self.found: Found | None = None
+        self.problems: tuple[Problem, ...] = ()
+        self.cancelled = False
+        self.ended = 0
+        self._client: SideController | None = None
+        self._thread: threading.Thread | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether it is under way."""
+        return self._thread is not None and self._thread.is_alive()
+
+    @property
+    def requests(self) -> int:
+        """The requests of the present or last work."""
+        return 0 if self._client is None else self._client.made
+
+    def start(self, client: SideController, work: Callable[[], Found], *, wait_s: float | None = None) -> None:
+        """Begin; nothing else may be running."""
+        self._client, self.cancelled = client, False
+        self._thread = threading.Thread(target=self._run, args=(work,), name="controller", daemon=True)
+        self._thread.start()
+        self._thread.join(SHORT_S if wait_s is None else wait_s)
+
+    def cancel(self) -> None:
+        """End the work at its next request."""
+        if self._client is not None and self.running:
+            self.cancelled = True
+            self._client.cancel()
+
+    def _run(self, work: Callable[[], Found]) -> None:
+        problems: tuple[Problem, ...] = ()
+        try:
+            self.found = work()
+        except CancelledError:
+            self.cancelled = True
+        except ProblemError as error:
+            problems = tuple(error.problems)
+        except Exception as fault:  # in a thread of its own: nobody else would hear of it
+            problems = (Problem(code="session.fault", value=printable(f"{type(fault).__name__}: {fault}")),)
+        self.problems = problems
+        self.ended += 1

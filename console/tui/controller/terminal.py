@@ -1,0 +1,128 @@
+"""The terminal: what goes over the link, and a typed query."""
+
+from __future__ import annotations
+
+from console.tui.controller.errand import Errand
+from console.tui.controller.trace_lines import spoken_lines
+from console.tui.lines import Line, dim, line
+from console.tui.ui_context import UiContext
+from drivers.beside.heard import Spoken
+from drivers.beside.permitted import Kind, Permission, permission
+from drivers.beside.side_controller import SideController
+from drivers.beside.side_line import LISTING_S, REST_TIMEOUT_S
+from profiles.problem import Problem
+
+FAR = 1_000_000
+
+
+class TerminalView:
+    """Shows the newest lines, or those up to `_end` once somebody scrolls or pauses."""
+
+    def __init__(self, ui: UiContext) -> None:
+        self.polls = False
+        self._ui = ui
+        self._errand: Errand[tuple[str, ...]] = Errand()
+        self._last, self._taken = "", 0
+        self._end: int | None = None
+        self._spoken: tuple[Spoken, ...] = ()
+        self._newest: tuple[int, bool] = (-1, False)
+
+    @property
+    def running(self) -> bool:
+        """Whether a query waits for its reply."""
+        return self._errand.running
+
+    @property
+    def subtitle(self) -> str:
+        """What is said in the frame: paused, and what is left out."""
+        text = self._ui.text
+        words = [] if self._end is None else [text("controller_page.terminal.paused")]
+        return "  ".join([*words, text(f"controller_page.terminal.{'with' if self.polls else 'without'}_polls")])
+
+    def ask(self, typed: str) -> None:
+        """Send a query, and show it.
+
+        Raises RefusedError: as `permission`; or `ProblemError`s of what it needs.
+        """
+        side = self._ui.control.side
+        assert side is not None  # the page has seen it
+        typed = typed.strip(" ").upper()
+        allowed = permission(typed, side.dialect)
+        self._last = typed
+        reasons = self._why_not(allowed)
+        if self._ui.answers(reasons):
+            return
+        client = SideController(side, allowed.kind)
+        timeout_s = LISTING_S if allowed.kind is Kind.LISTING else REST_TIMEOUT_S
+
+        def work() -> tuple[str, ...]:
+            with side.working(reading=allowed.kind is Kind.LISTING):
+                return client.request(typed, timeout_s, lines=allowed.lines)
+
+        self._end = None
+        self._errand.start(client, work)
+
+    def ask_again(self) -> None:
+        """Send the last query again."""
+        self.ask(self._last)
+
+    def why_not_again(self) -> tuple[Problem, ...]:
+        """Return why the last query cannot be sent again."""
+        if not self._last:
+            return (Problem(code="screen.no_query"),)
+        if self._ui.control.side is None:
+            return (Problem(code="screen.no_controller"),)
+        return (Problem(code="screen.query_waits"),) if self.running else ()
+
+    def cancel(self) -> None:
+        """Wait for the reply no longer."""
+        self._errand.cancel()
+
+    def pause(self) -> None:
+        """Stay where the list is, or follow again."""
+        side = self._ui.control.side
+        newest = 0 if side is None else side.heard.newest(polls=self.polls)
+        self._end = newest if self._end is None else None
+
+    def scroll(self, by: int) -> None:
+        """Show other lines; the newest again at the end."""
+        numbers = [each.number for each in self._spoken]
+        if not numbers:
+            return
+        place = len(numbers) - 1
+        if self._end is not None:
+            place = max((at for at, number in enumerate(numbers) if number <= self._end), default=0)
+        place = max(place + by, 0)
+        self._end = numbers[place] if place < len(numbers) - 1 else None
+
+    def follow(self) -> None:
+        """Take what a query has come to."""
+        if self._taken == self._errand.ended or self._errand.running:
+            return
+        self._taken = self._errand.ended
+        if self._errand.problems:
+            self._ui.said = self._errand.problems
+
+    def lines(self, width: int, height: int | None) -> list[Line]:
+        """Return the lines that fit; without a height the newest hundreds."""
+        side = self._ui.control.side
+        if side is None:
+            return [line(dim(self._ui.text("controller_page.no_trace")))]
+        newest = side.heard.newest(polls=self.polls), self.polls
+        if newest != self._newest:
+            self._newest, self._spoken = newest, side.heard.spoken(polls=self.polls)
+        end = self._end
+        spoken = self._spoken if end is None else tuple(each for each in self._spoken if each.number <= end)
+        return spoken_lines(spoken, side.heard.began_s, width, 500 if height is None else height)
+
+    def _why_not(self, allowed: Permission) -> tuple[Problem, ...]:
+        state = self._ui.control.state
+        if self.running:
+            return (Problem(code="screen.query_waits"),)
+        if allowed.kind is not Kind.LISTING:
+            return ()
+        if not state.controls:
+            return (Problem(code="beside.observer"),)
+        if state.armed is not None:
+            return (Problem(code="screen.controller_armed"),)
+        return (Problem(code="beside.moves"),) if state.seen_moving or state.may_move else ()

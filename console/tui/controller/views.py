@@ -1,0 +1,293 @@
+"""The views of the page Controller: what each shows, asks for and does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from console.session.data.controller_backups import backups_of
+from console.session.station.state import Activity, StationState
+from console.tui.controller.errand import Errand
+from console.tui.controller.identity import Identity, identity_lines, read_identity
+from console.tui.controller.status_lines import status_lines
+from console.tui.controller.terminal import TerminalView
+from console.tui.controller.watching import WatchTable, watch_lines
+from console.tui.lines import BLANK, Line, dim, line, wrapped
+from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View, refusal
+from drivers.beside.permitted import Kind
+from drivers.beside.side_controller import SideController
+from drivers.beside.status_words import StatusWords, read_status
+from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from console.tui.controller.configuration import Result
+
+STATUS_PERIOD_S = 0.5
+BACKUP_ROWS = 5
+
+
+class ViewName(StrEnum):
+    """Views in order."""
+
+    IDENTITY = "identity"
+    STATUS = "status"
+    WATCH = "watch"
+    TERMINAL = "terminal"
+    CONFIGURATION = "configuration"
+
+
+VIEWS = tuple(ViewName)
+_READS = ("verify", "backup", "diff")
+
+
+class ControllerViews:
+    """The views with what they know. Whatever is asked is asked in a thread beside the screen."""
+
+    def __init__(self, ui: UiContext) -> None:
+        self.view = ViewName.IDENTITY
+        self.ui = ui
+        self.terminal = TerminalView(ui)
+        self.watch = WatchTable(ui.data, ui.machine.machine.name)
+        self._identity: Errand[Identity] = Errand()
+        self._status: Errand[tuple[StatusWords, ...]] = Errand()
+        self._reading: Errand[Result] = Errand()
+        self._action = ""
+        self._asked_s, self._identified = float("-inf"), ""
+        self._backups: tuple[Path, ...] = ()
+        self._chosen, self._all_bits, self._taken = 0, False, 0
+        self._tops = dict.fromkeys(ViewName, 0)
+
+    # What the keys do ------------------------------------------------------------------------------------------
+
+    def step(self, by: int) -> None:
+        """Show the next or the previous view."""
+        self.view = VIEWS[(VIEWS.index(self.view) + by) % len(VIEWS)]
+        if self.view is ViewName.CONFIGURATION:
+            self._list_backups()
+
+    def move(self, by: int, *, page: bool) -> None:
+        """Scroll, or select."""
+        if self.view is ViewName.TERMINAL:
+            self.terminal.scroll(by)
+        elif self.view is ViewName.WATCH:
+            self.watch.move(by)
+        elif self.view is ViewName.CONFIGURATION and not page:
+            self._chosen = max(min(self._chosen + by, len(self._backups) - 1), 0)
+        else:
+            self._tops[self.view] = max(self._tops[self.view] + by, 0)
+
+    def do(self, word: str) -> None:
+        """Do what `why_not` has let through."""
+        match word:
+            case "enter":
+                self._identified = ""
+            case "repeat":
+                self.terminal.ask_again()
+            case "pause":
+                self.terminal.pause()
+            case "all":
+                self._all_bits = not self._all_bits
+                self.terminal.polls = not self.terminal.polls
+            case "remove":
+                self.watch.remove()
+            case "cancel":
+                self._reading.cancel()
+                self.terminal.cancel()
+            case _:
+                self._read(word)
+
+    def take(self, words: str) -> None:
+        """Take what was typed: an item to watch, or a query."""
+        side = self.ui.control.side
+        if side is None:
+            self.ui.say("screen.no_controller")
+        elif self.view is ViewName.WATCH:
+            self.watch.add(words, side)
+        else:
+            self.terminal.ask(words)
+
+    def why_not(self, word: str, state: StationState) -> tuple[Problem, ...]:
+        """Return why an action cannot be done now."""
+        if word == "enter":
+            return self._why_not_enter(state)
+        if word == "remove":
+            shown = self.view is ViewName.WATCH and bool(self.watch.rows)
+            return () if shown else (Problem(code="screen.nothing_watched"),)
+        if word == "repeat":
+            return self.terminal.why_not_again()
+        if word == "pause":
+            return () if self.view is ViewName.TERMINAL else (Problem(code="screen.terminal_first"),)
+        if word == "cancel":
+            busy = self._reading.running or self.terminal.running
+            return () if busy else (Problem(code="screen.nothing_to_cancel"),)
+        return self._why_not_read(word, state) if word in _READS else ()
+
+    def leave(self) -> None:
+        """End what is being read; the next visit asks anew."""
+        self._reading.cancel()
+        self._identified, self._asked_s = "", float("-inf")
+
+    def _why_not_enter(self, state: StationState) -> tuple[Problem, ...]:
+        if self.view in (ViewName.STATUS, ViewName.CONFIGURATION):
+            return (Problem(code="screen.no_entry_here"),)
+        if self.ui.control.side is None or state.activity in (Activity.CONNECTING, Activity.LOST):
+            return (Problem(code="screen.no_controller"),)
+        if self.view is not ViewName.IDENTITY and (state.may_move or state.seen_moving):
+            return (Problem(code="screen.entry_moving"),)
+        return ()
+
+    def _why_not_read(self, word: str, state: StationState) -> tuple[Problem, ...]:
+        if reasons := refusal(state, f"controller.{word}"):
+            return reasons
+        if self.ui.control.side is None:
+            return (Problem(code="screen.no_controller"),)
+        if state.armed is not None:
+            return (Problem(code="screen.controller_armed"),)
+        if state.seen_moving:
+            return (Problem(code="screen.in_motion"),)
+        if self._reading.running:
+            return (Problem(code="screen.controller_reading"),)
+        if word == "diff" and not self._backups:
+            return (Problem(code="screen.no_backup"),)
+        return ()
+
+    # What is asked ---------------------------------------------------------------------------------------------
+
+    def follow(self, view: View, *, trace: bool) -> None:
+        """Take what was answered, and ask for what is shown."""
+        side, state = self.ui.control.side, view.state
+        self._take_reading()
+        self.terminal.follow()
+        if side is None or state.activity in (Activity.CONNECTING, Activity.LOST):
+            return
+        if self.view is ViewName.IDENTITY and not self._identity.running and self._identified != state.controller:
+            self._identified = state.controller
+            asking = SideController(side, Kind.QUERY)
+            self._identity.start(asking, lambda: read_identity(asking))
+        shows_status = self.view is ViewName.STATUS or (trace and self.view is ViewName.TERMINAL)
+        due = view.now_s - self._asked_s >= STATUS_PERIOD_S
+        if shows_status and not self._status.running and due:
+            self._asked_s = view.now_s
+            client, machine = SideController(side, Kind.QUERY), self.ui.machine.machine
+            self._status.start(client, lambda: read_status(client, machine, client.dialect))
+        if self.view is ViewName.WATCH:
+            self.watch.load()
+            self.watch.follow(side, state, view.now_s)
+
+    def _read(self, word: str) -> None:
+        from console.tui.controller.configuration import ConfigurationReader
+
+        side = self.ui.control.side
+        assert side is not None  # `why_not` has seen it
+        reader = ConfigurationReader(side, self.ui.machine, self.ui.data, self.ui.text)
+        self._list_backups()
+        chosen = self._backups[self._chosen] if self._backups else Path()
+        works: dict[str, Callable[[], Result]] = {
+            "verify": reader.verify,
+            "backup": reader.backup,
+            "diff": lambda: reader.diff(chosen),
+        }
+        self._action, self.view = word, ViewName.CONFIGURATION
+        self._tops[self.view] = 0
+        self._reading.start(reader.client, works[word])
+
+    def _take_reading(self) -> None:
+        if self._reading.running or self._taken == self._reading.ended:
+            return
+        self._taken = self._reading.ended
+        self._list_backups()
+        if self._reading.cancelled:
+            self.ui.say("screen.controller_cancelled")
+
+    def _list_backups(self) -> None:
+        before = self._backups[self._chosen : self._chosen + 1]
+        self._backups = backups_of(self.ui.data, self.ui.machine.machine.name)
+        self._chosen = self._backups.index(before[0]) if before and before[0] in self._backups else 0
+        if self._reading.found is not None and self._reading.found.action == "backup":
+            self._chosen = 0
+
+    # What is shown ---------------------------------------------------------------------------------------------
+
+    def lines(self, shown: ViewName, view: View, width: int, height: int | None) -> list[Line]:
+        """Return the lines of a view; all of them without a height."""
+        if shown is ViewName.TERMINAL:
+            return self.terminal.lines(width, height)
+        if shown is ViewName.CONFIGURATION:
+            return self._configuration_lines(width, height)
+        rows = {
+            ViewName.IDENTITY: self._identity_lines,
+            ViewName.STATUS: self._status_lines,
+            ViewName.WATCH: self._watch_lines,
+        }[shown](view, width)
+        return rows if height is None else self._window(shown, rows, height)
+
+    def subtitle(self, shown: ViewName) -> str:
+        """Return what is said in the frame of a view."""
+        if shown is ViewName.TERMINAL:
+            return self.terminal.subtitle
+        below = self._tops[shown]
+        return f"↑ {self.ui.text('jobs_page.above', count=below)}" if below else ""
+
+    def next_words(self, *, typing: bool) -> str:
+        """Return the next step of the view."""
+        if self._reading.running:
+            return self.ui.text("controller_page.next.reading")
+        kind = f"typing_{self.view}" if typing else str(self.view)
+        return self.ui.text(f"controller_page.next.{kind}")
+
+    def _window(self, shown: ViewName, rows: list[Line], height: int) -> list[Line]:
+        top = self._tops[shown] = min(self._tops[shown], max(len(rows) - height, 0))
+        return rows[top : top + height]
+
+    def _identity_lines(self, view: View, width: int) -> list[Line]:
+        side = self.ui.control.side
+        faults = 0 if side is None else side.faults
+        machine, found = self.ui.machine.machine, self._identity.found
+        rows = identity_lines(found, view.state, machine, faults, self.ui.text, width)
+        result = self._reading.found
+        if result is not None and result.sha256:
+            rows += wrapped(self._hash_words(result), width)
+        return [*rows, *self._problem_lines(self._identity.problems, width)]
+
+    def _hash_words(self, result: Result) -> str:
+        text, same = self.ui.text, not result.listed
+        key = "written" if result.action == "backup" else "same" if same else "differs"
+        name = "" if result.path is None else result.path.name
+        return text(f"controller_page.hash.{key}", value=result.sha256[:12], name=name)
+
+    def _status_lines(self, view: View, width: int) -> list[Line]:
+        found = self._status.found
+        if found is None:
+            words = self.ui.text("controller_page.unread")
+            return [line(dim(words)), *self._problem_lines(self._status.problems, width)]
+        rows = status_lines(found, self.ui.text, width, all_bits=self._all_bits)
+        return [*self._problem_lines(self._status.problems, width), *rows]
+
+    def _watch_lines(self, view: View, width: int) -> list[Line]:
+        rows = watch_lines(self.watch, self.ui.text, view.now_s, width)
+        empty = wrapped(self.ui.text("controller_page.watch.empty"), width, Token.DIM)
+        return [*self._problem_lines(self.watch.problems, width), *(rows or empty)]
+
+    def _configuration_lines(self, width: int, height: int | None) -> list[Line]:
+        from console.tui.controller.configuration import backup_lines, result_lines
+
+        text, found = self.ui.text, self._reading.found
+        rows = [line((text("controller_page.backups", count=len(self._backups)), Token.TITLE))]
+        rows += backup_lines(self._backups, self._chosen, text, width, BACKUP_ROWS if height else 1_000)
+        rows.append(BLANK)
+        if self._reading.running:
+            words = text(f"controller_page.doing.{self._action}", count=self._reading.requests)
+            return [*rows, *wrapped(words, width, Token.ACTION)]
+        rows += self._problem_lines(self._reading.problems, width)
+        below = [] if found is None or self._reading.problems else result_lines(found, text, width)
+        if found is None and not self._reading.problems:
+            below = wrapped(text("controller_page.nothing_read"), width, Token.DIM)
+        if height is None:
+            return [*rows, *below]
+        return [*rows, *self._window(ViewName.CONFIGURATION, below, max(height - len(rows), 1))]
+
+    def _problem_lines(self, problems: tuple[Problem, ...], width: int) -> list[Line]:
+        return [each for p in problems for each in wrapped(self.ui.text.problem(p), width, Token.WARNING)]

@@ -1,0 +1,144 @@
+"""Page Controller: identity, status bits, watch table, terminal, and the configuration of the controller."""
+
+from __future__ import annotations
+
+from textual.widgets import Input
+
+from console.tui.controller.views import VIEWS, ControllerViews, ViewName
+from console.tui.gate import FieldKind
+from console.tui.keymap import PageName
+from console.tui.lines import Line, Sheet, line
+from console.tui.page import Page
+from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
+from profiles.problem import Problem
+
+WIDE = 150  # columns from which the terminal is beside the view
+_LINE_STEPS = {"controller.up": -1, "controller.down": 1}
+_ENDS = {"controller.first": -1_000_000, "controller.last": 1_000_000}
+TEXT_CAP_CHARACTERS = 120
+
+
+class ControllerPage(Page):
+    """Nothing on it moves anything: what it sends are queries."""
+
+    name_ = PageName.CONTROLLER
+
+    DEFAULT_CSS = """
+    ControllerPage {
+        layout: horizontal;
+        layers: base entry;
+        Sheet { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground;
+            width: 1fr; height: 1fr; }
+        #controller-beside { display: none; }
+        #controller-entry {
+            layer: entry; position: absolute; display: none; width: 60%; height: 1; offset: 4 1;
+            background: $background; color: $foreground;
+        }
+    }
+    ControllerPage.-two #controller-beside { display: block; }
+    """
+
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        self._sheet = Sheet(ui.palette, id="controller-view")
+        self._beside = Sheet(ui.palette, id="controller-beside")
+        self._entry = Input(id="controller-entry", compact=True, select_on_focus=False)
+        self._entry.cursor_blink = False
+        self._entry.max_length = TEXT_CAP_CHARACTERS
+        self.panels = (self._sheet, self._beside, self._entry)
+        self._views = ControllerViews(ui)
+
+    def act(self, action: str) -> None:
+        """Show another view, scroll, ask, read, write a backup."""
+        if self._is_typing:
+            if action == "controller.enter":
+                self._take_entry()
+            return
+        page = max(self._sheet.size.height - 2, 1)
+        ways = {**_LINE_STEPS, "controller.page_up": -page, "controller.page_down": page, **_ENDS}
+        if action in ways:
+            self._views.move(ways[action], page=action not in _LINE_STEPS)
+        elif action in ("controller.left", "controller.right"):
+            self._views.step(-1 if action == "controller.left" else 1)
+        elif not self.ui.answers(self.why_not(action, self.ui.view)):
+            if action == "controller.enter" and self._views.view in (ViewName.WATCH, ViewName.TERMINAL):
+                self._type()
+            else:
+                with self.ui.answering():
+                    self._views.do(action.removeprefix("controller."))
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why an action cannot be done now."""
+        return self._views.why_not(action.removeprefix("controller."), view.state)
+
+    def fit(self) -> None:
+        """Show the terminal beside the view where there is room."""
+        self.set_class(self.size.width >= WIDE, "-two")
+
+    def show(self, view: View) -> None:
+        """Show the newest state, and ask for what the views show."""
+        if self._is_typing and (view.state.may_move or view.state.seen_moving):
+            self._end_typing()
+            self.ui.say("screen.entry_moving")
+        if self._is_typing and self.screen.focused is not self._entry:
+            self.screen.set_focus(self._entry, scroll_visible=False)
+        two = self.has_class("-two")
+        self._views.follow(view, trace=two)
+        self._paint(self._sheet, self._views.view, view)
+        if two:
+            other = ViewName.STATUS if self._views.view is ViewName.TERMINAL else ViewName.TERMINAL
+            self._paint(self._beside, other, view)
+
+    def next_step(self, view: View) -> Line:
+        """Return what the keys do in this view."""
+        return line((self._views.next_words(typing=self._is_typing), Token.ACTION))
+
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return what the view shows, uncut."""
+        return self._views.lines(self._views.view, view, width, None)
+
+    @property
+    def field(self) -> FieldKind:
+        """Free text while an item or a query is typed, and nothing moves: in any doubt Space stops."""
+        state = self.ui.control.state
+        moving = state.may_move or state.seen_moving
+        return FieldKind.TEXT if self._is_typing and not moving else FieldKind.NONE
+
+    def leave(self) -> None:
+        """End an entry, and what is being read."""
+        self._end_typing()
+        self._views.leave()
+
+    def _paint(self, sheet: Sheet, shown: ViewName, view: View) -> None:
+        width, height = max(sheet.size.width, 1), max(sheet.size.height, 1)
+        rows = self._views.lines(shown, view, width, height)
+        if self._is_typing and sheet is self._sheet:
+            rows = [(), *rows[: height - 1]]  # the entry lies over the first row
+        title = "  ".join(
+            f"[{name}]" if each is shown else name
+            for each in (VIEWS if sheet is self._sheet else (shown,))
+            for name in (self.ui.text(f"controller_page.view.{each}"),)
+        )
+        sheet.show(rows, title, self._views.subtitle(shown))
+
+    @property
+    def _is_typing(self) -> bool:
+        return bool(self._entry.display)
+
+    def _type(self) -> None:
+        self._entry.value = ""
+        self._entry.display = True
+        self.screen.set_focus(self._entry, scroll_visible=False)
+
+    def _take_entry(self) -> None:
+        words = self._entry.value.strip()
+        self._end_typing()
+        if words:
+            with self.ui.answering():
+                self._views.take(words)
+
+    def _end_typing(self) -> None:
+        if self._is_typing:
+            self._entry.display = False
+            self.screen.set_focus(None)

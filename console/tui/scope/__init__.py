@@ -1,0 +1,1 @@
+"""The page Scope: set-up, readings and files of what is gathered."""

@@ -1,0 +1,142 @@
+"""Which lines an engineer may type: queries of both families, and nothing that moves, writes or disturbs."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.beside.permitted import Kind, gathers, permission, watched
+from drivers.errors import RefusedError
+from drivers.pmac.dialect import DIALECTS, Dialect
+from tests.tui.side_stage import DirectSide
+from tests.tui.stage import lathe
+
+FAMILIES = pytest.mark.parametrize("dialect", DIALECTS.values(), ids=DIALECTS)
+
+QUERIES = (
+    "I130",
+    "p1",
+    "P1..8",
+    "M1->",
+    "#1?",
+    "&1??",
+    "???",
+    "#1P #1V #1F",
+    "%",
+    "#1->",
+    "VERSION",
+    "SIZE",
+    "CID",
+)
+MEMORY = ("RX:$28", "RHY:$720,8", "RHX $3D")
+
+# What each does is that of the Software Reference; the word is what the answer is chosen by.
+MOVES = {
+    "jog": ("#1J+", "#1J-", "J=100", "#2J:50", "J^10", "#1 J+"),
+    "enable": ("#1J/", "J/"),
+    "home": ("#1HM", "HM", "HMZ", "HOME"),
+    "run": ("&1B1R", "B1 R", "R", "S", "&1R"),
+    "open_loop": ("#1O5", "O-10"),
+    "kill": ("#1K", "K"),
+    "stop": ("A", "H", "Q", "\\", "/"),
+}
+WRITES = (
+    *("I130=2000", "P1=1", "M1->X:$28", "M1=1", "WX:$28,0", "SAVE", "$$$", "$$$***", "OPEN PROG 1 CLEAR", "CLOSE"),
+    *("ENABLE PLC 1", "DELETE GATHER", "DEFINE GATHER 10", "GATHER", "I20=3", "X10", "UNDEFINE", "P1=P1+1", "%50"),
+)
+ODD = ("", "\x01", "I130\r#1J+", "한글", "I130\x0b", "P" * 200)
+
+
+@FAMILIES
+def test_queries_are_permitted(dialect: Dialect) -> None:
+    for line in (*QUERIES, *MEMORY):
+        assert permission(line, dialect).kind is Kind.QUERY, line
+    for line in ("LIST PLC 1", "LIST PROG 10", "LIST GATHER 0,16"):
+        assert permission(line, dialect).kind is Kind.LISTING, line
+
+
+@FAMILIES
+@pytest.mark.parametrize("what", MOVES)
+def test_what_moves_is_refused_with_the_page_that_does_it(what: str, dialect: Dialect) -> None:
+    for line in (*MOVES[what], *(f"I130 {line}" for line in MOVES[what]), *(f"{line} P1" for line in MOVES[what])):
+        with pytest.raises(RefusedError) as refused:
+            permission(line, dialect)
+        problem = refused.value.problems[0]
+        assert (problem.code, problem.key) == ("terminal.moves", what), line
+    assert any(word in str(problem) for word in ("page", "Press", "console")), str(problem)
+
+
+@FAMILIES
+def test_what_changes_anything_is_refused(dialect: Dialect) -> None:
+    for line in (*WRITES, *ODD):
+        with pytest.raises(RefusedError):
+            permission(line, dialect)
+
+
+@FAMILIES
+def test_a_reply_that_would_hold_up_the_polls_is_refused(dialect: Dialect) -> None:
+    for line in ("I0..1000", "P1..8 I0..99", f"RX:$100,{200}"):
+        with pytest.raises(RefusedError) as refused:
+            permission(line, dialect)
+        assert refused.value.problems[0].code == "terminal.too_long"
+
+
+def test_a_register_of_the_hardware_is_not_read_by_its_address() -> None:
+    """PMAC Software Reference, memory map: DSPGATE at $C000; Turbo: servo ICs at $78000."""
+    for family, line in (("pmac", "RX:$C003"), ("turbo", "RHX:$078003"), ("pmac", "RX:$BFFF,4")):
+        with pytest.raises(RefusedError) as refused:
+            permission(line, DIALECTS[family])
+        assert refused.value.problems[0].code == "terminal.hardware"
+
+
+@FAMILIES
+def test_only_single_values_are_watched(dialect: Dialect) -> None:
+    assert [watched(item, dialect) for item in (" p100 ", "#1P", "RHX:$3D")] == ["P100", "#1P", "RHX:$3D"]
+    for item in ("P1 P2", "P1..4", "LIST PLC 1", "RX:$28,2", "#1", "P1=1"):
+        with pytest.raises(RefusedError):
+            watched(item, dialect)
+
+
+@FAMILIES
+def test_a_gather_line_sets_up_gathering_and_nothing_else(dialect: Dialect) -> None:
+    places = dialect.gathering
+    good = (f"I{places.period}=2 I{places.masks[0]}=7 I{places.first_source}=40", "GATHER", "DEFINE GATHER 100")
+    assert all(gathers(line, dialect) for line in good)
+    for line in ("I130=1", f"I{places.period}=2 I130=1", "GATHER #1J+", "DEFINE GATHER 9 I130=2", "#1J+", ""):
+        assert not gathers(line, dialect), line
+
+
+WORDS = st.sampled_from(
+    (*QUERIES, *MEMORY, *WRITES, *(line for lines in MOVES.values() for line in lines), "#3", "&1", "LIST PROG 1")
+)
+
+
+@given(st.lists(WORDS, min_size=1, max_size=3))
+def test_a_permitted_line_leaves_the_controller_as_it_was(words: list[str]) -> None:
+    side, line = SIDE, " ".join(words)
+    try:
+        permission(line, side.dialect)
+    except RefusedError:
+        return
+    before = state_of(side)
+    side.client.send(line)
+    try:
+        side.client.reply(line)
+    except Exception as refused:  # an item that the controller does not have
+        assert "ERR" in str(refused) or "controller" in str(refused), refused
+    assert state_of(side) == before
+
+
+def state_of(side: DirectSide) -> tuple[object, ...]:
+    ask = side.client.request
+    return (
+        ask("I0..1023"),
+        ask("P0..99"),
+        ask("M0..99->"),
+        ask("#1? #2? #3? #4? &1?? ???"),
+        ask("SIZE #1P #2P #3P"),
+    )
+
+
+SIDE = DirectSide(lathe().machine)
