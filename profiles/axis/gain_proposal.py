@@ -15,7 +15,7 @@ import numpy as np
 from profiles.arrays import Complexes, Floats
 from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop
-from profiles.axis.servo_gains import PidGains, gains_from_variables, variables_from_gains
+from profiles.axis.servo_gains import PidGains, gains_from_variables, present_settings, variables_from_gains
 from profiles.machine import MachineProfile
 
 LEAST_POINTS = 3
@@ -31,12 +31,13 @@ _MOST_SETTING = 32_767  # of Ix31 to Ix33
 class GainProposal:
     """Proposed gains, as rounded to the whole numbers that the controller takes, and margins before and after.
 
-    Both margins are those of the same plant. `settings` are Ix30 to Ix33 by name.
+    Both margins are those of the same plant. `settings` are Ix30 to Ix33 by name, `present` those of the machine.
     """
 
     factor: float
     gains: PidGains
     settings: dict[str, int]
+    present: dict[str, float]
     plant: AxisPlant
     before: LoopMargins
     after: LoopMargins
@@ -102,7 +103,15 @@ def _of_factor(
     rounded = gains_from_variables(replace(machine, controller=controller))
     shown = {name: value for name, value in settings.items() if not name.endswith(("34", "35"))}
     after = loop_margins(replace(loop, gains=rounded))
-    return GainProposal(factor=factor, gains=rounded, settings=shown, plant=loop.plant, before=before, after=after)
+    return GainProposal(
+        factor=factor,
+        gains=rounded,
+        settings=shown,
+        present=present_settings(machine, shown),
+        plant=loop.plant,
+        before=before,
+        after=after,
+    )
 
 
 def _good(margins: LoopMargins) -> bool:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from console.session.data.identified import responses_of
 from console.tui.tuning.loop_facts import MOST_RESPONSES
-from drivers.cutting.strategy import Strategy
 from drivers.identification.result import IdentifiedResponse, unfit_problems
 from drivers.identification.tool_loop import ToolLoop
 from profiles.arrays import complexes, floats
@@ -20,16 +19,11 @@ from profiles.machine import MachineProfile
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GainFacts:
-    """A proposal, None where there is none; `date` is that of the response it rests on, "" for the profile.
-
-    `present` are Ix30 to Ix33 as they are now, `motor` that of the tool.
-    """
+    """A proposal, None where there is none; `date` is that of the response it rests on, "" for the profile."""
 
     proposal: GainProposal | None
     plant: AxisPlant
     date: str
-    motor: int
-    present: dict[str, float]
 
 
 def gain_facts(machine: MachineProfile, read: ToolLoop | None, data: Path, *, simulated: bool) -> GainFacts:
@@ -39,7 +33,7 @@ def gain_facts(machine: MachineProfile, read: ToolLoop | None, data: Path, *, si
     date = ""
     for kept in responses_of(data, here.name, MOST_RESPONSES):
         found = kept.response
-        if found is None or found.path is not Strategy.PVT:  # the others have the age of their source
+        if found is None or found.path.traits.late_cycles(here):  # it would have the age of its source as a delay
             continue
         if unfit_problems(found, here, found.path, simulated=simulated):
             continue
@@ -47,14 +41,10 @@ def gain_facts(machine: MachineProfile, read: ToolLoop | None, data: Path, *, si
         if plant is not None:
             loop, date = loop_of(here, plant), found.date
             break
-    motor = here.tool.motor
-    names = [f"I{motor}{number}" for number in range(30, 34)]
     return GainFacts(
         proposal=proposed_gains(here, loop),
         plant=loop.plant,
         date=date,
-        motor=motor,
-        present={name: here.controller.variables[name] for name in names},
     )
 
 

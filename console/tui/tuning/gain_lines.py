@@ -32,7 +32,7 @@ def gain_proposal_lines(facts: GainFacts, text: Catalogue, width: int) -> list[L
     if found is None:
         return wrapped(text("tune_page.no_proposal"), width, Token.WARNING) + rests
     lines = [_row("", text("tune_page.present"), text("tune_page.proposed"), head=True)]
-    for name, value in facts.present.items():
+    for name, value in found.present.items():
         lines.append(_row(name, f"{value:g}", f"{found.settings[name]}"))
     gains = found.gains
     for key, value in (("kp", gains.kp_v_per_m), ("ki", gains.ki_v_per_m_s), ("kd", gains.kd_v_s_per_m)):
