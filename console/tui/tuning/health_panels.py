@@ -8,7 +8,7 @@ from textual.containers import Horizontal, Vertical
 from textual.geometry import Size
 
 from console.session.data.health import KeptHealth
-from console.tui.lines import Line, Sheet, clipped, dim, line
+from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
 from console.tui.plot.trace_view import TraceView
 from console.tui.records.beside import Problems
 from console.tui.tuning.health_lines import figure_lines, step_picture, trend_lines
@@ -64,6 +64,6 @@ class HealthPanels(Vertical):
         title = "tune_page.armed" if armed else "tune_page.figures"
         self.figures.show(clipped(lines, size.height, text("panel.more")), text(title))
         self.step.show(step_picture(None if test is None else test.result, before))
-        self.step.border_title = text("tune_page.step")
+        entitle(self.step, text("tune_page.step"))
         trend = self.trend.size
         self.trend.show(trend_lines(kept, selected, text, trend.width, trend.height), text("tune_page.trend"))
