@@ -25,6 +25,7 @@ NAMES = (
     "records_page",
     "jobs_page",
     "command_start",
+    "at_rest",
     "first_paint",
     "preview",
     "plots",

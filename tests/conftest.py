@@ -13,17 +13,15 @@ from collections.abc import Generator
 import pytest
 from hypothesis import HealthCheck, settings
 
-import console.session.data.stop_records
-import drivers.cutting.planning
 import tests.side_by_side
-from tests.remembered import FOLDER, run_through_once, stop_record_once
+from tests.remembered import FOLDER, remember
 from tests.side_by_side import shares
 
 # No deadline and no health check of speed: a loaded machine is not a defect.
 EXPLORE = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("explore", EXPLORE)
 # What is the same in each run is seen by its first examples or not at all; the many are for exploring.
-settings.register_profile("steady", EXPLORE, derandomize=True, database=None, max_examples=40)
+settings.register_profile("steady", EXPLORE, derandomize=True, database=None, max_examples=30)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 # The tests start some hundreds of programs, and each worker imports all of the tests: without kept bytecode each
@@ -37,9 +35,8 @@ for _name in [name for name in os.environ if name.startswith("TRILOBE_") and nam
     del os.environ[_name]
 
 
-# Pure functions, asked some hundreds of times for the same few programs and lathes.
-drivers.cutting.planning.run_through = run_through_once  # type: ignore[attr-defined]
-console.session.data.stop_records.simulated_record = stop_record_once
+# Pure functions, asked some hundreds of times for the same few programs and lathes, in many processes.
+remember()
 
 
 ALL_BUT_LONG = pytest.StashKey[bool]()

@@ -26,8 +26,7 @@ from pathlib import Path
 from pkgutil import walk_packages
 from typing import Any, NoReturn
 
-import console.session.data.stop_records as stop_records
-from tests.remembered import stop_record_once
+from tests.remembered import remember
 
 PROGRAM, SIMULATOR = "console", "drivers.simulator"
 PACKAGES = ("profiles", "drivers", "console")
@@ -120,13 +119,13 @@ def _zygote() -> socket.socket:
 def _serve(line: socket.socket) -> list[str] | None:
     """Make copies as long as they are asked for. Return, in a copy, its words; else None at the end.
 
-    How a simulated lathe stops is measured by one of all these processes.
+    What depends only on what is asked is found out by one of all these processes (tests/remembered.py).
     """
     for package in PACKAGES:
         for module in walk_packages(import_module(package).__path__, f"{package}."):
             if module.name != f"{SIMULATOR}.__main__":
                 import_module(module.name)
-    stop_records.simulated_record = stop_record_once
+    remember(programs=True)
     gc.collect()
     gc.freeze()
     while True:

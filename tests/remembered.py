@@ -1,7 +1,7 @@
 """What depends on nothing but what is asked, found out once: most tests cut a few parts on a few lathes.
 
-To run a program through takes a tenth of a short cut in simulation; to measure how a simulated lathe stops, which
-each process does before its first cut, takes more than that cut.
+To run a program through takes a tenth of a short cut in simulation. To measure how a simulated lathe stops, which
+each process does before its first cut, takes more than that cut; so does the summary of its servo loop.
 """
 
 from __future__ import annotations
@@ -9,19 +9,25 @@ from __future__ import annotations
 import os
 import pickle
 from collections import OrderedDict
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
 from datetime import date
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from typing import TypeVar
 
 import console.session.data.stop_records as stop_records
+import drivers.cutting.planning
 from drivers.commissioning.stop_record import StopRecord
 from drivers.pmac.axes import AxisDefinition
 from drivers.pmac.check import CheckedProgram, run_through
 from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.program_text import ProgramText
+from profiles.axis import servo
 from profiles.machine import MachineProfile
+
+Found = TypeVar("Found")
 
 FOLDER = "FOLDER_OF_THE_REMEMBERED"
 """The variable that names the folder for what all processes of a run of tests share."""
@@ -45,25 +51,57 @@ def run_through_once(
     if asked in _kept:
         _kept.move_to_end(asked)
     else:
-        _kept[asked] = run_through(text, i_variables, definitions, start, dialect)
+        _kept[asked] = _find(asked, lambda: run_through(text, i_variables, definitions, start, dialect))
         if len(_kept) > AT_MOST:
             _kept.popitem(last=False)
     return _kept[asked]
 
 
 _measure = stop_records.simulated_record
+_summarise = servo._summary
 
 
 def stop_record_once(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:
-    """Measure a simulated machine as the function of that name does, or find what another process has measured."""
-    name = sha256(f"{dialect.name} {machine!r}".encode()).hexdigest()
-    path = Path(os.environ[FOLDER]) / name if FOLDER in os.environ else None
-    if path is not None and path.exists():
-        found: StopRecord = pickle.loads(path.read_bytes())
-        return replace(found, measured_at=now)
-    record = _measure(machine, dialect, now)
-    if path is not None:
-        own = path.with_name(f"{name}-{os.getpid()}")
-        own.write_bytes(pickle.dumps(record))
-        own.replace(path)
-    return record
+    """Measure a simulated machine as the function of that name does."""
+    record = _once((dialect.name, machine), lambda: _measure(machine, dialect, now))
+    return replace(record, measured_at=now)
+
+
+@cache
+def summary_once(numerator: tuple[float, ...], denominator: tuple[float, ...]) -> servo.Eq9Summary:
+    """Summarise the loop of a tool as the function of that name does, which imports more than all else."""
+    return _once((numerator, denominator), lambda: _summarise(numerator, denominator))
+
+
+def remember(*, programs: bool = False) -> None:
+    """Have the functions themselves remember, in this process and its copies.
+
+    `programs` are remembered for other processes as well, which pays where each process plans a few.
+    """
+    global _find
+    _find = _once if programs else _in_this_process
+    drivers.cutting.planning.run_through = run_through_once  # type: ignore[attr-defined]
+    stop_records.simulated_record = stop_record_once
+    servo._summary = summary_once
+
+
+def _in_this_process(asked: Hashable, make: Callable[[], Found]) -> Found:
+    return make()
+
+
+_find = _in_this_process
+
+
+def _once(asked: Hashable, make: Callable[[], Found]) -> Found:
+    """Return what another process of this run has found, or find it."""
+    if FOLDER not in os.environ:
+        return make()
+    path = Path(os.environ[FOLDER]) / sha256(repr(asked).encode()).hexdigest()
+    if path.exists():
+        kept: Found = pickle.loads(path.read_bytes())
+        return kept
+    found = make()
+    own = path.with_name(f"{path.name}-{os.getpid()}")
+    own.write_bytes(pickle.dumps(found))
+    own.replace(path)
+    return found

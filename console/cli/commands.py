@@ -32,6 +32,7 @@ COMMANDS = {
     "backup": "console.cli.site.backup",
     "restore": "console.cli.site.restore",
     "identify": "console.cli.machine.identify",
+    "health": "console.cli.machine.health",
     "calibrate": "console.cli.measured.calibrate",
     "learn": "console.cli.measured.learn",
     "records": "console.cli.measured.records",

@@ -30,7 +30,7 @@ def fill_in(options: Namespace, configuration: Configuration) -> None:
     With --sim the link of the configuration does not count: nothing real moves. The operator has no option; the
     name is left in the environment of this process, where the records look for it.
     """
-    found = with_options(configuration, options)
+    options.configuration = found = with_options(configuration, options)
     options.data, options.machine = found.value("data"), found.value("machine")
     if not options.sim:
         options.link = found.value("link")

@@ -14,6 +14,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from console.session.appearance import CHOICES, KEYS_CAP_CHARACTERS, fault_in_keys
 from console.session.data.home import home_of
 from profiles.words.sentences import LANGUAGES
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 SITE_FILE = Path("/etc/trilobe/config.toml")
 PREFIX = "TRILOBE_"
-KEYS = ("data", "machine", "link", "language", "operator")
+KEYS = ("data", "machine", "link", "language", "operator", *CHOICES, "keys")
 OTHER_VARIABLES = ("TRILOBE_TRACEBACK",)
 """Variables of ours that are no settings."""
 
@@ -180,6 +181,8 @@ def _fields() -> tuple[Field, ...]:
         Field(key="link", kind=Kind.TEXT, optional=True, longest=LONGEST_PATH),
         Field(key="language", kind=Kind.CHOICE, choices=LANGUAGES, optional=True),
         Field(key="operator", kind=Kind.TEXT, optional=True),
+        *(Field(key=key, kind=Kind.CHOICE, choices=each, optional=True) for key, each in CHOICES.items()),
+        Field(key="keys", kind=Kind.TEXT, optional=True, longest=KEYS_CAP_CHARACTERS),
     )
 
 
@@ -207,6 +210,8 @@ def _fault(key: str, value: str) -> Problem | None:
     # Relative to what? The folder of the file and that in which the console was started are both guesses.
     if is_path and not os.path.isabs(value):
         return Problem(code="config.relative_path", value=spelled(value))
+    if key == "keys" and (entry := fault_in_keys(value)):
+        return Problem(code="config.bad_key", value=spelled(entry))
     if key == "link":
         from drivers.link.address import parse_address
 

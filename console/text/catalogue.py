@@ -8,7 +8,7 @@ from pathlib import Path
 
 from profiles.words.sentences import LANGUAGES, Sentences, entries_in, words_of
 
-__all__ = ["LANGUAGES", "Catalogue", "choose_language", "load"]
+__all__ = ["LANGUAGES", "Catalogue", "LiveCatalogue", "choose_language", "load"]
 
 
 class Catalogue(Sentences):
@@ -19,10 +19,26 @@ class Catalogue(Sentences):
         self.language = language
 
 
+class LiveCatalogue(Catalogue):
+    """Texts that can go on in another language, for whatever holds them."""
+
+    def __init__(self, language: str) -> None:
+        super().__init__(language, _entries_of(language))
+
+    def speak(self, language: str) -> None:
+        """Go on in another language of `LANGUAGES`."""
+        self._entries, self.language = _entries_of(language), language
+
+
 @cache
 def load(language: str) -> Catalogue:
     """Read the catalogue of a language in `LANGUAGES`."""
-    return Catalogue(language, {**words_of(language), **entries_in(Path(__file__).parent / language)})
+    return Catalogue(language, _entries_of(language))
+
+
+@cache
+def _entries_of(language: str) -> Mapping[str, str]:
+    return {**words_of(language), **entries_in(Path(__file__).parent / language)}
 
 
 def choose_language(

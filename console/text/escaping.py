@@ -16,7 +16,7 @@ CELLS = "console.cells"
 # Faster than checking each character, and nearly every text has none of them.
 _STRANGE = re.compile(r"[^\n\t\x20-\x7e\uac00-\ud7a3]+")
 
-_LIKE = str.maketrans(
+LIKE = str.maketrans(
     {
         **dict.fromkeys("·–—─╌", "-"),
         **dict.fromkeys("│┃", "|"),
@@ -74,7 +74,7 @@ def _replaced(error: UnicodeError) -> tuple[str, int]:
     """Return the replacement for what an encoding lacks: something similar, or question marks."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
-    lost = error.object[error.start : error.end].translate(_LIKE)
+    lost = error.object[error.start : error.end].translate(LIKE)
     return "".join(_in_ascii(c) for c in lost), error.end
 
 

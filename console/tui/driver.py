@@ -28,6 +28,7 @@ from console.tui.scanning.collector import Collector, Scan
 WAIT_S = 0.1  # time that the reading thread waits for a key before it checks whether to end
 CHUNK = 4096
 
+MOUSE_ON, MOUSE_OFF = "\x1b[?1000h\x1b[?1006h", "\x1b[?1006l\x1b[?1000l"
 PASTE_BEGINS, PASTE_ENDS = "\x1b[200~", "\x1b[201~"
 PASTE_SILENCE_S = 0.5  # timeout within a paste
 
@@ -88,6 +89,7 @@ class StopDriver(LinuxDriver):
         self._pace: Pace[events.Key] = Pace()
         self._codes = Collector()
         self._stopped_s = float("-inf")
+        self._reports_mouse = False
         # A suspended console cannot stop anything. And Textual answers each SIGCONT, which comes with a hang-up,
         # with one more thread that reads the same terminal.
         for number in (signal.SIGTSTP, signal.SIGCONT):
@@ -121,6 +123,21 @@ class StopDriver(LinuxDriver):
             for key in self._pace.due(time.monotonic()):
                 super().process_message(key)
             self._tell(self._codes.due(time.monotonic()))
+
+    def report_mouse(self, on: bool) -> None:
+        """Ask the terminal for clicks and the wheel (1000), in decimals (1006); or for nothing any more.
+
+        Not for motion (1002, 1003): a drag would send a report for each cell.
+        """
+        if on is not self._reports_mouse:
+            self._reports_mouse = on
+            self.write(MOUSE_ON if on else MOUSE_OFF)
+            self.flush()
+
+    def disable_input(self) -> None:
+        """Stop reading; the terminal is left without reports of the mouse."""
+        self.report_mouse(False)
+        super().disable_input()
 
     def _hear(self, key: events.Key, now_s: float) -> None:
         target = cast(StopTarget, self._app)

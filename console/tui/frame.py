@@ -5,18 +5,20 @@ Each has one line, in a fixed place. A longer message takes further lines from t
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 
 from rich.cells import cell_len
 
+from console.session.appearance import OwnKeys
 from console.session.station.alarms import Alarm, Priority, foremost, unseen
 from console.session.station.holding import is_paused
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
-from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, actions_of
+from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, actions_of, written_key
 from console.tui.lines import BLANK, Line, clipped, dim, hanging, line, name_in, plain, ranged, width_of, wrapped
 from console.tui.link.holder_lines import observing, onlookers
 from console.tui.link.lost_lines import is_watched, lost_step
@@ -37,7 +39,7 @@ _FIRST_SERVED = ("stop", "alarm", "next")  # rows that may have several lines, i
 class Frame:
     """Input of the rows. `said` answers the last key; `clock` is local, `now_s` machine time.
 
-    `badge` is shown before everything else: what is shown is not a machine.
+    `own` are keys of the operator's own. `badge` is shown before everything else: what is shown is not a machine.
     """
 
     text: Catalogue
@@ -50,6 +52,7 @@ class Frame:
     clock: datetime
     now_s: float
     job: str = ""
+    own: OwnKeys = dataclasses.field(default_factory=dict)
     badge: str = ""
 
 
@@ -242,6 +245,8 @@ def keys_row(frame: Frame, width: int) -> list[Line]:
         written = action.shown if action.row is None else action.row
         if not written:
             continue
+        if (mine := frame.own.get(action.id)) is not None:
+            written = f"{written_key(mine)} {action.row or ''}".rstrip()
         fresh = [(written, Token.KEY), (f" {frame.text(f'key.{action.id}')}  ", Token.DIM)]
         room -= width_of(tuple(fresh))
         if room < 0:

@@ -6,10 +6,13 @@ screen, and in the application, which does the rest.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from console.session.appearance import OwnKeys
+from console.session.station.state import Activity, StationState
 from console.tui.keymap import (
     CLOSE,
     KILL_KEYS,
@@ -31,6 +34,7 @@ UNREADABLE, PASTED = "unreadable", "paste"
 
 WRITTEN = {"pageup": "PgUp", "pagedown": "PgDn"}  # keys written otherwise than by their Textual names
 HARMLESS_KEYS = frozenset({"shift", "ctrl", "alt", "super", "hyper", "meta", "caps_lock", "num_lock"})
+SETTLED_S = 1.0  # time after the last command until a poll shows whether it causes motion
 REPEAT_S = 0.8  # presses of one key that come sooner than this are the terminal's repeats of a held key
 
 
@@ -59,7 +63,7 @@ class Situation:
     `reading`: a list is in place of the page, and the keys that scroll it do nothing else. `jogging` is
     whether the motion is a jog step, `jog` the action that requested the last one. `at_rest`: it is known that
     nothing moves, nor is about to. `seeking`: the list is the palette, into which words are typed; its `field` is
-    text only while it is known that nothing moves.
+    text only while it is known that nothing moves. `own` are the keys of the operator's own.
     """
 
     page: PageName
@@ -71,6 +75,18 @@ class Situation:
     jog: str | None = None
     at_rest: bool = False
     seeking: bool = False
+    own: OwnKeys = dataclasses.field(default_factory=dict)
+
+
+def known_at_rest(state: StationState, now_s: float, acted_s: float, *, queued: bool) -> bool:
+    """Whether nothing moves, nor will by a command of `acted_s` that the machine has not begun yet.
+
+    `queued`: steps of a jog are still to be made.
+    """
+    if state.activity is Activity.CONNECTING:
+        return True
+    settled = now_s - acted_s > SETTLED_S and not state.is_stale(now_s)
+    return settled and not (state.seen_moving or state.may_move or queued)
 
 
 def stops_at_once(key: str, now: Situation) -> bool:
@@ -111,7 +127,7 @@ def _sought(key: str, character: str | None, now: Situation) -> tuple[Verdict, A
     """Return the decision about a key while the palette is open: text or a choice; in motion every key stops."""
     if now.moving:
         return (Verdict.NOTHING if is_modifier(key) else Verdict.STOP), None
-    of_page = action_of(key, character, now.page)
+    of_page = action_of(key, character, now.page, now.own)
     if not now.small:
         chosen = next((each for each in (*READING, TAKE) if key in each.keys), None)
         if chosen is not None:
@@ -135,7 +151,7 @@ def _action(key: str, character: str | None, now: Situation) -> Action | None:
     """Return the action of a key: of the open list or the page, and none that would interrupt a number."""
     if now.reading and (scrolling := next((each for each in READING if key in each.keys), None)):
         return scrolling
-    action = action_of(key, character, now.page)
+    action = action_of(key, character, now.page, now.own)
     if action is None or (now.small and action.id != "quit"):
         return None
     if action is PALETTE and now.field is not FieldKind.NONE:  # it has an entry of its own

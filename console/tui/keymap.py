@@ -7,9 +7,11 @@ on Enter. Stop is no ordinary binding: it is decided first, in `gate.py`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, StrEnum, auto
 
+from console.session.appearance import OwnKeys
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, dim, fitted, line, wrapped
 from console.tui.theme import Token
@@ -39,6 +41,7 @@ class PageName(StrEnum):
     ALARMS = "alarms"
     MORE = "more"
     SETTINGS = "settings"
+    LOG = "log"
     TUNE = "tune"
     CALIBRATE = "calibrate"
     CONTROLLER = "controller"
@@ -95,6 +98,7 @@ ACTIONS: tuple[Action, ...] = (
         for page, digit in DIGITS.items()
     ),
     Action(id="page.settings", keys=(), shown="0 s", beside=True),
+    Action(id="page.log", keys=(), shown="0 l", beside=True),
     Action(id="page.tune", keys=(), shown="0 u", beside=True),
     Action(id="page.calibrate", keys=(), shown="0 c", beside=True),
     Action(id="page.controller", keys=(), shown="0 d", beside=True),
@@ -161,6 +165,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="align.flank", keys=("i", "ㅑ"), shown="i", row="", once=True),
     Action(id="align.skim", keys=("m", "ㅡ"), shown="m", row="", once=True),
     Action(id="align.force", keys=("f", "ㄹ"), shown="f", row=""),
+    Action(id="align.hold", keys=("h", "ㅗ"), shown="h", row=""),
     Action(id="align.back", keys=("b", "ㅠ"), shown="b", row=""),
     Action(id="align.off", keys=("f3",), shown="F3", stops=Stops.MOTION),
     Action(id="run.arm", keys=("f5",), shown="F5", once=True),
@@ -221,13 +226,36 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="more.up", keys=("up",), shown="↑", row="↑↓"),
     Action(id="more.down", keys=("down",), shown="↓", row="", beside=True),
     Action(id="more.open", keys=("enter",), shown="Enter"),
-    Action(id="more.settings", keys=("s", "ㄴ"), shown="s"),
-    Action(id="more.tune", keys=("u", "ㅕ"), shown="u"),
-    Action(id="more.calibrate", keys=("c", "ㅊ"), shown="c"),
+    Action(id="more.settings", keys=("s", "ㄴ"), shown="s", row=""),
+    Action(id="more.log", keys=("l", "ㅣ"), shown="l", row=""),
+    Action(id="settings.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="settings.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="settings.change", keys=("enter",), shown="Enter"),
+    Action(id="settings.next", keys=("right",), shown="→", row=""),
+    Action(id="settings.previous", keys=("left",), shown="←"),
+    Action(id="settings.remove", keys=("d", "ㅇ"), shown="d"),
+    Action(id="settings.page_up", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="settings.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="settings.first", keys=("home",), shown="Home", row="", beside=True),
+    Action(id="settings.last", keys=("end",), shown="End", row="", beside=True),
+    Action(id="log.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="log.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="log.search", keys=("/",), shown="/"),
+    Action(id="log.export", keys=("x", "ㅌ"), shown="x"),
+    Action(id="log.take", keys=("enter",), shown="Enter", row=""),
+    Action(id="log.page_up", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="log.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="log.first", keys=("home",), shown="Home", row="", beside=True),
+    Action(id="log.last", keys=("end",), shown="End", row="", beside=True),
+    Action(id="more.tune", keys=("u", "ㅕ"), shown="u", row=""),
+    Action(id="more.calibrate", keys=("c", "ㅊ"), shown="c", row=""),
     Action(id="tune.view", keys=("v", "ㅍ"), shown="v"),
     Action(id="tune.up", keys=("up",), shown="↑", row="↑↓"),
     Action(id="tune.down", keys=("down",), shown="↓", row="", beside=True),
     Action(id="tune.read", keys=("r", "ㄱ"), shown="r"),
+    Action(id="tune.kind", keys=("x", "ㅌ"), shown="x"),
+    Action(id="tune.arm", keys=("f5",), shown="F5", once=True),
+    Action(id="tune.start", keys=("f6",), shown="F6", moves=True, once=True),
     Action(id="calibrate.kind", keys=("v", "ㅍ"), shown="v"),
     Action(id="calibrate.view", keys=("p", "ㅔ"), shown="p"),
     Action(id="calibrate.up", keys=("up",), shown="↑", row="↑↓"),
@@ -239,8 +267,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="calibrate.undo", keys=("u", "ㅕ"), shown="u", row=""),
     Action(id="calibrate.drop", keys=("d", "ㅇ"), shown="d", row="", once=True),
     Action(id="calibrate.keep", keys=("a", "ㅁ"), shown="a", once=True),
-    Action(id="more.controller", keys=("d", "ㅇ"), shown="d"),
-    Action(id="more.scope", keys=("o", "ㅐ"), shown="o"),
+    Action(id="more.controller", keys=("d", "ㅇ"), shown="d", row=""),
+    Action(id="more.scope", keys=("o", "ㅐ"), shown="o", row=""),
     Action(id="controller.left", keys=("left",), shown="←", row="←→"),
     Action(id="controller.right", keys=("right",), shown="→", row="", beside=True),
     Action(id="controller.up", keys=("up",), shown="↑", row=""),
@@ -287,10 +315,34 @@ TAKE = Action(id="list.take", keys=("enter",), shown="Enter", once=True)
 """What Enter does in the palette: it shows the page of an action, or performs one that moves nothing."""
 
 
-def action_of(key: str, character: str | None, page: PageName) -> Action | None:
-    """Return the action of a key on a page, None where it has none."""
+NO_KEYS: OwnKeys = {}
+_BY_ID: Mapping[str, Action] = {action.id: action for action in ACTIONS}
+_JAMO = dict(
+    zip("qwertyuiopasdfghjklzxcvbnm", "ㅂㅈㄷㄱㅅㅛㅕㅑㅐㅔㅁㄴㅇㄹㅎㅗㅓㅏㅣㅋㅌㅊㅍㅠㅜㅡ", strict=True)
+)
+"""What the key of each letter writes in a Hangul layout."""
+
+
+def action_of(key: str, character: str | None, page: PageName, own: OwnKeys = NO_KEYS) -> Action | None:
+    """Return the action of a key on a page, None where it has none; `own` keys are keys as well."""
     of_page = (action for action in ACTIONS if action.page in (None, page))
-    return next((action for action in of_page if key in action.keys or character in action.keys), None)
+    found = next((action for action in of_page if key in action.keys or character in action.keys), None)
+    if found is not None or not own:
+        return found
+    pressed = {key, *(letter for letter, jamo in _JAMO.items() if jamo in (key, character))}
+    mine = (_BY_ID[name] for name, each in own.items() if each in pressed and name in _BY_ID)
+    return next((action for action in mine if action.page in (None, page)), None)
+
+
+def written_key(key: str) -> str:
+    """Return a letter or a function key as the screens write it: "q", "F10"."""
+    return key.upper() if len(key) > 1 else key
+
+
+def shown_key(action: Action, own: OwnKeys) -> str:
+    """Return the keys of an action in the lists, an own one first."""
+    mine = own.get(action.id)
+    return action.shown if mine is None else f"{written_key(mine)} {action.shown}"
 
 
 def actions_of(page: PageName) -> tuple[Action, ...]:
@@ -298,20 +350,29 @@ def actions_of(page: PageName) -> tuple[Action, ...]:
     return tuple(action for action in ACTIONS if action.page is page)
 
 
-def help_lines(text: Catalogue, page: PageName, number: int, width: int) -> list[Line]:
+def words_of(text: Catalogue, action: Action) -> str:
+    """Return what the help says of an action; one without a row of its own has the words of the key before."""
+    key = f"key_help.{action.id}"
+    if not action.beside or text(key) != key:
+        return text(key)
+    before = ACTIONS[: ACTIONS.index(action)]
+    return text(f"key_help.{next(each.id for each in reversed(before) if not each.beside)}")
+
+
+def help_lines(text: Catalogue, page: PageName, number: int, width: int, own: OwnKeys = NO_KEYS) -> list[Line]:
     """Return the list `number`, from 1 to `LISTS`; a long sentence continues in the next row."""
     if number == 1:
         rows = [line((text(f"page.{page}"), Token.TITLE))]
         for action in actions_of(page):
-            if not action.beside:
-                rows += _row(action.shown, text(f"key_help.{action.id}"), width)
+            if not action.beside or action.id in own:
+                rows += _row(shown_key(action, own), words_of(text, action), width)
         return [*rows, BLANK, line(dim(text("help.more")))]
     rows = [line((text("help.everywhere"), Token.TITLE))]
     for shown, said in (("Space", text("help.stop")), ("F9", text("help.kill")), ("", text("help.unbound"))):
         rows += _row(shown, said, width)
     for action in ACTIONS:
-        if action.page is None and action is not CLOSE and not action.beside:  # the last row names it
-            rows += _row(action.shown, text(f"key_help.{action.id}"), width)
+        if action.page is None and action is not CLOSE and (not action.beside or action.id in own):
+            rows += _row(shown_key(action, own), words_of(text, action), width)
     return [*rows, line(dim(text("help.terms")))]
 
 

@@ -104,7 +104,7 @@ class ListPanel(Sheet):
         elif self.shown == TERMS:
             self._lay(glossary_lines(frame.text, frame.page, width))
         else:
-            self._lay(help_lines(frame.text, frame.page, self.shown, width))
+            self._lay(help_lines(frame.text, frame.page, self.shown, width, frame.own))
 
     def _lay(self, rows: Sequence[Line]) -> None:
         self._rows = tuple(rows)

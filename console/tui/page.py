@@ -44,6 +44,9 @@ class Page(Container):
     def act(self, action: str) -> None:
         """Perform the action of one of the page's own keys."""
 
+    def point(self, panel: Widget, row: int) -> None:
+        """Choose what is in a row of a panel, from 0: a click at rest. Nothing moves, and nothing is confirmed."""
+
     def heard(self, action: str | None) -> None:
         """Note a key before it is acted on, whatever it means: the action, None without one."""
 

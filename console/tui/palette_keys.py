@@ -46,7 +46,7 @@ class PaletteKeys:
         opening = self._panel.opening
         if not alike or opening != self._opening or now_s - self._judged_s > JUDGED_FOR_S:
             self._judged_for, self._opening, self._judged_s = judged_for, opening, now_s
-            self._panel.search(entries(ui.text, page, self._why_not))
+            self._panel.search(entries(ui.text, page, self._why_not, ui.appearance.keys))
 
     def write(self, key: str, character: str | None) -> None:
         """Take a key of the entry: a character, or Backspace, which without a character closes the palette."""

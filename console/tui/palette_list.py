@@ -5,8 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from console.session.appearance import OwnKeys
 from console.text.catalogue import Catalogue
-from console.tui.keymap import ACTIONS, CLOSE, KEY_WIDTH, PALETTE, Action, PageName, actions_of
+from console.tui.keymap import (
+    ACTIONS,
+    CLOSE,
+    KEY_WIDTH,
+    NO_KEYS,
+    PALETTE,
+    Action,
+    PageName,
+    actions_of,
+    shown_key,
+    words_of,
+)
 from console.tui.lines import Line, dim, fitted, hanging, line, ranged, width_of, wrapped
 from console.tui.pages.fields import named
 from console.tui.theme import Token
@@ -26,9 +38,13 @@ WhyNot = Callable[[Action], tuple[Problem, ...]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """An action with its words in the present language; `reasons`: why it cannot be done now."""
+    """An action with its words in the present language; `reasons`: why it cannot be done now.
+
+    `key` is how its keys are written, one of the operator's own first.
+    """
 
     action: Action
+    key: str = ""
     words: str
     page_name: str
     reasons: tuple[Problem, ...] = ()
@@ -39,47 +55,39 @@ class Entry:
         return not self.action.moves and self.action not in STOPPING
 
 
-def entries(text: Catalogue, page: PageName, why_not: WhyNot) -> tuple[Entry, ...]:
+def entries(text: Catalogue, page: PageName, why_not: WhyNot, own: OwnKeys = NO_KEYS) -> tuple[Entry, ...]:
     """Return every action: of the page that is shown, then of every page, then of the others."""
     everywhere = (each for each in ACTIONS if each.page is None and each not in (CLOSE, PALETTE))
     others = (action for other in PageName if other is not page for action in actions_of(other))
-    own = [_entry(text, action, why_not(action)) for action in actions_of(page)]
+
+    def entry(action: Action, reasons: tuple[Problem, ...]) -> Entry:
+        page_name = text("help.everywhere") if action.page is None else text(f"page.{action.page}")
+        words = text(f"help.{action.id}") if action in STOPPING else words_of(text, action)
+        key = shown_key(action, own)
+        return Entry(action=action, key=key, words=words, page_name=page_name, reasons=reasons)
+
     return (
-        *own,
-        *(_entry(text, action, ()) for action in STOPPING),
-        *(_entry(text, action, why_not(action)) for action in (*everywhere, *others)),
+        *(entry(action, why_not(action)) for action in actions_of(page)),
+        *(entry(action, ()) for action in STOPPING),
+        *(entry(action, why_not(action)) for action in (*everywhere, *others)),
     )
-
-
-def _entry(text: Catalogue, action: Action, reasons: tuple[Problem, ...]) -> Entry:
-    page_name = text("help.everywhere") if action.page is None else text(f"page.{action.page}")
-    return Entry(action=action, words=_words(text, action), page_name=page_name, reasons=reasons)
-
-
-def _words(text: Catalogue, action: Action) -> str:
-    """Return what the help says of an action; one without a row of its own has the words of the key before."""
-    key = f"help.{action.id}" if action in STOPPING else f"key_help.{action.id}"
-    if not action.beside or text(key) != key:
-        return text(key)
-    before = ACTIONS[: ACTIONS.index(action)]
-    return text(f"key_help.{next(each.id for each in reversed(before) if not each.beside)}")
 
 
 def found(listed: Sequence[Entry], query: str) -> tuple[Entry, ...]:
     """Return the entries with every typed word in their words, key or page; those of just this key come first."""
     typed = query.casefold().split()
     hits = [entry for entry in listed if all(word in _searched(entry) for word in typed)]
-    exact = [entry for entry in listed if typed and query.strip().casefold() in _names(entry.action)]
+    exact = [entry for entry in listed if typed and query.strip().casefold() in _names(entry)]
     return (*exact, *(entry for entry in hits if entry not in exact))
 
 
-def _names(action: Action) -> set[str]:
-    return {*action.keys, *action.shown.casefold().split()}
+def _names(entry: Entry) -> set[str]:
+    return {*entry.action.keys, *entry.key.casefold().split()}
 
 
 def _searched(entry: Entry) -> str:
     written = [key for key in entry.action.keys if len(key) > 1]
-    return " ".join((entry.action.shown, *written, entry.words, entry.page_name)).casefold()
+    return " ".join((entry.key, *written, entry.words, entry.page_name)).casefold()
 
 
 def palette_lines(
@@ -103,7 +111,7 @@ def _entry_lines(text: Catalogue, entry: Entry, width: int, *, full: bool) -> li
     page = line(dim(f" {entry.page_name}"))
     room = max(width - _INDENT - width_of(page), 8)
     words = wrapped(entry.words, room, token) if full else [((fitted(entry.words, room).rstrip(), token),)]
-    head = ranged((mark, (fitted(entry.action.shown, KEY_WIDTH), key_token), *words[0]), page, width)
+    head = ranged((mark, (fitted(entry.key, KEY_WIDTH), key_token), *words[0]), page, width)
     rows: list[Line] = [head, *((dim(" " * _INDENT), *more) for more in words[1:])]
     for problem in entry.reasons[: None if full else 1]:
         reason = text.problem(named(problem, text))

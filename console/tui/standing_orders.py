@@ -1,9 +1,10 @@
-"""Commands available on every page: recover after a stop, take control, acknowledge alarms."""
+"""Commands available on every page: recover after a stop, take control, acknowledge alarms, quit."""
 
 from __future__ import annotations
 
 from console.session.station.alarms import foremost
 from console.tui.ui_context import UiContext
+from profiles.job import Job
 from profiles.problem import Problem
 
 TAKE_OVER_WITHIN_S = 5.0  # time in which the key that takes control has to be pressed again
@@ -15,6 +16,7 @@ class StandingOrders:
     def __init__(self, ui: UiContext) -> None:
         self._ui = ui
         self._asked_over_s = float("-inf")
+        self._given_up: Job | None = None
 
     def why_not(self, action: str) -> tuple[Problem, ...]:
         """Return why an action of every page has no effect now."""
@@ -64,3 +66,16 @@ class StandingOrders:
         front = foremost(alarms)
         listed = tuple(alarm.problem for alarm in (alarms if all_of_them or front is None else (front,)))
         self._ui.control.post(Acknowledge(shown=listed if all_of_them or chosen is None else (chosen,)))
+
+    def may_quit(self) -> bool:
+        """Whether nothing moves and no edit is lost that was not given up by pressing the key again."""
+        ui = self._ui
+        state, work = ui.control.state, ui.draft or ui.work
+        if state.moving:
+            ui.say("screen.quit_moving")
+            return False
+        if work is not None and work.edited and work.job is not self._given_up:
+            self._given_up = work.job
+            ui.say("screen.quit_unsaved", value=work.job.name or ui.text("setup.new_title"))
+            return False
+        return True

@@ -15,6 +15,8 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from console.cli.library import data_of, machine_of, simulated_address
+from console.session.appearance import Appearance, appearance_of
+from console.session.configuration import KEYS, Configuration
 from console.session.data.calibrated_chuck import calibrated_or_stated
 from console.session.errors import SessionError
 from console.session.flight.notes import Inbox, Kind
@@ -26,7 +28,7 @@ from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver
-from console.tui.theme import COLOUR, MONO
+from console.tui.theme import COLOUR, COLOUR_VARIABLE, MONO
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.tracing import Tracing
 from profiles.problem import Problem
@@ -69,8 +71,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     if requested is not None and not simulated:
         print(f"console: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE
+    appearance = _appearance(options.configuration, text)
     link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
-    app, control = _recorded(link, inbox, machine, data, text)
+    app, control = _recorded(link, inbox, machine, data, (text, appearance, options.configuration))
     ending = _Ending(link, app)
     ending.install()
     link.start()
@@ -79,6 +82,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     finally:
         if control.recorder is not None:
             control.recorder.leave()
+        text = app.ui.text  # in the language that was chosen last
         _leave(link, ending, text)
         if control.recorder is not None:
             control.recorder.close(ending.reason or ("crash" if app.fault is not None else ""))
@@ -89,11 +93,27 @@ def main(options: Namespace, text: Catalogue) -> int:
     return 0 if link.rested and ending.reason is None and app.return_code in (0, None) else 1
 
 
+def _appearance(configuration: Configuration, text: Catalogue) -> Appearance:
+    """Return how the screens are to look; ProblemError for an own key that no action can have."""
+    appearance = appearance_of({key: configuration.value(key) for key in KEYS}, text.language)
+    if appearance.keys:
+        from console.tui.settings.own_keys import faults
+
+        if problems := faults(appearance.keys, text):
+            raise SessionError(*problems)
+    return appearance
+
+
 def _recorded(
-    link: LinkThread, inbox: Inbox, machine: LoadedMachine, data: Path, text: Catalogue
+    link: LinkThread,
+    inbox: Inbox,
+    machine: LoadedMachine,
+    data: Path,
+    looks: tuple[Catalogue, Appearance, Configuration],
 ) -> tuple[ConsoleApp, RecordedControl]:
     """Return the screens on the link, and their control, which has a recorder after the first paint."""
     control = RecordedControl(link, inbox)
+    text, appearance, configuration = looks
 
     def begin() -> None:
         link.open()
@@ -102,13 +122,15 @@ def _recorded(
 
     app = ConsoleApp(
         text=text,
-        palette=MONO if os.environ.get("NO_COLOR") else COLOUR,
+        palette=MONO if os.environ.get(COLOUR_VARIABLE) else COLOUR,
         control=control,
         machine=machine,
         data=data,
         begin=begin,
         heard=lambda key: inbox.put(Kind.KEY, key),
         driver_class=StopDriver,
+        appearance=appearance,
+        configuration=configuration,
     )
     return app, control
 

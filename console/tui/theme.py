@@ -1,12 +1,14 @@
 """Colours of the screens: every word, line and trace has a token, a token has a style.
 
 Normal is grey; colour appears when something needs attention, and is never the only sign: each state also
-has a word and a mark. Magenta is the simulator's. All colours are distinct in 256-colour terminals.
+has a word and a mark. Magenta is the simulator's. All colours are distinct in 256-colour terminals. Here are the
+dark theme and the one without colour; the others are in `settings/themes.py`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Any
 
@@ -40,44 +42,103 @@ class Token(Enum):
     WANTED = auto()
 
 
-BACKGROUND = "#121416"
-_GREY, _DIM, _BRIGHT = "#c6c6c6", "#8a8a8a", "#ffffff"
-_BLUE, _YELLOW, _RED = "#5fafff", "#ffd75f", "#ff5f5f"
-_MAGENTA, _CYAN, _ORANGE = "#d75fd7", "#5fd7d7", "#ffaf5f"
 Palette = Mapping[Token, Style]  # a style for every token: a strip without a style is not drawn safely
 
 
-def _on_dark(colour: str, bold: bool = False, strike: bool = False) -> Style:
-    return Style(color=colour, bgcolor=BACKGROUND, bold=bold, strike=strike)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Colours:
+    """The colours of a theme; `block` is the text on a coloured block, `lit` the block of the stop key."""
+
+    background: str
+    text: str
+    dim: str
+    bright: str
+    action: str
+    warning: str
+    alarm: str
+    sim: str
+    ring: str
+    before: str
+    after: str
+    block: str
+    lit: str
 
 
-def _block(background: str) -> Style:
-    return Style(color="#000000", bgcolor=background, bold=True)
+DARK = Colours(
+    background="#121416",
+    text="#c6c6c6",
+    dim="#8a8a8a",
+    bright="#ffffff",
+    action="#5fafff",
+    warning="#ffd75f",
+    alarm="#ff5f5f",
+    sim="#d75fd7",
+    ring="#626262",
+    before="#ffaf5f",
+    after="#5fd7d7",
+    block="#000000",
+    lit="#ffffff",
+)
+BACKGROUND = DARK.background
 
 
-COLOUR: Palette = {
-    Token.TEXT: _on_dark(_GREY),
-    Token.DIM: _on_dark(_DIM),
-    Token.STRONG: _on_dark(_BRIGHT, bold=True),
-    Token.TITLE: _on_dark(_GREY, bold=True),
-    Token.SELECTED: _block(_GREY),
-    Token.ACTION: _on_dark(_BLUE, bold=True),
-    Token.OK: _on_dark(_GREY),
-    Token.WARNING: _on_dark(_YELLOW, bold=True),
-    Token.ALARM: _block(_RED),
-    Token.STALE: _on_dark(_DIM, strike=True),
-    Token.SIM: _block(_MAGENTA),
-    Token.STOP: _block(_BRIGHT),
-    Token.KEY: _on_dark(_BRIGHT),
-    Token.AXIS: _on_dark(_DIM),
-    Token.RING: _on_dark("#626262"),
-    Token.TOLERANCE: _on_dark(_GREY),
-    Token.MARK: _on_dark(_BRIGHT, bold=True),
-    Token.BEFORE: _on_dark(_ORANGE),
-    Token.AFTER: _on_dark(_CYAN),
-    Token.COMMAND: _on_dark(_ORANGE),
-    Token.WANTED: _on_dark(_CYAN),
-}
+def palette_of(colours: Colours) -> Palette:
+    """Return the style of each token in a theme."""
+
+    def on(colour: str, bold: bool = False, strike: bool = False) -> Style:
+        return Style(color=colour, bgcolor=colours.background, bold=bold, strike=strike)
+
+    def block(background: str) -> Style:
+        return Style(color=colours.block, bgcolor=background, bold=True)
+
+    return {
+        Token.TEXT: on(colours.text),
+        Token.DIM: on(colours.dim),
+        Token.STRONG: on(colours.bright, bold=True),
+        Token.TITLE: on(colours.text, bold=True),
+        Token.SELECTED: block(colours.text),
+        Token.ACTION: on(colours.action, bold=True),
+        Token.OK: on(colours.text),
+        Token.WARNING: on(colours.warning, bold=True),
+        Token.ALARM: block(colours.alarm),
+        Token.STALE: on(colours.dim, strike=True),
+        Token.SIM: block(colours.sim),
+        Token.STOP: block(colours.lit),
+        Token.KEY: on(colours.bright),
+        Token.AXIS: on(colours.dim),
+        Token.RING: on(colours.ring),
+        Token.TOLERANCE: on(colours.text),
+        Token.MARK: on(colours.bright, bold=True),
+        Token.BEFORE: on(colours.before),
+        Token.AFTER: on(colours.after),
+        Token.COMMAND: on(colours.before),
+        Token.WANTED: on(colours.after),
+    }
+
+
+def theme_of(name: str, colours: Colours, *, dark: bool) -> Theme:
+    """Return the theme of the frames and fields beside the palette."""
+    return Theme(
+        name=f"trilobe-{name}",
+        primary=colours.text,
+        secondary=colours.dim,
+        accent=colours.action,
+        warning=colours.warning,
+        error=colours.alarm,
+        success=colours.text,
+        foreground=colours.text,
+        background=colours.background,
+        surface=colours.background,
+        panel=colours.background,
+        dark=dark,
+    )
+
+
+COLOUR: Palette = palette_of(DARK)
+DARK_THEME = theme_of("dark", DARK, dark=True)
+
+COLOUR_VARIABLE = "NO_COLOR"
+"""Variable of the terminal's owner: with it nothing has a colour (no-color.org)."""
 
 _REVERSED = (Token.SELECTED, Token.ALARM, Token.SIM, Token.STOP)
 _BOLD = (Token.STRONG, Token.TITLE, Token.ACTION, Token.WARNING, Token.KEY, Token.MARK)
@@ -87,21 +148,6 @@ MONO: Palette = {
     for token in Token
 }
 """For terminals without colour: words and marks carry everything."""
-
-DARK_THEME = Theme(
-    name="trilobe-dark",
-    primary=_GREY,
-    secondary=_DIM,
-    accent=_BLUE,
-    warning=_YELLOW,
-    error=_RED,
-    success=_GREY,
-    foreground=_GREY,
-    background=BACKGROUND,
-    surface=BACKGROUND,
-    panel=BACKGROUND,
-    dark=True,
-)
 
 _ANSI: Any = "ansi_default"
 MONO_THEME = Theme(

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from console.session.appearance import Appearance
+from console.session.configuration import Configuration
 from console.session.station.commands import Control
 from console.session.station.session_log import SessionLog
 from console.session.station.state import Activity, StationState
@@ -41,7 +43,8 @@ class UiContext:
     `draft` is a new job that is being filled in: while it is, no job is open. `copying` asks the page Set-up for
     the name of a copy of the open job. `go` shows another page. `data` is the operator's folder. `jog` is the
     action that requested the last jog step, `queued` whether steps of it are still to be made: the machine may
-    rest between two of them. `log` is that of this session, up to the last tick.
+    rest between two of them. `log` is that of this session, up to the last tick. `appearance` is what the operator
+    has set, and `appear` sets another; `configuration` says where a setting comes from.
     """
 
     text: Catalogue
@@ -56,6 +59,9 @@ class UiContext:
     jog: str | None = None
     queued: bool = False
     log: SessionLog = field(default_factory=SessionLog)
+    appearance: Appearance = field(default_factory=Appearance)
+    appear: Callable[[Appearance], None] = lambda appearance: None
+    configuration: Configuration | None = None
     _said: tuple[Problem, ...] = ()
     _said_at: Moment | None = None
 

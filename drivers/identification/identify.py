@@ -100,7 +100,7 @@ def identify(
             _refuse_step(rig, excitation)
         put_back(rig, gathering, table=table)
     except BaseException as error:
-        _end(rig, gathering, error, table=table)
+        restore_after(rig, gathering, error, table=table)
         raise
     return IdentifiedResponse(
         origin=origin,
@@ -148,7 +148,7 @@ def _refuse_step(rig: Rig, excitation: Excitation) -> None:
         raise DriverError(Problem(code="identify.table_steps", key="carriage", value=value, limit=limit))
 
 
-def _end(rig: Rig, gathering: Mapping[int, float], error: BaseException, *, table: bool) -> None:
+def restore_after(rig: Rig, gathering: Mapping[int, float], error: BaseException, *, table: bool) -> None:
     """Leave the machine at rest, and restore what was used, as far as it is ours and causes no step."""
     off = False
     try:

@@ -66,14 +66,15 @@ def measure(
     samples = math.ceil(request.periods / frequency_hz / (rig.machine.controller.servo_period_ms / 1000.0))
     try:
         plan = gathering.prepare(gathering.motor_channels(*excitation.channels), samples + SPARE_SAMPLES)
-        _run(rig, sweep, plan, Standstill(rig, frequency_hz, request.amplitude_um))
+        run_gathered(rig, sweep, plan, Standstill(rig, frequency_hz, request.amplitude_um))
         data = gathering.fetch(plan)
     except GatherError as error:
         raise DriverError(Problem(code="identify.gather", where=rig.where, value=str(error))) from error
     return _point(rig, excitation, data, frequency_hz)
 
 
-def _run(rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill) -> None:
+def run_gathered(rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill) -> None:
+    """Run the loaded program to its end, and gather from where it is steady. Raises as `measure`."""
     out_counts = rig.lathe.snapshot().tool.position  # the tool is clear of everything where it swings
     began_s = rig.clock.now_s()
     watch = Watch(rig=rig, plan=plan, standstill=standstill, steady_at_s=began_s + sweep.steady_s)

@@ -79,18 +79,36 @@ class SampledLoop:
 
     def poles(self) -> Complexes:
         """Return the poles of the closed loop without the extra delay; stable with all inside the unit circle."""
+        return complexes(np.roots(self.closed_polynomials()[1]))
+
+    def closed_polynomials(self) -> tuple[Floats, Floats]:
+        """Return numerator and denominator of the closed loop in falling powers of z, as long as each other.
+
+        The extra delay is left out. With B = Bn / (z c) and F = Fn / (z^2 c), where c = z - 1 with an integrator
+        and 1 without, it is N Fn / (z (z^2 c D + N Bn)).
+        """
         gains, period_s = self.gains, self.period_s
         n1, n0, decay = self._held()
-        derivative = gains.kd_v_s_per_m / period_s
-        if gains.ki_v_per_m_s == 0.0:
-            back, under = [gains.kp_v_per_m + derivative, -derivative], [1.0, 0.0]
-        else:
-            integral = gains.ki_v_per_m_s * period_s
-            back = [gains.kp_v_per_m + integral + derivative, -gains.kp_v_per_m - 2.0 * derivative, derivative]
-            under = [1.0, -1.0, 0.0]
-        numerator = np.polymul([n1, n0], back)
-        denominator = np.polymul(np.polymul([1.0, -1.0], [1.0, -decay]), np.polymul(under, [1.0, 0.0]))
-        return complexes(np.roots(np.polyadd(denominator, numerator)))
+        integrating = gains.ki_v_per_m_s != 0.0
+        common = [1.0, -1.0] if integrating else [1.0]
+        shared = np.polymul([gains.kp_v_per_m, 0.0], common)
+        if integrating:
+            shared = np.polyadd(shared, [gains.ki_v_per_m_s * period_s, 0.0, 0.0])
+        derivative = np.polymul([gains.kd_v_s_per_m / period_s, -gains.kd_v_s_per_m / period_s], common)
+        velocity, acceleration = (
+            gains.velocity_feedforward_v_s_per_m / period_s,
+            gains.acceleration_feedforward_v_s2_per_m / period_s**2,
+        )
+        ahead = np.polymul(
+            np.polyadd([velocity, -velocity, 0.0], [acceleration, -2 * acceleration, acceleration]), common
+        )
+        forward = np.polyadd(np.polymul(shared, [1.0, 0.0]), ahead)
+        own = np.polymul(np.polymul([1.0, 0.0, 0.0], common), np.polymul([1.0, -1.0], [1.0, -decay]))
+        closed = np.polyadd(own, np.polymul([n1, n0], np.polyadd(shared, derivative)))
+        denominator = np.polymul(closed, [1.0, 0.0])
+        numerator = np.polymul([n1, n0], forward)
+        padded = np.concatenate([np.zeros(len(denominator) - len(numerator)), numerator])
+        return floats(padded), floats(denominator)
 
     def scaled(self, factor: float) -> SampledLoop:
         """Return the loop with its gain multiplied."""

@@ -19,7 +19,7 @@ def shell(words: str, *, unbuffered: bool = False) -> subprocess.CompletedProces
     return subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=30, env=environment)
 
 
-@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("closed", [pytest.param(">&-", marks=pytest.mark.long), "2>&-", "<&- >&- 2>&-"])
 def test_a_closed_stream_changes_nothing_else(closed: str) -> None:
     done = shell(f"jobs {closed}")
     assert (done.returncode, done.stderr) == (0, "")

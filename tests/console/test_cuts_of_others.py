@@ -54,10 +54,10 @@ def cut_with(floor: Floor, line: str, strategy: Strategy = Strategy.PVT) -> tupl
     ("line", "code"),
     [
         ("&1A#1K", "machine.loop_open"),
-        ("\x0b", "machine.loop_open"),
+        pytest.param("\x0b", "machine.loop_open", marks=pytest.mark.long),
         ("&1H", "cut.override"),
-        ("&1%0", "cut.override"),
-        ("&1%50", "cut.override"),
+        pytest.param("&1%0", "cut.override", marks=pytest.mark.long),
+        pytest.param("&1%50", "cut.override", marks=pytest.mark.long),
         ("$$$", "controller.was_reset"),
         ("P11=P11+500", "cut.outside_plan"),
         ("&1Q", "cut.outside_plan"),  # a segment that ends in full motion runs on
@@ -71,7 +71,13 @@ def test_what_another_host_does_to_a_cut_stops_it_at_that_poll(floor: Floor, lin
     assert not state.cut_done and floor.do(Measure()).measured is None
 
 
-@pytest.mark.parametrize("line", ["P12=P12*1.05", "P14=P14+3", "P18=P18*0.99", "P32=P32+1"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "P12=P12*1.05",
+        *(pytest.param(other, marks=pytest.mark.long) for other in ("P14=P14+3", "P18=P18*0.99", "P32=P32+1")),
+    ],
+)
 def test_a_constant_that_is_changed_in_the_cut_is_found_while_it_cuts(floor: Floor, line: str) -> None:
     state, after_s = cut_with(floor, line)
     assert "controller.constant_differs" in told(state) and after_s < 1.0
@@ -82,7 +88,7 @@ def test_a_constant_that_is_changed_in_the_cut_is_found_while_it_cuts(floor: Flo
     ("line", "reason"),
     [
         ("\x01", "cut.stopped_by_another"),
-        ("&1A", "cut.stopped_by_another"),
+        pytest.param("&1A", "cut.stopped_by_another", marks=pytest.mark.long),
         ("M26=1", "cut.held_by_another"),
     ],
 )

@@ -350,6 +350,7 @@ CHROMIUM = shutil.which("chromium")
 
 
 @pytest.mark.system
+@pytest.mark.long
 @pytest.mark.skipif(CHROMIUM is None or not shutil.which("pdftotext"), reason="no chromium, or no pdftotext, here")
 def test_a_real_browser_prints_simulated_on_every_page(tmp_path: Path) -> None:
     run = recorded(tmp_path, {"before": lobed(27.0), "after": lobed(1.0)})

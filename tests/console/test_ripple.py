@@ -91,7 +91,11 @@ def swing_of_the_iron(positions: Floats) -> float:
 
 @pytest.mark.parametrize(
     ("strategy", "share", "per_turn"),
-    [(Strategy.PVT, 0.0, 2), (Strategy.TIMEBASE, 0.02, 3), (Strategy.CAM, 0.05, 1)],
+    [
+        (Strategy.PVT, 0.0, 2),
+        pytest.param(Strategy.TIMEBASE, 0.02, 3, marks=pytest.mark.long),
+        (Strategy.CAM, 0.05, 1),
+    ],
 )
 def test_a_cut_tells_the_swing_of_its_spindle(
     tmp_path: Path, in_copies: None, strategy: Strategy, share: float, per_turn: int

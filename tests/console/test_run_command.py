@@ -37,7 +37,10 @@ def harmonic(result: dict[str, Any], n: int) -> dict[str, float]:
 
 @pytest.mark.parametrize(
     ("job", "error_um", "amplitude_um"),
-    [("lee-2001-experiment-1", 55.0, 27.5), ("lee-2001-experiment-2", 33.0, 16.5)],
+    [
+        pytest.param("lee-2001-experiment-1", 55.0, 27.5, marks=pytest.mark.long),
+        ("lee-2001-experiment-2", 33.0, 16.5),
+    ],
 )
 def test_the_lobe_of_the_paper_is_measured_and_then_taken_away(
     console: Console, close: tuple[str, str], tmp_path: Path, job: str, error_um: float, amplitude_um: float
@@ -132,7 +135,10 @@ def test_another_part_in_a_four_jaw_chuck_does_what_its_job_says(
     assert result["lobe_frequency_hz"] == pytest.approx(730 * 4 / 60, rel=1e-4)
 
 
-@pytest.mark.parametrize(("rpm", "jaws"), [(173.0, 3), (2400.0, 2), (601.3, 6)])
+@pytest.mark.parametrize(
+    ("rpm", "jaws"),
+    [pytest.param(173.0, 3, marks=pytest.mark.long), pytest.param(2400.0, 2, marks=pytest.mark.long), (601.3, 6)],
+)
 def test_any_permitted_speed_is_compensated(
     console: Console, close: tuple[str, str], job_file: JobFile, rpm: float, jaws: int
 ) -> None:

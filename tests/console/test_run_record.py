@@ -179,7 +179,7 @@ def test_a_run_whose_folder_is_taken_away_fails(
 
 
 def test_many_that_begin_at_once_wait_for_each_other(tmp_path: Path) -> None:
-    many = [begins(tmp_path / "new", "many") for _ in range(12)]
+    many = [begins(tmp_path / "new", "many") for _ in range(6)]
     ended = [(*process.communicate(timeout=60), process.returncode) for process in many]
     assert [(err, code) for _, err, code in ended] == [("", 0)] * len(many)
     assert rows(tmp_path / "new", "SELECT count(*) FROM runs")[0][0] == len(many)

@@ -101,7 +101,7 @@ def told_in(seen: Sequence[CutProgress], *stages: CutStage) -> list[Synchronisat
     [
         (Strategy.NONE, [None], [None]),
         (Strategy.PVT, [QUEUED], [None, IN_SYNC]),
-        (Strategy.CAM, [QUEUED], [None, IN_SYNC]),
+        pytest.param(Strategy.CAM, [QUEUED], [None, IN_SYNC], marks=pytest.mark.long),
         (Strategy.TIMEBASE, [QUEUED, WAITING, QUEUED], [None, IN_SYNC]),
         # Printed times are not those of the lobe: 28 um of 55 are left.
         (Strategy.PAPER, [QUEUED], [None, LOST]),

@@ -87,7 +87,10 @@ def test_the_confidence_is_that_of_repeated_measurements(
     assert np.mean(aimed) == pytest.approx(0.95, abs=0.046)
 
 
-@pytest.mark.parametrize(("memory", "points"), [(0.9, 72), (0.95, 360), (0.5, 360)])
+@pytest.mark.parametrize(
+    ("memory", "points"),
+    [(0.9, 72), pytest.param(0.95, 360, marks=pytest.mark.long), pytest.param(0.5, 360, marks=pytest.mark.long)],
+)
 def test_the_confidence_holds_where_neighbouring_points_err_alike(memory: float, points: int) -> None:
     """AR(1) residuals of a known lobe, 150 traces: taken for white, 30 % of the half-widths hold it at 0.9."""
     rng, angle = np.random.default_rng(20), turn(points)

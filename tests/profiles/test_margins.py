@@ -9,10 +9,13 @@ import control
 import numpy as np
 import pytest
 
+from profiles.arrays import floats
 from profiles.axis.margins import is_stable, loop_margins
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop, loop_of
 from profiles.axis.servo import sampled_response
+from profiles.axis.step_figures import error_figures, modelled, step_figures
 from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
 from profiles.store import load_machine
 
 MACHINE = load_machine("lee-2001-lathe").machine
@@ -132,6 +135,18 @@ def test_the_closed_loop_is_the_one_that_a_cut_inverts() -> None:
     assert loop_of(feedforward).closed(hz) == pytest.approx(sampled_response(feedforward, hz), rel=1e-9)
 
 
+def test_in_time_it_makes_of_a_sine_what_it_does_in_frequency() -> None:
+    for name in ("the paper's", "without integrator", "four times the gain"):
+        loop = replace(LOOPS[name], gains=replace(LOOPS[name].gains, acceleration_feedforward_v_s2_per_m=0.004))
+        time_s = np.arange(40_000) * loop.period_s
+        angle = 2 * np.pi * 30.0 * time_s
+        late = modelled(loop, 25.0 * np.sin(angle))[20_000:]
+        columns = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=1)[20_000:]
+        found = np.linalg.lstsq(columns, late, rcond=None)[0]
+        expected = 25.0 * loop.closed(np.array([30.0]))[0]
+        assert found[:2] == pytest.approx([expected.real, expected.imag], rel=1e-4, abs=1e-4), name
+
+
 def test_sensitivity_bandwidth_and_peak_are_those_of_a_fine_grid() -> None:
     loop, found = LOOPS["four times the gain"], loop_margins(LOOPS["four times the gain"])
     hz = np.linspace(0.5, loop.nyquist_hz, 200_001)
@@ -141,3 +156,25 @@ def test_sensitivity_bandwidth_and_peak_are_those_of_a_fine_grid() -> None:
     assert found.peak == pytest.approx(closed.max(), rel=1e-6)
     assert found.bandwidth_hz == pytest.approx(hz[np.argmax(closed < math.sqrt(0.5))], abs=0.01)
     assert found.sensitivity_peak >= 1.0 / (2.0 * math.sin(math.radians(found.phase_margin_deg or 0.0) / 2.0))
+
+
+def test_the_figures_of_a_step_are_those_of_the_textbook() -> None:
+    """Second order, damping 0.5: 16.3 % of overshoot (K. Ogata). First order: it rises in 2.197 tau."""
+    time_s = floats(np.arange(4000) * 1e-4)
+    reference = floats(np.where(time_s >= 0.01, 25.0, 0.0))
+    t = np.maximum(time_s - 0.01, 0.0)
+    tau = 0.02
+    first = step_figures(time_s, reference, floats(25.0 * (1 - np.exp(-t / tau))), least_um=0.4)
+    assert first.rise_ms == pytest.approx(1000 * tau * math.log(9.0), rel=1e-3)
+    assert first.settling_ms == pytest.approx(1000 * tau * math.log(20.0), abs=0.2)
+    assert (first.size_um, first.overshoot_percent) == (25.0, 0.0)
+    w, damped = 200.0, 200.0 * math.sqrt(0.75)
+    swing = 1 - np.exp(-0.5 * w * t) * (np.cos(damped * t) + 0.5 * w / damped * np.sin(damped * t))
+    second = step_figures(time_s, reference, floats(25.0 * swing), least_um=0.4)
+    assert second.overshoot_percent == pytest.approx(16.30, abs=0.05)
+    stuck = step_figures(time_s, reference, floats(0.7 * reference), least_um=0.4)
+    assert stuck.rise_ms is None and stuck.settling_ms is None and stuck.end_um == pytest.approx(7.5)
+    with pytest.raises(ProfileError, match="health"):
+        step_figures(time_s, floats(0.0 * reference), reference, least_um=0.4)
+    error = error_figures(np.array([3.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 4.0]))
+    assert (error.peak_um, error.rms_um) == (4.0, 2.5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -56,3 +57,49 @@ def test_every_press_is_a_step_and_a_stop_leaves_none(tmp_path: Path) -> None:
         trainee.press("j")
         terminal.wait_for(r"jog enabled, 2\d s left", 5.0)
         assert abs(turned_deg(trainee, stopped)) < RESOLUTION_DEG
+
+
+REPEAT_S, FIRST_S = 0.03, 0.4
+"""Of the keyboard in this test: as in most settings."""
+
+PAGE_UP = "\x1b[5~"
+
+
+def holds(trainee: Trainee, typed: str, for_s: float) -> None:
+    """Hold a key down: its first press, after a while its repeats, and then nothing."""
+    ends_s = time.monotonic() + for_s
+    trainee.terminal.type(typed)
+    time.sleep(FIRST_S)
+    while time.monotonic() < ends_s:
+        trainee.terminal.type(typed)
+        time.sleep(REPEAT_S)
+
+
+def test_a_held_key_runs_once_the_terminal_is_measured_and_ends_with_its_release(tmp_path: Path) -> None:
+    with console(tmp_path, "en", 80, 24, short_ways=True) as terminal:
+        trainee = console_at(terminal)
+        trainee.switches_on()
+        trainee.starts_homing()
+        trainee.sees("align_page.next.jaw_enable", 30.0)
+        for _ in range(4):  # on a busy computer a repeat may come late: then the jog stays step only, and says so
+            holds(trainee, "h", 3.3)
+            terminal.wait_for(lambda text: "the terminal repeats" in text or "do not repeat" in text, 5.0)
+            if "the terminal repeats" in terminal.text:
+                break
+            time.sleep(1.0)
+        terminal.wait_for(r"Jog, hold: ≤ [\d.]+° over", 5.0)
+        shown = re.search(r"Jog, hold: ≤ ([\d.]+)° over", terminal.text)
+        assert shown is not None
+        time.sleep(1.0)  # what comes at once behind a repeat is no key of a person
+        trainee.press("j")
+        terminal.wait_for("jog enabled", 5.0)
+        before = angle_deg(trainee)
+        holds(trainee, PAGE_UP, 2.0)
+        released = angle_deg(trainee)
+        time.sleep(1.5)
+        rested = angle_deg(trainee)
+        # Steps of 0.1 degrees; the screen is up to a step behind.
+        assert turned_deg(trainee, before) >= 0.2 - RESOLUTION_DEG
+        assert turned_deg(trainee, released) <= float(shown[1]) + 0.1 + RESOLUTION_DEG
+        time.sleep(1.0)
+        assert abs(turned_deg(trainee, rested)) < RESOLUTION_DEG

@@ -44,7 +44,10 @@ def last_event(data: Path) -> tuple[str, str]:
     return kind, content
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "number",
+    [signal.SIGINT, *(pytest.param(other, marks=pytest.mark.long) for other in (signal.SIGTERM, signal.SIGHUP))],
+)
 def test_a_signal_in_mid_cut_stops_the_machine_and_is_told(
     long_job: Path, tmp_path: Path, number: signal.Signals
 ) -> None:

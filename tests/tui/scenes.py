@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 from textual.pilot import Pilot
 
+from console.session.appearance import Appearance
+from console.session.configuration import Configuration
 from console.session.cut.alignment import Alignment, JawAngle, TouchOff, aligned_job, clamping_of
 from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseLeft
 from console.session.cut.telemetry import Phase, SpindleRipple
@@ -113,6 +115,9 @@ def scene_of(page: PageName) -> Scene:
             return Scene(page=page, state=replace(machine(Activity.READY), alarms=alarms), work=signed(), log=log)
         case PageName.MORE | PageName.SETTINGS:
             return Scene(page=page, state=machine(Activity.READY), work=signed())
+        case PageName.LOG:
+            alarms, log = alarmed()
+            return Scene(page=page, state=replace(machine(Activity.READY), alarms=alarms), work=signed(), log=log)
         case PageName.TUNE:
             state = replace(machine(Activity.READY), tool_loop=tune_stage.tool_loop())
             return Scene(page=page, state=state, work=signed())
@@ -313,7 +318,13 @@ def fixed_world() -> Iterator[None]:
 
 
 def application(
-    scene: Scene, data: Path, *, language: str = "en", palette: Palette = COLOUR
+    scene: Scene,
+    data: Path,
+    *,
+    language: str = "en",
+    palette: Palette = COLOUR,
+    appearance: Appearance | None = None,
+    configuration: Configuration | None = None,
 ) -> tuple[ConsoleApp, FixedControl]:
     """The console as it is started, but for the machine and the clock."""
     control = FixedControl(scene.state, NOW_S)
@@ -326,6 +337,8 @@ def application(
         data=data,
         local_time=lambda: CLOCK,
         ticking=False,
+        appearance=appearance,
+        configuration=configuration,
     )
     app.ui.work = scene.work
     app._logs.log = scene.log

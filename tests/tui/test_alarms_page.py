@@ -12,13 +12,11 @@ import pytest
 from textual.pilot import Pilot
 
 from console.session.station.alarms import CONDITIONS, FAULT, Priority, raised
-from console.session.station.commands import Acknowledge, Home, Jog
-from console.session.station.session_log import LOG_MOST, LogKind
-from console.session.station.state import Activity, StopState
+from console.session.station.commands import Acknowledge
+from console.session.station.state import Activity
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
-from drivers.lathe.snapshot import AxisName
 from profiles.problem import Problem
 from tests.tui.scenes import Scene, application, machine, played, rows_of, scene_of, settle
 from tests.tui.stage import LANGUAGES, FixedControl
@@ -118,103 +116,13 @@ def test_every_alarm_is_said_in_words_and_whole(language: str, tmp_path: Path) -
     play(QUIET, act, tmp_path, language=language)
 
 
-def log_of(app: ConsoleApp) -> list[tuple[LogKind, str]]:
-    return [
-        (entry.kind, entry.word or (entry.problem.code if entry.problem else "")) for entry in app.ui.log.entries
-    ]
-
-
-def test_the_log_has_commands_stops_and_messages_in_their_order_with_their_times(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
-        app.ui.control.post(Home())
-        for _ in range(12):
-            app.ui.control.post(Jog(axis=AxisName.TOOL, distance=-0.01))
-        app.tick()
-        stop = StopState(reason="space", killed=False, sent_s=95.0)
-        control.state = replace(control.state, stop=stop, activity=Activity.STOPPING)
-        app.tick()
-        control.state = replace(control.state, stop=replace(stop, rest_s=96.5), activity=Activity.STOPPED)
-        app.tick()
-        control.state = replace(control.state, refusals=(Problem(code="session.busy"),))
-        shown = await text_after(app, pilot, "l")
-        assert log_of(app) == [
-            (LogKind.COMMAND, "Home"),
-            (LogKind.COMMAND, "Jog"),
-            (LogKind.STOPPED, "space"),
-            (LogKind.REST, "1.5"),
-            (LogKind.MESSAGE, "session.busy"),
-        ]
-        for row in (
-            "08:52:00 command      home",
-            "08:52:00 command      jog: X tool -0.010 mm ×12",
-            "08:51:55 stop ",
-            "08:51:56 at rest      1.5 s after the stop",
-            f"08:52:00 message      {app.ui.text.problem(Problem(code='session.busy'))[:30]}",
-        ):
-            assert row in shown, shown
-        assert "Alarms (0)" in await text_after(app, pilot, "ㅣ")
-
-    play(QUIET, act, tmp_path)
-
-
-def test_a_command_that_the_machine_did_not_take_is_logged_as_such(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
-        control.post = lambda intent: False  # type: ignore[method-assign]
-        app.ui.control.post(Home())
-        assert "08:52:00 not taken    home" in await text_after(app, pilot, "l")
-
-    play(QUIET, act, tmp_path)
-
-
-def test_what_was_typed_in_free_text_is_not_in_the_log(tmp_path: Path) -> None:
-    """A name that cannot be a file: its refusal repeats it on the screen, but not in the log."""
-    scene = replace(scene_of(PageName.SETUP), keys=())
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
-        await pilot.press("s", *["backspace"] * 40, *"geheim", "slash", *"x", "enter")
-        await settle(app, pilot)
-        assert any("geheim" in problem.value for problem in app.ui.said), app.ui.said
-        logged = [entry for entry in app.ui.log.entries if entry.problem is not None]
-        assert logged
-        assert "geheim" not in repr(app.ui.log.entries)
-
-    play(scene, act, tmp_path)
-
-
-def test_a_long_log_is_bounded_scrolls_and_follows_its_end(tmp_path: Path) -> None:
-    def said(n: int) -> tuple[Problem, ...]:
-        return (Problem(code="screen.key_in_motion", key=f"<{n}>"),)
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
-        last = LOG_MOST + 20
-        for n in range(1, last + 1):
-            control.state = replace(control.state, refusals=said(n))
-            app.tick()
-        shown = await text_after(app, pilot, "l")
-        assert len(app.ui.log.entries) == LOG_MOST
-        assert f"<{last}>" in shown
-        assert "older: 20, no longer kept" in shown
-        assert "<21>" in await text_after(app, pilot, "home")
-        shown = await text_after(app, pilot, "up", "up", "down")
-        assert "<21>" not in shown
-        here = await text_after(app, pilot, "pagedown")
-        control.state = replace(control.state, refusals=said(last + 1))
-        there = await text_after(app, pilot)
-        bottoms = [re.findall(r"│.*<(\d+)>", shown)[-1] for shown in (here, there)]
-        assert bottoms[0] == bottoms[1], "it moved while it was read"
-        assert int(bottoms[0]) < 40
-        assert f"<{last + 1}>" in await text_after(app, pilot, "end")
-
-    play(QUIET, act, tmp_path)
-
-
 def test_no_key_breaks_an_empty_page(tmp_path: Path) -> None:
     async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
         keys = ("up", "down", "pageup", "pagedown", "home", "end", "a", "k")
         shown = await text_after(app, pilot, *keys)
         assert "No alarm in this session." in shown
         assert shown.count("╭") == 1, "an empty panel"
-        await text_after(app, pilot, "l", *keys, "w", "w", "l")
+        await text_after(app, pilot, "l", *keys, "w", "w", "8", "l")
         assert (control.stops, control.kills) == ([], [])
 
     play(QUIET, act, tmp_path)

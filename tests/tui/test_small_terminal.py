@@ -146,7 +146,13 @@ def test_a_console_that_begins_too_small_can_grow(size: Size, tmp_path: Path) ->
     play(PageName.JOBS, act, tmp_path, size=size)
 
 
-@pytest.mark.parametrize("page", PageName)
+@pytest.mark.parametrize(
+    "page",
+    [
+        page if page in (PageName.JOBS, PageName.RUN) else pytest.param(page, marks=pytest.mark.long)
+        for page in PageName
+    ],
+)
 def test_a_storm_of_sizes_breaks_nothing(page: PageName, tmp_path: Path) -> None:
     chance = random.Random(page)
     sizes = [(1, 1), *((chance.randint(1, 200), chance.randint(1, 60)) for _ in range(STORM - 2)), (1, 1)]

@@ -7,16 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station.commands import Command, ReadLoop
+from console.session.station.commands import CheckHealth, Command, IdentifyTool, ReadLoop
 from console.session.station.state import Activity, StationState
 from console.tui.further.tune import TunePage
+from console.tui.lines import plain
 from console.tui.records import beside
 from console.tui.tuning.loop_facts import loop_facts
+from drivers.cutting.strategy import Strategy
 from drivers.identification.tool_loop import ToolLoop
 from drivers.lathe.snapshot import AxisState, Snapshot
 from drivers.lathe.standing import Standing
 from tests.tui import tune_stage
-from tests.tui.machine_states import REST
+from tests.tui.machine_states import ON, REST
 from tests.tui.page_stage import PageScene, play_on
 from tests.tui.stage import LANGUAGES, lathe
 from tests.tui.test_console_keys import armed
@@ -137,17 +139,18 @@ def test_plots_and_texts_are_beside_each_other_where_there_is_room_else_by_a_key
     language: str, tmp_path: Path
 ) -> None:
     tune_stage.fill(tmp_path)
-    words = {"en": ("Gain, command", "phase margin"), "ko": ("게인, 지령", "위상 여유")}[language]
+    words = {"en": ("Gain, command", "phase margin"), "ko": ("이득, 지령", "위상 여유")}[language]
 
     async def scene(stage: TuneScene) -> None:
         seen = []
-        for _ in range(2):
+        for _ in range(4):
             await stage.show()
             await stage.show()
             seen.append(tuple(word in stage.text for word in words))
             await stage.act("tune.view")
         wide = stage.app.size.width >= 130
-        assert seen == ([(True, True)] * 2 if wide else [(False, True), (True, False)])
+        texts = [(False, False), (False, True)]  # tests, and proposed gains with their margins
+        assert seen == ([(True, True), *texts, (True, True)] if wide else [(False, True), (True, False), *texts])
 
     for size in ((80, 18), (160, 42)):
         play_on(TuneScene, scene, tmp_path, state=STATE, size=size, language=language)
@@ -169,3 +172,119 @@ def test_table_5_is_shown_beside_the_machine_of_the_paper_alone(tmp_path: Path) 
     assert facts.paper.gain_db[2] == pytest.approx(-1.07, abs=0.01)
     assert facts.paper.phase_deg[2] == pytest.approx(-13.8, abs=0.01)
     assert loop_facts(replace(machine, name="other"), None, tmp_path, simulated=True).paper is None
+
+
+# Health tests ----------------------------------------------------------------------------------------------------
+
+HOMED = AxisState(position=0.0, following_error=0.0, flags=ON)
+SET_UP = replace(STATE, snapshot=replace(AT_REST, tool=HOMED, spindle=HOMED, carriage=HOMED))
+"""Drives enabled, axes homed, nothing clamped."""
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_test_is_armed_with_what_it_moves_and_started_by_a_key_of_its_own(language: str, tmp_path: Path) -> None:
+    async def scene(stage: TuneScene) -> None:
+        await stage.act("tune.arm")
+        assert stage.control.orders in ([], [ReadLoop()]) and "25 um" in stage.words and "F6" in stage.words
+        await stage.act("tune.start")
+        assert stage.control.orders[-1] == CheckHealth(step_um=25.0)
+        stage.control.orders, stage.ui.said = [], ()
+        await stage.act("tune.start")
+        assert (stage.control.orders, stage.codes) == ([], ["screen.tune_not_armed"]), "once"
+        await stage.act("tune.kind", "tune.kind", "tune.arm", "tune.start")
+        assert stage.control.orders == [IdentifyTool(path=Strategy.CAM)]
+
+    play_on(TuneScene, scene, tmp_path, state=SET_UP, language=language, size=(80, 18))
+
+
+def test_what_was_armed_is_not_started_late_nor_after_anything_has_changed(tmp_path: Path) -> None:
+    async def scene(stage: TuneScene) -> None:
+        await stage.show()
+        changes: dict[str, tuple[StationState, float, tuple[str, ...]]] = {
+            "in time": (SET_UP, 119.0, ()),
+            "late": (SET_UP, 121.0, ()),
+            "another key": (SET_UP, 101.0, ("tune.down",)),
+            "lost control": (replace(SET_UP, standing=Standing.OUSTED, holder=7), 101.0, ()),
+            "drives off": (STATE, 101.0, ()),
+            "a cut armed": (replace(SET_UP, armed=armed()), 101.0, ()),
+        }
+        started = {}
+        for name, (state, at_s, keys) in changes.items():
+            stage.control.state = SET_UP
+            stage.control.at(100.0)
+            await stage.act("tune.arm")
+            stage.control.state, stage.control.orders = state, []
+            stage.control.at(at_s)
+            for action in (*keys, "tune.start"):
+                stage.page.act(action)
+            started[name] = bool(stage.control.orders)
+        stage.control.state = SET_UP
+        stage.control.at(100.0)
+        await stage.act("tune.arm")
+        stage.page.leave()
+        stage.control.orders = []
+        stage.page.act("tune.start")
+        started["left the page"] = bool(stage.control.orders)
+        assert started == {name: name == "in time" for name in started}
+
+    play_on(TuneScene, scene, tmp_path, state=SET_UP)
+
+
+@pytest.mark.parametrize(
+    ("state", "code"),
+    [
+        (STATE, "alignment.drives_off"),
+        (replace(SET_UP, armed=armed()), "screen.tune_cut_armed"),
+        (replace(SET_UP, standing=Standing.OUSTED, holder=7), "screen.observes"),
+        (replace(SET_UP, activity=Activity.CUTTING), "screen.in_motion"),
+    ],
+    ids=["drives off", "cut armed", "observing", "cutting"],
+)
+def test_a_test_is_refused_with_its_reason(state: StationState, code: str, tmp_path: Path) -> None:
+    async def scene(stage: TuneScene) -> None:
+        await stage.act("tune.arm")
+        assert stage.codes == [code] and not [o for o in stage.control.orders if o != ReadLoop()]
+
+    play_on(TuneScene, scene, tmp_path, state=state)
+
+
+@pytest.mark.parametrize("size", [(80, 18), (160, 42)])
+def test_the_trend_has_the_newest_first_and_one_beside_model_and_last(
+    size: tuple[int, int], tmp_path: Path
+) -> None:
+    tune_stage.fill_tests(tmp_path)
+
+    def rise(stage: TuneScene) -> list[str]:
+        row = next(row for row in stage.text.splitlines() if "rise time" in row)
+        return row.strip("│").split("│")[0].split()[-3:]
+
+    async def scene(stage: TuneScene) -> None:
+        await stage.show()
+        while "rise time" not in stage.text:
+            await stage.act("tune.view")
+            await stage.show()
+        assert stage.words.index("2026-01-01 10:00") < stage.words.index("2025-12-20 09:00")
+        assert rise(stage) == ["4.9", "4.91", "–"]
+        await stage.act("tune.down")
+        assert rise(stage) == ["–", "4.91", "–"]
+
+    play_on(TuneScene, scene, tmp_path, state=STATE, size=size)
+
+
+@pytest.mark.parametrize(("language", "size"), [("en", (80, 18)), ("ko", (80, 18)), ("en", (160, 42))])
+def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written(
+    language: str, size: tuple[int, int], tmp_path: Path
+) -> None:
+    tune_stage.fill(tmp_path)
+
+    async def scene(stage: TuneScene) -> None:
+        await stage.show()
+        stage.control.orders = []
+        while "I130" not in stage.text or "tool.gain_kp" not in stage.text:
+            await stage.act("tune.view")
+            await stage.show()
+        shown = plain(stage.page.in_full(stage.view, 78))
+        assert "2026-01-01 10:05" in shown and "528" in shown and "console controller apply" in shown
+        assert "tune_page." not in shown + stage.next_step and stage.control.orders == []
+
+    play_on(TuneScene, scene, tmp_path, state=STATE, size=size, language=language)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
+from console.session.data.health import store as store_test
 from console.session.data.identified import store
 from drivers.cutting.strategy import Strategy
+from drivers.identification.health_result import HealthModel, HealthResult
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
 from drivers.identification.tool_loop import MODELLED, UNMODELLED, ToolLoop
+from profiles.axis.step_figures import ErrorFigures, StepFigures
 from tests.tui.stage import MACHINE, lathe
 
 
@@ -54,6 +58,34 @@ def identified() -> IdentifiedResponse:
         date="2026-01-01T10:05:00.000Z",
         points=tuple(points),
     )
+
+
+def health(*, rise_ms: float | None = 4.9, date: str = "2026-01-01T10:00:00.000Z") -> HealthResult:
+    """A health test with a step of the first order."""
+    times_ms = [0.5 * place - 10.0 for place in range(220)]
+    moved = [25.0 * (1.0 - math.exp(-max(t, 0.0) / 4.0)) for t in times_ms]
+    step = StepFigures(size_um=25.0, rise_ms=rise_ms, overshoot_percent=2.4, settling_ms=8.41, end_um=0.14)
+    parabola = ErrorFigures(peak_um=12.45, rms_um=3.24)
+    model = HealthModel(step=replace(step, rise_ms=4.91), parabola=parabola, gain=0.9366, phase_deg=-42.08)
+    (sine, *_) = identified().points
+    return HealthResult(
+        origin=identified().origin,
+        date=date,
+        step_um=25.0,
+        step=step,
+        parabola=parabola,
+        sine=replace(sine, frequency_hz=40.0, gain=0.931, phase_deg=-43.2),
+        model=model,
+        times_ms=tuple(times_ms),
+        reference_um=tuple(25.0 if t > 0 else 0.0 for t in times_ms),
+        position_um=tuple(moved),
+    )
+
+
+def fill_tests(data: Path) -> None:
+    """Keep two health tests; in the older one the tool did not reach its place."""
+    store_test(data, health(rise_ms=None, date="2025-12-20T09:00:00.000Z"))
+    store_test(data, health())
 
 
 def fill(data: Path) -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from console.cli.library import data_of, machine_of, true_parameters_of
 from console.cli.machine.identify_report import Teller, response_fields
@@ -22,7 +23,7 @@ from console.text.catalogue import Catalogue
 from drivers.cutting.strategy import Strategy
 from drivers.identification.identify import identify, origin_of, refuse_before, take_up
 from drivers.identification.request import IdentificationRequest, request_problems
-from drivers.identification.result import IdentifiedResponse
+from drivers.identification.result import IdentifiedResponse, Origin
 from drivers.identification.rig import Rig
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
@@ -35,6 +36,8 @@ from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from profiles.store import LoadedMachine
 
+Result = TypeVar("Result")
+
 
 def identify_and_keep(options: Namespace, interruption: Interruption, text: Catalogue) -> int:
     """Identify, print and keep the result; 1 without consent to move a machine."""
@@ -44,7 +47,7 @@ def identify_and_keep(options: Namespace, interruption: Interruption, text: Cata
     teller = Teller(machine, request, text, silent=options.json, interruption=interruption)
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"identify {machine.name}")
     try:
-        with _reached(options, loaded, interruption, tracing, text) as (rig, owning, simulated):
+        with reached_machine(options, loaded, interruption, tracing, text) as (rig, owning, simulated):
             guard(interruption, rig.lathe, rig.clock.now_s)
             if not simulated:
                 rig.lathe.connect()
@@ -70,7 +73,7 @@ def _request(options: Namespace, machine: MachineProfile) -> IdentificationReque
 
 
 @contextmanager
-def _reached(
+def reached_machine(
     options: Namespace, loaded: LoadedMachine, interruption: Interruption, tracing: Tracing, text: Catalogue
 ) -> Iterator[tuple[Rig, Owning | None, bool]]:
     """Connect to the machine, and yield whether it is simulated; print on stderr how one at an address stops."""
@@ -102,16 +105,26 @@ def _identified(
     rig: Rig, owning: Owning | None, simulated: bool, request: IdentificationRequest, teller: Teller
 ) -> IdentifiedResponse:
     """Enable the drives, identify, disable them, whatever ends it."""
+
+    def work(origin: Origin) -> IdentifiedResponse:
+        teller.begin(origin)
+        take_up(rig)
+        return identify(rig, request, origin, utc_now(), teller.tell)
+
+    return with_origin(rig, owning, simulated, lambda: refuse_before(rig, request), work)
+
+
+def with_origin(
+    rig: Rig, owning: Owning | None, simulated: bool, refuse: Callable[[], None], work: Callable[[Origin], Result]
+) -> Result:
+    """Take control, refuse what must not be, and work; the machine is left at rest, drives off, released."""
     version, kind = rig.lathe.connect()
     if not simulated and (unsafe := safety_problems(rig.machine, rig.lathe.snapshot().inputs)):
         raise SessionError(*unsafe)
     if owning is not None:
         owning.claim()
     try:
-        refuse_before(rig, request)
-        origin = origin_of(rig, version=version, kind=kind, simulated=simulated)
-        teller.begin(origin)
-        take_up(rig)
-        return identify(rig, request, origin, utc_now(), teller.tell)
+        refuse()
+        return work(origin_of(rig, version=version, kind=kind, simulated=simulated))
     finally:
         leave(rig.lathe, owning)

@@ -28,6 +28,7 @@ from console.session.stages import Stage
 from console.session.station.commands import Command
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
+from profiles.axis.response import Source
 from profiles.files import printable
 
 ID_DIGITS = 8
@@ -102,7 +103,8 @@ def _stage(row: RunRow, text: Catalogue) -> str:
 
 def _compensation(row: RunRow, text: Catalogue) -> str:
     if row.compensation is None or row.compensation == MODEL:
-        return "" if row.inverted is None else f"{text('response.identified')} {printable(row.inverted, 60)}"
+        kind = text(f"response.{Source.IDENTIFIED}")
+        return "" if row.inverted is None else f"{kind} {printable(row.inverted, 60)}"
     return text("records.version", version=row.compensation)
 
 

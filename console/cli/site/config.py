@@ -10,6 +10,7 @@ from console.cli.configured import with_options
 from console.cli.library import DEFAULT_MACHINE
 from console.cli.output import show
 from console.cli.parser import Parser
+from console.session.appearance import CHOICES
 from console.session.configuration import KEYS, Configuration, Origin, Setting, variable_of
 from console.session.data.home import account_name
 from console.session.data.kept_files import data_folder
@@ -60,6 +61,8 @@ def _built_in(key: str, text: Catalogue) -> Setting:
         value, variable = text.language, language_variable(os.environ)
     elif key == "operator":
         value = account_name()
+    elif key in CHOICES:
+        value = CHOICES[key][0]
     return Setting(value=value, origin=Origin.VARIABLE if variable else Origin.BUILT_IN, place=variable)
 
 

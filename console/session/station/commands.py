@@ -106,6 +106,20 @@ class ReadLoop(Command):
     """Read the gains of the tool and the servo period from the controller. Nothing moves."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class CheckHealth(Command):
+    """Move the tool by a step, a parabola and a sine at its zero, and keep what was gathered."""
+
+    step_um: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyTool(Command):
+    """Swing the tool at its zero at some frequencies, and keep the response of this path."""
+
+    path: Strategy
+
+
 class Forget(Command):
     """Forget the newest reading: a flank, a skim cut, the touch-off, or jaw 1 where there is none of them."""
 

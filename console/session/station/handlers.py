@@ -23,7 +23,7 @@ from console.session.station.measuring import correct_touch_off, measure_simulat
 from console.session.station.readings import forget, note_skim, take_flank, take_jaw, take_touch_off
 from console.session.station.state import Activity
 from console.session.station.targets import GO_TO, distance_to, target_problems
-from console.session.station.tuning import read_loop
+from console.session.station.tuning import check_tool, identify_tool, read_loop
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
@@ -206,6 +206,8 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.TakeTouchOff: (Activity.READY, take_touch_off),
     commands.Forget: (Activity.READY, forget),
     commands.ReadLoop: (Activity.VERIFYING, read_loop),
+    commands.CheckHealth: (Activity.TESTING, check_tool),
+    commands.IdentifyTool: (Activity.TESTING, identify_tool),
     commands.Arm: (Activity.ARMING, arm),
     commands.Disarm: (Activity.READY, disarm),
     commands.Start: (Activity.POSITIONING, start),

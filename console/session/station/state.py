@@ -47,6 +47,7 @@ class Activity(StrEnum):
     CUTTING = "cutting"
     RETRACTING = "retracting"
     MEASURING = "measuring"
+    TESTING = "testing"
     STOPPING = "stopping"
     STOPPED = "stopped"
     LOST = "lost"
@@ -60,6 +61,7 @@ MOVING = frozenset(
         Activity.POSITIONING,
         Activity.CUTTING,
         Activity.RETRACTING,
+        Activity.TESTING,
         Activity.STOPPING,
     }
 )
@@ -172,7 +174,7 @@ class StationState:
     `onlookers` how many others of this data folder look on while this one controls. `jogs` counts the jogs that
     ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known.
     `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
-    read last.
+    read last, `tested` the name of the file with the last test of the tool.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -207,6 +209,7 @@ class StationState:
     measured: MeasuredPart | None = None
     uncompensated: MeasuredPart | None = None
     tool_loop: ToolLoop | None = None
+    tested: str = ""
 
     @property
     def moving(self) -> bool:

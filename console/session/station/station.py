@@ -144,6 +144,7 @@ class Station:
                 context.alarm(problem)
             context.tell(activity=Activity.LOST)
             return False
+        context.firmware = version, kind
         context.tell(controller=f"{kind} {version}")
         try:
             context.owning.claim()

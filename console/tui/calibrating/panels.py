@@ -11,7 +11,7 @@ from console.tui.calibrating.draft import Draft
 from console.tui.calibrating.entry import CalibrateEntry
 from console.tui.calibrating.kept_list import KeptCalibration
 from console.tui.calibrating.pictures import pictures
-from console.tui.lines import Line, Sheet, clipped, dim, line
+from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
 from console.tui.plot.trace_view import TraceView
 from console.tui.records.beside import Problems
 from console.tui.theme import Token
@@ -118,5 +118,5 @@ class CalibratePanels(Horizontal):
         of_fit, of_residuals = pictures(facts)
         self.plot.show(of_fit)
         self.residual.show(of_residuals)
-        self.plot.border_title = text("calibrate_page.plot")
-        self.residual.border_title = text("calibrate_page.residuals")
+        entitle(self.plot, text("calibrate_page.plot"))
+        entitle(self.residual, text("calibrate_page.residuals"))

@@ -44,8 +44,7 @@ class MorePage(Page):
 
     def show(self, view: View) -> None:
         """Show the list."""
-        self._list.border_title = self.ui.text("page.more")
-        self._list.show(self._rows(max(self._list.size.width, 1)))
+        self._list.show(self._rows(max(self._list.size.width, 1)), self.ui.text("page.more"))
 
     def next_step(self, view: View) -> Line:
         """Return what the keys do."""

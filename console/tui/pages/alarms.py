@@ -1,4 +1,4 @@
-"""Page Alarms: those that stand and those that are over, the selected one in full; and the log of this session."""
+"""Page Alarms: those that stand and those that are over, the selected one in full."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from console.tui.alarms.alarm_lines import (
     whole_title,
     window,
 )
-from console.tui.alarms.log_lines import log_part
 from console.tui.keymap import PageName
-from console.tui.lines import Line, Sheet, clipped, dim, line, wrapped
+from console.tui.lines import Line, Sheet, clipped, line, wrapped
 from console.tui.page import Page
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
@@ -34,59 +33,41 @@ class AlarmsPage(Page):
     AlarmsPage {
         layout: vertical;
         Sheet { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
-        #alarms-list, #alarms-log { height: 1fr; }
+        #alarms-list { height: 1fr; }
         #alarms-whole { height: 8; }
         #alarms-frequent { height: 5; display: none; }
     }
     AlarmsPage.-roomy #alarms-frequent { display: block; }
     AlarmsPage.-empty #alarms-whole { display: none; }
     AlarmsPage.-empty #alarms-frequent { display: none; }
-    AlarmsPage.-log #alarms-list { display: none; }
-    AlarmsPage.-log #alarms-whole { display: none; }
-    AlarmsPage.-log #alarms-frequent { display: none; }
     """
 
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui)
-        self._list, self._whole, self._frequent, self._log = (
-            Sheet(ui.palette, id=f"alarms-{name}") for name in ("list", "whole", "frequent", "log")
+        self._list, self._whole, self._frequent = (
+            Sheet(ui.palette, id=f"alarms-{name}") for name in ("list", "whole", "frequent")
         )
-        self.panels = (self._list, self._whole, self._frequent, self._log)
-        self._log.display = False
+        self.panels = (self._list, self._whole, self._frequent)
         self._number: int | None = None
-        self._of_log = False
-        self._end: int | None = None  # past the newest entry shown, among all of the session
-        self._seen = 0
 
     def act(self, action: str) -> None:
-        """Select or scroll, acknowledge all, show the other view."""
+        """Select, acknowledge all, show the log."""
         if action == "alarms.log":
-            self._of_log, self._end = not self._of_log, None
-            self._log.display = self._of_log
-            self.set_class(self._of_log, "-log")
-        elif action == "alarms.all" and self._of_log:  # none of them is seen there
-            self.ui.say("screen.alarms_list_first")
+            self.ui.go(PageName.LOG)
         elif action == "alarms.all":
             self._acknowledge_all()
-        elif self._of_log:
-            self._scroll(action)
         else:
             self._select(action)
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
-        """Return why nothing can be acknowledged: none is seen in the log, or none waits."""
+        """Return why nothing can be acknowledged: no alarm waits."""
         if action != "alarms.all":
             return ()
-        if self._of_log:
-            return (Problem(code="screen.alarms_list_first"),)
         return () if self._waiting() else (Problem(code="screen.nothing_to_acknowledge"),)
 
     def show(self, view: View) -> None:
         """Show the newest state."""
-        if self._of_log:
-            self._show_log()
-        else:
-            self._show_alarms(view)
+        self._show_alarms(view)
 
     def fit(self) -> None:
         """Show the most frequent alarms where there is room."""
@@ -97,12 +78,12 @@ class AlarmsPage(Page):
         """The selected alarm where it waits to be acknowledged."""
         entry = self._entry
         waits = entry is not None and not entry.is_past and not entry.alarm.acknowledged
-        return entry.problem if entry is not None and waits and not self._of_log else None
+        return entry.problem if entry is not None and waits else None
 
     def next_step(self, view: View) -> Line:
         """Return what the keys do."""
         entry = self._entry
-        word = "log" if self._of_log else "none" if entry is None else str(entry.state)
+        word = "none" if entry is None else str(entry.state)
         if word == AlarmState.RETURNED:
             word = "new"
         number = 0 if entry is None else entry.number
@@ -113,8 +94,8 @@ class AlarmsPage(Page):
         return all_lines(self._history, self._entry, view.now_s, self.ui.text, width)
 
     def leave(self) -> None:
-        """Show the foremost alarm, and the end of the log, the next time."""
-        self._number = self._end = None
+        """Show the foremost alarm the next time."""
+        self._number = None
 
     @property
     def _history(self) -> AlarmHistory:
@@ -138,18 +119,6 @@ class AlarmsPage(Page):
         ends = {"alarms.first": 0, "alarms.last": len(listed) - 1}
         place = min(max(ends.get(action, self._place + by), 0), len(listed) - 1)
         self._number = listed[place].number if place else None
-
-    def _scroll(self, action: str) -> None:
-        log = self.ui.log
-        newest = log.dropped + len(log.entries)
-        by = STEPS.get(action, 0) * (max(self._seen // 2, 1) if "page" in action else 1)  # half: none is skipped
-        if action == "alarms.first":
-            self._end = log.dropped + 1
-        elif action == "alarms.last":
-            self._end = None
-        else:
-            end = (newest if self._end is None else self._end) + by
-            self._end = None if end >= newest else max(end, log.dropped + 1)
 
     def _acknowledge_all(self) -> None:
         from console.session.station.commands import Acknowledge  # not for the first paint
@@ -189,15 +158,3 @@ class AlarmsPage(Page):
         said = [f"↑ {text('jobs_page.above', count=above)}"] if above > 0 else []
         said += [f"↓ {text('jobs_page.below', count=below)}"] if below > 0 else []
         return "  ".join(said)
-
-    def _show_log(self) -> None:
-        log, size, text = self.ui.log, self._log.size, self.ui.text
-        end = None if self._end is None else self._end - log.dropped
-        part = log_part(log, end, text, max(size.width, 1), size.height)
-        self._seen = part.end - part.first
-        if self._end is not None and part.end:
-            self._end = log.dropped + part.end
-        title = text("alarms_page.log_title", count=len(log.entries))
-        if log.dropped:
-            title += " · " + text("alarms_page.log_dropped", count=log.dropped)
-        self._log.show(part.lines or [line(dim(""))], title, self._around(part.first, len(log.entries) - part.end))

@@ -20,7 +20,7 @@ from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, dim, line, wrapped
 from console.tui.page import Page
 from console.tui.pages import align_lines
-from console.tui.pages.align_jog import JOGS, JogKeys
+from console.tui.pages.align_jog import JOGS, JogKeys, hold_the_key
 from console.tui.pages.jog_lines import chuck_lines, jog_lines
 from console.tui.refusals.align_reasons import align_reasons
 from console.tui.theme import Token
@@ -91,7 +91,11 @@ class AlignPage(Page):
         self._axes.show(align_lines.axes_lines(text, state, machine, view.now_s, self._axes.size.width))
         jog = self._jog.view(state, view.now_s)
         axes = "C °" if jog.axis is AxisName.SPINDLE else "X Z mm"
-        self._jog_panel.show(jog_lines(text, jog, *self._jog_panel.size), text("align_page.jog", axes=axes))
+        title = text("align_page.jog", axes=axes)
+        if jog.overrun is not None:
+            unit = "°" if jog.axis is AxisName.SPINDLE else " mm"
+            title = text("align_page.jog_hold", axes=axes, over=f"{jog.overrun:.3g}{unit}")
+        self._jog_panel.show(jog_lines(text, jog, *self._jog_panel.size), title)
         self._show_asked(view)
         jaws = machine.chuck.jaws if job is None else job.jaws
         steps, roomy = align_lines.step_lines(text, state, job), self.has_class("-roomy")
@@ -132,6 +136,7 @@ class AlignPage(Page):
                 "align.force": self._ask_force,
                 "align.skim": self._skim,
                 "align.flank": self._take_flank,
+                "align.hold": lambda _: self._jog.calibrate(),
             }
             answers[action](action)
 
@@ -143,6 +148,8 @@ class AlignPage(Page):
                 return reasons
         if action in JOGS:
             return self._jog.why_not(action, view.state, view.now_s)
+        if action == "align.hold":
+            return (hold_the_key(),)
         if action in ("align.larger", "align.smaller"):
             return ()
         return refusal(view.state, action) or align_reasons(action, view.state, view.job, self.ui.machine.machine)

@@ -7,8 +7,10 @@ from dataclasses import replace
 
 from console.session.cut.alignment import AlignStep
 from console.session.station.commands import GoTo, Jog
+from console.session.station.durations import jog_s
 from console.session.station.jogging import JogEnable, Steps, is_too_long, longest_toward_mm, speed_problem
 from console.session.station.state import Activity, StationState
+from console.tui.align.hold_run import CALIBRATION_S, LONGEST_STEP_S, MOST_GAP_S, Calibration, HoldRun, Repeat
 from console.tui.align.jog_presses import SURE_S, JogPresses
 from console.tui.align.step_queue import MOST_WAITING, StepQueue
 from console.tui.pages.align_lines import step_now
@@ -33,6 +35,11 @@ Later = Callable[[float, Callable[[], None]], None]
 """Call a function after this many seconds, while the page exists."""
 
 
+def hold_the_key() -> Problem:
+    """Return what the key of the calibration asks for: to be held down, which only it can be."""
+    return Problem(code="screen.hold_the_key", limit=f"{CALIBRATION_S:.0f} s")
+
+
 class JogKeys:
     """Jog keys of one page: whether enabled, the selected steps, and the steps that were asked for."""
 
@@ -43,6 +50,7 @@ class JogKeys:
         self._jogged: tuple[AlignStep | None, AxisName] | None = None
         self._jog: JogEnable | None = None
         self._presses, self._queue = JogPresses(), StepQueue()
+        self._hold, self._calibration = HoldRun(), Calibration()
 
     @property
     def enabled(self) -> bool:
@@ -53,6 +61,7 @@ class JogKeys:
         """Drop the steps that wait at any key but their own; the one under way goes to its end."""
         if key is None or key != self._queue.key:
             self._presses.forget()
+            self._hold.end()
             self._queue.drop()
             self._tell()
 
@@ -63,6 +72,7 @@ class JogKeys:
 
     def _forget(self) -> None:
         self._presses.forget()
+        self._hold.end()
         self._queue.forget()
         self._tell()
 
@@ -125,7 +135,7 @@ class JogKeys:
         state, now_s = self.ui.control.state, self.ui.control.now_s()
         self._see(state, now_s)
         if self._presses.due(now_s) == key:
-            self._ask(key)
+            self._finger(key, now_s)
         continues = key == self.ui.jog and (state.activity is Activity.JOGGING or self.ui.queued)
         if not continues and (self.stops_what_moves(state, key) or self.ui.refuses(key)):
             self._forget()
@@ -134,11 +144,47 @@ class JogKeys:
             self.ui.say("screen.jog_not_enabled")
             return
         if self._presses.press(key, now_s):
-            self._ask(key)
+            self._finger(key, now_s)
         elif self._presses.waits:
             self._later(1.1 * SURE_S, self.follow)
+        elif self._presses.held and self._why_no_hold(key) is None and self.repeat is not None:
+            self._hold.repeat(now_s, self.repeat)
+            self.follow()
         elif self._presses.held:
-            self.ui.say_until_key(Problem(code="screen.jog_key_held", key=KEYS[key]))
+            self.ui.say_until_key(self._why_no_hold(key) or Problem(code="screen.jog_key_held", key=KEYS[key]))
+
+    def _finger(self, key: str, now_s: float) -> None:
+        """Take a press of a finger: one step, and perhaps the begin of a held key."""
+        self._hold.begin(now_s)
+        self._ask(key)
+
+    @property
+    def repeat(self) -> Repeat | None:
+        """How the terminal repeats a held key; None where that was not measured, or is too slow."""
+        return self._calibration.measured
+
+    def calibrate(self) -> None:
+        """Measure the repeat of the terminal while its key is held. Nothing moves."""
+        now_s = self.ui.control.now_s()
+        if not self._calibration.press(now_s):
+            self.ui.say_until_key(hold_the_key())
+        elif self.repeat is None:
+            self.ui.say_until_key(Problem(code="screen.no_repeat", limit=f"{1000.0 * MOST_GAP_S:.0f} ms"))
+        else:
+            value, limit = f"{1000.0 * self.repeat.gap_s:.0f} ms", f"{1000.0 * self.repeat.timeout_s:.0f} ms"
+            self.ui.say_until_key(Problem(code="screen.repeat_measured", value=value, limit=limit))
+
+    def _why_no_hold(self, key: str) -> Problem | None:
+        """Return why a held key is one step; None where it runs. The tool goes to the work by presses alone."""
+        if self.repeat is None:
+            return Problem(code="screen.jog_key_held", key=KEYS[key])
+        if key == "align.in":
+            return Problem(code="screen.no_hold_to_work", key=KEYS[key])
+        axis = JOGS[key][0]
+        step_s = jog_s(self.ui.machine.machine, axis, self._steps.of(axis))
+        if step_s > LONGEST_STEP_S:
+            return Problem(code="screen.no_hold_long", value=f"{step_s:.1f} s", limit=f"{LONGEST_STEP_S:.1f} s")
+        return None
 
     def follow(self) -> None:
         """Command the next step, once the one before is made; at each tick, and when a press is decided."""
@@ -147,7 +193,10 @@ class JogKeys:
         if self._jog is None:
             return
         if (key := self._presses.due(now_s)) is not None:
-            self._ask(key)
+            self._finger(key, now_s)
+        held = self._queue.key
+        if held is not None and not self._queue.left and not state.moving and self._hold.runs(now_s, self.repeat):
+            self._ask(held)
         self._post_next(state)
         self._tell()
 
@@ -210,8 +259,18 @@ class JogKeys:
             made=self._queue.made,
             asked=self._queue.asked,
             now_s=now_s,
+            overrun=self._overrun(state),
             left_s=None if self._jog is None else self._jog.left_s(now_s),
         )
+
+    def _overrun(self, state: StationState) -> float | None:
+        """Return how far the axis may still go after a held key is released, mm or degrees; None: step only."""
+        axis = self._axis(state)
+        step = self._steps.of(axis)
+        step_s = jog_s(self.ui.machine.machine, axis, step)
+        if self.repeat is None or step_s > LONGEST_STEP_S:
+            return None
+        return self.repeat.overrun_steps(step_s) * step
 
     def stops_what_moves(self, state: StationState, key: str) -> bool:
         """Stop first: another axis, direction or step during motion is a change of mind."""

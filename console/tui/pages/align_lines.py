@@ -128,7 +128,7 @@ def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int)
     moving = dim(text("align_page.at_rest"))
     if state.seen_moving:
         moving = moving_words(text, state, now_s), Token.STRONG
-    return ranged((drives,), (moving,), width)
+    return ranged((drives,), (dim(" "), moving), width)
 
 
 def step_now(alignment: Alignment, job: Job | None) -> AlignStep | None:

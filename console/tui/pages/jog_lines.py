@@ -36,7 +36,8 @@ _BESIDE = 3  # columns to the right of the rim, for the mark
 class JogView:
     """Input of the panel. `left_s` is None while disabled; `axis` has the step of + and -.
 
-    `made` of `asked` steps of the last key are done. `now_s` is machine time.
+    `made` of `asked` steps of the last key are done. `now_s` is machine time,
+    `overrun` how far a held key may go on after its release (mm or degrees), None for single steps alone.
     """
 
     machine: MachineProfile
@@ -46,6 +47,7 @@ class JogView:
     made: int
     asked: int
     now_s: float
+    overrun: float | None = None
     left_s: float | None
 
 

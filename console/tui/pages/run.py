@@ -66,6 +66,8 @@ class RunPage(Page):
     RunPage #run-right { width: 46fr; }
     RunPage #run-progress { height: 3; }
     RunPage #run-program { height: 6; }
+    RunPage.-paused #run-program { height: 1fr; }
+    RunPage.-paused #run-errors { display: none; }
     RunPage #run-values { width: 47fr; }
     RunPage #run-plots { width: 53fr; height: 1fr; }
     RunPage PolarView { display: none; }
@@ -99,6 +101,7 @@ class RunPage(Page):
         self._take_news()
         phase = phase_of(view.state)
         self.set_class(phase is Phase.CUTTING, "-live")
+        self.set_class(is_paused(view.state), "-paused")
         roomy = self.size.height >= LEAST_POLAR_ROWS
         if roomy != self.has_class("-roomy"):
             self._drawn = None  # a hidden plot has missed what was drawn

@@ -121,9 +121,16 @@ class CellView(Widget):
 
     def __init__(self, *, palette: Palette = COLOUR, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
+        self._palette = palette
         self._blank = palette[Token.TEXT]
         self._brush = Brush(palette)
         self._cells = Cells.blank(1, 1)
+
+    def notify_style_update(self) -> None:
+        """Take the colours anew where the theme has changed."""
+        super().notify_style_update()
+        if self._palette[Token.TEXT] is not self._blank:
+            self._blank, self._brush = self._palette[Token.TEXT], Brush(self._palette)
 
     def draw(self, columns: int, rows: int) -> Cells:
         """Return the picture for a size in cells; each plot has its own."""

@@ -11,7 +11,7 @@ from textual.geometry import Size
 from textual.widget import Widget
 
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, hanging, line, ranged, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, entitle, hanging, line, ranged, wrapped
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.polar_view import PolarView
@@ -172,7 +172,7 @@ class RecordsPanels:
         polar, marks = polar_of([*others, (run.trace, Token.AFTER, False)])
         panel.set_class(not polar, "-plain")
         panel.polar.show(polar, marks=marks)
-        panel.left.border_title = text("inspect_page.roundness", figures=evaluated_words(run, text))
+        entitle(panel.left, text("inspect_page.roundness", figures=evaluated_words(run, text)))
         scale = panel.polar.scale_um_per_division
         panel.caption.show(trace_caption(run, scale, text, max(panel.caption.size.width, 1)))
         lines = self._lines(found, panel.facts, lambda width: story_lines(run, text, width))
@@ -183,7 +183,7 @@ class RecordsPanels:
         polar, marks = polar_of([(pair.marked.trace, Token.BEFORE, True), (pair.other.trace, Token.AFTER, False)])
         panel.set_class(not polar, "-plain")
         panel.polar.show(polar, marks=marks)
-        panel.left.border_title = text("records_page.both")
+        entitle(panel.left, text("records_page.both"))
         scale = panel.polar.scale_um_per_division
         panel.caption.show(pair_caption(pair, scale, text, max(panel.caption.size.width, 1)))
         lines = self._lines(found, panel.facts, lambda width: pair_lines(pair, text, width))
@@ -199,7 +199,7 @@ class RecordsPanels:
             values = telemetry.column(name)
             known = values[np.isfinite(values)]
             limits = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-            view.border_title = text(f"records_page.{name}", part=telemetry.part or run.story.row.strategy)
+            entitle(view, text(f"records_page.{name}", part=telemetry.part or run.story.row.strategy))
             view.show(
                 TracePicture(
                     series=(Series(x=time_s, y=values, token=Token.AFTER),),
@@ -213,7 +213,7 @@ class RecordsPanels:
 
     def _show_chart(self, chart: JobChart, top: int) -> int:
         text = self._text
-        self._view.border_title = chart_title(chart, text)
+        entitle(self._view, chart_title(chart, text))
         self._view.visible = bool(chart.values_um)
         self._view.show(chart_picture(chart))
         lines = self._lines(chart, self._claims, lambda width: chart_lines(chart, text, width))

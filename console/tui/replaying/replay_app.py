@@ -10,6 +10,7 @@ from pathlib import Path
 
 from textual import events
 
+from console.session.appearance import Appearance
 from console.session.flight.playback import Playback, ReplayControl
 from console.session.flight.recorded_forms import RecordedWork
 from console.session.station.session_log import SessionLog
@@ -31,11 +32,11 @@ REFUSED = Problem(code="flight.is_recording")
 HELP = 1
 
 
-PAGES = tuple(page for page in NUMBERED if page is not PageName.RECORDS)
-"""Pages that can be seen: what the page Records and those without a digit read is not part of a recording."""
+PAGES = (*(page for page in NUMBERED if page is not PageName.RECORDS), PageName.LOG)
+"""Pages that can be seen: what the page Records and the others without a digit read is not part of a recording."""
 
 
-LOOKING = ("alarms.up", "alarms.down", "alarms.log")
+LOOKING = ("alarms.up", "alarms.down", "alarms.log", "log.up", "log.down")
 """Actions of the pages that only show something else; the other keys of the same kind are those of the replay."""
 
 
@@ -54,6 +55,7 @@ class ReplayApp(ConsoleApp):
         data: Path,
         now_s: Callable[[], float] = time.monotonic,
         ticking: bool = True,
+        appearance: Appearance | None = None,
     ) -> None:
         header = playback.recording.header
         machine = LoadedMachine(machine=header.machine, path=header.machine_path, sha256=header.machine_sha256)
@@ -65,11 +67,12 @@ class ReplayApp(ConsoleApp):
             data=data,
             local_time=lambda: datetime.fromtimestamp(header.utc_of(playback.at_s)),
             ticking=ticking,
+            appearance=appearance,
         )
         simulated = f" {text('sim')}" if header.simulated else ""
         self.title = f"{text('replay.badge')}{simulated} {header.machine.name}"
         self.playback, self._loaded_machine = playback, machine
-        self._list = _ReplayList(palette, text)
+        self._list = _ReplayList(self.look.palette, self.look.text)
         self._real_s = now_s
         self._ticked_s: float | None = None
         self._shown: RecordedWork | None = None
@@ -118,7 +121,7 @@ class ReplayApp(ConsoleApp):
         """Open no loop."""
         self._refused = True
 
-    def _took(self, event: events.Key) -> bool:
+    def took(self, event: events.Key) -> bool:
         """Perform the action of a key; every key of the machine is answered that this is a recording."""
         self._refused = False
         action = key_of(event.key, event.character)
@@ -139,7 +142,7 @@ class ReplayApp(ConsoleApp):
 
     def _looked(self, key: str, character: str | None) -> None:
         """Show another page or a list; anything else is a key of the machine."""
-        page = next((each for each in PAGES if DIGITS[each] == key), None)
+        page = next((each for each in PAGES if DIGITS.get(each) == key), None)
         action = action_of(key, character, self.page)
         if key in ("?", "question_mark", "f1") or character == "?":
             self._list.open(PAGE if self._list.shown == HELP else HELP)
@@ -152,6 +155,7 @@ class ReplayApp(ConsoleApp):
             self.go(page)
         elif action is not None and action.id in LOOKING:
             self._list.open(PAGE)
+            self._follows = self._follows and action.id != "alarms.log"  # it shows another page
             self._pages[self.page].act(action.id)
         else:
             self._refused = True

@@ -20,11 +20,13 @@ def main(options: Namespace, text: Catalogue) -> int:
     """
     if options.file is None or options.list or options.text or options.json:
         return replay.main(options, text)
+    from console.session.appearance import appearance_of
+    from console.session.configuration import KEYS
     from console.session.errors import SessionError
     from console.session.flight.playback import Playback
     from console.session.flight.recording import read_recording
     from console.tui.replaying.replay_app import ReplayApp
-    from console.tui.theme import COLOUR, MONO
+    from console.tui.theme import COLOUR, COLOUR_VARIABLE, MONO
     from profiles.problem import Problem
 
     path = replay.path_of(options)
@@ -32,8 +34,10 @@ def main(options: Namespace, text: Catalogue) -> int:
         raise SessionError(Problem(code="flight.no_terminal"))
     playback = Playback(read_recording(path))
     with tempfile.TemporaryDirectory(prefix="trilobe-replay-") as nothing:
-        palette = MONO if os.environ.get("NO_COLOR") else COLOUR
-        app = ReplayApp(playback, text=text, palette=palette, data=Path(nothing))
+        palette = MONO if os.environ.get(COLOUR_VARIABLE) else COLOUR
+        configuration = options.configuration
+        appearance = appearance_of({key: configuration.value(key) for key in KEYS}, text.language)
+        app = ReplayApp(playback, text=text, palette=palette, data=Path(nothing), appearance=appearance)
         app.run(mouse=False)
     if app.fault is not None:
         raise app.fault

@@ -8,7 +8,7 @@ from enum import StrEnum
 from textual.containers import Horizontal, Vertical
 from textual.geometry import Size
 
-from console.tui.lines import Line, Sheet, clipped, dim, line
+from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
 from console.tui.plot.trace_view import TraceView
 from console.tui.records.beside import Problems
 from console.tui.tuning.bode import bode_pictures
@@ -25,6 +25,8 @@ class TuneView(StrEnum):
 
     LOOP = "loop"
     BODE = "bode"
+    TESTS = "tests"
+    GAINS = "gains"
 
 
 class LoopPanels(Horizontal):
@@ -106,5 +108,5 @@ class LoopPanels(Horizontal):
         gain, phase = bode_pictures(facts, None if seen is None else seen.curve)
         for panel, picture, name in ((self.gain, gain, "gain"), (self.phase, phase, "phase")):
             panel.show(picture)
-            panel.border_title = text(f"tune_page.{name}")
+            entitle(panel, text(f"tune_page.{name}"))
         self.legend.show([legend(facts, seen, text)])

@@ -192,6 +192,9 @@ CLOSE
 
 _MOVE = "X(P11):0{y} Z(P21+P18*{fed}):(P19)\n"
 
+# The same in other words: a line that is reported by its text alone is then known by its number.
+_BACK_ON_PATH = "X(P11):0{y} Z(P21+(P25-P49)*P18):(P19)\n"
+
 _HELD_CUT = {
     "cut": _MOVE.format(y=SPINDLE_STEP, fed="(P25-P49)"),
     "loop": hold.LOOP,
@@ -227,7 +230,7 @@ _OUT = (
 P25=P25+{hold_out} P45=P45+{hold_out}
 X(P20):0 Y(P28+P16*P25):(P17) Z(P29+P33*{approach}/3000):0
 """
-    + hold.HELD.replace("{enter}", hold.ENTER_ON_TABLE).replace("{cut}", _MOVE.format(y="{y}", fed="(P25-P49)"))
+    + hold.HELD.replace("{enter}", hold.ENTER_ON_TABLE).replace("{cut}", _BACK_ON_PATH)
     + """\
 P30=P28+P16*P25
 P29=P29+P33*{approach}/3000

@@ -29,6 +29,9 @@ P27=P14+P13*P25
 X(P11+P12*COS(P27)):(-P15*SIN(P27)){y} Z(P21+P18*(P25-P24-P49)):(P19)
 """
 
+# The same in other words: a line that is reported by its text alone is then known by its number.
+_BACK_ON_PATH = _ON_PATH.replace("P25-P24-P49", "P25-P49-P24")
+
 LOBE_PATH = (
     """\
 PVT{segment} ; the amplitude grows
@@ -76,7 +79,7 @@ P38=-P15*SIN(P27)*P36-P37*6*P35*(1-P35)/{out_ms}*1000
 X(P20+P37*P36):(P38){y} Z(P29+P33*{out_ms}/3000*(1-P35*P35*P35)):(P33*P35*P35)
 ENDWHILE
 """
-    + hold.HELD.replace("{enter}", hold.ENTER_ON_PATH).replace("{cut}", _ON_PATH)
+    + hold.HELD.replace("{enter}", hold.ENTER_ON_PATH).replace("{cut}", _BACK_ON_PATH)
 )
 """The lines that move the tool along the lobe, with the spindle as an axis of the program or as its time base.
 

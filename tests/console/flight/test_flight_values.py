@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from console.session.flight.plain_values import changes, plain
 from console.session.flight.recorded_forms import Moment, recorded, work_of
@@ -28,13 +28,11 @@ def written(tree: Any) -> Any:
     return json.loads(json.dumps(tree, allow_nan=False))
 
 
-@settings(max_examples=60)
 @given(MOMENTS)
 def test_any_moment_comes_back_as_it_was(moment: Moment) -> None:
     assert same(Typed().read(Moment, written(plain(moment, recorded))), moment)
 
 
-@settings(max_examples=60)
 @given(MOMENTS, MOMENTS)
 def test_what_changed_leads_from_any_moment_to_any_other(before: Moment, now: Moment) -> None:
     tree = patched(written(plain(before, recorded)), written(changes(before, now, recorded)))

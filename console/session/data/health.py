@@ -1,0 +1,69 @@
+"""Health tests on disk: one file each, never overwritten, numbered in the order in which they were made."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from console.session.data.kept_files import file_error, folder_name, keep, kept
+from drivers.identification.health_result import HealthResult, as_table, from_table
+from profiles.files import printable
+from profiles.problem import Problem, ProfileError
+
+FOLDER = "health"
+_NUMBER = re.compile(r"health-(\d{6})\.json")
+_TRIES = 50
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptHealth:
+    """One file of a machine: its test, or why it cannot be read."""
+
+    file: Path
+    result: HealthResult | None
+    problems: tuple[Problem, ...] = ()
+
+
+def store(data: Path, result: HealthResult) -> Path:
+    """Keep a test in the data folder, and return its file; ProfileError as `keep`."""
+    folder = data / FOLDER / folder_name(result.origin.machine)
+    number = max((_number(file) for file in _files(folder)), default=0)
+    for tried in range(1, _TRIES + 1):
+        path = folder / f"health-{number + tried:06d}.json"
+        try:
+            keep(path, as_table(result))
+            break
+        except ProfileError as error:
+            if error.problems[0].code != "file.exists" or tried == _TRIES:
+                raise
+    return path
+
+
+def kept_tests(data: Path, machine: str, most: int) -> tuple[KeptHealth, ...]:
+    """Return the newest tests of a machine, the newest first, at most so many; ProfileError `file.unreadable`."""
+    folder = data / FOLDER / folder_name(machine)
+    files = sorted(_files(folder), key=_number, reverse=True)
+    return tuple(_read(file) for file in files[:most])
+
+
+def _read(file: Path) -> KeptHealth:
+    where = printable(str(file))
+    try:
+        return KeptHealth(file=file, result=from_table(kept(file, "health.file"), where))
+    except ProfileError as error:
+        return KeptHealth(file=file, result=None, problems=tuple(error.problems))
+
+
+def _files(folder: Path) -> list[Path]:
+    try:
+        return [file for file in folder.iterdir() if _NUMBER.fullmatch(file.name)]
+    except (FileNotFoundError, NotADirectoryError):  # it is made with the first test
+        return []
+    except OSError as error:
+        raise file_error("file.unreadable", folder, error) from error
+
+
+def _number(file: Path) -> int:
+    found = _NUMBER.fullmatch(file.name)
+    return 0 if found is None else int(found[1])

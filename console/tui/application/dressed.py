@@ -1,0 +1,47 @@
+"""An application in the appearance that the operator has set: theme, language, glyphs, changed while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from textual.app import App
+from textual.driver import Driver
+from textual.filter import LineFilter
+
+from console.session.appearance import Appearance
+from console.tui.settings.live import LiveLook
+from console.tui.theme import Palette
+
+
+class DressedApp(App[None]):
+    """`look` has the texts and colours that every panel is given."""
+
+    def __init__(self, palette: Palette, appearance: Appearance, driver_class: type[Driver] | None) -> None:
+        self.look = LiveLook(palette, appearance)
+        # Without colour, Textual must know before it chooses its filters to use the terminal's own colours.
+        super().__init__(driver_class=driver_class, ansi_color=True if self.look.mono else None)
+        self._wear(appearance)
+
+    def dress(self, appearance: Appearance) -> None:
+        """Draw everything anew in another appearance."""
+        self.look.change(appearance)
+        self._wear(appearance)
+        for widget in (self.screen, *self.screen.query()):
+            widget.notify_style_update()
+            widget.refresh()
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Return Textual's filters, and that of the glyphs."""
+        return (*super().get_line_filters(), *self.look.filters)
+
+    def offer_mouse(self, on: bool) -> None:
+        """Have the terminal report clicks and the wheel, or not; a driver without a terminal has none."""
+        report = getattr(self._driver, "report_mouse", None)
+        if report is not None:
+            report(on)
+
+    def _wear(self, appearance: Appearance) -> None:
+        theme = self.look.theme(appearance)
+        if theme.name not in self.available_themes:
+            self.register_theme(theme)
+        self.theme = theme.name

@@ -1,0 +1,1 @@
+"""What the page Log shows: the entries of this session as lines, searched and exported."""

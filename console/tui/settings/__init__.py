@@ -1,0 +1,1 @@
+"""Settings of the screens: themes, glyphs, own keys, and how they are applied while the console runs."""

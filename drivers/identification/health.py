@@ -1,0 +1,202 @@
+"""Health test of the tool axis: a step, a parabola and a sine at its zero, gathered by the controller.
+
+It has the preconditions, the watch and the end of an identification: the spindle at rest, the tool clear of
+everything, the watchdog alive; on any error or stop the machine is brought to rest, drives disabled.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.commissioning.reading import read_gathering
+from drivers.cutting.strategy import Strategy
+from drivers.errors import DriverError, RefusedError
+from drivers.identification.excitation import Sweep, axis_word
+from drivers.identification.health_program import LEAD_S, SETTLE_S, HealthMoves, health_text
+from drivers.identification.health_result import HealthModel, HealthResult
+from drivers.identification.identify import restore_after
+from drivers.identification.measuring import SPARE_SAMPLES, measure, run_gathered
+from drivers.identification.pvt_path import PvtPath
+from drivers.identification.request import (
+    AMPLITUDE_UM,
+    CLEAR_MM,
+    IdentificationRequest,
+    clearance_mm,
+    request_problems,
+)
+from drivers.identification.result import IdentifiedPoint, Origin
+from drivers.identification.rig import Rig, card_problems, put_back, standing_problems
+from drivers.identification.standstill import Standstill, link_problems
+from drivers.lathe.snapshot import AxisName
+from drivers.pmac.gathering.gather import GatherError
+from drivers.pmac.gathering.gather_client import DataGathering, GatheredData
+from drivers.pmac.program_text import read_program
+from profiles.arrays import Floats, floats
+from profiles.axis.sampled_loop import SampledLoop, loop_of
+from profiles.axis.servo_gains import error_limit_um
+from profiles.axis.step_figures import error_figures, modelled, step_figures
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+SINE_HZ, SINE_PERIODS = 40.0, 20
+SETTLED_COUNTS = 2.0  # what the encoder shows at rest
+WATCHED_HZ = 10.0  # at which the watch for a frozen encoder asks again
+KEPT_BEFORE_MS, KEPT_AFTER_MS = 10.0, 100.0  # samples about the step that are kept
+_BEFORE_S = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HealthRequest:
+    """One test: the step, which is the amplitude of the sine as well; the parabola is eight times as far."""
+
+    step_um: float = AMPLITUDE_UM
+    sine_hz: float = SINE_HZ
+
+    @property
+    def moves(self) -> HealthMoves:
+        """The moves of this size."""
+        return HealthMoves(step_um=self.step_um)
+
+    @property
+    def sine(self) -> IdentificationRequest:
+        """The sine as an identification of one frequency."""
+        frequencies = (self.sine_hz,)
+        return IdentificationRequest(
+            path=Strategy.PVT, frequencies_hz=frequencies, amplitude_um=self.step_um, periods=SINE_PERIODS
+        )
+
+
+def health_problems(request: HealthRequest, machine: MachineProfile) -> tuple[Problem, ...]:
+    """Return everything that forbids this test on this machine; nothing is sent for it."""
+    return request_problems(request.sine, machine) or tuple(_beyond(request.moves, machine))
+
+
+def _beyond(moves: HealthMoves, machine: MachineProfile) -> Iterator[Problem]:
+    tool, motor = machine.tool, machine.tool.motor
+    variables, per_mm = machine.controller.variables, machine.tool.counts_per_mm
+    speed, acceleration = moves.peak_speed_mm_per_s(), moves.peak_acceleration_m_per_s2()
+    force_n = tool.moving_mass_kg * acceleration + tool.damping_n_s_per_m * speed / 1000.0
+    for key, value, limit, unit in (
+        (f"I{motor}16", speed * per_mm / 1000.0, variables[f"I{motor}16"], "counts/ms"),
+        (f"I{motor}17", acceleration * per_mm / 1000.0, variables[f"I{motor}17"], "counts/ms2"),
+        (f"I{motor}11", moves.step_um, error_limit_um(machine), "um"),
+        ("tool.continuous_force_n", force_n, tool.continuous_force_n, "N"),
+    ):
+        if value >= limit:
+            yield Problem(
+                code="health.beyond_drive", key=key, value=f"{value:.4g} {unit}", limit=f"< {limit:.4g} {unit}"
+            )
+    clear_mm = clearance_mm(machine, moves.parabola_um)
+    if clear_mm < CLEAR_MM:
+        value_, limit_ = f"{clear_mm:.3g} mm", f">= {CLEAR_MM:g} mm"
+        yield Problem(code="identify.not_clear", key="tool", value=value_, limit=limit_)
+
+
+def refuse_health(rig: Rig, request: HealthRequest) -> None:
+    """Make sure that everything but the drives is ready.
+
+    Raises RefusedError: every reason why not; nothing has moved; DriverError: the link broke.
+    """
+    problems = health_problems(request, rig.machine) or card_problems(rig)
+    if problems:
+        raise RefusedError(*problems)
+
+
+def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) -> HealthResult:
+    """Test the tool, with the drives enabled, homed, and everything at rest; the tool ends at its zero.
+
+    Raises as `identify`, and ProfileError: `health.no_step`.
+    """
+    refuse_health(rig, request)
+    if problems := (*standing_problems(rig), *link_problems(rig, request.step_um)):
+        raise RefusedError(*problems)
+    gathering = read_gathering(rig.client, rig.dialect)
+    try:
+        rig.lathe.jog_to(AxisName.TOOL, 0.0)
+        data = _moved(rig, request)
+        sine = measure(rig, PvtPath(rig.machine, request.step_um), request.sine_hz, request.sine)
+        put_back(rig, gathering, table=False)
+    except BaseException as error:
+        restore_after(rig, gathering, error, table=False)
+        raise
+    return _result(rig.machine, request, data, origin, date, sine)
+
+
+def _moved(rig: Rig, request: HealthRequest) -> GatheredData:
+    """Run step and parabola, and return what was gathered."""
+    moves, machine = request.moves, rig.machine
+    word = axis_word(machine, machine.tool.motor)
+    rig.lathe.program.load(read_program(health_text(machine, word, moves, 0.0)))
+    gathering = DataGathering(client=rig.client, dialect=rig.dialect)
+    period_s = machine.controller.servo_period_ms / 1000.0
+    samples = math.ceil((LEAD_S - SETTLE_S + moves.end_s) / period_s) + SPARE_SAMPLES
+    sweep = Sweep(text="", steady_s=SETTLE_S, longest_s=moves.longest_s)
+    try:
+        plan = gathering.prepare(gathering.motor_channels(*_channels(machine)), samples)
+        run_gathered(rig, sweep, plan, Standstill(rig, WATCHED_HZ, request.step_um))
+        return gathering.fetch(plan)
+    except GatherError as error:
+        raise DriverError(Problem(code="identify.gather", where=rig.where, value=str(error))) from error
+
+
+def _channels(machine: MachineProfile) -> tuple[str, str]:
+    return f"#{machine.tool.motor} commanded", f"#{machine.tool.motor} actual"
+
+
+def _result(
+    machine: MachineProfile,
+    request: HealthRequest,
+    data: GatheredData,
+    origin: Origin,
+    date: str,
+    sine: IdentifiedPoint,
+) -> HealthResult:
+    count_um, moves = machine.tool.count_um, request.moves
+    time_s = floats(data.times_ms / 1000.0)
+    reference, position = (floats(data.values[name] * count_um) for name in _channels(machine))
+    begin_s = _begin_s(time_s, reference, request.step_um)
+    loop = loop_of(machine)
+    predicted = modelled(loop, reference)
+    step = _window(time_s, begin_s - _BEFORE_S, begin_s + moves.back_s)
+    far = _window(time_s, begin_s + moves.parabola_s, begin_s + moves.end_s)
+    kept = _window(time_s, begin_s - KEPT_BEFORE_MS / 1000.0, begin_s + KEPT_AFTER_MS / 1000.0)
+    least_um = SETTLED_COUNTS * count_um
+    model = HealthModel(
+        step=step_figures(time_s[step], reference[step], predicted[step], least_um=least_um),
+        parabola=error_figures(reference[far], predicted[far]),
+        **_sine_of(loop, request.sine_hz),
+    )
+    return HealthResult(
+        origin=origin,
+        date=date,
+        step_um=request.step_um,
+        step=step_figures(time_s[step], reference[step], position[step], least_um=least_um),
+        parabola=error_figures(reference[far], position[far]),
+        sine=sine,
+        model=model,
+        times_ms=tuple(np.round(1000.0 * (time_s[kept] - begin_s), 4).tolist()),
+        reference_um=tuple(np.round(reference[kept] - reference[0], 3).tolist()),
+        position_um=tuple(np.round(position[kept] - reference[0], 3).tolist()),
+    )
+
+
+def _sine_of(loop: SampledLoop, frequency_hz: float) -> dict[str, float]:
+    response = complex(loop.closed(np.array([frequency_hz]))[0])
+    return {"gain": abs(response), "phase_deg": math.degrees(cmath.phase(response))}
+
+
+def _begin_s(time_s: Floats, reference: Floats, step_um: float) -> float:
+    """Return when the step begins in the reference. Raises DriverError: `identify.ended_early`, there is none."""
+    moved = np.abs(reference - reference[0]) > 0.001 * step_um
+    if moved[0] or not moved.any():
+        raise DriverError(Problem(code="identify.ended_early", key="step"))
+    return float(time_s[max(int(np.argmax(moved)) - 1, 0)])
+
+
+def _window(time_s: Floats, from_s: float, to_s: float) -> slice:
+    return slice(int(np.searchsorted(time_s, from_s)), int(np.searchsorted(time_s, to_s)))

@@ -1,0 +1,262 @@
+"""Page Settings: a change counts at once on every page, is kept, and nothing in it can reach the machine."""
+
+from __future__ import annotations
+
+import asyncio
+import unicodedata
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.cells import cell_len
+from rich.segment import Segment
+from textual.pilot import Pilot
+
+from console.session.appearance import GLYPHS, THEMES, Appearance
+from console.session.configuration import Configuration, Origin, Setting, read_configuration
+from console.session.station.session_log import SessionLog
+from console.session.station.state import Activity, StationState
+from console.tui.app import ConsoleApp
+from console.tui.keymap import PageName
+from console.tui.settings.glyphs import in_ascii
+from console.tui.theme import COLOUR, MONO, Palette
+from tests.tui import run_stage
+from tests.tui.scenes import Scene, application, fill, fixed_world, keys_to, played, rows_of, scene_of, settle
+from tests.tui.stage import FixedControl, experiment
+from tests.tui.test_console_keys import armed
+
+Act = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
+SETTINGS = scene_of(PageName.SETTINGS)
+EVERYWHERE = replace(SETTINGS, state=run_stage.state(), work=experiment())
+"""One state of the machine in which every page has something to show."""
+
+
+def play(
+    act: Act,
+    data: Path,
+    *,
+    state: StationState | None = None,
+    appearance: Appearance | None = None,
+    configuration: Configuration | None = None,
+    palette: Palette = COLOUR,
+    scene: Scene = SETTINGS,
+    size: tuple[int, int] = (80, 24),
+) -> None:
+    begun = scene if state is None else replace(scene, state=state)
+    language = "en" if appearance is None else appearance.language
+    given = {"appearance": appearance, "configuration": configuration, "palette": palette}
+    app, control = application(begun, data, language=language, **given)  # type: ignore[arg-type]
+
+    async def run() -> None:
+        async with played(app, begun, size) as pilot:
+            await act(app, pilot, control)
+
+    asyncio.run(run())
+    assert app.fault is None
+
+
+def own_configuration(folder: Path, monkeypatch: pytest.MonkeyPatch, **variables: str) -> Configuration:
+    environment = {"XDG_CONFIG_HOME": str(folder), **variables}
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    return read_configuration(environment, folder / "no-site.toml")
+
+
+def codes(app: ConsoleApp) -> list[str]:
+    return [problem.code for problem in app.ui.said]
+
+
+def segments_of(app: ConsoleApp) -> list[list[Segment]]:
+    return [list(strip) for strip in app.screen._compositor.render_strips()]
+
+
+async def every_page(app: ConsoleApp, pilot: Pilot[None]) -> dict[PageName, tuple[list[str], list[list[Segment]]]]:
+    seen = {}
+    for page in PageName:
+        await pilot.press(*keys_to(page))
+        await settle(app, pilot)
+        seen[page] = rows_of(app), [list(Segment.simplify(row)) for row in segments_of(app)]
+    return seen
+
+
+# A change counts at once, everywhere ---------------------------------------------------------------------------
+
+CHANGED = [Appearance(language="ko", theme="light", glyphs="ascii"), Appearance(theme="16-colour")]
+
+
+@pytest.mark.parametrize("target", CHANGED, ids=["ko-light-ascii", "16-colour"])
+def test_after_a_change_every_page_looks_as_if_the_console_had_been_started_so(
+    target: Appearance, tmp_path: Path
+) -> None:
+    """Characters and colours; the pages were all shown before the change."""
+    fill(tmp_path)
+    seen: list[dict[PageName, tuple[list[str], list[list[Segment]]]]] = []
+
+    async def changed(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        await every_page(app, pilot)
+        await pilot.press(*keys_to(PageName.SETTINGS))
+        app.ui.appear(target)
+        app._logs.log = SessionLog()  # what the first walk was answered is not in the log of the second one
+        seen.append(await every_page(app, pilot))
+
+    async def started(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        seen.append(await every_page(app, pilot))
+
+    with fixed_world():
+        play(changed, tmp_path, scene=EVERYWHERE)
+        play(started, tmp_path, scene=EVERYWHERE, appearance=target)
+    for page in PageName:
+        assert seen[0][page][0] == seen[1][page][0], page
+        assert seen[0][page][1] == seen[1][page][1], f"the colours of {page}"
+
+
+def test_the_keys_step_through_the_values_and_each_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    configuration = own_configuration(tmp_path, monkeypatch)
+    path = tmp_path / "trilobe" / "config.toml"
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        await pilot.press("down", "right")
+        assert app.ui.appearance.theme == "light" and path.read_text() == 'theme = "light"\n'
+        await settle(app, pilot)
+        assert str(path)[-20:] in "\n".join(rows_of(app)), "the row says where the value comes from"
+        await pilot.press("left", "left")
+        assert app.ui.appearance.theme == THEMES[-1] and f'theme = "{THEMES[-1]}"' in path.read_text()
+        await pilot.press("down", "enter", "down", "enter", "down", "enter", "up", "up", "up", "up", "enter")
+        assert app.ui.appearance == Appearance(
+            theme=THEMES[-1], glyphs=GLYPHS[1], calm="on", mouse="on", language="ko"
+        )
+        assert read_configuration({"XDG_CONFIG_HOME": str(tmp_path)}, tmp_path / "no").value("language") == "ko"
+        assert codes(app) == []
+
+    play(act, tmp_path, configuration=configuration)
+
+
+REFUSED = {
+    "moving": (run_stage.state(activity=Activity.CUTTING, cut=run_stage.cut()), "screen.settings_moving"),
+    "armed": (run_stage.state(armed=armed()), "screen.settings_armed"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_nothing_is_changed_while_something_moves_or_a_cut_is_armed(name: str, tmp_path: Path) -> None:
+    state, code = REFUSED[name]
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        for key in ("right", "enter", "left"):
+            await pilot.press(key)
+            assert codes(app) == [code]
+        assert app.ui.appearance == Appearance() and control.orders == []
+
+    play(act, tmp_path, state=state)
+
+
+def test_what_a_later_place_fixes_is_said_and_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    configuration = own_configuration(tmp_path, monkeypatch, TRILOBE_CALM="on")
+    option = Setting(value="en", origin=Origin.OPTION, place="--lang")
+    configuration = configuration.below({"language": option})
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        shown = "\n".join(rows_of(app))
+        assert "fixed by --lang" in shown and "fixed by TRILOBE_CALM" in shown and "fixed by NO_COLOR" in shown
+        for steps, place in ((0, "--lang"), (1, "NO_COLOR"), (2, "TRILOBE_CALM")):
+            await pilot.press(*["down"] * steps, "right")
+            assert (codes(app), app.ui.said[0].value) == (["screen.setting_fixed"], place)
+        assert not (tmp_path / "trilobe").exists()
+
+    appearance = Appearance(calm="on")
+    play(act, tmp_path, configuration=configuration, appearance=appearance, palette=MONO)
+
+
+def test_what_cannot_be_kept_counts_and_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    configuration = own_configuration(tmp_path, monkeypatch)
+    (tmp_path / "trilobe").write_text("a file where the folder should be")
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        await pilot.press("down", "right")
+        assert app.ui.appearance.theme == "light"
+        assert codes(app)[-1] == "screen.setting_not_kept" and len(codes(app)) == 2
+
+    play(act, tmp_path, configuration=configuration)
+
+
+# Own keys ------------------------------------------------------------------------------------------------------
+
+
+async def give(pilot: Pilot[None], app: ConsoleApp, action: str, typed: str) -> None:
+    """Give the action a key by the keys of the page, from wherever its list stands."""
+    from console.tui.settings.own_keys import REMAPPABLE
+
+    place = [each.id for each in REMAPPABLE].index(action)
+    await pilot.press("home", *["down"] * place, "enter", *["backspace"] * 4, *typed, "enter")
+
+
+def test_an_own_key_does_what_our_key_does_and_both_are_shown(tmp_path: Path) -> None:
+    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        await pilot.press("end", "enter")
+        await give(pilot, app, "page.records", "F11")
+        await give(pilot, app, "alarms.all", "q")
+        assert app.ui.appearance.keys == {"page.records": "f11", "alarms.all": "q"} and codes(app) == []
+        await pilot.press("f11")
+        assert app.page is PageName.RECORDS
+        for key in ("q", "ㅂ", "a"):
+            await pilot.press("8", key)
+            assert codes(app) == ["screen.nothing_to_acknowledge"], key
+        await settle(app, pilot)
+        assert "q acknowledge all" in rows_of(app)[-1]
+        await pilot.press("?")
+        await settle(app, pilot)
+        assert any(row.strip(" │").startswith("q a ") for row in rows_of(app))
+        await pilot.press("7", "q")
+        assert control.stops == [], "on another page it means nothing"
+        await pilot.press("0", "s", "d")
+        assert app.ui.appearance.keys == {"page.records": "f11"}
+
+    play(act, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("action", "typed", "code"),
+    [
+        ("alarms.all", "f9", "screen.own_key_stops"),
+        ("alarms.all", "F12", "screen.own_key_stops"),
+        ("alarms.all", "space", "screen.own_key_stops"),
+        ("alarms.all", "k", "screen.own_key_taken"),
+        ("alarms.all", "l", "screen.own_key_taken"),
+        ("recover", "f5", "screen.own_key_taken"),
+        ("run.start", "q", "screen.own_key_moves"),
+        ("alarms.all", "f13", "screen.own_key_unknown"),
+        ("alarms.all", "7", "screen.own_key_unknown"),
+    ],
+)
+def test_a_key_that_cannot_be_had_is_refused_with_both_names(
+    action: str, typed: str, code: str, tmp_path: Path
+) -> None:
+    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        await pilot.press("end", "enter")
+        await give(pilot, app, action, typed)
+        assert codes(app) == [code] and app.ui.appearance.keys == {}
+        if code == "screen.own_key_taken":
+            names = {"k": "k everywhere", "l": "l Alarms", "f5": "F5 Run"}
+            assert app.ui.said[0].limit == names[typed] and app.ui.said[0].key
+        assert (control.stops, control.kills) == ([], []), "typing the name of a key is not pressing it"
+
+    play(act, tmp_path)
+
+
+# Signs and cells -----------------------------------------------------------------------------------------------
+
+
+def test_in_ascii_every_sign_of_every_page_is_ascii_or_a_letter_in_as_many_cells(tmp_path: Path) -> None:
+    """The kept screens, in both languages and three sizes: whatever is drawn there."""
+    strange = set()
+    for path in sorted(Path(__file__).with_name("goldens").iterdir()):
+        for row in path.read_text(encoding="utf-8").splitlines():
+            shown = in_ascii(row)
+            assert cell_len(shown) == cell_len(row), row
+            strange |= {sign for sign in shown if not sign.isascii() and unicodedata.category(sign) != "Lo"}
+    assert strange == set()
+    assert in_ascii("± 0.5 mm, ≤ 3") == "+-0.5 mm, <=3"
+    assert in_ascii("⠉⠁⣿⣀") == "\"'#_"
