@@ -1,7 +1,7 @@
 """A shift at a terminal: parts of three jobs on a machine without a gauge, with what comes between.
 
-A stop, a hold and its resume, a cable that is cut and mended, and a second console that looks on. It takes minutes and
-a computer of its own, and is run by name, with the number of parts:
+A stop, a hold and its resume, a cable that is cut and mended, and a second console that looks on. It takes
+minutes and a computer of its own, and is run by name, with the number of parts:
 
 SHIFT_PARTS=6 pytest -n 0 tests/system/test_whole_shift.py
 """
