@@ -98,6 +98,20 @@ TERMS: dict[PageName, tuple[str, ...]] = {
         "alpha",
         "residual",
     ),
+    PageName.CONTROLLER: (
+        "status_bit",
+        "status_poll",
+        "query",
+        "configuration_hash",
+        "stop_performance",
+    ),
+    PageName.SCOPE: (
+        "gathering",
+        "scope_error",
+        "trigger",
+        "level",
+        "deviation",
+    ),
 }
 
 

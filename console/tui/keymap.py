@@ -45,6 +45,7 @@ class PageName(StrEnum):
     TUNE = "tune"
     CALIBRATE = "calibrate"
     CONTROLLER = "controller"
+    SCOPE = "scope"
 
 
 NUMBERED = tuple(PageName)[: tuple(PageName).index(PageName.MORE)]
@@ -101,6 +102,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="page.tune", keys=(), shown="0 u", beside=True),
     Action(id="page.calibrate", keys=(), shown="0 c", beside=True),
     Action(id="page.controller", keys=(), shown="0 d", beside=True),
+    Action(id="page.scope", keys=(), shown="0 o", beside=True),
     Action(id="recover", keys=("f2",), shown="F2"),
     Action(id="acknowledge", keys=("k", "ㅏ"), shown="k"),
     Action(id="take_over", keys=("t", "ㅅ"), shown="t", row="", once=True),
@@ -224,8 +226,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="more.up", keys=("up",), shown="↑", row="↑↓"),
     Action(id="more.down", keys=("down",), shown="↓", row="", beside=True),
     Action(id="more.open", keys=("enter",), shown="Enter"),
-    Action(id="more.settings", keys=("s", "ㄴ"), shown="s"),
-    Action(id="more.log", keys=("l", "ㅣ"), shown="l"),
+    Action(id="more.settings", keys=("s", "ㄴ"), shown="s", row=""),
+    Action(id="more.log", keys=("l", "ㅣ"), shown="l", row=""),
     Action(id="settings.up", keys=("up",), shown="↑", row="↑↓"),
     Action(id="settings.down", keys=("down",), shown="↓", row="", beside=True),
     Action(id="settings.change", keys=("enter",), shown="Enter"),
@@ -245,8 +247,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="log.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
     Action(id="log.first", keys=("home",), shown="Home", row="", beside=True),
     Action(id="log.last", keys=("end",), shown="End", row="", beside=True),
-    Action(id="more.tune", keys=("u", "ㅕ"), shown="u"),
-    Action(id="more.calibrate", keys=("c", "ㅊ"), shown="c"),
+    Action(id="more.tune", keys=("u", "ㅕ"), shown="u", row=""),
+    Action(id="more.calibrate", keys=("c", "ㅊ"), shown="c", row=""),
     Action(id="tune.view", keys=("v", "ㅍ"), shown="v"),
     Action(id="tune.up", keys=("up",), shown="↑", row="↑↓"),
     Action(id="tune.down", keys=("down",), shown="↓", row="", beside=True),
@@ -265,7 +267,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="calibrate.undo", keys=("u", "ㅕ"), shown="u", row=""),
     Action(id="calibrate.drop", keys=("d", "ㅇ"), shown="d", row="", once=True),
     Action(id="calibrate.keep", keys=("a", "ㅁ"), shown="a", once=True),
-    Action(id="more.controller", keys=("d", "ㅇ"), shown="d"),
+    Action(id="more.controller", keys=("d", "ㅇ"), shown="d", row=""),
+    Action(id="more.scope", keys=("o", "ㅐ"), shown="o", row=""),
     Action(id="controller.left", keys=("left",), shown="←", row="←→"),
     Action(id="controller.right", keys=("right",), shown="→", row="", beside=True),
     Action(id="controller.up", keys=("up",), shown="↑", row=""),
@@ -283,6 +286,21 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="controller.backup", keys=("b", "ㅠ"), shown="b", once=True),
     Action(id="controller.diff", keys=("f", "ㄹ"), shown="f", once=True),
     Action(id="controller.cancel", keys=("c", "ㅊ"), shown="c", row=""),
+    Action(id="scope.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="scope.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="scope.more", keys=("enter", "+", "="), shown="Enter +", row="+-"),
+    Action(id="scope.less", keys=("-",), shown="-", row="", beside=True),
+    Action(id="scope.gather", keys=("g", "ㅎ"), shown="g", once=True),
+    Action(id="scope.cancel", keys=("c", "ㅊ"), shown="c"),
+    Action(id="scope.left", keys=("left",), shown="←", row="←→"),
+    Action(id="scope.right", keys=("right",), shown="→", row="", beside=True),
+    Action(id="scope.far_left", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="scope.far_right", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="scope.cursor", keys=("tab",), shown="Tab", row=""),
+    Action(id="scope.channel", keys=("n", "ㅜ"), shown="n"),
+    Action(id="scope.angle", keys=("v", "ㅍ"), shown="v"),
+    Action(id="scope.keep", keys=("x", "ㅌ"), shown="x", once=True),
+    Action(id="scope.list", keys=("o", "ㅐ"), shown="o"),
 )
 
 READING = (

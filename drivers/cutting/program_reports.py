@@ -13,7 +13,7 @@ from drivers.lathe.polling import SLOW_LINE_S, Poller
 from drivers.link.base import is_gone
 from drivers.pmac.program_text import ProgramText
 
-POLLS_A_REPORT = 6  # polls from one report to the next: the constants of the program are read in between
+POLLS_A_REPORT = 12  # some three a second: each report costs the time of a poll
 REPORT_TIMEOUT_S = 0.1  # less than what a poll may take: watchdog and polls come first
 
 

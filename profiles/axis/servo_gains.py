@@ -12,6 +12,7 @@ DAC = 2^-19 Ix30 { Ix08 [ FE + (Ix32 CV + Ix35 CA)/128 + Ix33 IE/2^23 ] - Ix31 I
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from profiles.machine import MachineProfile
@@ -90,6 +91,11 @@ def variables_from_gains(machine: MachineProfile, gains: PidGains) -> dict[str, 
         f"I{motor}34": 0,
         f"I{motor}35": round(acceleration * 128 / (unit * ix08 * period_s**2)),
     }
+
+
+def present_settings(machine: MachineProfile, names: Iterable[str]) -> dict[str, float]:
+    """Return variables of a machine by these names."""
+    return {name: machine.controller.variables[name] for name in names}
 
 
 def program_speed_mm_per_s(machine: MachineProfile) -> float:

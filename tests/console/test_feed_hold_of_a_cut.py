@@ -33,7 +33,7 @@ def in_turn(floor: Floor, turn: float) -> bool:
     return cut is not None and cut.stage is CutStage.CUT and cut.turn > turn
 
 
-def held(floor: Floor, then: Callable[[], object], strategy: Strategy = Strategy.PVT) -> StationState:
+def held(floor: Floor, then: Callable[[], None], strategy: Strategy = Strategy.PVT) -> StationState:
     """Arm and start a cut, hold it in its tenth turn, and do something half a second after it is held."""
     floor.arm(experiment_1(), strategy)
     assert floor.state.armed is not None, floor.state.refusals
@@ -45,7 +45,7 @@ def held(floor: Floor, then: Callable[[], object], strategy: Strategy = Strategy
             since.append(floor.sim.now_s())
         return bool(since) and floor.sim.now_s() > since[0] + 0.5
 
-    floor.when(long_held, lambda: then())
+    floor.when(long_held, then)
     return floor.do(Start())
 
 
@@ -64,7 +64,8 @@ def test_a_held_cut_is_as_good_as_any(aligned: Floor, strategy: Strategy) -> Non
     assert (cut.turn, cut.fraction) == (30.0, 1.0)
     # What the tool did outside is no error of the cut, and no phase that was lost.
     assert cut.tool_error_peak_um < 3.0 and cut.figures.tool_error_um < 3.0
-    assert cut.holds_mm == (pytest.approx(0.55, abs=0.06),)
+    (held_at_mm,) = cut.holds_mm
+    assert held_at_mm == pytest.approx(0.55, abs=0.06)
     stages = [moment.stage for moment in seen]
     assert stages.index(CutStage.CUT) < stages.index(CutStage.PAUSED)
     assert {moment.in_phase for moment in seen if moment.stage is CutStage.PAUSED} <= {True, None}
@@ -78,17 +79,16 @@ def test_a_held_cut_is_as_good_as_any(aligned: Floor, strategy: Strategy) -> Non
 def test_one_turn_after_the_other_may_be_cut(aligned: Floor) -> None:
     turns: list[float] = []
 
-    def next_turn(_: object) -> bool:
+    def next_turn(_: object) -> None:
         cut = aligned.state.cut
         if cut is None or not is_paused(aligned.state) or (turns and cut.turn < turns[-1] + 0.5):
-            return False
+            return
         turns.append(cut.turn)
         order(aligned, ResumeFeed(one_turn=len(turns) < 3))
-        return False
 
     aligned.arm(experiment_1())
     aligned.when(lambda _: in_turn(aligned, 10.0), lambda: order(aligned, HoldFeed()))
-    aligned.looks.append(lambda snapshot: next_turn(snapshot) and None)
+    aligned.looks.append(next_turn)
     state = aligned.do(Start())
     assert state.cut_done and codes(state) == []
     assert [b - a for a, b in itertools.pairwise(turns)] == pytest.approx([1.0, 1.0], abs=0.01)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.dialect import DIALECTS
@@ -44,15 +45,16 @@ class HeldCut:
         """How much further in the tool is than the wanted path at the angle of the spindle."""
         infeed_um = (self.track.tool - self.floor.plan.setup.surface) * self.floor.plan.setup.tool_count_um
         wanted = self.floor.plan.target.at_um(360.0 * self.track.spindle / self.floor.plan.setup.counts_per_turn)
-        return np.asarray(infeed_um - wanted)
+        return np.asarray(infeed_um - wanted, dtype=np.float64)
 
     @property
-    def out(self) -> Floats:
+    def out(self) -> NDArray[np.intp]:
         """The cycles in which the tool stood out, between its first and its last turn of the cut."""
         out_um = (self.track.tool - self.floor.plan.setup.retracted) * self.floor.plan.setup.tool_count_um
         cycles = np.flatnonzero(np.abs(out_um) < 100.0)  # a table adds its lobe there, too
         on_path = np.flatnonzero(self.excess_um > -40.0)
-        return cycles[(cycles > on_path[0]) & (cycles < on_path[-1])]
+        between: NDArray[np.intp] = cycles[(cycles > on_path[0]) & (cycles < on_path[-1])]
+        return between
 
 
 def ready(experiment: JobMaker, machine: MachineProfile, strategy: Strategy, rpm: float = 1000.0) -> CutFloor:

@@ -66,6 +66,9 @@ ASTRAY, UNEXPECTED = "stopped, ^A: machine.jog_astray", "stopped, ^A: machine.un
 ENDED_BY_OTHERS = "stopped, ^A: cut.ended_early cut.stopped_by_another"
 HELD_BY_OTHERS = "stopped, ^A: cut.ended_early cut.held_by_another"
 OVERRIDE, OUTSIDE = "stopped, ^A: cut.override", "stopped, ^A: cut.outside_plan"
+MOVED_ARMED, OFF_ARMED = "ready, nothing: session.arm_moved", "ready, nothing: session.arm_realigned"
+"""What is armed is what was read: anything else in a poll disarms it."""
+
 NOT_AS_PLANNED = "stopped, ^A: controller.constant_differs"
 NOT_THAT_TABLE = "stopped, ^A: controller.table_differs"
 """What was loaded wrong is no refusal: a line that arrives otherwise than it was sent is a fault of its link."""
@@ -86,6 +89,13 @@ def _only(**cells: str) -> tuple[str, ...]:
 def _program(cut: str) -> tuple[str, ...]:
     """Return the row of what concerns programs, and axes only if the controller thought otherwise."""
     return _only(IDLE=SAME, JOGGING=SAME, HOMING=SAME, DOWNLOADING=SAME, ARMED=SAME, CUTTING=cut)
+
+
+def _overridden() -> tuple[str, ...]:
+    """Return the row of an override: what is armed is disarmed by it, a cut is stopped."""
+    disarmed = "session.arm_override"
+    armed = {"DOWNLOADING": f"ready, lines: {disarmed}", "ARMED": f"ready, nothing: {disarmed}"}
+    return _only(IDLE=SAME, JOGGING=SAME, HOMING=SAME, **armed, CUTTING=OVERRIDE)
 
 
 def _loaded(download: str, cut: str) -> tuple[str, ...]:
@@ -175,24 +185,24 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
             "stopped, ^A: machine.not_arrived or stopped, ^A: machine.jog_astray",
         ),
         "stopped, ^A: machine.unexpected_motion",
-        *("ready, lines: machine.moving", SAME, SAME, SAME),
+        *(SAME, MOVED_ARMED, SAME, SAME),  # it has come to rest when the download is over
     ),
     # In a cut the controller takes no jog.
-    "stranger-writes, a jog without end": (ENERGISED, SAME, ASTRAY, UNEXPECTED, MOVED, SAME, SAME, SAME),
-    # It has come to rest when the download is over; the start takes the tool to its place.
-    "stranger-writes, a jog of the tool": (ENERGISED, SAME, UNEXPECTED, HOME_ENDED, SAME, SAME, SAME, SAME),
-    # Drives that others switch off at rest are off: the next motion is refused. A program keeps its axes.
-    "stranger-writes, a kill of the tool": (SAME, SAME, OPENED, OPENED, NOT_ENABLED, SAME, SAME, SAME),
-    "stranger-writes, ^K": (SAME, SAME, OPENED, OPENED, NOT_ENABLED, SAME, OPENED, ABORTED_IN_DOUBT),
+    "stranger-writes, a jog without end": (ENERGISED, SAME, ASTRAY, UNEXPECTED, MOVED, MOVED_ARMED, SAME, SAME),
+    # It has come to rest when the download is over; what is armed is disarmed by any motion.
+    "stranger-writes, a jog of the tool": (ENERGISED, SAME, UNEXPECTED, HOME_ENDED, SAME, MOVED_ARMED, SAME, SAME),
+    # Drives that others switch off at rest are off: nothing stays armed. A program keeps its axes.
+    "stranger-writes, a kill of the tool": (SAME, SAME, OPENED, OPENED, NOT_ENABLED, OFF_ARMED, SAME, SAME),
+    "stranger-writes, ^K": (SAME, SAME, OPENED, OPENED, NOT_ENABLED, OFF_ARMED, OPENED, ABORTED_IN_DOUBT),
     # An abort closes loops, also where hands may be. At rest with the drives on it changes nothing.
     "stranger-writes, ^A": ABORTED_BY_OTHERS,
     "stranger-writes, &1A": ABORTED_BY_OTHERS,
     # The segment in progress may be the last, and end in full motion.
     "stranger-writes, &1Q": _program(f"{ENDED_BY_OTHERS} or {OUTSIDE}"),
-    # The override is that of programs.
-    "stranger-writes, &1H": _program(OVERRIDE),
-    "stranger-writes, &1%0": _program(OVERRIDE),
-    "stranger-writes, &1%50": _program(OVERRIDE),
+    # The override is that of programs, also of one that is armed.
+    "stranger-writes, &1H": _overridden(),
+    "stranger-writes, &1%0": _overridden(),
+    "stranger-writes, &1%50": _overridden(),
     # With the drives off nothing was homed yet.
     "stranger-writes, $$$": (
         *(SAME, RESET_AT_REST, RESET, RESET, RESET_LINE, RESET_AT_REST, RESET),

@@ -42,7 +42,7 @@ def test_a_refusal_and_a_stop_that_failed_are_on_the_screen_in_full(tmp_path: Pa
         assert one_word(answer) == f"–{first}"
         trainee.press("w")
         terminal.wait_for(lambda shown: all(each in one_word(shown) for each in (first, *others)), 5.0)
-        trainee.press(*["pagedown"] * 5)
+        trainee.press("end")
         trainee.sees("messages.close", 5.0)
         trainee.press("w")
         trainee.sees("run_page.checks", 5.0)

@@ -16,6 +16,7 @@ from console.tui.driver import Reader, StopDriver
 from console.tui.gate import FieldKind, Situation
 from console.tui.keymap import PageName
 from console.tui.pace import Pace
+from console.tui.scanning.collector import Collector
 from tests.terminal import KEYS
 from tests.trainee import Trainee, console, console_at
 
@@ -275,6 +276,7 @@ class LoopBehind(StopDriver):
         self._app = app  # type: ignore[assignment]
         self.cursor_origin = None
         self._pace = Pace()
+        self._codes = Collector()
         self._stopped_s = float("-inf")
 
     def send_message(self, message: Message) -> None:

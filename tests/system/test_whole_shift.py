@@ -96,6 +96,13 @@ def stops_and_goes_on(shift: Shift) -> None:
     goes_on(shift)
 
 
+def holds_and_resumes(shift: Shift) -> None:
+    """F4 takes the tool out at the end of a turn, and F6 goes on at the same place."""
+    shift.operator.press("f4")
+    shift.operator.sees("run_page.next.paused", 20.0)
+    shift.operator.press("f6")
+
+
 def loses_the_cable(shift: Shift) -> None:
     """The controller takes the tool out by itself; the console comes back stopped."""
     shift.line.cut()
@@ -118,7 +125,7 @@ def goes_on(shift: Shift) -> None:
     operator.starts_the_cut("run_page.next.arm_again")
 
 
-EVENTS = {1: stops_and_goes_on, 5: loses_the_cable}
+EVENTS = {1: stops_and_goes_on, 3: holds_and_resumes, 5: loses_the_cable}
 """What comes in mid-cut, by the number of the part in the short form."""
 
 

@@ -52,7 +52,7 @@ from profiles.problem import Problem
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
-from tests.tui import calibrate_stage, records_stage, tune_stage
+from tests.tui import calibrate_stage, records_stage, scope_stage, tune_stage
 from tests.tui.side_stage import DirectSide
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
@@ -123,6 +123,10 @@ def scene_of(page: PageName) -> Scene:
             return Scene(page=page, state=state, work=signed())
         case PageName.CALIBRATE:
             return Scene(page=page, state=machine(Activity.READY), work=signed())
+        case PageName.SCOPE:
+            return Scene(
+                page=page, state=machine(Activity.READY), work=signed(), keys=("o", "enter", "n", "right")
+            )
         case PageName.CONTROLLER:
             side = DirectSide(lathe().machine)
             return Scene(page=page, state=machine(Activity.READY), work=signed(), keys=("right",), side=side)
@@ -267,6 +271,7 @@ def fill(data: Path) -> None:
         save_job(replace(load_job(EXPERIMENT).job, name=name, **changes), folder / f"{name}.toml")  # type: ignore[arg-type]
     (folder / "unfinished.toml").write_text("name = 3\n", encoding="utf-8")
     (data / FILE_NAME).write_bytes(recorded())
+    scope_stage.keep(data)
     tune_stage.fill(data)
     calibrate_stage.fill(data)
 

@@ -83,6 +83,7 @@ def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
         "controller": ("verify", "backup", "diff"),
         "inspect": ("accept", "revert", "offset"),
         "jobs": ("delete",),
+        "scope": ("gather", "keep"),
         "run": ("arm", "start", "feed_hold", "one_turn", "hold", "retract"),
         "tune": ("arm", "start"),
     }

@@ -10,6 +10,7 @@ import pytest
 from console.session.station.commands import CheckHealth, Command, IdentifyTool, ReadLoop
 from console.session.station.state import Activity, StationState
 from console.tui.further.tune import TunePage
+from console.tui.lines import plain
 from console.tui.records import beside
 from console.tui.tuning.loop_facts import loop_facts
 from drivers.cutting.strategy import Strategy
@@ -142,14 +143,14 @@ def test_plots_and_texts_are_beside_each_other_where_there_is_room_else_by_a_key
 
     async def scene(stage: TuneScene) -> None:
         seen = []
-        for _ in range(3):
+        for _ in range(4):
             await stage.show()
             await stage.show()
             seen.append(tuple(word in stage.text for word in words))
             await stage.act("tune.view")
         wide = stage.app.size.width >= 130
-        both = [(True, True), (False, False), (True, True)]  # the tests between them
-        assert seen == (both if wide else [(False, True), (True, False), (False, False)])
+        texts = [(False, False), (False, True)]  # tests, and proposed gains with their margins
+        assert seen == ([(True, True), *texts, (True, True)] if wide else [(False, True), (True, False), *texts])
 
     for size in ((80, 18), (160, 42)):
         play_on(TuneScene, scene, tmp_path, state=STATE, size=size, language=language)
@@ -268,3 +269,22 @@ def test_the_trend_has_the_newest_first_and_one_beside_model_and_last(
         assert rise(stage) == ["–", "4.91", "–"]
 
     play_on(TuneScene, scene, tmp_path, state=STATE, size=size)
+
+
+@pytest.mark.parametrize(("language", "size"), [("en", (80, 18)), ("ko", (80, 18)), ("en", (160, 42))])
+def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written(
+    language: str, size: tuple[int, int], tmp_path: Path
+) -> None:
+    tune_stage.fill(tmp_path)
+
+    async def scene(stage: TuneScene) -> None:
+        await stage.show()
+        stage.control.orders = []
+        while "I130" not in stage.text or "tool.gain_kp" not in stage.text:
+            await stage.act("tune.view")
+            await stage.show()
+        shown = plain(stage.page.in_full(stage.view, 78))
+        assert "2026-01-01 10:05" in shown and "528" in shown and "console controller apply" in shown
+        assert "tune_page." not in shown + stage.next_step and stage.control.orders == []
+
+    play_on(TuneScene, scene, tmp_path, state=STATE, size=size, language=language)

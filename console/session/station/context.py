@@ -38,15 +38,14 @@ from profiles.store import LoadedMachine
 class StationContext:
     """Everything that one command needs. `state` is replaced by `tell`, from any thread.
 
-    `side` sends what worker threads ask, between two polls.
-
     Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only. Without
     `reopening` a lost link stays lost, without `onlookers` nobody is counted who looks on. `client` is that of the
     controller, for what the lathe has no function for; `firmware` is its version and type. `plan` is that of the
     last arming, `started` what was last started; `seen` gets every status poll during a cut.
     `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
-    `hold_asked` is the last command about a feed hold that has not been passed on.
+    `hold_asked` is the last command about a feed hold not yet passed on. `side` sends what worker threads
+    ask, between two polls.
     """
 
     lathe: Lathe

@@ -152,11 +152,18 @@ class _Watched:
     def see(self, snapshot: Snapshot) -> None:
         """Pass the operator's hold on, once, between two polls of the program, and read what it reports."""
         context = self._context
-        if self._reports is not None:
+        if self._reports is not None and self._phase_is_known():
             self._reports.read()
         if context.end_asked and not context.lathe.program.held:
             context.lathe.program.end_after_turn()
         self._pass_on_hold()
+
+    def _phase_is_known(self) -> bool:
+        """Whether there is time for a report: the first polls in the part tell whether the tool is in phase."""
+        cut = self._context.state.cut
+        if cut is None or cut.stage in (CutStage.POSITION, CutStage.RUN_UP):
+            return False
+        return cut.stage is not CutStage.CUT or cut.phase is not None or not cut.judged
 
     def _pass_on_hold(self) -> None:
         """Pass on what the operator has asked of a feed hold, and note what the program reports of it."""

@@ -37,7 +37,9 @@ class Errand(Generic[Found]):
         """The requests of the present or last work."""
         return 0 if self._client is None else self._client.made
 
-    def start(self, client: SideController, work: Callable[[], Found], *, wait_s: float | None = None) -> None:
+    def start(
+        self, client: SideController | None, work: Callable[[], Found], *, wait_s: float | None = None
+    ) -> None:
         """Begin; nothing else may be running."""
         self._client, self.cancelled = client, False
         self._thread = threading.Thread(target=self._run, args=(work,), name="controller", daemon=True)

@@ -9,11 +9,13 @@ from console.session.data.health import kept_tests
 from console.session.station.commands import ReadLoop
 from console.session.station.state import Activity, StationState
 from console.tui.keymap import PageName
-from console.tui.lines import Line, line
+from console.tui.lines import Line, Sheet, clipped, dim, line
 from console.tui.page import Page
 from console.tui.records.beside import Beside, Problems
 from console.tui.theme import Token
 from console.tui.tuning.arming import ARMED_S, KINDS, ArmedTest, arm_reasons, command_of, holds, moment_of
+from console.tui.tuning.gain_facts import GainFacts, gain_facts
+from console.tui.tuning.gain_lines import gain_proposal_lines
 from console.tui.tuning.health_lines import armed_lines
 from console.tui.tuning.health_panels import HealthPanels, Tests
 from console.tui.tuning.loop_facts import LoopFacts, loop_facts
@@ -40,12 +42,16 @@ class TunePage(Page):
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui)
         self._loop, self._health = LoopPanels(ui), HealthPanels(ui)
-        self.panels = (self._loop, self._health)
+        self._proposal = Sheet(ui.palette, id="tune-proposal", classes="panel")
+        self._proposal.styles.height = "1fr"
+        self.panels = (self._loop, self._health, self._proposal)
         self._loops: Beside[LoopFacts] = Beside()
         self._kept: Beside[Tests] = Beside()
+        self._gains: Beside[GainFacts] = Beside()
         self._view = TuneView.LOOP
         self._facts: LoopFacts | Problems | None = None
         self._tests: Tests | Problems | None = None
+        self._proposed: GainFacts | Problems | None = None
         self._selected = 0
         self._kind = KINDS[0]
         self._armed: ArmedTest | None = None
@@ -91,8 +97,9 @@ class TunePage(Page):
 
     def fit(self) -> None:
         """Choose the layout for the room."""
-        tests = self._view is TuneView.TESTS
-        self._health.display, self._loop.display = tests, not tests
+        self._health.display = self._view is TuneView.TESTS
+        self._proposal.display = self._view is TuneView.GAINS
+        self._loop.display = not (self._health.display or self._proposal.display)
         self._loop.lay_out(self._view, self.size)
         self._health.lay_out(self.size)
 
@@ -112,11 +119,17 @@ class TunePage(Page):
         self.fit()
         self._ask(view.state)
         armed = self._armed_lines(view.now_s)
-        shown: tuple[object, ...] = (id(self._facts), id(self._tests), self._selected, self._view, self._sizes)
+        found = (id(self._facts), id(self._tests), id(self._proposed))
+        shown: tuple[object, ...] = (*found, self._selected, self._view, self._sizes)
         if (shown, armed) != self._shown:
             self._shown = (shown, armed)
             if self._view is TuneView.TESTS:
                 self._health.show(self._tests, self._selected, armed)
+            elif self._view is TuneView.GAINS:
+                size = self._proposal.size
+                lines = self._proposal_lines(max(size.width, 1))
+                title = self.ui.text("tune_page.proposal")
+                self._proposal.show(clipped(lines, size.height, self.ui.text("panel.more")), title)
             else:
                 self._loop.show(self._facts, self._selected)
 
@@ -131,6 +144,8 @@ class TunePage(Page):
             step = "armed"
         elif self._view is TuneView.TESTS:
             step = "arm" if not arm_reasons(self._kind, view.state, self.ui.machine.machine) else "align"
+        elif self._view is TuneView.GAINS:
+            step = "gains"
         elif self._view is TuneView.LOOP and self.size.width < WIDE:
             step = "plots"
         kind = self.ui.text(f"tune_page.kind.{self._kind}")
@@ -141,6 +156,8 @@ class TunePage(Page):
         facts, text = self._facts, self.ui.text
         if self._view is TuneView.TESTS:
             return self._armed_lines(view.now_s, width)
+        if self._view is TuneView.GAINS:
+            return self._proposal_lines(width)
         if not isinstance(facts, LoopFacts):
             return [] if facts is None else problem_lines(facts, text, width)
         seen = facts.responses[self._selected : self._selected + 1]
@@ -153,6 +170,12 @@ class TunePage(Page):
             return
         loop, simulated = state.tool_loop, state.simulated
         question = (loop, simulated, version)
+        if self._view is TuneView.GAINS:
+            if not state.may_move:  # it is some hundred loops: time that nothing else should lack
+                self._proposed = self._gains.answer(
+                    question, lambda: gain_facts(machine, loop, data, simulated=simulated)
+                )
+            return
         self._facts = self._loops.answer(question, lambda: loop_facts(machine, loop, data, simulated=simulated))
 
     def _armed_lines(self, now_s: float, width: int | None = None) -> list[Line]:
@@ -162,6 +185,12 @@ class TunePage(Page):
         room = max(self._health.figures.size.width, 1) if width is None else width
         left_s = max(armed.until_s - now_s, 0.0)
         return armed_lines(armed.kind, self.ui.text, room, step_um=AMPLITUDE_UM, left_s=left_s)
+
+    def _proposal_lines(self, width: int) -> list[Line]:
+        text, found = self.ui.text, self._proposed
+        if isinstance(found, GainFacts):
+            return gain_proposal_lines(found, text, width)
+        return [line(dim(text("tune_page.computing")))] if found is None else problem_lines(found, text, width)
 
     def _next_view(self) -> None:
         views = tuple(TuneView)
@@ -173,11 +202,13 @@ class TunePage(Page):
     def _count(self) -> int:
         if self._view is TuneView.TESTS:
             return len(self._tests or ())
+        if self._view is TuneView.GAINS:
+            return 0
         return len(self._facts.responses) if isinstance(self._facts, LoopFacts) else 0
 
     @property
     def _sizes(self) -> tuple[Size, ...]:
-        return (self.size, *self._loop.sizes, *self._health.sizes)
+        return (self.size, *self._loop.sizes, *self._health.sizes, self._proposal.size)
 
 
 def read_reasons(state: StationState) -> tuple[Problem, ...]:

@@ -17,7 +17,7 @@ from profiles.files import printable
 NOTHING = "–"
 DATE = len("2001-11-30 14:05")
 TREND = ("rise_ms", "overshoot_percent", "settling_ms", "rms_um", "sine_gain", "sine_phase_deg")
-VALUE_WIDTH, LABEL_WIDTH = 9, 26
+VALUE_WIDTH, LABEL_WIDTH = 10, 24
 
 
 def trend_lines(
@@ -67,7 +67,10 @@ def figure_lines(test: KeptHealth | None, before: HealthResult | None, text: Cat
                 dim("".join(to_the_right(value, VALUE_WIDTH) for value in others)),
             )
         )
-    return lines
+    legend = line(
+        ("── ", Token.AFTER), text("tune_page.this_test"), dim("   ┄┄ "), dim(text("tune_page.other_lines"))
+    )
+    return [*lines, legend]
 
 
 def step_picture(test: HealthResult | None, before: HealthResult | None) -> TracePicture:

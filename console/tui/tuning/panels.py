@@ -26,6 +26,7 @@ class TuneView(StrEnum):
     LOOP = "loop"
     BODE = "bode"
     TESTS = "tests"
+    GAINS = "gains"
 
 
 class LoopPanels(Horizontal):

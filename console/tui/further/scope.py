@@ -1,0 +1,272 @@
+"""Page Scope: what the controller gathers, over time or over the angle of the spindle, with two cursors."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+from textual.containers import Vertical
+
+from console.session.station.state import StationState
+from console.tui.controller.errand import Errand
+from console.tui.keymap import PageName
+from console.tui.lines import Line, Sheet, dim, entitle, line, wrapped
+from console.tui.page import Page
+from console.tui.plot.trace_view import TraceView
+from console.tui.scope.gathering import ScopeWork, refusal_of
+from console.tui.scope.pictures import Sight, averaged, picture, reading_lines
+from console.tui.scope.record_file import keep_record, read_record, records_of
+from console.tui.scope.set_up import ROWS, changed, channel_words, setup_lines
+from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
+from drivers.beside.scope_gather import Record
+from drivers.beside.scope_setup import ANGLE, Channel, ScopeSetup
+from profiles.files import printable
+from profiles.problem import Problem
+
+COARSE = 20  # part of the picture that PgUp and PgDn move a cursor by
+_SETS = {"scope.up": -1, "scope.down": 1}
+_MOVES = {"scope.left": -1, "scope.right": 1}
+
+
+class ScopePage(Page):
+    """Nothing on it moves anything; gathering takes the gather buffer of the controller."""
+
+    name_ = PageName.SCOPE
+
+    DEFAULT_CSS = """
+    ScopePage {
+        layout: horizontal;
+        Sheet { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
+        #scope-set { width: 31; height: 1fr; }
+        #scope-right { width: 1fr; height: 1fr; }
+        #scope-plot { height: 1fr; border: round $secondary; border-title-color: $foreground;
+            border-subtitle-color: $foreground; }
+        #scope-read { height: 9; }
+        #scope-list { width: 1fr; height: 1fr; display: none; }
+    }
+    ScopePage.-list #scope-set { display: none; }
+    ScopePage.-list #scope-right { display: none; }
+    ScopePage.-list #scope-list { display: block; }
+    """
+
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        self._set = Sheet(ui.palette, id="scope-set")
+        self._plot = TraceView(palette=ui.palette, id="scope-plot")
+        self._read = Sheet(ui.palette, id="scope-read")
+        self._list = Sheet(ui.palette, id="scope-list")
+        right = Vertical(self._plot, self._read, id="scope-right")
+        self.panels = (self._set, right, self._list)
+        self._setup, self._row = ScopeSetup(), 0
+        self._work: ScopeWork | None = None
+        self._errand: Errand[Record] = Errand()
+        self._opening: Errand[Record] = Errand()
+        self._taken = self._opened = 0
+        self._record: Record | None = None
+        self._sight: Sight | None = None
+        self._chosen: Channel | None = None
+        self._cursors, self._active, self._over_angle = [0, 0], 0, False
+        self._files: tuple[Path, ...] = ()
+        self._file, self._listing = 0, False
+        self._painted: object = None
+
+    # What the keys do ------------------------------------------------------------------------------------------
+
+    def act(self, action: str) -> None:
+        """Choose and change a setting, gather, look, keep, open."""
+        if self._listing and self._in_list(action):
+            return
+        if action in _SETS:
+            self._row = (self._row + _SETS[action]) % len(ROWS)
+        elif self.ui.answers(self.why_not(action, self.ui.view)):
+            return
+        elif action in ("scope.more", "scope.less"):
+            self._change(1 if action == "scope.more" else -1)
+        elif action == "scope.gather":
+            self._gather()
+        elif action == "scope.cancel":
+            self._errand.cancel()
+        elif action == "scope.list":
+            self._listing, self._files, self._file = True, records_of(self.ui.data), 0
+        elif action == "scope.keep" and self._record is not None:
+            with self.ui.answering():
+                path = keep_record(self.ui.data, self._record)
+                self.ui.say("screen.scope_kept", value=printable(str(path)))
+        else:
+            self._look(action)
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why an action cannot be done now."""
+        word = action.removeprefix("scope.")
+        if word == "gather":
+            return refusal_of(self.ui, view.state, running=self._errand.running)
+        if word in ("more", "less") and changed(self._setup, self._row, 1) is None:
+            return (Problem(code="screen.scope_channels"),)
+        if word == "cancel" and not self._errand.running:
+            return (Problem(code="screen.nothing_gathers"),)
+        looks = ("keep", "angle", "channel", "cursor", "left", "right", "far_left", "far_right")
+        if word in looks and self._record is None:
+            return (Problem(code="screen.no_record_yet"),)
+        if word == "angle" and not self._over_angle and self._record is not None:
+            return self._why_no_angle(self._record)
+        return ()
+
+    def _why_no_angle(self, record: Record) -> tuple[Problem, ...]:
+        if ANGLE not in record.values or len(record.values) == 1:
+            return (Problem(code="screen.scope_no_angle"),)
+        return () if averaged(record) is not None else (Problem(code="screen.scope_few_turns"),)
+
+    def _in_list(self, action: str) -> bool:
+        """Do what a key does in the list of kept records; False for one that does the same as elsewhere."""
+        if action in _SETS:
+            self._file = max(min(self._file + _SETS[action], len(self._files) - 1), 0)
+        elif action in ("scope.list", "scope.left"):
+            self._listing = False
+        elif action == "scope.more" and self._files:
+            path = self._files[self._file]
+            self._opening.start(None, lambda: read_record(path))
+            self._listing = False
+        elif action == "scope.more":
+            self.ui.say("screen.scope_none_kept")
+        else:
+            self._listing = False
+            return False
+        return True
+
+    def _change(self, by: int) -> None:
+        after = changed(self._setup, self._row, by)
+        if after is not None:
+            self._setup = after
+
+    def _gather(self) -> None:
+        side = self.ui.control.side
+        assert side is not None  # `why_not` has seen it
+        self._work = ScopeWork(side, self.ui.machine.machine, self.ui.control)
+        taken = datetime.now(UTC).isoformat(timespec="seconds")
+        work, setup = self._work, self._setup
+        self._errand.start(work.client, lambda: work.record(setup, taken))
+
+    def _look(self, action: str) -> None:
+        sight = self._sight
+        if sight is None:
+            return
+        if action == "scope.angle":
+            self._over_angle = not self._over_angle
+            self._see()
+        elif action == "scope.cursor":
+            self._active = 1 - self._active
+        elif action == "scope.channel":
+            names = self._choices(sight.record)
+            place = names.index(sight.chosen) if sight.chosen in names else 0
+            self._chosen = names[(place + 1) % len(names)]
+            self._see(keep=True)
+        else:
+            size = len(sight.axis)
+            step = max(size // COARSE, 1) if "far" in action else max(size // 300, 1)
+            by = step * (-1 if "left" in action else 1)
+            self._cursors[self._active] = min(max(self._cursors[self._active] + by, 0), size - 1)
+
+    def _choices(self, record: Record) -> tuple[Channel, ...]:
+        return tuple(each for each in record.values if not (self._over_angle and each == ANGLE))
+
+    # What is shown ---------------------------------------------------------------------------------------------
+
+    def show(self, view: View) -> None:
+        """Take what was gathered or opened, and show it."""
+        self._take()
+        self.set_class(self._listing, "-list")
+        if self._listing:
+            self._show_list()
+            return
+        self._show_set(view.state)
+        shown = (id(self._sight), tuple(self._cursors), self._active, self._plot.size, self._read.size)
+        if shown != self._painted:
+            self._painted = shown
+            self._paint()
+
+    def next_step(self, view: View) -> Line:
+        """Return what happens, or the next key."""
+        text = self.ui.text
+        if self._errand.running and self._work is not None:
+            now = self._work.progress
+            key = "tries" if now.tries else now.stage
+            words = text(f"scope_page.doing.{key}", percent=f"{100.0 * now.part:.0f}", tries=now.tries)
+            return line((words, Token.ACTION))
+        key = "list" if self._listing else "empty" if self._record is None else "record"
+        return line((text(f"scope_page.next.{key}"), Token.ACTION))
+
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return the readings of every channel."""
+        return [] if self._sight is None else self._readings(self._sight, width)
+
+    def leave(self) -> None:
+        """Close the list of kept records; what is being gathered goes on."""
+        self._listing = False
+
+    def _take(self) -> None:
+        for errand, name in ((self._errand, "_taken"), (self._opening, "_opened")):
+            if errand.running or errand.ended == getattr(self, name):
+                continue
+            setattr(self, name, errand.ended)
+            if errand.problems:
+                self.ui.said = errand.problems
+            elif errand.cancelled:
+                self.ui.say("screen.scope_cancelled")
+            elif errand.found is not None:
+                self._record, self._over_angle = errand.found, False
+                self._see()
+
+    def _see(self, *, keep: bool = False) -> None:
+        record = self._record
+        if record is None:
+            return
+        names = self._choices(record)
+        if self._chosen not in names:
+            self._chosen = names[0]
+        averages = averaged(record) if self._over_angle else None
+        self._sight = Sight(record=record, chosen=self._chosen or names[0], averages=averages)
+        if not keep:
+            size = len(self._sight.axis)
+            self._cursors = [size // 4, 3 * size // 4]
+
+    def _show_set(self, state: StationState) -> None:
+        cycle_ms = self.ui.machine.machine.controller.servo_period_ms
+        width, height = max(self._set.size.width, 1), max(self._set.size.height, 1)
+        rows = setup_lines(self._setup, self._row, cycle_ms, self.ui.text, width)
+        first = max(min(self._row - height // 2, len(rows) - height), 0)
+        count = self._setup.samples(cycle_ms)
+        self._set.show(
+            rows[first : first + height],
+            self.ui.text("scope_page.set_up"),
+            self.ui.text("scope_page.samples", count=count),
+        )
+
+    def _paint(self) -> None:
+        sight, text = self._sight, self.ui.text
+        if sight is None:
+            entitle(self._plot, text("scope_page.nothing"), "")
+            self._read.show(wrapped(text("scope_page.how"), max(self._read.size.width, 1), Token.DIM))
+            return
+        words = [channel_words(each, text) for each in reversed(sight.drawn)]
+        over = text("scope_page.over_angle" if sight.averages is not None else "scope_page.over_time")
+        entitle(self._plot, ", ".join(words), over)
+        self._plot.show(picture(sight, (self._cursors[0], self._cursors[1])))
+        rows = self._readings(sight, max(self._read.size.width, 1))
+        self._read.show(rows, text("scope_page.readings"), sight.record.taken)
+
+    def _readings(self, sight: Sight, width: int) -> list[Line]:
+        return reading_lines(sight, (self._cursors[0], self._cursors[1]), self._active, self.ui.text, width)
+
+    def _show_list(self) -> None:
+        text, height = self.ui.text, max(self._list.size.height, 1)
+        first = max(min(self._file - height // 2, len(self._files) - height), 0)
+        rows = [
+            line(
+                ("▶ ", Token.ACTION) if place == self._file else dim("  "),
+                (printable(path.name), Token.SELECTED if place == self._file else Token.TEXT),
+            )
+            for place, path in enumerate(self._files[first : first + height], start=first)
+        ]
+        empty = wrapped(text("scope_page.none_kept"), max(self._list.size.width, 1), Token.DIM)
+        self._list.show(rows or empty, text("scope_page.kept", count=len(self._files)))

@@ -1,0 +1,138 @@
+"""What the scope draws and reads off: channels over time or over the angle, and two cursors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from console.text.catalogue import Catalogue
+from console.tui.lines import NOTHING, Line, dim, fitted, line, to_the_right
+from console.tui.plot.frame import nice_limits
+from console.tui.plot.trace_view import Series, TracePicture
+from console.tui.scope.averaging import TurnAverage, over_turns
+from console.tui.scope.set_up import short_words
+from console.tui.theme import Token
+from drivers.beside.scope_gather import Record
+from drivers.beside.scope_setup import ANGLE, Channel, display_of
+
+Floats = NDArray[np.float64]
+
+DEGREES = 57.29577951308232
+_TOKENS = (Token.AFTER, Token.COMMAND, Token.BEFORE, Token.WANTED)
+_NUMBER = 10
+_FORMS = {"mm": "{:.4f}", "um": "{:.3f}", "deg": "{:.2f}"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sight:
+    """A record as it is looked at: the chosen channel, and all others in its unit; over time, or `averages`."""
+
+    record: Record
+    chosen: Channel
+    averages: dict[Channel, TurnAverage] | None = None
+
+    @property
+    def axis(self) -> Floats:
+        """What the cursors stand on: s from the trigger, or degrees of the spindle."""
+        if self.averages is not None:
+            return next(iter(self.averages.values())).angle_deg
+        return self.record.times_s
+
+    @property
+    def drawn(self) -> tuple[Channel, ...]:
+        """The channels of the picture, the chosen one last, on top."""
+        unit = display_of(self.chosen)[0]
+        alike = [each for each in self.record.values if display_of(each)[0] == unit and each != self.chosen]
+        return (*alike[-3:], self.chosen)
+
+    def shown(self, channel: Channel) -> Floats:
+        """Return the values of a channel over `axis`, in its display unit."""
+        if self.averages is not None:
+            return self.averages[channel].mean
+        return np.asarray(self.record.values[channel] * display_of(channel)[1])
+
+
+def averaged(record: Record) -> dict[Channel, TurnAverage] | None:
+    """Return each channel over the spindle angle, in display units; None without that, or without two turns."""
+    angle = record.values.get(ANGLE)
+    if angle is None:
+        return None
+    found: dict[Channel, TurnAverage] = {}
+    for channel, values in record.values.items():
+        if channel == ANGLE:
+            continue
+        each = over_turns(angle * DEGREES, values * display_of(channel)[1])
+        if each is None:
+            return None
+        found[channel] = each
+    return found or None
+
+
+def picture(sight: Sight, cursors: tuple[int, int]) -> TracePicture:
+    """Return the channels with the cursors; over the angle also mean plus and minus two standard deviations."""
+    series: list[Series] = []
+    axis = sight.axis
+    bounds: list[float] = []
+    if sight.averages is not None:
+        each = sight.averages[sight.chosen]
+        for side in (-2.0, 2.0):
+            edge = each.mean + side * np.nan_to_num(each.spread)
+            series.append(Series(x=axis, y=edge, token=Token.DIM, dots=True))
+            bounds += [float(np.nanmin(edge)), float(np.nanmax(edge))]
+    for place, channel in enumerate(sight.drawn):
+        values = sight.shown(channel)
+        token = _TOKENS[0] if channel == sight.chosen else _TOKENS[1 + place % 3]
+        series.append(Series(x=axis, y=values, token=token, dashed=channel != sight.chosen))
+        bounds += [float(np.nanmin(values)), float(np.nanmax(values))]
+    limits = nice_limits(min(bounds), max(bounds))
+    for cursor in cursors:
+        at = float(axis[cursor])
+        series.insert(0, Series(x=(at, at), y=limits, token=Token.MARK))
+    ends = (0.0, 360.0) if sight.averages is not None else (float(axis[0]), float(axis[-1]))
+    unit = display_of(sight.chosen)[0]
+    return TracePicture(
+        series=tuple(series),
+        x_limits=ends,
+        y_limits=limits,
+        y_unit=unit,
+        x_unit="deg" if sight.averages is not None else "s",
+    )
+
+
+def reading_lines(sight: Sight, cursors: tuple[int, int], active: int, text: Catalogue, width: int) -> list[Line]:
+    """Return the values at both cursors and their differences; over the angle the spread at the active one too."""
+    axis, over_angle = sight.axis, sight.averages is not None
+    name = max(width - 3 * _NUMBER, 8)
+    heads = [f"{'▶' if active == each else ' '}{'AB'[each]}" for each in (0, 1)]
+    rows = [line(dim(" " * name), *(dim(to_the_right(each, _NUMBER)) for each in (*heads, "B - A")))]
+    ends = [float(axis[cursor]) for cursor in cursors]
+    rows.append(_row(text("scope_page.angle" if over_angle else "scope_page.time"), ends, name, over_angle))
+    for channel in sight.record.values:
+        if over_angle and channel == ANGLE:
+            continue
+        values = [float(sight.shown(channel)[cursor]) for cursor in cursors]
+        unit = display_of(channel)[0]
+        label = short_words(channel, unit, text)
+        token = Token.STRONG if channel == sight.chosen else Token.TEXT
+        rows.append(_numbers(label, unit, [*values, values[1] - values[0]], name, token))
+    if sight.averages is not None:
+        each = sight.averages[sight.chosen]
+        spread = float(each.spread[cursors[active]])
+        said = NOTHING if np.isnan(spread) else f"{spread:.4g}"
+        words = text("scope_page.spread", value=said, unit=display_of(sight.chosen)[0], turns=f"{each.turns:.1f}")
+        rows.append(line(dim(words)))
+    return rows
+
+
+def _row(label: str, ends: list[float], name: int, over_angle: bool) -> Line:
+    form = "{:.1f}" if over_angle else "{:.5f}"
+    shown = [form.format(each) for each in (*ends, ends[1] - ends[0])]
+    return line(dim(fitted(label, name)), *(to_the_right(each, _NUMBER) for each in shown))
+
+
+def _numbers(label: str, unit: str, values: list[float], name: int, token: Token) -> Line:
+    form = _FORMS.get(unit, "{:.5g}")
+    cells = [to_the_right(NOTHING if np.isnan(each) else form.format(each), _NUMBER) for each in values]
+    return line((fitted(label, name), token), *((cell, token) for cell in cells))

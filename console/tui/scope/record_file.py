@@ -1,0 +1,85 @@
+"""Records of the scope on disk: a CSV with SI units in its head, kept in the data folder and opened again."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from console.session.data.kept_files import folder_name, make_folder
+from drivers.beside.scope_gather import Record
+from drivers.beside.scope_setup import Channel, Trigger, channel_of
+from profiles.files import printable, read_regular_file, write_atomically
+from profiles.problem import Problem, ProfileError
+
+FOLDER = "scope"
+TITLE = "# trilobe scope 1"
+CAP_BYTES = 50_000_000
+_KEYS = ("machine", "taken", "trigger")
+_TIME = "time [s]"
+
+
+def keep_record(data: Path, record: Record) -> Path:
+    """Write a record into the data folder; return the file. Raises ProfileError: as `write_atomically`."""
+    folder = data / FOLDER
+    make_folder(folder)
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
+    path = folder / f"{folder_name(record.machine)}-{stamp}Z.csv"
+    write_atomically(path, record_text(record).encode("utf-8"), overwrite=False, private=True)
+    return path
+
+
+def record_text(record: Record) -> str:
+    """Return a record as CSV: times in s from the trigger, channels in m, rad, m/s, rad/s."""
+    head = [TITLE, *(f"# {key}: {printable(str(getattr(record, key)))}" for key in _KEYS)]
+    head.append(",".join([_TIME, *(f"{channel.key} [{channel.si_unit}]" for channel in record.values)]))
+    columns = np.column_stack([record.times_s, *record.values.values()])
+    rows = (",".join(f"{value:.12g}" for value in row) for row in columns.tolist())
+    return "\n".join([*head, *rows]) + "\n"
+
+
+def read_record(path: Path) -> Record:
+    """Return a kept record. Raises ProfileError: `scope.unreadable`, or as `read_regular_file`."""
+    where = printable(str(path))
+    try:
+        lines = read_regular_file(path, cap_bytes=CAP_BYTES).decode("utf-8").splitlines()
+        if lines[0] != TITLE:
+            raise ValueError(lines[0])
+        facts = dict(line.removeprefix("# ").split(": ", 1) for line in lines[1:4])
+        channels = [_channel(each) for each in lines[4].split(",")[1:]]
+        rows = np.array([line.split(",") for line in lines[5:]], dtype=np.float64)
+        if (
+            rows.ndim != 2
+            or rows.shape[0] < 2
+            or rows.shape[1] != len(channels) + 1
+            or not np.isfinite(rows).all()
+        ):
+            raise ValueError(f"{len(rows)}")
+        return Record(
+            machine=facts["machine"],
+            taken=facts["taken"],
+            trigger=Trigger(facts["trigger"]),
+            times_s=rows[:, 0],
+            values={channel: rows[:, place] for place, channel in enumerate(channels, start=1)},
+        )
+    except (ValueError, IndexError, KeyError) as error:
+        problem = Problem(code="scope.unreadable", where=where, value=printable(str(error), 60))
+        raise ProfileError(problem) from error
+
+
+def records_of(data: Path) -> tuple[Path, ...]:
+    """Return the kept records, newest first by the times in their names."""
+    try:
+        found = [path for path in (data / FOLDER).iterdir() if path.suffix == ".csv" and path.is_file()]
+    except OSError:
+        return ()
+    return tuple(sorted(found, key=lambda path: path.stem.rpartition("-")[2], reverse=True))
+
+
+def _channel(head: str) -> Channel:
+    name, _, unit = head.partition(" ")
+    channel = channel_of(name)
+    if unit != f"[{channel.si_unit}]":
+        raise ValueError(head)
+    return channel

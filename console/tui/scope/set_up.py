@@ -1,0 +1,108 @@
+"""The set-up of the scope as a list: channels, period, length, trigger, level; a row is changed by keys."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+from console.text.catalogue import Catalogue
+from console.tui.lines import Line, dim, fitted, line
+from console.tui.theme import Token
+from drivers.beside.scope_setup import (
+    CHANNELS,
+    LENGTHS_S,
+    MOST_CHANNELS,
+    PERIODS_CYCLES,
+    Channel,
+    ScopeSetup,
+    Trigger,
+    display_of,
+)
+
+_Value = TypeVar("_Value")
+
+SETTINGS = ("period", "length", "trigger", "level_of", "level")
+ROWS = (*CHANNELS, *SETTINGS)
+LABEL = 10
+_LEVEL_STEPS = 50  # of the step of a level: 1, 2, 5 by its unit
+_STEP = {"um": 1.0, "mm": 0.1, "mm/s": 0.1, "deg": 1.0, "rpm": 10.0}
+
+
+def changed(setup: ScopeSetup, row: int, by: int) -> ScopeSetup | None:
+    """Return the set-up after a key on a row; None where it would have no channel, or too many."""
+    chosen = ROWS[row]
+    if isinstance(chosen, Channel):
+        return _toggled(setup, chosen)
+    match chosen:
+        case "period":
+            return replace(setup, period_cycles=_next(PERIODS_CYCLES, setup.period_cycles, by))
+        case "length":
+            return replace(setup, length_s=_next(LENGTHS_S, setup.length_s, by))
+        case "trigger":
+            return replace(setup, trigger=_next(tuple(Trigger), setup.trigger, by, around=True))
+        case "level_of":
+            return replace(setup, level_of=_next(setup.channels, setup.level_of, by, around=True), level=0.0)
+        case _:
+            step = _STEP[display_of(setup.level_of)[0]]
+            return replace(setup, level=round(setup.level + by * step, 6))
+
+
+def _toggled(setup: ScopeSetup, channel: Channel) -> ScopeSetup | None:
+    if channel in setup.channels:
+        left = tuple(each for each in setup.channels if each != channel)
+    else:
+        left = tuple(each for each in CHANNELS if each in setup.channels or each == channel)
+    if not 1 <= len(left) <= MOST_CHANNELS:
+        return None
+    gone = setup.level_of not in left
+    return replace(setup, channels=left, level_of=left[0] if gone else setup.level_of)
+
+
+def _next(choices: Sequence[_Value], now: _Value, by: int, *, around: bool = False) -> _Value:
+    place = choices.index(now) if now in choices else 0
+    place = (place + by) % len(choices) if around else min(max(place + by, 0), len(choices) - 1)
+    return choices[place]
+
+
+def channel_words(channel: Channel, text: Catalogue) -> str:
+    """Return the name of a channel."""
+    return f"{text(f'controller_page.subject.{channel.axis}')} {text(f'scope_page.quantity.{channel.quantity}')}"
+
+
+def short_words(channel: Channel, unit: str, text: Catalogue) -> str:
+    """Return a channel with its unit in few characters."""
+    subject = text(f"controller_page.subject.{channel.axis}")
+    return f"{subject} {text(f'scope_page.short.{channel.quantity}')} {unit}"
+
+
+def setup_lines(setup: ScopeSetup, chosen: int, cycle_ms: float, text: Catalogue, width: int) -> list[Line]:
+    """Return the list, a row for each channel and setting."""
+    rows = []
+    for place, each in enumerate(ROWS):
+        mark = ("▶", Token.ACTION) if place == chosen else dim(" ")
+        token = Token.SELECTED if place == chosen else Token.TEXT
+        if isinstance(each, Channel):
+            on = "●" if each in setup.channels else "○"
+            rows.append(line(mark, (fitted(f"{on} {channel_words(each, text)}", width - 1), token)))
+        else:
+            label = dim(fitted(text(f"scope_page.set.{each}"), LABEL))
+            rows.append(
+                line(mark, label, (fitted(_words(setup, str(each), cycle_ms, text), width - LABEL - 1), token))
+            )
+    return rows
+
+
+def _words(setup: ScopeSetup, setting: str, cycle_ms: float, text: Catalogue) -> str:
+    match setting:
+        case "period":
+            return f"{setup.period_cycles * cycle_ms:.3f} ms"
+        case "length":
+            return f"{setup.length_s:g} s"
+        case "trigger":
+            return text(f"scope_page.trigger.{setup.trigger}")
+    if setup.trigger not in (Trigger.RISING, Trigger.FALLING):
+        return "–"
+    if setting == "level_of":
+        return channel_words(setup.level_of, text)
+    return f"{setup.level:g} {display_of(setup.level_of)[0]}"

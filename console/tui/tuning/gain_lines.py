@@ -1,0 +1,67 @@
+"""Text of the proposed gains: settings and margins, present and proposed, how to use them, what they rest on."""
+
+from __future__ import annotations
+
+from console.text.catalogue import Catalogue
+from console.tui.lines import Line, dim, fitted, hanging, line, to_the_right, wrapped
+from console.tui.theme import Token
+from console.tui.tuning.gain_facts import GainFacts
+from profiles.axis.gain_proposal import ASKED_GAIN_MARGIN, ASKED_PHASE_MARGIN_DEG, ASKED_SENSITIVITY
+from profiles.axis.margins import LoopMargins
+from profiles.files import printable
+
+LABEL_WIDTH, VALUE_WIDTH = 26, 14
+DATE = len("2001-11-30 14:05")
+NOTHING = "–"
+
+
+def gain_proposal_lines(facts: GainFacts, text: Catalogue, width: int) -> list[Line]:
+    """Return everything, the settings first: at 80 columns the last lines are in the list of messages."""
+    found, plant = facts.proposal, facts.plant
+    date = printable(facts.date.replace("T", " ")[:DATE])
+    of = text("tune_page.plant_measured", date=date) if date else text("tune_page.plant_profile")
+    a, b = f"a {plant.acceleration_per_v:.4g} m/s2/V", f"b {plant.damping_per_s:.4g} 1/s"
+    rests = hanging(dim("  "), f"{of}: {a}, {b}, {1000 * plant.delay_s:.3g} ms", width)
+    asked = text(
+        "tune_page.asked",
+        gain=f"{ASKED_GAIN_MARGIN:g}",
+        phase=f"{ASKED_PHASE_MARGIN_DEG:g}",
+        sensitivity=f"{ASKED_SENSITIVITY:g}",
+    )
+    rests += hanging(dim("  "), asked, width, Token.DIM)
+    if found is None:
+        return wrapped(text("tune_page.no_proposal"), width, Token.WARNING) + rests
+    lines = [_row("", text("tune_page.present"), text("tune_page.proposed"), head=True)]
+    for name, value in found.present.items():
+        lines.append(_row(name, f"{value:g}", f"{found.settings[name]}"))
+    gains = found.gains
+    for key, value in (("kp", gains.kp_v_per_m), ("ki", gains.ki_v_per_m_s), ("kd", gains.kd_v_s_per_m)):
+        unit = {"kp": "v_per_m", "ki": "v_per_m_s", "kd": "v_s_per_m"}[key]
+        lines.append(_row(f"tool.gain_{key}_{unit}", "", f"{value:.4g}"))
+    for key, before, after in _margins(found.before, found.after):
+        lines.append(_row(text(f"tune_page.{key}"), before, after))
+    return [*lines, *hanging(("▶ ", Token.ACTION), text("tune_page.how_to_apply"), width), *rests]
+
+
+def _margins(before: LoopMargins, after: LoopMargins) -> list[tuple[str, str, str]]:
+    def shown(margins: LoopMargins) -> dict[str, str]:
+        if not margins.stable:
+            return {}
+        values = {
+            "gain_margin": (margins.gain_margin, ""),
+            "phase_margin": (margins.phase_margin_deg, " deg"),
+            "delay_margin": (margins.delay_margin_ms, " ms"),
+            "sensitivity": (margins.sensitivity_peak, ""),
+            "bandwidth": (margins.bandwidth_hz, " Hz"),
+        }
+        return {key: f"{value:.3g}{unit}" for key, (value, unit) in values.items() if value is not None}
+
+    keys = ("gain_margin", "phase_margin", "delay_margin", "sensitivity", "bandwidth")
+    return [(key, shown(before).get(key, NOTHING), shown(after).get(key, NOTHING)) for key in keys]
+
+
+def _row(label: str, present: str, proposed: str, *, head: bool = False) -> Line:
+    values = to_the_right(present, VALUE_WIDTH), to_the_right(proposed, VALUE_WIDTH)
+    return line(
+        dim(f"  {fitted(label, LABEL_WIDTH)}"), dim(values[0]), (values[1], Token.DIM if head else Token.TEXT)
+    )
