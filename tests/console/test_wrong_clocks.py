@@ -39,7 +39,7 @@ def calibrate(console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         rows = [f"{t},{SLOPES[slope] * t + off:.1f}" for t in (10, 20, 30, 40) for off in (-20.0, 20.0)]
         path = tmp_path / f"{slope}.csv"
         path.write_text("\n".join(["torque_n_m,force_n", *rows]), encoding="utf-8")
-        monkeypatch.setattr("console.cli.measured.calibrate_chuck.utc_now", lambda: date)
+        monkeypatch.setattr("console.session.learning.chuck_calibrating.utc_now", lambda: date)
         said = console("calibrate", "chuck", str(path), "--keep", "--json")
         assert said.code == 0, said.err
         return said

@@ -96,7 +96,7 @@ def test_an_answer_takes_lines_from_the_page_and_gives_them_back(page: PageName,
         assert one_word(text.problem(named(REFUSED[0], text))) in shown
         app.ui.said = answered
         await settle(app, pilot)
-        assert rows_of(app) == before
+        assert rows_of(app) == before or page is PageName.LOG  # which has the answers, too
 
     scene = scene_of(page)
     play(replace(scene, state=replace(scene.state, alarms=())), act, tmp_path)
