@@ -340,9 +340,12 @@ def written_key(key: str) -> str:
 
 
 def shown_key(action: Action, own: OwnKeys) -> str:
-    """Return the keys of an action in the lists, an own one first."""
+    """Return the keys of an action in the lists: an own one first, alone where both have no room."""
     mine = own.get(action.id)
-    return action.shown if mine is None else f"{written_key(mine)} {action.shown}"
+    if mine is None:
+        return action.shown
+    both = f"{written_key(mine)} {action.shown}"
+    return both if len(both) < KEY_WIDTH else written_key(mine)
 
 
 def actions_of(page: PageName) -> tuple[Action, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from functools import cache
@@ -29,6 +30,8 @@ class _Facts(Protocol):
     @property
     def facts(self) -> str: ...
 
+
+_PLAIN = re.compile(r'"([^"\\]+)" = "([^"\\]*)"')
 
 SINGULAR = ".one"  # ends the key of a singular, beside that of its plural; a language without singulars has none
 
@@ -104,7 +107,26 @@ def entries_in(folder: Path) -> dict[str, str]:
     """Return all entries of the catalogues in a folder."""
     entries: dict[str, str] = {}
     for path in sorted(folder.glob("*.toml")):
-        entries |= tomllib.loads(path.read_text(encoding="utf-8"))
+        entries |= entries_of(path.read_text(encoding="utf-8"))
+    return entries
+
+
+def entries_of(text: str) -> dict[str, str]:
+    """Return the entries of a catalogue: TOML, but a tenth of the time where each is a plain text on its line.
+
+    The first picture waits for some thousand of them.
+    """
+    entries: dict[str, str] = {}
+    for line in text.split("\n"):
+        if line == "" or line.startswith("#"):
+            continue
+        plain = _PLAIN.fullmatch(line)
+        if plain is not None:
+            entries[plain[1]] = plain[2]
+        elif line.startswith('"') and '"""' not in line:  # with an escape, or a comment behind it
+            entries |= tomllib.loads(line)
+        else:
+            return tomllib.loads(text)
     return entries
 
 

@@ -17,14 +17,20 @@ from console.session.appearance import GLYPHS, THEMES, Appearance
 from console.session.configuration import Configuration, Origin, Setting, read_configuration
 from console.session.station.session_log import SessionLog
 from console.session.station.state import Activity, StationState
+from console.text.catalogue import load
 from console.tui.app import ConsoleApp
-from console.tui.keymap import PageName
+from console.tui.frame import keys_row
+from console.tui.keymap import PageName, help_lines
+from console.tui.lines import plain, width_of
 from console.tui.settings.glyphs import in_ascii
+from console.tui.settings.own_keys import REMAPPABLE
 from console.tui.theme import COLOUR, MONO, Palette
 from tests.tui import run_stage
 from tests.tui.scenes import Scene, application, fill, fixed_world, keys_to, played, rows_of, scene_of, settle
-from tests.tui.stage import FixedControl, experiment
+from tests.tui.stage import LANGUAGES, FixedControl, experiment
 from tests.tui.test_console_keys import armed
+from tests.tui.test_frame_rows import frame
+from tests.tui.test_nothing_is_cut import filled, problems
 
 Act = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
 SETTINGS = scene_of(PageName.SETTINGS)
@@ -187,8 +193,6 @@ def test_what_cannot_be_kept_counts_and_is_said(tmp_path: Path, monkeypatch: pyt
 
 async def give(pilot: Pilot[None], app: ConsoleApp, action: str, typed: str) -> None:
     """Give the action a key by the keys of the page, from wherever its list stands."""
-    from console.tui.settings.own_keys import REMAPPABLE
-
     place = [each.id for each in REMAPPABLE].index(action)
     await pilot.press("home", *["down"] * place, "enter", *["backspace"] * 4, *typed, "enter")
 
@@ -260,3 +264,25 @@ def test_in_ascii_every_sign_of_every_page_is_ascii_or_a_letter_in_as_many_cells
     assert strange == set()
     assert in_ascii("± 0.5 mm, ≤ 3") == "+-0.5 mm, <=3"
     assert in_ascii("⠉⠁⣿⣀") == "\"'#_"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_message_keeps_its_cells_in_ascii(language: str) -> None:
+    """Every sentence of the catalogues, with long values: signs are replaced after lines were broken."""
+    for sentence in (*filled(language), *(load(language).problem(each) for each in problems(language))):
+        shown = in_ascii(sentence)
+        assert cell_len(shown) == cell_len(sentence)
+        assert all(sign.isascii() or unicodedata.category(sign) == "Lo" for sign in shown), sentence
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_with_an_own_key_on_every_action_the_rows_and_lists_of_keys_still_fit(language: str) -> None:
+    own = {action.id: "f11" for action in REMAPPABLE}
+    for page in PageName:
+        now = replace(frame(language=language), page=page, own=own)
+        (row,) = keys_row(now, 80)
+        assert width_of(row) <= 80 and plain([row]).endswith(load(language)("key.help"))
+        for number in (1, 2):
+            listed = help_lines(load(language), page, number, 78, own)
+            assert all(width_of(each) <= 78 for each in listed)
+            assert "…" not in "".join(plain([each])[:9] for each in listed), "a key is cut"

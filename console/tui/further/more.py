@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textual.widget import Widget
+
 from console.tui.keymap import ACTIONS, FURTHER, PageName
 from console.tui.lines import Line, Sheet, dim, fitted, line, wrapped
 from console.tui.page import Page
@@ -27,6 +29,7 @@ class MorePage(Page):
         self._list = Sheet(ui.palette, id="more-list")
         self.panels = (self._list,)
         self._selected = 0
+        self._pages_of_rows: tuple[int, ...] = ()
 
     def act(self, action: str) -> None:
         """Choose a page, or show one."""
@@ -37,6 +40,11 @@ class MorePage(Page):
             self.ui.go(FURTHER[self._selected])
         else:
             self.ui.go(PageName(action.removeprefix("more.")))
+
+    def point(self, panel: Widget, row: int) -> None:
+        """Choose the page in a row that was clicked."""
+        if panel is self._list and 0 <= row < len(self._pages_of_rows):
+            self._selected = self._pages_of_rows[row]
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return nothing: a page can always be looked at."""
@@ -51,7 +59,7 @@ class MorePage(Page):
         return line((self.ui.text("more.next"), Token.ACTION))
 
     def _rows(self, width: int) -> list[Line]:
-        text, rows = self.ui.text, list[Line]()
+        text, rows, numbers = self.ui.text, list[Line](), list[int]()
         for number, page in enumerate(FURTHER):
             chosen = number == self._selected
             name = fitted(text(f"page.{page}"), NAME_WIDTH)
@@ -65,4 +73,6 @@ class MorePage(Page):
             about = wrapped(text(f"more.about.{page}"), max(width - used, 8), Token.DIM)
             rows.append((*head, dim(" "), *about[0]))
             rows += [(dim(" " * used), *more) for more in about[1:]]
+            numbers += [number] * len(about)
+        self._pages_of_rows = tuple(numbers)
         return rows

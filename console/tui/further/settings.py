@@ -6,6 +6,7 @@ from dataclasses import replace
 from enum import StrEnum
 
 from textual.containers import Horizontal, Vertical
+from textual.widget import Widget
 from textual.widgets import Input
 
 from console.tui.gate import FieldKind
@@ -92,6 +93,13 @@ class SettingsPage(Page):
             self._mode = Mode.KEYS
         elif action != "settings.remove":
             change(self.ui, self._shown_setting, stepped(self.ui, self._shown_setting, CHANGES.get(action, 1)))
+
+    def point(self, panel: Widget, row: int) -> None:
+        """Choose the setting, or the action, in a row that was clicked."""
+        if panel is self._list and self._mode is Mode.SETTINGS and 0 <= row < len(SETTINGS):
+            self._setting = row
+        elif panel is self._keys and self._mode is Mode.KEYS and 0 < row <= len(REMAPPABLE) - self._above:
+            self._action = self._above + row - 1  # below the head
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why a setting cannot be changed, or a key not removed."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textual.widget import Widget
+
 from console.session.station.alarm_history import AlarmEntry, AlarmHistory, AlarmState
 from console.tui.alarms.alarm_lines import (
     alarm_lines,
@@ -58,6 +60,13 @@ class AlarmsPage(Page):
             self._acknowledge_all()
         else:
             self._select(action)
+
+    def point(self, panel: Widget, row: int) -> None:
+        """Choose the alarm in a row that was clicked, below the heading."""
+        listed = self._history.listed
+        place = window(len(listed), self._place, self._list.size.height) + row - 1
+        if panel is self._list and row > 0 and place < len(listed):
+            self._number = listed[place].number if place else None
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why nothing can be acknowledged: no alarm waits."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from textual.widget import Widget
 from textual.widgets import Input
 
 from console.session.data.history import last_results
@@ -149,6 +150,12 @@ class JobsPage(Page):
         if self._entry.typing is Typing.SEARCH:
             self._move(action)
             self._paint()
+
+    def point(self, panel: Widget, row: int) -> None:
+        """Choose the job in a row that was clicked, below the heading."""
+        seen = visible(self._jobs, self._table.size.height)
+        if panel is self._table and 0 < row <= len(seen):
+            self._shelf.move(seen[row - 1] - self._shelf.selected)
 
     def _move(self, action: str) -> bool:
         page = max(len(visible(self._jobs, self._table.size.height)) - 1, 1)

@@ -52,6 +52,8 @@ TABLE = {
     ord("∞"): "*",
     ord("‖"): "|",
     ord("•"): "*",
+    ord("∙"): ".",
+    **{ord(raised): plain for raised, plain in zip("⁰¹²³", "0123", strict=True)},
     ord("≤"): "<",
     ord("≥"): ">",
 }
