@@ -41,7 +41,7 @@ class Site:
     def messages(self) -> str:
         """Return the list of messages."""
         self.trainee.press("w")
-        self.trainee.sees("messages.close")
+        self.trainee.sees("messages.alarms")
         return self.terminal.text
 
 
