@@ -16,7 +16,7 @@ from console.session.station.state import Activity, StationState
 from drivers.cutting.planning import Strategy
 from drivers.errors import LinkError
 from profiles.problem import Problem
-from tests.console.floor import Floor, experiment_1, set_up_once
+from tests.console.floor import Floor, experiment_1, open_floor, set_up_once
 
 
 @pytest.fixture
@@ -156,3 +156,11 @@ def test_the_record_has_the_hold_and_who_asked(aligned: Floor) -> None:
         rows = record.execute("SELECT kind FROM events ORDER BY number").fetchall()
     kinds = [kind for (kind,) in rows if kind in ("started", "feed_hold", "resumed", "held_at", "cut")]
     assert kinds == ["started", "feed_hold", "resumed", "held_at", "cut"]
+
+
+def test_a_held_cut_is_not_called_disturbed_on_a_lathe_that_gives_way(tmp_path: Path) -> None:
+    """Back in the part the tool is deflected less until the chip is full: that is no other host's doing."""
+    floor = open_floor(tmp_path, 11, "realistic")
+    floor.set_up(experiment_1())
+    state = held(floor, lambda: order(floor, ResumeFeed()))
+    assert state.cut_done and codes(state) == []
