@@ -22,8 +22,8 @@ __all__ = ["MOST_HELD_S", "NOT_HELD", "FeedHold", "HoldLedger", "HoldState"]
 
 REPORT_TIMEOUT_S = 0.1  # less than what a poll may take: watchdog and polls come first
 TURNS_BACK = 2.0
-"""Turns after a hold that are not judged: the program reports its moves before they are made, and in the first turn
-on uncut material the chip is not yet full, so that the tool is deflected less, as at the start of a cut.
+"""Turns after a hold that are not judged: the program reports its moves before they are made, and in the first
+turn on uncut material the chip is not yet full, so that the tool is deflected less, as at the start of a cut.
 """
 
 
