@@ -41,7 +41,7 @@ class Site:
     def messages(self) -> str:
         """Return the list of messages."""
         self.trainee.press("w")
-        self.trainee.sees("messages.alarms")
+        self.terminal.wait_for(r"^\s*\d+ alarms?\b")
         return self.terminal.text
 
 
