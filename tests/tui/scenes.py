@@ -271,7 +271,7 @@ def fill(data: Path) -> None:
 
 @cache
 def _filled() -> tempfile.TemporaryDirectory[str]:
-    """A folder that is filled once, to be copied: to write its files takes half of what it takes to show a page."""
+    """A folder that is filled once, to be copied: to write its files takes half as long as to show a page."""
     kept = tempfile.TemporaryDirectory()
     data = Path(kept.name)
     folder = jobs_folder(data)
