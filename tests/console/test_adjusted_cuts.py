@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from console.session.data.made_parts import MadeWith, made_with, parts_made
+from console.session.learning.part_learning import learning_of
 from console.session.station.commands import (
     Adjust,
     Command,
@@ -29,6 +32,8 @@ from drivers.cutting.bounds import Adjustable
 from drivers.cutting.planning import Strategy
 from drivers.errors import LinkError
 from profiles.problem import Problem
+from profiles.store import load_job, load_machine
+from profiles.traces import Trace
 from tests.console.floor import Floor, experiment_1, set_up_once
 
 FASTER = Adjust(what=Adjustable.OVERRIDE, steps=1)
@@ -350,3 +355,18 @@ def test_the_record_has_each_change_and_how_the_part_was_made(floor: Floor) -> N
     assert [each["phase_deg"] for each in events(floor, "trimmed")] == [0.0, 0.5]
     (cut,) = events(floor, "cut")
     assert str(cut["changed"]).startswith("override 99 %, gain +1 %, phase +0.5 deg, changed from Z 0.")
+
+
+def test_a_part_that_was_changed_teaches_nothing_and_says_what_it_was(tmp_path: Path) -> None:
+    """By its record as by the header of its trace: both keep it."""
+    made = MadeWith(compensation="none", strategy="pvt", stage="full", inverted="model", changed="gain +1 %")
+    assert parts_made([("cut", json.dumps(made.event()), "")]) == [made]
+    plain = replace(made, changed="")
+    assert "changed" in made.header() and "changed" not in plain.header()
+    assert made_with({}, made.header(), []).changed == "gain +1 %"
+    machine, loaded = load_machine("lee-2001-lathe"), load_job("lee-2001-experiment-1")
+    trace = Trace(angle_deg=np.arange(0.0, 360.0), deviation_um=np.zeros(360), meta={})
+    found = learning_of(loaded, loaded.job.name, made, trace, machine, tmp_path)
+    assert [(problem.code, problem.value) for problem in found.reasons] == [
+        ("learned.changed_in_cut", "gain +1 %")
+    ]

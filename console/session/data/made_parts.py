@@ -62,7 +62,8 @@ class MadeWith:
     changed: str = ""
 
     def __str__(self) -> str:
-        return f"{self.compensation} · {self.strategy} · {self.stage} · {self.inverted}"
+        changed = f" · {self.changed}" if self.changed else ""
+        return f"{self.compensation} · {self.strategy} · {self.stage} · {self.inverted}{changed}"
 
     @property
     def version(self) -> str | None:
