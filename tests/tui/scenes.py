@@ -43,6 +43,7 @@ from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
 from drivers.beside.side_line import SideLine
+from drivers.cutting.bounds import Adjusted, Bounds
 from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
@@ -218,7 +219,8 @@ def cut() -> CutProgress:
         errors_um=harmonics + 0.13 * np.cos(1.7 * np.arange(240.0)),
         phases=(PhaseLeft(CutPhase.CUT, 4.6), PhaseLeft(CutPhase.RETRACT, 0.41), PhaseLeft(CutPhase.HOME, 0.83)),
         to_go=(AxisToGo(AxisName.CARRIAGE, 3.84),),
-        place=ProgramPlace(program=2, text="X(P11+P12*COS(P27)):(-P15*SIN(P27))", line=31, lines=66),
+        place=ProgramPlace(program=2, text="X(P11+P12*P55*COS(P27)):(-P15*P55*SIN(P27))", line=31, lines=66),
+        adjusted=Adjusted(bounds=Bounds(low_percent=95, high_percent=105, gain_percent=10, phase_deg=5.0)),
     )
 
 
