@@ -17,6 +17,7 @@ from console.session.errors import SessionError, refuse
 from console.session.stages import Stage
 from console.session.station.commands import Arm, Disarm, HoldFeed, Retract, Start
 from console.session.station.context import StationContext
+from console.session.station.gain_trial import trial_problems
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress, CutStage, CutWatch
 from console.session.station.state import Activity, Armed, TouchedBlank
@@ -33,6 +34,7 @@ def arm(context: StationContext, command: Arm) -> None:
     """Check everything, load the program and read it back. Nothing moves; start is allowed for some seconds."""
     context.tell(armed=None)
     context.lathe.program.put_back()
+    refuse(trial_problems(context))
     alignment, own, strategy = context.state.alignment, context.cut_context, command.strategy
     job = aligned_job(command.job, alignment)
     refuse(problems(alignment, command.job))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
 
@@ -55,6 +55,13 @@ class Commissioned:
         """
         if self._fingerprint is None:
             self._fingerprint = read_fingerprint(self._client, self._machine, self._client.dialect)
+
+    def wrote(self, values: Mapping[int, float]) -> None:
+        """Take I-variables that this console has written into what others' changes are told by."""
+        known = self._fingerprint
+        if known is not None:
+            configuration = replace(known.configuration, settings={**known.configuration.settings, **values})
+            self._fingerprint = replace(known, configuration=configuration)
 
     def problems(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Return every reason why this machine may not be armed; `snapshot` is of now."""
