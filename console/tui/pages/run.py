@@ -19,7 +19,7 @@ from console.tui.keymap import PageName, actions_of
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, entitle, line, wrapped
 from console.tui.page import Page
 from console.tui.pages import run_lines
-from console.tui.pages.cut_lines import live_lines, mean_error_um, progress_line, values_title
+from console.tui.pages.cut_lines import large_lines, live_lines, mean_error_um, progress_line, values_title
 from console.tui.pages.run_next import Phase, in_part, next_word, phase_of
 from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, stale, stop_lines
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
@@ -287,6 +287,9 @@ class RunPage(Page):
         width = min(size.width, WIDEST_FACT)
         rows = live_lines(text, cut, view.job, width)
         inputs = run_lines.input_lines(text, view.state.snapshot, width, size.height - len(rows))
+        large = large_lines(text, cut, size.width)
+        if size.height - len(rows) - len(inputs) > len(large):
+            inputs = [*inputs, *([BLANK] * (size.height - len(rows) - len(inputs) - len(large))), *large]
         self._values.show([*rows, *inputs], values_title(text, view.state.age_s(view.now_s)))
         if cut is self._drawn:
             return
