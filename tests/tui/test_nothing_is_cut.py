@@ -9,6 +9,7 @@ import string
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import pytest
 from rich.cells import cell_len
@@ -156,23 +157,20 @@ OF_THE_STOP_ROW = {
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("width", [60, COLUMNS, 160])
-@pytest.mark.parametrize("field", [FieldKind.NONE, FieldKind.TEXT])
 @pytest.mark.parametrize("key", OF_THE_STOP_ROW)
-def test_what_stands_beside_the_stop_key_is_whole_and_the_key_in_its_place(
-    key: str, field: FieldKind, width: int, language: str
-) -> None:
+def test_what_stands_beside_the_stop_key_is_whole_and_the_key_in_its_place(key: str, language: str) -> None:
     text = load(language)
     facts = (
         {"seconds": "0.6", "how": text("frame.by_ramp")} if key == "frame.at_rest_after" else {"seconds": "0.3"}
     )
-    *above, last = rows = stop_row(frame(OF_THE_STOP_ROW[key], language, field=field), width)
-    stop = text("frame.stop") if field is FieldKind.NONE else text("frame.stop_in_text")
-    assert plain([last]).startswith(f" {stop} ")
-    assert letters([*above, (("", Token.TEXT), *last[1:])]) == one_word(text(key, **facts))
-    assert {width_of(each) for each in rows} == {width}
-    if width >= COLUMNS:
-        assert above == []
+    for field, width in product((FieldKind.NONE, FieldKind.TEXT), (60, COLUMNS, 160)):
+        now = frame(OF_THE_STOP_ROW[key], language, field=field)
+        *above, last = rows = stop_row(now, width)
+        stop = text("frame.stop") if field is FieldKind.NONE else text("frame.stop_in_text")
+        assert plain([last]).startswith(f" {stop} "), (field, width)
+        assert letters([*above, (("", Token.TEXT), *last[1:])]) == one_word(text(key, **facts)), (field, width)
+        assert {width_of(each) for each in rows} == {width}
+        assert width < COLUMNS or above == []
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
