@@ -51,6 +51,7 @@ FURTHER = {
 }
 """Pages that are looked at after the cut, each with a text that it shows when it has its figures."""
 
+MACHINE = "lee-2001-lathe"
 WRENCH = """torque_n_m;force_n
 10;3741
 10;3902
@@ -76,6 +77,7 @@ def photograph(terminal: Terminal, folder: Path) -> None:
     _take_wide(terminal, folder / "setup.svg")
     trainee.press("3")
     trainee.sees("strategy.pvt.how")
+    terminal.wait_for(lambda screen: "… um" not in screen and "… Hz" not in screen, 60.0)
     _take(terminal, folder / "preview.svg")
     trainee.aligns()
     _take_wide(terminal, folder / "align.svg")
@@ -330,9 +332,11 @@ def _ink(cell: Cell) -> Ink:
 
 def _calibrated(data: Path) -> None:
     """Keep a calibration of the wrench, as whoever sets up a machine does."""
-    (data / "wrench.csv").write_text(WRENCH, encoding="utf-8")
+    folder = data / "calibrations" / MACHINE
+    folder.mkdir(parents=True)
+    (folder / "wrench.csv").write_text(WRENCH, encoding="utf-8")  # where the page looks for its points
     command = ("calibrate", "chuck", "wrench.csv", "--keep", "--data", str(data))
-    subprocess.run((sys.executable, "-m", "console", *command), cwd=data, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run((sys.executable, "-m", "console", *command), cwd=folder, check=True, stdout=subprocess.DEVNULL)
 
 
 def main(arguments: Sequence[str]) -> None:
