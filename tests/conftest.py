@@ -9,6 +9,7 @@ import gc
 import os
 import sys
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -41,7 +42,14 @@ ALL_BUT_LONG = pytest.StashKey[bool]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    config.stash[ALL_BUT_LONG] = config.args == config.getini("testpaths") and not config.option.markexpr
+    """Let each worker collect from another file on: what one has compiled, in a new clone, the others find."""
+    everything = config.args == config.getini("testpaths")
+    config.stash[ALL_BUT_LONG] = everything and not config.option.markexpr
+    worker = getattr(config, "workerinput", None)
+    if worker is not None and everything:
+        files = sorted(str(path) for folder in config.args for path in Path(folder).rglob("test_*.py"))
+        first = len(files) * int(worker["workerid"].removeprefix("gw")) // worker["workercount"]
+        config.args = files[first:] + files[:first]
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

@@ -263,6 +263,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="tune.kind", keys=("x", "ㅌ"), shown="x"),
     Action(id="tune.arm", keys=("f5",), shown="F5", once=True),
     Action(id="tune.start", keys=("f6",), shown="F6", moves=True, once=True),
+    Action(id="tune.apply", keys=("a", "ㅁ"), shown="a", once=True),
+    Action(id="tune.revert", keys=("b", "ㅠ"), shown="b", once=True),
     Action(id="calibrate.kind", keys=("v", "ㅍ"), shown="v"),
     Action(id="calibrate.view", keys=("p", "ㅔ"), shown="p"),
     Action(id="calibrate.up", keys=("up",), shown="↑", row="↑↓"),

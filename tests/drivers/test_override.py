@@ -14,9 +14,12 @@ from drivers.cutting.override import PaceLedger, bounds_of
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.identification.nominal import nominal_response, path_response
 from drivers.lathe.snapshot import Snapshot
+from drivers.pmac.dialect import PMAC
 from profiles.axis.response import identified_response
 from tests.drivers.close_together import machine as machine
 from tests.drivers.cut_floor import with_inverter
+from tests.drivers.heartbeat_card import SURFACE, TOOL, TURN_MS, begin_cut, cut_program, host_of, leased_loop
+from tests.drivers.plc_card import values
 from tests.drivers.test_guards import seen, state
 
 if TYPE_CHECKING:
@@ -103,3 +106,15 @@ def test_at_real_time_a_poll_stays_what_it_is() -> None:
     ledger = PaceLedger(face_counts=50.0)
     assert all(ledger.see(poll) is poll for poll in polls(100.0, 100.0, 100.0))
     assert ledger.mean == 1.0
+
+
+def test_the_slowest_cut_ends_within_the_promise_of_the_heartbeat(machine: MachineProfile) -> None:
+    """Its program takes 1.25 times as long for the turn and the way out; the timers of the controller do not."""
+    host = host_of(machine, PMAC)
+    begin_cut(host, cut_program(leased_loop(PMAC)))
+    host.card.tell("&1%80")
+    out_s = host.until(lambda: host.place(TOOL) < SURFACE + 500)
+    assert out_s <= 0.3 + 1.25 * (TURN_MS + 10 + 5 + 200 + 195 - 88) / 1000.0 + 0.005
+    assert host.until(host.still) <= 2.0
+    assert host.place(TOOL) == pytest.approx(SURFACE, abs=20)
+    assert values(host.card, "M26 P1003 P1004") == [1, 0, 2]

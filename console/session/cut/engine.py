@@ -201,11 +201,10 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
         elif ledger.turns:
             guard.further = further_held(plan, lathe.machine, ledger.turns)
         if unheld is not None:
-            unheld = untrimmed(unheld, plan, lathe.machine, lathe.program.live_trim.applied)
             telemetry.see(unheld, holding=lathe.program.held)
             length.see(unheld)
             if not lathe.program.held:  # while retracting, the tool is on no path of a turn
-                path.see(unheld)
+                path.see(untrimmed(unheld, plan, lathe.machine, lathe.program.live_trim.applied))
         see(snapshot)
 
     lathe.program.start(plan.program.number, plan.setup.retracted, plan.target.lobes)

@@ -108,6 +108,18 @@ class ReadLoop(Command):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ApplyGains(Command):
+    """Write these gains of the tool on trial, drives disabled; `shown` was shown as present. Nothing moves."""
+
+    settings: tuple[tuple[str, float], ...]
+    shown: tuple[tuple[str, float], ...]
+
+
+class RevertGains(Command):
+    """Write back the gains there were before the trial, drives disabled. Nothing moves."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class CheckHealth(Command):
     """Move the tool by a step, a parabola and a sine at its zero, and keep what was gathered."""
 

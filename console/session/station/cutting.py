@@ -18,6 +18,7 @@ from console.session.stages import Stage
 from console.session.station.adjusting.passing_on import Adjusting, left_behind
 from console.session.station.commands import Arm, Disarm, HoldFeed, Retract, Start
 from console.session.station.context import StationContext
+from console.session.station.gain_trial import trial_problems
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress, CutStage, CutWatch
 from console.session.station.state import Activity, Armed, TouchedBlank
@@ -39,6 +40,7 @@ def arm(context: StationContext, command: Arm) -> None:
     context.tell(armed=None)
     percent = left_behind(context)
     context.lathe.program.put_back()
+    refuse(trial_problems(context))
     alignment, own, strategy = context.state.alignment, context.cut_context, command.strategy
     job = aligned_job(command.job, alignment)
     refuse(problems(alignment, command.job))

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from console.session.learning.calibrating import PartLobe
     from console.session.learning.part_learning import PartLearning
     from console.session.station.progress import CutProgress
+    from console.session.trial.standing import StandingTrial
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_loop import ToolLoop
@@ -38,6 +39,7 @@ class Activity(StrEnum):
     CONNECTING = "connecting"
     READY = "ready"
     VERIFYING = "verifying"
+    WRITING = "writing"
     CLAMPING = "clamping"
     SWITCHING = "switching"
     HOMING = "homing"
@@ -176,7 +178,8 @@ class StationState:
     `onlookers` how many others of this data folder look on while this one controls. `jogs` counts the jogs that
     ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known.
     `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
-    read last, `tested` the name of the file with the last test of the tool.
+    read last, `tested` the name of the file with the last test of the tool. `trial` are gains that were applied on
+    trial, as the controller had them when it was compared last.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -212,6 +215,7 @@ class StationState:
     uncompensated: MeasuredPart | None = None
     tool_loop: ToolLoop | None = None
     tested: str = ""
+    trial: StandingTrial | None = None
 
     @property
     def moving(self) -> bool:

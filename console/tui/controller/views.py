@@ -181,7 +181,9 @@ class ControllerViews:
 
         side = self.ui.control.side
         assert side is not None  # `why_not` has seen it
-        reader = ConfigurationReader(side, self.ui.machine, self.ui.data, self.ui.text)
+        reader = ConfigurationReader(
+            side, self.ui.machine, self.ui.data, self.ui.text, simulated=self.ui.control.state.simulated
+        )
         self._list_backups()
         chosen = self._backups[self._chosen] if self._backups else Path()
         works: dict[str, Callable[[], Result]] = {
