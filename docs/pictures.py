@@ -2,6 +2,8 @@
 
 python -m docs.pictures
 
+All in one go through the job: those of the README at 100x30, the others at 160x48.
+
 A picture is the grid of the terminal and nothing else. It needs no font but a monospace one: what is not plain
 text (plots in braille, bars, frames) is drawn, so that it stands on the grid with every font.
 """
@@ -9,8 +11,10 @@ text (plots in braille, bars, frames) is drawn, so that it stands on the grid wi
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 import tempfile
+import time
 import unicodedata
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -18,39 +22,95 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import escape
 
+from benchmarks.at_rest import keys_to
+from console.tui.keymap import PageName
 from tests.terminal import Terminal
 from tests.terminal_screen import Cell
 from tests.trainee import Trainee, console
 
 FOLDER = Path(__file__).with_name("pictures")
 COLUMNS, ROWS = 100, 30
+WIDE = (160, 48)  # a terminal on which every page shows side by side what is behind a key elsewhere
 
 # The way of an operator through the job -----------------------------------------------------------------------
 
+SETTLED_S = 0.6
 HALF_DONE = re.compile(r"\b(4[5-9]|5\d) %")
 
 
+FURTHER = {
+    PageName.JOBS: "jobs_page.latest",
+    PageName.RECORDS: "records_page.time",
+    PageName.ALARMS: "alarms_page.log_title",
+    PageName.MORE: "more.keys",
+    PageName.SETTINGS: "settings.next.settings",
+    PageName.LOG: "log_page.next.list",
+    PageName.TUNE: "tune_page.phase_margin",
+    PageName.CALIBRATE: "calibrate_page.why.in_force",
+    PageName.CONTROLLER: "controller_page.identity.cid",
+}
+"""Pages that are looked at after the cut, each with a text that it shows when it has its figures."""
+
+MACHINE = "lee-2001-lathe"
+WRENCH = """torque_n_m;force_n
+10;3741
+10;3902
+20;7488
+20;7610
+30;11252
+30;11420
+40;15177
+40;14903
+50;18801
+50;19020
+"""
+
+
 def photograph(terminal: Terminal, folder: Path) -> None:
-    """Go through the job as a trainee would, and take a picture of Preview, of Run in mid-cut and of Inspect.
+    """Go through the job as a trainee would, and take a picture of each page when it has its figures.
 
     Raises:
         AssertionError: a page did not come; with the screen as it was.
     """
     trainee = Trainee(terminal, "en")
     trainee.opens_the_first_job()
+    _take_wide(terminal, folder / "setup.svg")
     trainee.press("3")
     trainee.sees("strategy.pvt.how")
+    terminal.wait_for(lambda screen: "… um" not in screen and "… Hz" not in screen, 60.0)
     _take(terminal, folder / "preview.svg")
     trainee.aligns()
+    _take_wide(terminal, folder / "align.svg")
     trainee.starts_the_cut()
     terminal.wait_for(lambda screen: HALF_DONE.search(screen) is not None, 60.0)
     _take(terminal, folder / "run.svg")
+    _take_wide(terminal, folder / "run-wide.svg")
     trainee.waits_for_the_end_of_the_cut()
     trainee.measures()
     terminal.wait_for(r"RONt\D*?\d+\.\d+")
     _take(terminal, folder / "inspect.svg")
+    terminal.resize(*WIDE)
+    for page, seen in FURTHER.items():
+        trainee.press(*keys_to(page))
+        trainee.sees(seen)
+        time.sleep(SETTLED_S)
+        _take(terminal, folder / f"{page}.svg")
+    trainee.press(*keys_to(PageName.SCOPE))
+    trainee.sees("scope_page.next.empty")
+    trainee.press("g")
+    trainee.sees("scope_page.next.record", 60.0)
+    _take(terminal, folder / "scope.svg")
     terminal.press("ctrl+q")
     terminal.wait_exit()
+
+
+def _take_wide(terminal: Terminal, path: Path) -> None:
+    """Take a picture on the wide terminal, and go back."""
+    terminal.resize(*WIDE)
+    terminal.wait_for(lambda _: "STOP MOTION" in terminal.row(WIDE[1] - 2))
+    time.sleep(SETTLED_S)  # plots are painted once their panels know their size
+    _take(terminal, path)
+    terminal.resize(COLUMNS, ROWS)
 
 
 def _take(terminal: Terminal, path: Path) -> None:
@@ -270,12 +330,23 @@ def _ink(cell: Cell) -> Ink:
     return Ink(_colours(cell)[0], cell.bold, cell.italic, cell.underline)
 
 
+def _calibrated(data: Path) -> None:
+    """Keep a calibration of the wrench, as whoever sets up a machine does."""
+    folder = data / "calibrations" / MACHINE
+    folder.mkdir(parents=True)
+    (folder / "wrench.csv").write_text(WRENCH, encoding="utf-8")  # where the page looks for its points
+    command = ("calibrate", "chuck", "wrench.csv", "--keep", "--data", str(data))
+    subprocess.run((sys.executable, "-m", "console", *command), cwd=folder, check=True, stdout=subprocess.DEVNULL)
+
+
 def main(arguments: Sequence[str]) -> None:
     """Take all pictures, into the folder given or that of the documentation."""
     folder = Path(arguments[0]) if arguments else FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as data, console(Path(data), "en", COLUMNS, ROWS) as terminal:
-        photograph(terminal, folder)
+    with tempfile.TemporaryDirectory() as data:
+        _calibrated(Path(data))
+        with console(Path(data), "en", COLUMNS, ROWS, TRILOBE_OPERATOR="kim") as terminal:
+            photograph(terminal, folder)
 
 
 if __name__ == "__main__":
