@@ -297,8 +297,14 @@ class Terminal:
             self.bytes_seen += len(data)
             if self._emulation.feed(data):
                 os.write(self._master, FRAME_ANSWER)
+            if answer := self._answer(data):
+                os.write(self._master, answer)
             self._changed.notify_all()
         return True
+
+    def _answer(self, data: bytes) -> bytes:
+        """Return what a terminal of a certain kind answers to what it is told."""
+        return b""
 
     def _wake(self) -> None:
         os.write(self._wake_in, b".")

@@ -47,6 +47,7 @@ from console.tui.previewing import ChosenPath, Previewer, fault_of
 from console.tui.scanning.scans import Scans
 from console.tui.settings.calm import Calm
 from console.tui.standing_orders import StandingOrders
+from console.tui.terminal.key_releases import ReportedKey
 from console.tui.theme import Palette
 from console.tui.ui_context import UiContext, View
 from profiles.files import printable
@@ -141,6 +142,7 @@ class ConsoleApp(ListeningApp):
         state = ui.control.state
         self._collector.spare(state.may_move)
         self.offer_mouse(self.ui.appearance.mouse == "on" and self._is_known_at_rest)
+        ui.releases = self.offer_releases(self._page is PageName.ALIGN and not self._is_small)
         if self._list.is_palette and ui.answers(self._orders.why_not("palette")):
             self._list.open(PAGE)
         ui.forget_stale_answer(state)
@@ -286,6 +288,7 @@ class ConsoleApp(ListeningApp):
         page = self._pages[self._page]
         now = self.situation()
         self._typed = now.field is FieldKind.TEXT
+        self.ui.stroke = event.stroke if isinstance(event, ReportedKey) else None
         verdict, action = judge(event.key, event.character, now)
         page.heard(None if action is None else action.id)
         if event.key in TAKE.keys and self._palette.still_taking():

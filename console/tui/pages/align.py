@@ -21,11 +21,10 @@ from console.tui.lines import BLANK, Line, Sheet, dim, line, wrapped
 from console.tui.page import Page
 from console.tui.pages import align_lines
 from console.tui.pages.align_jog import JOGS, JogKeys, hold_the_key
-from console.tui.pages.jog_lines import chuck_lines, jog_lines
+from console.tui.pages.jog_lines import chuck_lines, jog_lines, jog_title
 from console.tui.refusals.align_reasons import align_reasons
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal, waiting
-from drivers.lathe.snapshot import AxisName
 from profiles.job import Job
 from profiles.problem import Problem
 
@@ -90,12 +89,7 @@ class AlignPage(Page):
         self._jog.follow()
         self._axes.show(align_lines.axes_lines(text, state, machine, view.now_s, self._axes.size.width))
         jog = self._jog.view(state, view.now_s)
-        axes = "C °" if jog.axis is AxisName.SPINDLE else "X Z mm"
-        title = text("align_page.jog", axes=axes)
-        if jog.overrun is not None:
-            unit = "°" if jog.axis is AxisName.SPINDLE else " mm"
-            title = text("align_page.jog_hold", axes=axes, over=f"{jog.overrun:.3g}{unit}")
-        self._jog_panel.show(jog_lines(text, jog, *self._jog_panel.size), title)
+        self._jog_panel.show(jog_lines(text, jog, *self._jog_panel.size), jog_title(text, jog))
         self._show_asked(view)
         jaws = machine.chuck.jaws if job is None else job.jaws
         steps, roomy = align_lines.step_lines(text, state, job), self.has_class("-roomy")
