@@ -36,6 +36,19 @@ def cut_guard(plan: CutPlan, machine: MachineProfile) -> ProgramGuard:
     return ProgramGuard(Lengths(machine), ranges, real_time=not plan.strategy.traits.spindle_time)
 
 
+def further_held(plan: CutPlan, machine: MachineProfile, held_turns: int) -> dict[AxisName, float]:
+    """Return how far beyond its range a resumed cut may take its axes, counts: by `held_turns`, and one segment.
+
+    A cut ends at the segment nearest to the end of its last turn. Those of a resumed cut are not the planned ones:
+    the planned end may be half a segment before that of the turn, and the other one half a segment behind it.
+    """
+    segment_turns = plan.segment_ms * plan.spindle_speed_rpm / 60_000.0
+    return {
+        AxisName.SPINDLE: (held_turns + segment_turns) * machine.spindle.counts_per_rev,
+        AxisName.CARRIAGE: segment_turns * plan.setup.carriage_per_turn,
+    }
+
+
 class CutLength:
     """How far the carriage was seen to travel in a cut: a witness beside the program's own report."""
 

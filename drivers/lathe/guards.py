@@ -5,7 +5,7 @@ Pure: a snapshot goes in, problems come out. The code that waits for the motion 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, replace
 
 from drivers.lathe.lengths import Lengths
@@ -105,15 +105,11 @@ class ProgramGuard:
         """`real_time` is False for a program whose time base is not the feed override."""
         self._lengths, self._ranges, self._real_time = lengths, tuple(ranges), real_time
         self._last: Snapshot | None = None
-        self.further_turned = 0.0  # counts by which a feed hold lets the spindle go beyond its range
+        self.further: Mapping[AxisName, float] = {}  # counts by which a feed hold lets an axis go beyond its range
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge one poll."""
-        further = self.further_turned
-        ranges = [
-            replace(each, high=each.high + further) if each.axis is AxisName.SPINDLE and further else each
-            for each in self._ranges
-        ]
+        ranges = (replace(each, high=each.high + self.further.get(each.axis, 0.0)) for each in self._ranges)
         outside = _outside(ranges, snapshot, "cut.outside_plan", self._lengths)
         problems = (self._override(snapshot), *outside, self._stalled(snapshot))
         return tuple(problem for problem in problems if problem is not None)

@@ -18,7 +18,7 @@ from console.session.cut.recording import Recorder, Unrecorded
 from console.session.cut.telemetry import CutFigures, Telemetry
 from console.session.errors import SessionError, refuse
 from drivers.cutting.feed_hold import MOST_HELD_S, HoldLedger
-from drivers.cutting.guarding import CutLength, cut_guard, end_problems
+from drivers.cutting.guarding import CutLength, cut_guard, end_problems, further_held
 from drivers.cutting.path_seen import PathSeen
 from drivers.cutting.planning import CutPlan
 from drivers.errors import DriverError, LinkError
@@ -191,7 +191,10 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
     def polled(snapshot: Snapshot) -> None:
         lathe.program.hold.read()
         unheld = ledger.see(snapshot, lathe.program.hold.report)
-        guard.further_turned = math.inf if unheld is None else ledger.turns * lathe.machine.spindle.counts_per_rev
+        if unheld is None:
+            guard.further = {AxisName.SPINDLE: math.inf}
+        elif ledger.turns:
+            guard.further = further_held(plan, lathe.machine, ledger.turns)
         if unheld is not None:
             telemetry.see(unheld, holding=lathe.program.held)
             length.see(unheld)
