@@ -18,6 +18,7 @@ from console.session.station.commands import Control
 from console.session.station.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
+from console.tui.alarms.bell import Bell
 from console.tui.alarms.logged_control import LoggedControl
 from console.tui.application.listening import ListeningApp
 from console.tui.application.pointing import point
@@ -92,7 +93,7 @@ class ConsoleApp(ListeningApp):
         self.ui = UiContext(text=text, palette=palette, control=self._logs, machine=machine, data=data, go=self.go)
         self.ui.appearance, self.ui.appear, self.ui.configuration = appearance, self.appear, configuration
         self._begin, self.heard = begin, heard
-        self._collector, self._calm = Collector(), Calm()
+        self._collector, self._calm, self._bell = Collector(), Calm(), Bell()
         self._local_time, self._ticking = local_time, ticking
         self._pages: dict[PageName, Page] = {}
         self._page = PageName.JOBS
@@ -142,6 +143,8 @@ class ConsoleApp(ListeningApp):
         state = ui.control.state
         self._collector.spare(state.may_move)
         self.offer_mouse(self.ui.appearance.mouse == "on" and self._is_known_at_rest)
+        if self._bell.rings(state.alarms, ui.control.now_s()) and ui.appearance.bell == "on":
+            self.bell()
         ui.releases = self.offer_releases(self._page is PageName.ALIGN and not self._is_small)
         if self._list.is_palette and ui.answers(self._orders.why_not("palette")):
             self._list.open(PAGE)
@@ -262,6 +265,7 @@ class ConsoleApp(ListeningApp):
             now_s=view.now_s,
             job="" if view.work is None else printable(view.work.job.name),
             own=self.ui.appearance.keys,
+            silent=self.ui.appearance.bell == "off",
         )
         width = max(self.size.width - 2, 1)
         if self._list.is_palette:

@@ -39,7 +39,8 @@ _FIRST_SERVED = ("stop", "alarm", "next")  # rows that may have several lines, i
 class Frame:
     """Input of the rows. `said` answers the last key; `clock` is local, `now_s` machine time.
 
-    `own` are keys of the operator's own. `badge` is shown before everything else: what is shown is not a machine.
+    `own` are keys of the operator's own. `silent`: no alarm rings. `badge` is shown before everything else: what is
+    shown is not a machine.
     """
 
     text: Catalogue
@@ -54,6 +55,7 @@ class Frame:
     job: str = ""
     own: OwnKeys = dataclasses.field(default_factory=dict)
     badge: str = ""
+    silent: bool = False
 
 
 def state_row(frame: Frame, width: int) -> list[Line]:
@@ -121,7 +123,8 @@ def alarm_row(frame: Frame, width: int) -> list[Line]:
         return _answer(frame, width)
     if front is not None:
         return _alarm(text, front, f"({len(alarms)}) {more}" if more else "", Token.WARNING, width)
-    return hanging(dim(" · "), text(_quiet(frame.state)), width, Token.DIM)
+    beside = line(dim(f" {text('frame.silent')} ")) if frame.silent else BLANK
+    return hanging(dim(" · "), text(_quiet(frame.state)), width, Token.DIM, beside=beside)
 
 
 def _quiet(state: StationState) -> str:
