@@ -48,7 +48,7 @@ KEYS = {
 
 # What another terminal, another test or a developer's shell would bring along.
 FOREIGN = re.compile(
-    r"NO_COLOR|FORCE_COLOR|LANGUAGE|LC_\w+|LINES|COLUMNS|TMUX\w*|TERM_PROGRAM\w*|TEXTUAL\w*|ESCDELAY"
+    r"NO_COLOR|FORCE_COLOR|LANGUAGE|LC_\w+|LINES|COLUMNS|TMUX\w*|TERM_PROGRAM\w*|SSH_\w+|TEXTUAL\w*|ESCDELAY"
 )
 DEFAULT_SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGPIPE, signal.SIGWINCH)
 

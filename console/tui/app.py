@@ -40,6 +40,7 @@ from console.tui.gate import (
 from console.tui.keymap import READING, TAKE, Action, PageName
 from console.tui.layout import CSS, SMALLEST, cramped, is_small
 from console.tui.lines import Line, Sheet
+from console.tui.link.far_terminal import FarTerminal
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.page import Page
 from console.tui.page_class import page_class
@@ -61,6 +62,7 @@ TICK_S = 0.1
 class ConsoleApp(ListeningApp):
     """The console of one machine. `begin` is called after the first paint, `heard` with the name of each key.
 
+    `client` is the address that its terminal comes from by SSH, "" for one at this computer.
     The rest is for screenshots.
     """
 
@@ -84,6 +86,7 @@ class ConsoleApp(ListeningApp):
         driver_class: type[Driver] | None = None,
         appearance: Appearance | None = None,
         configuration: Configuration | None = None,
+        client: str = "",
     ) -> None:
         appearance = appearance or Appearance(language=text.language)
         super().__init__(palette, appearance, driver_class)
@@ -92,6 +95,7 @@ class ConsoleApp(ListeningApp):
         self._logs, self._typed = LoggedControl(control, local_time), False
         self.ui = UiContext(text=text, palette=palette, control=self._logs, machine=machine, data=data, go=self.go)
         self.ui.appearance, self.ui.appear, self.ui.configuration = appearance, self.appear, configuration
+        self.ui.terminal = FarTerminal(client)
         self._begin, self.heard = begin, heard
         self._collector, self._calm, self._bell = Collector(), Calm(), Bell()
         self._local_time, self._ticking = local_time, ticking
@@ -266,6 +270,7 @@ class ConsoleApp(ListeningApp):
             job="" if view.work is None else printable(view.work.job.name),
             own=self.ui.appearance.keys,
             silent=self.ui.appearance.bell == "off",
+            client=self.ui.terminal.client,
         )
         width = max(self.size.width - 2, 1)
         if self._list.is_palette:
