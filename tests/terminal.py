@@ -48,7 +48,7 @@ KEYS = {
 
 # What another terminal, another test or a developer's shell would bring along.
 FOREIGN = re.compile(
-    r"NO_COLOR|FORCE_COLOR|LANGUAGE|LC_\w+|LINES|COLUMNS|TMUX\w*|TERM_PROGRAM\w*|TEXTUAL\w*|ESCDELAY"
+    r"NO_COLOR|FORCE_COLOR|LANGUAGE|LC_\w+|LINES|COLUMNS|TMUX\w*|TERM_PROGRAM\w*|SSH_\w+|TEXTUAL\w*|ESCDELAY"
 )
 DEFAULT_SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGPIPE, signal.SIGWINCH)
 
@@ -297,8 +297,14 @@ class Terminal:
             self.bytes_seen += len(data)
             if self._emulation.feed(data):
                 os.write(self._master, FRAME_ANSWER)
+            if answer := self._answer(data):
+                os.write(self._master, answer)
             self._changed.notify_all()
         return True
+
+    def _answer(self, data: bytes) -> bytes:
+        """Return what a terminal of a certain kind answers to what it is told."""
+        return b""
 
     def _wake(self) -> None:
         os.write(self._wake_in, b".")

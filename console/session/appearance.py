@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 THEMES = ("dark", "light", "contrast", "16-colour", "colour-blind")
 GLYPHS = ("unicode", "ascii")
 SWITCH = ("off", "on")
-CHOICES = {"theme": THEMES, "glyphs": GLYPHS, "calm": SWITCH, "mouse": SWITCH}
+CHOICES = {"theme": THEMES, "glyphs": GLYPHS, "calm": SWITCH, "mouse": SWITCH, "bell": ("on", "off")}
 """The allowed values of each setting, its built-in one first. `language` has those of the catalogues."""
 
 KEYS_CAP_CHARACTERS = 1000
@@ -27,13 +27,17 @@ OwnKeys = Mapping[str, str]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Appearance:
-    """One value of each setting. `calm`: nothing blinks, and live values are drawn once a second."""
+    """One value of each setting. `calm`: nothing blinks, and live values are drawn once a second.
+
+    `bell`: a new alarm of high priority rings.
+    """
 
     language: str = "en"
     theme: str = THEMES[0]
     glyphs: str = GLYPHS[0]
     calm: str = SWITCH[0]
     mouse: str = SWITCH[0]
+    bell: str = "on"
     keys: OwnKeys = field(default_factory=dict)
 
 

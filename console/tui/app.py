@@ -18,6 +18,7 @@ from console.session.station.commands import Control
 from console.session.station.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
+from console.tui.alarms.bell import Bell
 from console.tui.alarms.logged_control import LoggedControl
 from console.tui.application.listening import ListeningApp
 from console.tui.application.pointing import point
@@ -39,6 +40,7 @@ from console.tui.gate import (
 from console.tui.keymap import READING, TAKE, Action, PageName
 from console.tui.layout import CSS, SMALLEST, cramped, is_small
 from console.tui.lines import Line, Sheet
+from console.tui.link.far_terminal import FarTerminal
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.page import Page
 from console.tui.page_class import page_class
@@ -47,6 +49,7 @@ from console.tui.previewing import ChosenPath, Previewer, fault_of
 from console.tui.scanning.scans import Scans
 from console.tui.settings.calm import Calm
 from console.tui.standing_orders import StandingOrders
+from console.tui.terminal.key_releases import ReportedKey
 from console.tui.theme import Palette
 from console.tui.ui_context import UiContext, View
 from profiles.files import printable
@@ -59,6 +62,7 @@ TICK_S = 0.1
 class ConsoleApp(ListeningApp):
     """The console of one machine. `begin` is called after the first paint, `heard` with the name of each key.
 
+    `client` is the address that its terminal comes from by SSH, "" for one at this computer.
     The rest is for screenshots.
     """
 
@@ -82,6 +86,7 @@ class ConsoleApp(ListeningApp):
         driver_class: type[Driver] | None = None,
         appearance: Appearance | None = None,
         configuration: Configuration | None = None,
+        client: str = "",
     ) -> None:
         appearance = appearance or Appearance(language=text.language)
         super().__init__(palette, appearance, driver_class)
@@ -90,8 +95,9 @@ class ConsoleApp(ListeningApp):
         self._logs, self._typed = LoggedControl(control, local_time), False
         self.ui = UiContext(text=text, palette=palette, control=self._logs, machine=machine, data=data, go=self.go)
         self.ui.appearance, self.ui.appear, self.ui.configuration = appearance, self.appear, configuration
+        self.ui.terminal = FarTerminal(client)
         self._begin, self.heard = begin, heard
-        self._collector, self._calm = Collector(), Calm()
+        self._collector, self._calm, self._bell = Collector(), Calm(), Bell()
         self._local_time, self._ticking = local_time, ticking
         self._pages: dict[PageName, Page] = {}
         self._page = PageName.JOBS
@@ -141,6 +147,9 @@ class ConsoleApp(ListeningApp):
         state = ui.control.state
         self._collector.spare(state.may_move)
         self.offer_mouse(self.ui.appearance.mouse == "on" and self._is_known_at_rest)
+        if self._bell.rings(state.alarms, ui.control.now_s()) and ui.appearance.bell == "on":
+            self.bell()
+        ui.releases = self.offer_releases(self._page is PageName.ALIGN and not self._is_small)
         if self._list.is_palette and ui.answers(self._orders.why_not("palette")):
             self._list.open(PAGE)
         ui.forget_stale_answer(state)
@@ -260,6 +269,8 @@ class ConsoleApp(ListeningApp):
             now_s=view.now_s,
             job="" if view.work is None else printable(view.work.job.name),
             own=self.ui.appearance.keys,
+            silent=self.ui.appearance.bell == "off",
+            client=self.ui.terminal.client,
         )
         width = max(self.size.width - 2, 1)
         if self._list.is_palette:
@@ -286,6 +297,7 @@ class ConsoleApp(ListeningApp):
         page = self._pages[self._page]
         now = self.situation()
         self._typed = now.field is FieldKind.TEXT
+        self.ui.stroke = event.stroke if isinstance(event, ReportedKey) else None
         verdict, action = judge(event.key, event.character, now)
         page.heard(None if action is None else action.id)
         if event.key in TAKE.keys and self._palette.still_taking():

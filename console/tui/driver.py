@@ -14,8 +14,7 @@ import time
 from codecs import getincrementaldecoder
 from typing import Any, Protocol, cast
 
-from textual import events
-from textual._xterm_parser import XTermParser
+from textual import constants, events
 from textual.app import App
 from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
@@ -24,6 +23,8 @@ from console.tui import gate
 from console.tui.keymap import KILL_KEYS, STOP_KEYS, Action, PageName
 from console.tui.pace import QUIET_S, Pace
 from console.tui.scanning.collector import Collector, Scan
+from console.tui.terminal.key_releases import KeyReleases, ReportedKey, Stroke
+from console.tui.terminal.kitty_parser import RELEASE, REPEAT, KittyParser
 
 WAIT_S = 0.1  # time that the reading thread waits for a key before it checks whether to end
 CHUNK = 4096
@@ -90,6 +91,7 @@ class StopDriver(LinuxDriver):
         self._codes = Collector()
         self._stopped_s = float("-inf")
         self._reports_mouse = False
+        self.releases = KeyReleases()
         # A suspended console cannot stop anything. And Textual answers each SIGCONT, which comes with a hang-up,
         # with one more thread that reads the same terminal.
         for number in (signal.SIGTSTP, signal.SIGCONT):
@@ -104,7 +106,7 @@ class StopDriver(LinuxDriver):
 
     def run_input_thread(self) -> None:
         """Read keys until the screen is left; a key release or invalid UTF-8 would end Textual's own loop."""
-        reader = Reader()
+        reader = Reader(self.releases)
         decode = getincrementaldecoder("utf-8")("replace").decode
         while not self.exit_event.is_set():
             said: list[Message] = []
@@ -134,9 +136,17 @@ class StopDriver(LinuxDriver):
             self.write(MOUSE_ON if on else MOUSE_OFF)
             self.flush()
 
+    def report_releases(self, on: bool) -> None:
+        """Have the terminal report releases of keys, if it can, or not any more; to be called at every tick."""
+        said = self.releases.ask(on and not constants.DISABLE_KITTY_KEY, time.monotonic())
+        if said:
+            self.write(said)
+            self.flush()
+
     def disable_input(self) -> None:
-        """Stop reading; the terminal is left without reports of the mouse."""
+        """Stop reading; the terminal is left without reports of the mouse and of releases."""
         self.report_mouse(False)
+        self.report_releases(False)
         super().disable_input()
 
     def _hear(self, key: events.Key, now_s: float) -> None:
@@ -182,11 +192,13 @@ class Reader:
     """Textual's parser, made robust against invalid input, which must not become keys.
 
     A paste is no key press either. Its beginning is reported, because from there on the parser collects every key;
-    a paste whose end was lost is given up after a timeout.
+    a paste whose end was lost is given up after a timeout. The release of a key is counted in `releases` and is no
+    key; in a terminal that has not said that it reports any, it is invalid input.
     """
 
-    def __init__(self) -> None:
-        self._parser = XTermParser()
+    def __init__(self, releases: KeyReleases | None = None) -> None:
+        self._releases = releases or KeyReleases()
+        self._parser = KittyParser()
         self._last = ""
         self._pasting = False
         self._heard_s = 0.0
@@ -203,6 +215,8 @@ class Reader:
             said.append(events.Key(gate.PASTED, None))
         elif self._last == PASTE_ENDS:
             self._pasting = False
+        if self._parser.event is not None or self._parser.flags is not None or self._releases.confirmed:
+            said = self._reported(said, now_s)
         # An escape sequence abandoned for the next arrives with a caret in place of its Escape.
         given_up = bool(said) and isinstance(said[0], events.Key) and said[0].character == "^"
         return _whole(said) if given_up else said
@@ -213,8 +227,26 @@ class Reader:
             return self._begun_anew()
         return _whole(list(self._parser.tick()))
 
+    def _reported(self, said: list[Message], now_s: float) -> list[Message]:
+        """Add to keys what the terminal says of them; a release and an answer to a question are none."""
+        event, flags = self._parser.event, self._parser.flags
+        self._parser.event = self._parser.flags = None
+        if flags is not None and self._releases.answered(flags, now_s):
+            return []
+        if flags is not None or (event is not None and not self._releases.understood):
+            return [events.Key(gate.UNREADABLE, None)]
+        if event == RELEASE:
+            self._releases.heard()
+            return []
+        # A press has no event type.
+        stroke = Stroke(repeated=event == REPEAT, releases=self._releases.count)
+        return [
+            ReportedKey(each.key, each.character, stroke) if isinstance(each, events.Key) else each
+            for each in said
+        ]
+
     def _begun_anew(self) -> list[Message]:
-        self._parser, self._pasting = XTermParser(), False
+        self._parser, self._pasting = KittyParser(), False
         return [events.Key(gate.UNREADABLE, None)]
 
 

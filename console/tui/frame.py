@@ -20,7 +20,7 @@ from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
 from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, actions_of, written_key
 from console.tui.lines import BLANK, Line, clipped, dim, hanging, line, name_in, plain, ranged, width_of, wrapped
-from console.tui.link.holder_lines import observing, onlookers
+from console.tui.link.holder_lines import observing, onlookers, place
 from console.tui.link.lost_lines import is_watched, lost_step
 from console.tui.pages.fields import named
 from console.tui.theme import Token
@@ -39,7 +39,8 @@ _FIRST_SERVED = ("stop", "alarm", "next")  # rows that may have several lines, i
 class Frame:
     """Input of the rows. `said` answers the last key; `clock` is local, `now_s` machine time.
 
-    `own` are keys of the operator's own. `badge` is shown before everything else: what is shown is not a machine.
+    `own` are keys of the operator's own. `silent`: no alarm rings. `client` is where a terminal comes from that is
+    not at this computer. `badge` is shown before everything else: what is shown is not a machine.
     """
 
     text: Catalogue
@@ -54,6 +55,8 @@ class Frame:
     job: str = ""
     own: OwnKeys = dataclasses.field(default_factory=dict)
     badge: str = ""
+    silent: bool = False
+    client: str = ""
 
 
 def state_row(frame: Frame, width: int) -> list[Line]:
@@ -77,7 +80,12 @@ def state_row(frame: Frame, width: int) -> list[Line]:
         token = Token.WARNING if state.cut.is_lost else token
     if _observes(state):
         activity, token = observing(text, state, frame.clock), Token.WARNING
-    right = (*onlookers(text, state), *_age(frame), dim(f"   {frame.clock:%H:%M} "))
+    right = (
+        *place(text, state, frame.client),
+        *onlookers(text, state),
+        *_age(frame),
+        dim(f"   {frame.clock:%H:%M} "),
+    )
     room = width - width_of((*head, *right)) - cell_len(activity) - 1
     machine, job = _names(state.machine, frame.job, room)
     names = [(f"{name} · ", token) for name, token in ((machine, Token.DIM), (job, Token.STRONG)) if name]
@@ -121,7 +129,8 @@ def alarm_row(frame: Frame, width: int) -> list[Line]:
         return _answer(frame, width)
     if front is not None:
         return _alarm(text, front, f"({len(alarms)}) {more}" if more else "", Token.WARNING, width)
-    return hanging(dim(" · "), text(_quiet(frame.state)), width, Token.DIM)
+    beside = line(dim(f" {text('frame.silent')} ")) if frame.silent else BLANK
+    return hanging(dim(" · "), text(_quiet(frame.state)), width, Token.DIM, beside=beside)
 
 
 def _quiet(state: StationState) -> str:

@@ -24,6 +24,7 @@ from console.session.flight.recorded_control import RecordedControl
 from console.session.signals import ENDING_SIGNALS
 from console.session.station.link_thread import LinkThread
 from console.session.station.whereabouts import address_of
+from console.session.terminal_place import remote_client
 from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
@@ -131,6 +132,7 @@ def _recorded(
         driver_class=StopDriver,
         appearance=appearance,
         configuration=configuration,
+        client=remote_client(os.environ),
     )
     return app, control
 

@@ -15,6 +15,8 @@ from console.session.station.state import Activity, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.keymap import ACTIONS, PageName
+from console.tui.link.far_terminal import FarTerminal
+from console.tui.terminal.key_releases import KeyReleases, Stroke
 from console.tui.theme import Palette
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
@@ -44,7 +46,9 @@ class UiContext:
     the name of a copy of the open job. `go` shows another page. `data` is the operator's folder. `jog` is the
     action that requested the last jog step, `queued` whether steps of it are still to be made: the machine may
     rest between two of them. `log` is that of this session, up to the last tick. `appearance` is what the operator
-    has set, and `appear` sets another; `configuration` says where a setting comes from.
+    has set, and `appear` sets another; `configuration` says where a setting comes from. `stroke` is what the
+    terminal says of the last key, and `releases` what is known of its reports, both None where it has none.
+    `terminal` says where it is.
     """
 
     text: Catalogue
@@ -62,6 +66,9 @@ class UiContext:
     appearance: Appearance = field(default_factory=Appearance)
     appear: Callable[[Appearance], None] = lambda appearance: None
     configuration: Configuration | None = None
+    stroke: Stroke | None = None
+    releases: KeyReleases | None = None
+    terminal: FarTerminal = field(default_factory=FarTerminal)
     _said: tuple[Problem, ...] = ()
     _said_at: Moment | None = None
 

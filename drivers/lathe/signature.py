@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from drivers.controller import Controller
-from drivers.lathe.standing import Signature
+from drivers.lathe.standing import MOST_OF_A_HOST, Signature
 from drivers.pmac.reserved import SIGNATURE
 
-BYTES = 15  # of the name, and of the computer; what is longer is cut at a character
+BYTES = MOST_OF_A_HOST  # of the name, and of the computer; what is longer is cut at a character
 _PER_VARIABLE = 3
 _EACH = BYTES // _PER_VARIABLE
 ITEMS = tuple(f"P{SIGNATURE + place}" for place in range(2 + 2 * _EACH))

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from enum import StrEnum, auto
 
 NOBODY = 0  # the console number that means no console
+MOST_OF_A_HOST = 15  # bytes of a name, or of a computer, in a signature
+BY_SSH = "SSH"  # in place of a computer: a terminal that is not there, from an address too long to be signed
 
 
 class Standing(StrEnum):
@@ -21,7 +23,10 @@ class Standing(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signature:
-    """The console `number` is worked by `name` at the computer `host`, since `minute` (UTC, of the epoch)."""
+    """The console `number` is worked by `name` at the computer `host`, since `minute` (UTC, of the epoch).
+
+    Where the terminal is not at that computer, `host` is the address that it comes from, or `BY_SSH`.
+    """
 
     number: int
     name: str

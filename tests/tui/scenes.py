@@ -337,6 +337,7 @@ def application(
     palette: Palette = COLOUR,
     appearance: Appearance | None = None,
     configuration: Configuration | None = None,
+    client: str = "",
 ) -> tuple[ConsoleApp, FixedControl]:
     """The console as it is started, but for the machine and the clock."""
     control = FixedControl(scene.state, NOW_S)
@@ -351,6 +352,7 @@ def application(
         ticking=False,
         appearance=appearance,
         configuration=configuration,
+        client=client,
     )
     app.ui.work = scene.work
     app._logs.log = scene.log

@@ -135,8 +135,8 @@ def test_a_held_key_is_one_step_before_the_repeat_is_measured(tmp_path: Path) ->
 def test_a_held_key_runs_in_steps_once_it_is_and_ends_with_its_repeats(tmp_path: Path) -> None:
     steps, text, _ = hold(tmp_path, "pageup")
     assert steps > 20  # 30 repeats, on a machine that needs no time for a step
-    # Step 0.10 degrees, 3 of them.
-    assert "Jog, hold: ≤ 0.3° over" in text
+    # Step 0.10 degrees, 4 of them.
+    assert "Jog, hold: ≤ 0.4° over" in text
 
 
 def test_a_stall_ends_it_although_the_key_is_still_held(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from console.session.errors import SessionError
+from console.session.terminal_place import signed_host
 from drivers.errors import RefusedError
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.standing import NOBODY
@@ -46,13 +47,15 @@ class Owning:
         lock: Callable[[], ConsoleLock | None] | None = None,
         *,
         name: str = "",
+        client: str = "",
     ) -> None:
         """Take `lock`, which takes the lock of this computer; None: nobody else can reach the machine.
 
-        With the `name` of an operator, each claim is signed in the controller.
+        With the `name` of an operator, each claim is signed in the controller; `client` is where a terminal comes
+        from that is not at this computer.
         """
         self._lathe, self._address, self._data, self._take_lock = lathe, address, data, lock
-        self._name = name
+        self._name, self._client = name, client
         self._lock: ConsoleLock | None = None
 
     def claim(self) -> None:
@@ -111,7 +114,8 @@ class Owning:
     def _keep(self) -> None:
         """Leave the number in the lock, for the next console, and the name in the controller, for observers."""
         if self._name:
-            self._lathe.sign(self._name, socket.gethostname().partition(".")[0], int(time.time() // 60))
+            host = signed_host(self._client, socket.gethostname().partition(".")[0])
+            self._lathe.sign(self._name, host, int(time.time() // 60))
         if self._lock is not None and self._lathe.ownership is not None:
             self._lock.keep(self._number)
 

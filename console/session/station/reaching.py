@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from datetime import date
+from functools import partial
 from pathlib import Path
 
 from console.session.cut.engine import CutContext
@@ -16,6 +18,7 @@ from console.session.signals import Interruption
 from console.session.station.link.onlookers import Onlookers
 from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning, take_lock
+from console.session.terminal_place import remote_client
 from console.session.trial.explained import trial_note
 from drivers.beside.heard import Heard
 from drivers.clock import Clock, RealClock
@@ -178,7 +181,8 @@ def _started(path: Path, address: SimulatedAddress) -> SimulatorProcess:
 
 def _owning(lathe: Lathe, address: str, data: Path) -> Owning:
     """Return the ownership of a machine that others can reach, too: locked here, signed there."""
-    return Owning(lathe, address, data, lambda: take_lock(data, address), name=operator_name())
+    lock, client = partial(take_lock, data, address), remote_client(os.environ)
+    return Owning(lathe, address, data, lock, name=operator_name(), client=client)
 
 
 def _renewable(address: WiredAddress, process: SimulatorProcess | None) -> tuple[RenewableLink, Reopening]:

@@ -1,15 +1,17 @@
-"""Hold-to-run by the measured repeat of a terminal: while a jog key repeats, one finite step follows the other.
+"""Hold-to-run: while a jog key is held, one finite step follows the other.
 
-A terminal that reports no key release repeats a held key; how fast was measured while the operator held one
-(`Repeat`). No step is commanded when no repeat came within the timeout, and once that has happened the key has to
-be pressed anew: what a stalled line brings later moves nothing. One step is under way at most and none waits, so
-that doing nothing stops the machine. Times are of any monotonic clock.
+A terminal repeats a held key; how fast is measured while the operator holds one (`Repeat`). No step is commanded
+when no repeat came within the timeout, and once that has happened the key has to be pressed anew: what a stalled
+line brings later moves nothing. Where the terminal reports releases too, any release ends the run at once; the
+timeout stays, so that a lost release does no more than a lost repeat. One step is under way at most and none
+waits, so that doing nothing stops the machine. Times are of any monotonic clock.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import Enum, auto
 
 CALIBRATION_S = 3.0
 LEAST_REPEATS = 12  # in the calibration: slower than some five a second is no hold-to-run
@@ -21,6 +23,20 @@ LONGEST_STEP_S = 0.6
 
 RELEASE_S = 0.25
 """From the release to the end of commanding, besides the timeout: hold-back of a key, tick of the screen, link."""
+
+HEARD_S = 0.05
+"""The same from a release that the terminal reports, besides its way: it is not held back, and needs no tick."""
+
+SOONEST = 0.5
+"""Of the delay of the first repeat: one that comes sooner was written before, and waited somewhere."""
+
+
+class Tier(Enum):
+    """What a held jog key does: it runs until its release is reported or its repeats end, or makes one step."""
+
+    RELEASE = auto()
+    REPEAT = auto()
+    STEP = auto()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,8 +52,37 @@ class Repeat:
         return max(1.5 * self.gap_s, FLOOR_S)
 
     def overrun_steps(self, step_s: float) -> int:
-        """Return how many steps may be made after the release: the one under way, and those begun till then."""
-        return 2 + math.floor((self.timeout_s + RELEASE_S) / step_s)
+        """Return how many steps may be made after the release: the one under way, and those begun till then.
+
+        The last repeat may itself have been late by the timeout.
+        """
+        return 2 + math.floor((2.0 * self.timeout_s + RELEASE_S) / step_s)
+
+
+UNMEASURED = Repeat(first_s=MOST_FIRST_S, gap_s=MOST_GAP_S)
+"""What is expected of a terminal that reports releases and was not measured: no better than allowed."""
+
+SOONEST_REPORTED_S = 0.1  # no keyboard repeats a key sooner after its press
+
+
+@dataclass(frozen=True, slots=True)
+class Overrun:
+    """How far an axis may still go, mm or degrees: once the repeats end, and behind a release that is reported.
+
+    `released` is None where the terminal reports none.
+    """
+
+    silent: float
+    released: float | None = None
+
+
+def overrun(repeat: Repeat, step: float, step_s: float, round_trip_s: float | None) -> Overrun:
+    """Return the overrun in whole steps; `round_trip_s` is that of a terminal that reports releases."""
+    silent = repeat.overrun_steps(step_s)
+    if round_trip_s is None:
+        return Overrun(silent * step)
+    released = 2 + math.floor((round_trip_s + HEARD_S) / step_s)
+    return Overrun(silent * step, min(released, silent) * step)
 
 
 class Calibration:
@@ -62,34 +107,53 @@ class Calibration:
 
 
 class HoldRun:
-    """One held jog key. It runs from its second repeat on, until one is late; then a new press begins again."""
+    """One held jog key. It runs from its second repeat on, or its first one that is reported as such.
+
+    `lost`: the repeats of a key ended whose release would have been reported, and was not.
+    """
 
     def __init__(self) -> None:
+        self.lost = False
         self._pressed_s = self._repeated_s = -math.inf
+        self._releases: int | None = None
         self._begun = False
 
     def begin(self, now_s: float) -> None:
         """Note a press of a finger: it may be held from now on."""
         self._pressed_s, self._repeated_s, self._begun = now_s, -math.inf, True
+        self._releases, self.lost = None, False
 
     def end(self) -> None:
         """Run no more before the next press."""
         self._begun = False
 
-    def repeat(self, now_s: float, repeat: Repeat) -> None:
-        """Note a repeat; one that is late ends the run."""
+    def repeat(self, now_s: float, repeat: Repeat, releases: int | None = None) -> None:
+        """Note a repeat; one that is late, or that came too soon after the press, ends the run.
+
+        `releases`: how many the terminal had reported before it, None where it reports none.
+        """
+        soonest_s = SOONEST * repeat.first_s if releases is None else SOONEST_REPORTED_S
         if math.isinf(self._repeated_s):
-            latest_s = self._pressed_s + 1.5 * repeat.first_s + repeat.timeout_s
+            latest_s = self._pressed_s + repeat.first_s + repeat.timeout_s
+            if now_s < self._pressed_s + soonest_s:
+                self.end()
+            self._releases = releases
         else:
             latest_s = self._repeated_s + repeat.timeout_s
         if now_s > latest_s:
-            self.end()
+            self._lose()
         self._repeated_s = now_s
 
-    def runs(self, now_s: float, repeat: Repeat | None) -> bool:
-        """Whether the key is held, as far as can be known; False, once it was not."""
+    def runs(self, now_s: float, repeat: Repeat | None, releases: int | None = None) -> bool:
+        """Whether the key is held, as far as is known; False, once it was not. `releases` were heard so far."""
         if repeat is None or not self._begun or math.isinf(self._repeated_s):
             return False
-        if now_s - self._repeated_s > repeat.timeout_s:
+        if releases != self._releases:
             self.end()
+        elif now_s - self._repeated_s > repeat.timeout_s:
+            self._lose()
         return self._begun
+
+    def _lose(self) -> None:
+        self.lost = self.lost or (self._begun and self._releases is not None)
+        self.end()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 REPEAT_S = 0.12  # presses of one key closer together are a terminal's repeats of a held key
-FIRST_REPEAT_S = 0.7  # longest delay before a terminal repeats a held key, in most settings
 SURE_S = REPEAT_S  # decision time for a press that may be such a repeat: the next one follows within it
 
 
@@ -33,7 +32,8 @@ class JogPresses:
         self.held = gap_s < REPEAT_S
         if self.held:
             return False
-        if gap_s < FIRST_REPEAT_S:
+        if math.isfinite(gap_s):
+            # However long ago the one before was: a line that stood still brings all repeats at once.
             self._sure_at_s = now_s + SURE_S
             return False
         return True

@@ -10,6 +10,7 @@ from textual.filter import LineFilter
 
 from console.session.appearance import Appearance
 from console.tui.settings.live import LiveLook
+from console.tui.terminal.key_releases import KeyReleases
 from console.tui.theme import Palette
 
 
@@ -39,6 +40,14 @@ class DressedApp(App[None]):
         report = getattr(self._driver, "report_mouse", None)
         if report is not None:
             report(on)
+
+    def offer_releases(self, on: bool) -> KeyReleases | None:
+        """Have the terminal report releases of keys, or not; return what is known of them, None without any."""
+        report = getattr(self._driver, "report_releases", None)
+        if report is not None:
+            report(on)
+        releases: KeyReleases | None = getattr(self._driver, "releases", None)
+        return releases
 
     def _wear(self, appearance: Appearance) -> None:
         theme = self.look.theme(appearance)

@@ -38,9 +38,15 @@ def read_identity(client: SideController) -> Identity:
 
 
 def identity_lines(
-    found: Identity | None, state: StationState, machine: MachineProfile, faults: int, text: Catalogue, width: int
+    found: Identity | None,
+    state: StationState,
+    machine: MachineProfile,
+    faults: int,
+    text: Catalogue,
+    width: int,
+    client: str = "",
 ) -> list[Line]:
-    """Return the lines, also before anything was answered."""
+    """Return the lines, also before anything was answered. `client`: where a terminal comes from, "" for here."""
     controller, values = machine.controller, list[tuple[str, str]]()
     kind = state.controller or NOTHING
     values.append((text("controller_page.identity.controller"), kind))
@@ -60,6 +66,8 @@ def identity_lines(
     values.append((text("controller_page.identity.faults"), str(faults)))
     standing = text("controller_page.identity.controls" if state.controls else "controller_page.identity.observes")
     values.append((text("controller_page.identity.standing"), standing))
+    at = text("controller_page.identity.far", client=client) if client else text("controller_page.identity.here")
+    values.append((text("controller_page.identity.terminal"), at))
     rows = [line(dim(fitted(label, _LABEL)), value) for label, value in values]
     return [*rows, BLANK, *commissioned_lines(state, text, width)]
 

@@ -247,7 +247,7 @@ class ControllerViews:
         side = self.ui.control.side
         faults = 0 if side is None else side.faults
         machine, found = self.ui.machine.machine, self._identity.found
-        rows = identity_lines(found, view.state, machine, faults, self.ui.text, width)
+        rows = identity_lines(found, view.state, machine, faults, self.ui.text, width, self.ui.terminal.client)
         result = self._reading.found
         if result is not None and result.sha256:
             rows += wrapped(self._hash_words(result), width)

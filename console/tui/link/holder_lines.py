@@ -7,6 +7,8 @@ from datetime import UTC, datetime
 from console.session.station.state import StationState
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim
+from console.tui.theme import Token
+from drivers.lathe.standing import BY_SSH
 
 
 def observing(text: Catalogue, state: StationState, clock: datetime) -> str:
@@ -16,7 +18,23 @@ def observing(text: Catalogue, state: StationState, clock: datetime) -> str:
     by = state.held_by
     if by is None:
         return text("frame.looks_on", holder=state.holder)
-    return text("frame.looks_on_named", name=by.name, host=by.host or "?", since=_since(by.minute, clock))
+    since = _since(by.minute, clock)
+    if by.host == BY_SSH or is_address(by.host):
+        client = "?" if by.host == BY_SSH else by.host
+        return text("frame.looks_on_far", name=by.name, client=client, since=since)
+    return text("frame.looks_on_named", name=by.name, host=by.host or "?", since=since)
+
+
+def is_address(host: str) -> bool:
+    """Whether a signed computer is an address: that of a terminal by SSH, for computers sign their names."""
+    return set(host) <= set("0123456789abcdefABCDEF:.") and ("." in host or ":" in host)
+
+
+def place(text: Catalogue, state: StationState, client: str) -> Line:
+    """Return where this terminal is, for a real machine that it is not at; else nothing."""
+    if not client or state.simulated:
+        return ()
+    return ((f"{text('frame.by_ssh', client=client)}   ", Token.WARNING),)
 
 
 def _since(minute: int, clock: datetime) -> str:

@@ -18,14 +18,14 @@ from console.tui.align.chuck_picture import PICTURE_ROWS, JawSeen, jaw_seen, pic
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, dim, line, wrapped
+from console.tui.link.far_terminal import WITHIN_S
 from console.tui.page import Page
 from console.tui.pages import align_lines
 from console.tui.pages.align_jog import JOGS, JogKeys, hold_the_key
-from console.tui.pages.jog_lines import chuck_lines, jog_lines
+from console.tui.pages.jog_lines import chuck_lines, jog_lines, jog_title
 from console.tui.refusals.align_reasons import align_reasons
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View, refusal, waiting
-from drivers.lathe.snapshot import AxisName
+from console.tui.ui_context import KEYS, UiContext, View, refusal, waiting
 from profiles.job import Job
 from profiles.problem import Problem
 
@@ -95,12 +95,7 @@ class AlignPage(Page):
             rows = align_lines.large_lines(text, state, machine, view.now_s, self._large.size.width)
             self._large.show(rows, text("align_page.large"))
         jog = self._jog.view(state, view.now_s)
-        axes = "C °" if jog.axis is AxisName.SPINDLE else "X Z mm"
-        title = text("align_page.jog", axes=axes)
-        if jog.overrun is not None:
-            unit = "°" if jog.axis is AxisName.SPINDLE else " mm"
-            title = text("align_page.jog_hold", axes=axes, over=f"{jog.overrun:.3g}{unit}")
-        self._jog_panel.show(jog_lines(text, jog, *self._jog_panel.size), title)
+        self._jog_panel.show(jog_lines(text, jog, *self._jog_panel.size), jog_title(text, jog))
         self._show_asked(view)
         jaws = machine.chuck.jaws if job is None else job.jaws
         steps, roomy = align_lines.step_lines(text, state, job), self.has_class("-roomy")
@@ -247,15 +242,23 @@ class AlignPage(Page):
                 self.ui.control.post(commands.Verify())
             case AlignStep.CLAMP if align_lines.is_in_part(state, self.ui.machine.machine):
                 # The tool must be retracted before the chuck is opened; that needs its drive.
-                self.ui.control.post(commands.EnableDrives())
+                self._enable_drives(key)
             case AlignStep.CLAMP if align_lines.drives_are_on(state):
                 self.ui.control.post(commands.DisableDrives())
             case AlignStep.DRIVES:
-                self.ui.control.post(commands.EnableDrives())
+                self._enable_drives(key)
             case AlignStep.HOME:
                 self.ui.control.post(commands.Home())
             case AlignStep.TOUCH_OFF if job is not None:
                 self.ui.control.post(commands.Approach(job=job))
+
+    def _enable_drives(self, key: str) -> None:
+        """Enable the drives; from a terminal that is not at the machine only by who says once that he sees it."""
+        control, far = self.ui.control, self.ui.terminal
+        if far.asks(control.now_s(), simulated=control.state.simulated):
+            self.ui.say("screen.see_machine", key=KEYS[key], value=far.client, limit=f"{WITHIN_S:.0f} s")
+        else:
+            control.post(commands.EnableDrives())
 
     def _take(self, key: str) -> None:
         """Confirm what was done by hand, or take the present position (Enter). Nothing moves."""

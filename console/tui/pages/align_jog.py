@@ -10,11 +10,24 @@ from console.session.station.commands import GoTo, Jog
 from console.session.station.durations import jog_s
 from console.session.station.jogging import JogEnable, Steps, is_too_long, longest_toward_mm, speed_problem
 from console.session.station.state import Activity, StationState
-from console.tui.align.hold_run import CALIBRATION_S, LONGEST_STEP_S, MOST_GAP_S, Calibration, HoldRun, Repeat
+from console.tui.align.hold_run import (
+    CALIBRATION_S,
+    LONGEST_STEP_S,
+    MOST_GAP_S,
+    UNMEASURED,
+    Calibration,
+    HoldRun,
+    Overrun,
+    Repeat,
+    Tier,
+    overrun,
+)
 from console.tui.align.jog_presses import SURE_S, JogPresses
+from console.tui.align.reported_strokes import ReportedStrokes
 from console.tui.align.step_queue import MOST_WAITING, StepQueue
 from console.tui.pages.align_lines import step_now
 from console.tui.pages.jog_lines import JogView
+from console.tui.terminal.key_releases import SLOWEST_S
 from console.tui.ui_context import KEYS, UiContext, refusal
 from drivers.lathe.snapshot import AxisName
 from profiles.problem import Problem
@@ -50,7 +63,7 @@ class JogKeys:
         self._jogged: tuple[AlignStep | None, AxisName] | None = None
         self._jog: JogEnable | None = None
         self._presses, self._queue = JogPresses(), StepQueue()
-        self._hold, self._calibration = HoldRun(), Calibration()
+        self._hold, self._calibration, self._strokes = HoldRun(), Calibration(), ReportedStrokes()
 
     @property
     def enabled(self) -> bool:
@@ -143,15 +156,33 @@ class JogKeys:
         if self._jog is None:
             self.ui.say("screen.jog_not_enabled")
             return
-        if self._presses.press(key, now_s):
+        stroke = self.ui.stroke
+        if stroke is not None:
+            self._presses.forget()
+            if self._strokes.is_finger(stroke, now_s):
+                self._press_reported(key, now_s)
+                return
+            held = stroke.repeated
+        elif self._presses.press(key, now_s):
             self._finger(key, now_s)
-        elif self._presses.waits:
+            return
+        else:
+            held = self._presses.held
+        if self._presses.waits:
             self._later(1.1 * SURE_S, self.follow)
-        elif self._presses.held and self._why_no_hold(key) is None and self.repeat is not None:
-            self._hold.repeat(now_s, self.repeat)
+        elif held and self._why_no_hold(key) is None and self.repeat is not None:
+            self._hold.repeat(now_s, self.repeat, None if stroke is None else stroke.releases)
             self.follow()
-        elif self._presses.held:
+        else:
             self.ui.say_until_key(self._why_no_hold(key) or Problem(code="screen.jog_key_held", key=KEYS[key]))
+
+    def _press_reported(self, key: str, now_s: float) -> None:
+        """Take a press that the terminal calls one; the first after a line that stood still may be an old one."""
+        if self._hold.lost:
+            self._hold.lost = False
+            self.ui.say_until_key(Problem(code="screen.press_was_late", key=KEYS[key]))
+        else:
+            self._finger(key, now_s)
 
     def _finger(self, key: str, now_s: float) -> None:
         """Take a press of a finger: one step, and perhaps the begin of a held key."""
@@ -159,23 +190,42 @@ class JogKeys:
         self._ask(key)
 
     @property
+    def tier(self) -> Tier:
+        """What a held key does here, by what the terminal was measured to do."""
+        releases = self.ui.releases
+        if releases is not None and releases.confirmed:
+            return Tier.RELEASE if releases.in_force else Tier.STEP
+        return Tier.STEP if self._calibration.measured is None else Tier.REPEAT
+
+    @property
     def repeat(self) -> Repeat | None:
-        """How the terminal repeats a held key; None where that was not measured, or is too slow."""
-        return self._calibration.measured
+        """How the terminal repeats a held key; None where a held key makes single steps."""
+        if self.tier is Tier.RELEASE:
+            return self._calibration.measured or UNMEASURED
+        return None if self.tier is Tier.STEP else self._calibration.measured
+
+    def _runs(self, now_s: float) -> bool:
+        releases = self.ui.releases
+        heard = releases.count if releases is not None and releases.confirmed else None
+        return self._hold.runs(now_s, self.repeat, heard)
 
     def calibrate(self) -> None:
         """Measure the repeat of the terminal while its key is held. Nothing moves."""
         now_s = self.ui.control.now_s()
         if not self._calibration.press(now_s):
             self.ui.say_until_key(hold_the_key())
-        elif self.repeat is None:
+        elif (repeat := self._calibration.measured) is None:
             self.ui.say_until_key(Problem(code="screen.no_repeat", limit=f"{1000.0 * MOST_GAP_S:.0f} ms"))
         else:
-            value, limit = f"{1000.0 * self.repeat.gap_s:.0f} ms", f"{1000.0 * self.repeat.timeout_s:.0f} ms"
+            value, limit = f"{1000.0 * repeat.gap_s:.0f} ms", f"{1000.0 * repeat.timeout_s:.0f} ms"
             self.ui.say_until_key(Problem(code="screen.repeat_measured", value=value, limit=limit))
 
     def _why_no_hold(self, key: str) -> Problem | None:
         """Return why a held key is one step; None where it runs. The tool goes to the work by presses alone."""
+        releases, limit = self.ui.releases, f"{1000.0 * SLOWEST_S:.0f} ms"
+        if releases is not None and releases.is_slow:
+            value = f"> {limit}" if releases.late else f"{1000.0 * (releases.round_trip_s or 0.0):.0f} ms"
+            return Problem(code="screen.releases_late", value=value, limit=limit)
         if self.repeat is None:
             return Problem(code="screen.jog_key_held", key=KEYS[key])
         if key == "align.in":
@@ -195,7 +245,7 @@ class JogKeys:
         if (key := self._presses.due(now_s)) is not None:
             self._finger(key, now_s)
         held = self._queue.key
-        if held is not None and not self._queue.left and not state.moving and self._hold.runs(now_s, self.repeat):
+        if held is not None and not self._queue.left and not state.moving and self._runs(now_s):
             self._ask(held)
         self._post_next(state)
         self._tell()
@@ -263,14 +313,15 @@ class JogKeys:
             left_s=None if self._jog is None else self._jog.left_s(now_s),
         )
 
-    def _overrun(self, state: StationState) -> float | None:
+    def _overrun(self, state: StationState) -> Overrun | None:
         """Return how far the axis may still go after a held key is released, mm or degrees; None: step only."""
-        axis = self._axis(state)
+        axis, repeat, releases = self._axis(state), self.repeat, self.ui.releases
         step = self._steps.of(axis)
         step_s = jog_s(self.ui.machine.machine, axis, step)
-        if self.repeat is None or step_s > LONGEST_STEP_S:
+        if repeat is None or step_s > LONGEST_STEP_S:
             return None
-        return self.repeat.overrun_steps(step_s) * step
+        heard = None if self.tier is not Tier.RELEASE or releases is None else releases.round_trip_s
+        return overrun(repeat, step, step_s, heard)
 
     def stops_what_moves(self, state: StationState, key: str) -> bool:
         """Stop first: another axis, direction or step during motion is a change of mind."""

@@ -14,6 +14,7 @@ import numpy as np
 from console.session.station.jogging import STEPS_DEG, STEPS_MM, Steps, longest_toward_mm, stopping_distance
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
+from console.tui.align.hold_run import Overrun
 from console.tui.align.travel_lines import moving_words, speed_line, travel_lines
 from console.tui.lines import BLANK, Line, Piece, dim, first_fitting, line, ranged, to_the_right, wrapped
 from console.tui.plot.canvas import BrailleCanvas
@@ -47,8 +48,20 @@ class JogView:
     made: int
     asked: int
     now_s: float
-    overrun: float | None = None
+    overrun: Overrun | None = None
     left_s: float | None
+
+
+def jog_title(text: Catalogue, jog: JogView) -> str:
+    """Return the title: what a held key does here, and how far the axis may go on behind it."""
+    spindle, over = jog.axis is AxisName.SPINDLE, jog.overrun
+    axes, unit = ("C °", "°") if spindle else ("X Z mm", " mm")
+    if over is None:
+        return text("align_page.jog", axes=axes)
+    if over.released is None:
+        return text("align_page.jog_hold", axes=axes, over=f"{over.silent:.3g}{unit}")
+    silent = f"{over.silent:.3g}{unit}"
+    return text("align_page.jog_release", over=f"{over.released:.3g}", silent=silent)
 
 
 def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Line]:

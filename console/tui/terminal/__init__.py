@@ -1,0 +1,1 @@
+"""What the terminal can do beyond keys: report their release, and ring."""
