@@ -49,6 +49,20 @@ _STOPPING: tuple[Mutation, ...] = (
         test="tests/drivers/test_recovery.py::test_a_stop_sent_again_asks_for_a_new_proof",
     ),
     Mutation(
+        rule="An override that this console has not commanded stops the cut.",
+        file="drivers/cutting/override.py",
+        old="return min(self._from, goal), max(self._from, goal)",
+        new="return 0.0, 200.0",
+        test="tests/console/test_adjusted_cuts.py::test_another_override_than_ours_stops_the_cut",
+    ),
+    Mutation(
+        rule="A trim beyond what was judged is put back by the program.",
+        file="drivers/pmac/programs/live_trim.py",
+        old="P53=P55 P54=P56\nENDIF",
+        new="ENDIF",
+        test="tests/drivers/test_live_trim.py::test_what_is_beyond_the_bounds_is_put_back_whole",
+    ),
+    Mutation(
         rule="Rest is three looks in a row.",
         file="drivers/lathe/standstill.py",
         old="POLLS_AT_REST = 3",

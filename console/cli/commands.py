@@ -33,6 +33,7 @@ COMMANDS = {
     "restore": "console.cli.site.restore",
     "identify": "console.cli.machine.identify",
     "health": "console.cli.machine.health",
+    "tune": "console.cli.machine.tune",
     "calibrate": "console.cli.measured.calibrate",
     "learn": "console.cli.measured.learn",
     "records": "console.cli.measured.records",

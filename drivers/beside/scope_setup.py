@@ -31,6 +31,8 @@ class Quantity(StrEnum):
     ACTUAL = "actual"
     FOLLOWING_ERROR = "following_error"
     VELOCITY = "velocity"
+    OUTPUT = "output"
+    """What the servo commands the amplifier to give: a voltage. The current itself is not gathered."""
 
 
 class Trigger(StrEnum):
@@ -57,6 +59,8 @@ class Channel:
     @property
     def si_unit(self) -> str:
         """Its unit in files."""
+        if self.quantity is Quantity.OUTPUT:
+            return "V"
         unit = "rad" if self.axis is Axis.SPINDLE else "m"
         return f"{unit}/s" if self.quantity is Quantity.VELOCITY else unit
 
@@ -115,7 +119,9 @@ def motor_of(axis: Axis, machine: MachineProfile) -> int:
 
 
 def si_per_count(channel: Channel, machine: MachineProfile) -> float:
-    """Return metres or radians per count of the encoder of an axis."""
+    """Return metres or radians per count of the encoder of an axis, or volts per bit of the output."""
+    if channel.quantity is Quantity.OUTPUT:
+        return machine.tool.dac_full_scale_v / 32_768
     if channel.axis is Axis.SPINDLE:
         return 6.283185307179586 / machine.spindle.counts_per_rev
     axis = machine.tool if channel.axis is Axis.TOOL else machine.carriage
@@ -127,6 +133,7 @@ _DISPLAY = {  # unit, and how many of it are one SI unit
     (False, Quantity.ACTUAL): ("mm", 1e3),
     (False, Quantity.FOLLOWING_ERROR): ("um", 1e6),
     (False, Quantity.VELOCITY): ("mm/s", 1e3),
+    (False, Quantity.OUTPUT): ("V", 1.0),
     (True, Quantity.ACTUAL): ("deg", 57.29577951308232),
     (True, Quantity.FOLLOWING_ERROR): ("deg", 57.29577951308232),
     (True, Quantity.VELOCITY): ("rpm", 9.549296585513721),

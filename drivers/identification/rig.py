@@ -34,8 +34,8 @@ class Rig:
 
     @property
     def machine(self) -> MachineProfile:
-        """The profile of the machine."""
-        return self.lathe.machine
+        """The profile of the machine, with the gains that are on trial."""
+        return self.lathe.as_set
 
     @property
     def dialect(self) -> Dialect:

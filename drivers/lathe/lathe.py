@@ -6,7 +6,7 @@ that moves is sent twice.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
@@ -61,6 +61,7 @@ class Lathe:
         Raises DriverError: `safety.bad_input`, in the profile.
         """
         self.machine, self.stop, self.ownership, self.driven = machine, stop, ownership, driven_axes(machine)
+        self.on_trial: Mapping[str, float] = {}
         self._client, self._clock, self._heartbeat = client, clock, heartbeat
         self._dialect = DIALECTS[machine.controller.family]
         items = SnapshotItems(machine, self._dialect)
@@ -166,9 +167,21 @@ class Lathe:
             with suppress(DriverError):
                 self.ownership.release()
 
+    @property
+    def as_set(self) -> MachineProfile:
+        """The machine with the gains on trial, `on_trial` by their names, in the place of those of its profile."""
+        if not self.on_trial:
+            return self.machine
+        controller = self.machine.controller
+        variables = {**controller.variables, **self.on_trial}
+        return replace(self.machine, controller=replace(controller, variables=variables))
+
     def verify(self) -> tuple[Problem, ...]:
-        """Compare the controller's settings and axis definitions with the machine profile; nothing is written."""
-        as_defined = replace(self.machine.controller, axis_definitions=self.program.definitions)
+        """Compare the controller's settings and axis definitions with the machine profile; nothing is written.
+
+        Gains on trial are compared with what was applied; nothing is cut with them.
+        """
+        as_defined = replace(self.as_set.controller, axis_definitions=self.program.definitions)
         motors = frozenset(motor_of(self.machine, axis) for axis in AxisName)
         problems = profile_problems(self._client, as_defined, self._dialect, motors)
         self._poller.verified = not problems

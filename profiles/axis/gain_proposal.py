@@ -78,15 +78,16 @@ def proposed_gains(machine: MachineProfile, loop: SampledLoop) -> GainProposal |
     """
     before = loop_margins(loop)
     for factor in FACTORS[::-1]:
-        found = _of_factor(machine, loop, float(factor), before)
+        found = scaled_gains(machine, loop, float(factor), before)
         if found is not None and _good(found.after):
             return found
     return None
 
 
-def _of_factor(
+def scaled_gains(
     machine: MachineProfile, loop: SampledLoop, factor: float, before: LoopMargins
 ) -> GainProposal | None:
+    """Return the gains of one factor, whatever their margins; None where they do not fit the variables."""
     gains = loop.gains
     kd = factor * gains.kd_v_s_per_m
     asked = PidGains(

@@ -11,6 +11,7 @@ import pytest
 from console.session.cut.alignment import JawAngle, TouchOff, clamping_of, problems
 from console.session.data.made_parts import MadeWith
 from console.session.station.commands import (
+    ApplyGains,
     Approach,
     Arm,
     CheckHealth,
@@ -30,6 +31,7 @@ from console.session.station.commands import (
     ReadLoop,
     Recover,
     Retract,
+    RevertGains,
     Start,
     TakeControl,
     TakeFlank,
@@ -65,6 +67,8 @@ REFUSED: tuple[Command, ...] = (
     TakeJaw(),
     TakeTouchOff(radius_mm=JOB.radius_mm),
     Forget(),
+    ApplyGains(settings=(("I130", 500.0),), shown=()),
+    RevertGains(),
     CheckHealth(step_um=25.0),
     IdentifyTool(path=Strategy.PVT),
     Arm(job=JOB, job_sha256="0" * 64, strategy=Strategy.PVT),

@@ -231,3 +231,20 @@ def test_a_scale_that_was_changed_meanwhile_is_told_and_not_used(bench: Bench) -
     bench.client.request("I108=48")
     with pytest.raises(GatherError, match=r"#1 actual.*1536 steps.*3072 before"):
         bench.gathering.fetch(plan)
+
+
+def test_the_gathered_output_is_that_of_the_control_law_on_command_and_position(bench: Bench) -> None:
+    """User Manual: 2^-19 Ix30 {Ix08 [FE + Ix32 CV/128] - Ix31 Ix09 AV/128}, in counts and cycles; Ix33 is 0."""
+    bench.client.request("I130=528 I131=4905 I132=4905 I133=0 I119=40 I120=5 I121=0 I122=200")
+    bench.client.request("#1J/")
+    names = ("#1 commanded", "#1 actual", "#1 output")
+    plan = bench.gathering.prepare(bench.gathering.motor_channels(*names), 60)
+    bench.client.request("#1J:-1000")
+    data = bench.gathered(plan)
+    command, actual, output = (data.values[name] for name in names)
+    ix08, ix09 = bench.client.numbers("I108", "I109")
+    fast, slow = ix08 * np.diff(command), ix09 * np.diff(actual)
+    law = ix08 * (command - actual)[1:] + 4905 * (fast - slow) / 128
+    assert data.units["#1 output"] == "DAC bits" and np.ptp(output) > 100.0
+    # The output is listed in whole bits, the command in 1/3072 of a count.
+    assert np.abs(output[1:] - 528 * law / 2**19).max() < 1.0

@@ -7,8 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station.commands import CheckHealth, Command, IdentifyTool, ReadLoop
+from console.session.station.commands import (
+    ApplyGains,
+    CheckHealth,
+    Command,
+    IdentifyTool,
+    ReadLoop,
+    RevertGains,
+)
 from console.session.station.state import Activity, StationState
+from console.session.trial.standing import StandingTrial, stands_problem
 from console.tui.further.tune import TunePage
 from console.tui.lines import plain
 from console.tui.records import beside
@@ -288,3 +296,92 @@ def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written(
         assert "tune_page." not in shown + stage.next_step and stage.control.orders == []
 
     play_on(TuneScene, scene, tmp_path, state=STATE, size=size, language=language)
+
+
+OLD = (("I130", 528.0), ("I131", 4905.0), ("I132", 4905.0), ("I133", 811.0))
+NEW = (("I130", 700.0), ("I131", 4200.0), ("I132", 4200.0), ("I133", 900.0))
+
+
+def on_trial(found: tuple[tuple[str, float], ...] = NEW) -> StandingTrial:
+    """Gains that were applied, as the controller has them now."""
+    return StandingTrial(
+        date="2026-01-02T08:30:00.000Z",
+        by="kim",
+        before=OLD,
+        proposed=NEW,
+        found=found,
+        whole=found == NEW,
+        problems=(stands_problem(OLD, NEW, found),),
+    )
+
+
+def test_proposed_gains_are_written_with_the_second_press_of_a(tmp_path: Path) -> None:
+    async def scene(stage: TuneScene) -> None:
+        def written() -> list[ApplyGains]:
+            return [order for order in stage.control.orders if isinstance(order, ApplyGains)]
+
+        await stage.act("tune.apply")
+        assert stage.codes == ["screen.tune_look_first"]
+        await stage.act("tune.view", "tune.view", "tune.view")
+        assert "a applies these gains on trial" in stage.next_step
+        await stage.act("tune.apply")
+        assert "a again within 20 s writes" in stage.words and "I130 528 → " in stage.words
+        await stage.act("tune.read", "tune.apply")
+        assert written() == [], "another key is a change of mind"
+        stage.control.at(121.0)
+        await stage.act("tune.apply")
+        assert written() == [], "it has expired"
+        await stage.act("tune.apply")
+        (order,) = written()
+        # The integrator that was read is in it, not that of the profile.
+        assert dict(order.shown)["I133"] == 900.0
+        assert [name for name, _ in order.settings] == [name for name, _ in OLD]
+
+    play_on(TuneScene, scene, tmp_path, state=STATE, size=(80, 24))
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_gains_on_trial_are_shown_with_those_before_and_taken_back_with_b(language: str, tmp_path: Path) -> None:
+    async def scene(stage: TuneScene) -> None:
+        await stage.show()
+        assert "I130 700" in stage.words, "on the first view, too"
+        await stage.act("tune.revert")
+        for word in ("2026-01-02 08:30", "kim", "528 700 700", "4905 4200 4200", "I130 700 → 528"):
+            assert word in stage.words, word
+        assert RevertGains not in {type(order) for order in stage.control.orders}
+        await stage.act("tune.revert")
+        assert stage.control.orders[-1] == RevertGains()
+
+    play_on(TuneScene, scene, tmp_path, language=language, state=replace(STATE, trial=on_trial()), size=(80, 24))
+
+
+def test_what_stands_after_a_broken_writing_is_told_value_by_value(tmp_path: Path) -> None:
+    found = (("I130", 700.0), ("I131", 4905.0), ("I132", 17.0), ("I133", 811.0))
+
+    async def scene(stage: TuneScene) -> None:
+        await stage.act("tune.revert")
+        assert "did NOT come to its end" in stage.words
+        assert "as proposed I130 700; as before I131 4905, I133 811; neither I132 17" in stage.words
+        assert "I132 4905 4200 17" in stage.words
+
+    play_on(TuneScene, scene, tmp_path, state=replace(STATE, trial=on_trial(found)), size=(80, 24))
+
+
+def test_gains_are_not_written_where_that_is_not_safe(tmp_path: Path) -> None:
+    on = replace(AT_REST, tool=replace(AT_REST.tool, flags=ON))
+    states = {
+        "screen.tune_drives_on": replace(STATE, snapshot=on, trial=on_trial()),
+        "screen.observes": replace(STATE, standing=Standing.OUSTED, holder=7),
+        "screen.tune_gains_armed": replace(STATE, armed=armed()),
+        "screen.tune_unread": replace(STATE, tool_loop=None),
+        "trial.none": STATE,
+    }
+
+    async def scene(stage: TuneScene) -> None:
+        for code, state in states.items():
+            stage.control.state, stage.ui.said = state, ()
+            await stage.act("tune.revert" if code in ("trial.none", "screen.tune_drives_on") else "tune.apply")
+            assert stage.codes == [code]
+            assert not {ApplyGains, RevertGains} & {type(order) for order in stage.control.orders}
+
+    play_on(TuneScene, scene, tmp_path, state=STATE)

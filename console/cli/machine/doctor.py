@@ -25,12 +25,14 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.machine.check_report import check_fields, check_lines, summary_line
     from console.cli.machine.data_folder_checks import data_folder_checks
     from console.cli.output import agreed, show
+    from console.session.trial.explained import trial_checks
     from drivers.commissioning.proofs.bench import names_of, unproven
     from drivers.commissioning.verification import in_order, verify
     from profiles.findings import Severity, worst
 
     with opened_card(options, text) as card:
         unsigned = doctor_checks.signature_checks(card)
+        trial = trial_checks(data_of(options), card.machine, card.address, simulated=card.simulated)
         verification = verify(card.client, card.machine, card.client.dialect)
         moves = options.prove and not unsigned and agreed(options, card.machine.name, card.simulated, text)
         proofs = unproven(names_of(card.machine))
@@ -42,7 +44,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         stops = doctor_checks.stop_checks(options, card, date.today())
     arrival = doctor_checks.arrival_check(card.client.line_check)
     of_computer = [*doctor_checks.command_checks(), *data_folder_checks(data_of(options))]
-    checks = in_order([*verification.checks, arrival, *unsigned, *stops, *proofs, *of_computer])
+    checks = in_order([*verification.checks, arrival, *unsigned, *trial, *stops, *proofs, *of_computer])
     head = [card_line(card, text), text("configuration.marks")]
     show(
         options,

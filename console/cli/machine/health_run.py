@@ -46,7 +46,7 @@ def check_and_keep(options: Namespace, interruption: Interruption, text: Catalog
                 take_up(rig)
                 return check_health(rig, request, origin, utc_now())
 
-            result = with_origin(rig, owning, simulated, lambda: refuse_health(rig, request), work)
+            result = with_origin(rig, owning, simulated, data, lambda: refuse_health(rig, request), work)
     finally:
         tell(tracing.problems, text)
     kept = kept_tests(data, loaded.machine.name, 1)

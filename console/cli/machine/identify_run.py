@@ -19,6 +19,7 @@ from console.session.signals import Interruption
 from console.session.station.owning import Owning
 from console.session.station.reaching import guard, leave, reach
 from console.session.station.whereabouts import address_of
+from console.session.trial.trial import TrialPlace, standing_trial
 from console.text.catalogue import Catalogue
 from drivers.cutting.strategy import Strategy
 from drivers.identification.identify import identify, origin_of, refuse_before, take_up
@@ -54,7 +55,7 @@ def identify_and_keep(options: Namespace, interruption: Interruption, text: Cata
                 # Nothing is sent and no control is taken before consent: the answer may take time.
                 if not agreed(options, machine.name, False, text):
                     return 1
-            identified = _identified(rig, owning, simulated, request, teller)
+            identified = _identified(rig, owning, simulated, data_of(options), request, teller)
     finally:
         tell(tracing.problems, text)
     file = store(data_of(options), identified)
@@ -102,7 +103,12 @@ def _in_memory(options: Namespace, machine: MachineProfile, interruption: Interr
 
 
 def _identified(
-    rig: Rig, owning: Owning | None, simulated: bool, request: IdentificationRequest, teller: Teller
+    rig: Rig,
+    owning: Owning | None,
+    simulated: bool,
+    data: Path,
+    request: IdentificationRequest,
+    teller: Teller,
 ) -> IdentifiedResponse:
     """Enable the drives, identify, disable them, whatever ends it."""
 
@@ -111,11 +117,16 @@ def _identified(
         take_up(rig)
         return identify(rig, request, origin, utc_now(), teller.tell)
 
-    return with_origin(rig, owning, simulated, lambda: refuse_before(rig, request), work)
+    return with_origin(rig, owning, simulated, data, lambda: refuse_before(rig, request), work)
 
 
 def with_origin(
-    rig: Rig, owning: Owning | None, simulated: bool, refuse: Callable[[], None], work: Callable[[Origin], Result]
+    rig: Rig,
+    owning: Owning | None,
+    simulated: bool,
+    data: Path,
+    refuse: Callable[[], None],
+    work: Callable[[Origin], Result],
 ) -> Result:
     """Take control, refuse what must not be, and work; the machine is left at rest, drives off, released."""
     version, kind = rig.lathe.connect()
@@ -124,7 +135,16 @@ def with_origin(
     if owning is not None:
         owning.claim()
     try:
+        if owning is not None:
+            rig.lathe.on_trial = _trial_gains(rig, data, simulated)
         refuse()
         return work(origin_of(rig, version=version, kind=kind, simulated=simulated))
     finally:
         leave(rig.lathe, owning)
+
+
+def _trial_gains(rig: Rig, data: Path, simulated: bool) -> dict[str, float]:
+    """Return the gains on trial that stand in the controller as they were applied: they are tested then."""
+    place = TrialPlace(client=rig.client, machine=rig.lathe.machine, data=data, simulated=simulated)
+    trial = standing_trial(place, settle=True)
+    return {} if trial is None or not trial.whole else dict(trial.proposed)

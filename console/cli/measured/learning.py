@@ -125,7 +125,7 @@ def _step_fields(found: Taught) -> dict[str, object]:
     step = found.step
     lobes = step.next.path.target.lobes
     return {
-        "cut_with": asdict(found.made),
+        "cut_with": found.made.header(),
         "next": as_table(step.next),
         "learned_waves": list(step.learned),
         "expected": {

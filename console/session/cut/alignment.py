@@ -168,6 +168,11 @@ def jaw_found(
     return _settled(replace(alignment, jaw=stamp, flanks=()), "alignment.jaws_changed")
 
 
+def touched_off(alignment: Alignment, stamp: TouchOff) -> Alignment:
+    """Return the alignment with the radius of the tool tip found."""
+    return _settled(replace(alignment, touch_off=stamp, skim_counts=None), "alignment.retuned")
+
+
 def without_reading(alignment: Alignment) -> Alignment:
     """Return the alignment without the newest reading: a flank, a skim cut, the touch-off, or else jaw 1."""
     if alignment.flanks:
@@ -184,6 +189,17 @@ def handed_over(alignment: Alignment, at: str) -> Alignment:
         return alignment
     gone = replace(alignment, clamping=None, jaw=None, touch_off=None, lost=())
     return _without(gone, Problem(code="alignment.handed_over", value=at))
+
+
+def retuned(alignment: Alignment, at: str) -> Alignment:
+    """Return the alignment after other gains of the tool: under force it stands elsewhere than it did.
+
+    Home is an index pulse, jaw 1 an angle of the spindle: neither depends on the loop of the tool.
+    """
+    alignment = replace(alignment, skim_counts=None)
+    if alignment.touch_off is None:
+        return alignment
+    return _without(replace(alignment, touch_off=None), Problem(code="alignment.retuned", value=at))
 
 
 def step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Problem, ...]:
@@ -273,7 +289,7 @@ def _jaw(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
 def _touch_off(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
     touched = alignment.touch_off
     if touched is None:
-        return (Problem(code="alignment.no_touch_off"),)
+        return (*_lost(alignment, "alignment.retuned"), Problem(code="alignment.no_touch_off"))
     if touched.diameter_mm != job.diameter_mm:
         value, limit = f"D {touched.diameter_mm:.3f} mm", f"D {job.diameter_mm:.3f} mm"
         return (Problem(code="alignment.touched_otherwise", key="diameter_mm", value=value, limit=limit),)

@@ -19,7 +19,7 @@ from profiles.problem import Problem, ProfileError
 CAP_BYTES = 1_000_000
 
 APPLICATION = "trilobe"
-READ_FROM = ("jobs", "machines", "learned", "calibrations", "stops")
+READ_FROM = ("jobs", "machines", "learned", "calibrations", "stops", "trials")
 """Folders in the data folder from which files are taken by themselves."""
 
 

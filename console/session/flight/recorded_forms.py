@@ -96,6 +96,7 @@ def names() -> Mapping[str, Any]:
     from console.session.learning.calibrating import PartLobe
     from console.session.learning.part_learning import PartLearning
     from console.session.station.progress import CutProgress
+    from console.session.trial.standing import StandingTrial
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_loop import ToolLoop
     from profiles.roundness import RoundnessResult
@@ -113,5 +114,6 @@ def names() -> Mapping[str, Any]:
         LoadedJob,
         Trace,
         ToolLoop,
+        StandingTrial,
     )
     return {**{each.__name__: each for each in found}, "CutPlan": RecordedPlan}

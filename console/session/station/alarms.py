@@ -41,6 +41,10 @@ CONDITIONS = frozenset(
         "owner.beside",
         "owner.ousted",
         "heartbeat.lost",
+        "trial.active",
+        "trial.stands",
+        "trial.unknown",
+        "trial.file",
         *HOME_LOST,
         *COLLISION_CODES,
     }

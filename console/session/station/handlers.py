@@ -19,6 +19,7 @@ from console.session.station.conditions import refuse_unless_homed, require
 from console.session.station.context import StationContext
 from console.session.station.cutting import arm, disarm, retract, start
 from console.session.station.durations import approach_s, home_s, jog_s
+from console.session.station.gain_trial import apply_gains, revert_gains, trial_problems, verified
 from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
 from console.session.station.readings import forget, note_skim, take_flank, take_jaw, take_touch_off
 from console.session.station.state import Activity
@@ -41,12 +42,13 @@ def verify(context: StationContext, _: commands.Verify) -> None:
     """Compare the controller with its profile; its owner also reads what tables would add to the tool."""
     if context.state.controls:
         context.lathe.program.put_back()
-    settings = context.lathe.verify()
+    settings = verified(context)
     if context.state.controls:
         settings = (*settings, *context.lathe.program.tables_left())
         if context.commissioned is not None:
             context.commissioned.take_fingerprint()
-            context.tell(uncommissioned=context.commissioned.lasting_problems())
+        lasting = () if context.commissioned is None else context.commissioned.lasting_problems()
+        context.tell(uncommissioned=(*trial_problems(context), *lasting))
     context.tell(alignment=replace(context.state.alignment, settings=settings))
 
 
@@ -206,6 +208,8 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.TakeTouchOff: (Activity.READY, take_touch_off),
     commands.Forget: (Activity.READY, forget),
     commands.ReadLoop: (Activity.VERIFYING, read_loop),
+    commands.ApplyGains: (Activity.WRITING, apply_gains),
+    commands.RevertGains: (Activity.WRITING, revert_gains),
     commands.CheckHealth: (Activity.TESTING, check_tool),
     commands.IdentifyTool: (Activity.TESTING, identify_tool),
     commands.Arm: (Activity.ARMING, arm),

@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.session.cut import telemetry
+from console.session.cut.away import Away
 from console.session.cut.interlocks import SPEED_BAND
 from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseClock, PhaseLeft, to_the_start
-from drivers.cutting.feed_hold import MOST_HELD_S, NOT_HELD, HoldReport, HoldState
+from drivers.cutting.bounds import AS_PLANNED, REAL_TIME, Adjusted
+from drivers.cutting.feed_hold import NOT_HELD, HoldReport, HoldState
+from drivers.cutting.live_trim import trim_um
 from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import Strategy
@@ -65,6 +68,8 @@ class CutProgress:
 
     `hold` is the feed hold, by the controller; it may be asked for from Z `hold_from_mm` on, None where the
     program cannot be held. `holds_mm` is where it was held, `held_left_s` how long the program still waits.
+    `adjusted` is what was changed of the running cut. Times go with its override; error and phase are against the
+    target of the job, so that they show what a trim does; `path_phase` is that against the trimmed path.
     """
 
     stage: CutStage
@@ -96,11 +101,13 @@ class CutProgress:
     hold_from_mm: float | None = None
     holds_mm: tuple[float, ...] = ()
     held_left_s: float | None = None
+    adjusted: Adjusted = AS_PLANNED
+    path_phase: telemetry.Phase | None = None
 
     @property
     def in_phase(self) -> bool | None:
-        """Whether the phase error is within its limit, as far as it is known; None while it is not."""
-        return telemetry.is_in_phase(self.phase, self.phase_limit_deg)
+        """Whether the phase error is within its limit, beside a trim; None while it is not known."""
+        return telemetry.is_in_phase(self.path_phase or self.phase, self.phase_limit_deg)
 
     @property
     def phase_error_deg(self) -> float | None:
@@ -130,33 +137,6 @@ class Synchronisation(StrEnum):
     WAITING = "waiting"
     IN_SYNC = "in_sync"
     LOST = "lost"
-
-
-class Away:
-    """When a feed hold has the tool off its path, by the reports of the program: such polls are not judged.
-
-    The program reports its moves before they are made, so a turn is left out after it has come back. `at_mm` is
-    where the cut was held, `left_s` how long the program still waits.
-    """
-
-    def __init__(self, counts_per_rev: float) -> None:
-        self.at_mm: tuple[float, ...] = ()
-        self.left_s: float | None = None
-        self._per_rev = counts_per_rev
-        self._back_at: float | None = None
-        self._held_s: float | None = None
-
-    def see(self, snapshot: Snapshot, hold: HoldReport, reached_mm: float) -> bool:
-        """Take a poll, with how far the part is cut; return whether the tool may be off its path."""
-        if hold.state is HoldState.HELD:
-            if self._held_s is None:
-                self._held_s, self.at_mm = snapshot.at_s, (*self.at_mm, reached_mm)
-            self.left_s = max(MOST_HELD_S - (snapshot.at_s - self._held_s), 0.0)
-        else:
-            self._held_s = self.left_s = None
-        if hold.active:
-            self._back_at = abs(snapshot.spindle.position) + self._per_rev
-        return self._back_at is not None and abs(snapshot.spindle.position) < self._back_at
 
 
 class SpindleWatch:
@@ -191,6 +171,7 @@ class CutWatch:
         self._face = self._end - job.cut_length_mm * machine.carriage.counts_per_mm
         self._errors: deque[tuple[float, float]] = deque(maxlen=KEPT_POLLS)
         self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_POLLS)
+        self._untrimmed: deque[tuple[float, float]] = deque(maxlen=PHASE_POLLS)  # as they would be without a trim
         self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_POLLS)
         self._peak_um = self._reached_mm = 0.0
         self._held = self._over = False
@@ -198,6 +179,7 @@ class CutWatch:
         self._phase_limit_deg = telemetry.phase_limit_deg(plan.target, job.roundness_tolerance_um)
         self._clock = PhaseClock(plan, machine)
         self._away = Away(machine.spindle.counts_per_rev)
+        self._adjusted, self._pace = AS_PLANNED, 1.0
 
     def see(
         self,
@@ -206,12 +188,18 @@ class CutWatch:
         holding: bool,
         speed_rpm: float | None,
         hold: HoldReport = NOT_HELD,
+        adjusted: Adjusted = AS_PLANNED,
     ) -> CutProgress:
         """Take a poll and return the progress at that moment, including the spindle speed."""
+        self._adjusted, self._pace = adjusted, adjusted.override_percent / REAL_TIME
         if hold.state is HoldState.HELD:  # by the controller: the turns of a hold for one turn are not polled
             fed_mm = (hold.cut_turns - self._plan.setup.turns_clear) * self._job.feed_mm_per_rev
             self._reached_mm = max(self._reached_mm, fed_mm)
-        if self._away.see(snapshot, hold, self._reached_mm) and stage is CutStage.RUN_UP and not holding:
+        if (
+            self._away.see(snapshot, hold, self._reached_mm, self._pace)
+            and stage is CutStage.RUN_UP
+            and not holding
+        ):
             stage = CutStage.PAUSED if hold.state is HoldState.HELD else CutStage.CUT
         moment = self._judged_moment(snapshot, stage, holding, speed_rpm)
         return replace(
@@ -222,6 +210,7 @@ class CutWatch:
             hold_from_mm=self._hold_from_mm,
             holds_mm=self._away.at_mm,
             held_left_s=self._away.left_s if moment.stage is CutStage.PAUSED else None,
+            adjusted=adjusted,
         )
 
     @property
@@ -246,6 +235,7 @@ class CutWatch:
             self._reached_mm = max(self._reached_mm, self._past_face_mm(snapshot))
             self._errors.append((angle_deg % 360.0, error_um))
             self._infeeds.append((angle_deg, infeed_um))
+            self._untrimmed.append((angle_deg, infeed_um - trim_um(self._plan, self._adjusted.applied, angle_deg)))
             if AxisName.SPINDLE in snapshot.driven:
                 self._turning.append((snapshot.spindle.position, snapshot.spindle.following_error))
             self._peak_um = max(self._peak_um, abs(error_um))
@@ -258,7 +248,7 @@ class CutWatch:
         phase = _PHASES.get(moment.stage)
         if moment.synchronisation is Synchronisation.WAITING:
             phase = CutPhase.INDEX
-        return () if phase is None else self._clock.left(phase, snapshot, moment.left_s)
+        return () if phase is None else self._clock.left(phase, snapshot, moment.left_s, self._pace)
 
     def _to_go(self, snapshot: Snapshot, moment: CutProgress) -> tuple[AxisToGo, ...]:
         match moment.stage:
@@ -281,9 +271,9 @@ class CutWatch:
     ) -> CutProgress:
         machine, job = self._machine, self._job
         z_mm = min(max(self._done_mm(snapshot, stage), 0.0), job.cut_length_mm)
-        per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
+        per_s = self._pace * job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
         angles, errors = _samples(self._errors).T
-        phase = telemetry.phase_of(_samples(self._infeeds), self._plan.target) if self._judged else None
+        phase, of_path = self._phase_of(self._infeeds), self._phase_of(self._untrimmed)
         return CutProgress(
             stage=stage,
             holding=holding,
@@ -299,8 +289,9 @@ class CutWatch:
             tool_error_peak_um=self._peak_um,
             following_error_um=snapshot.tool.following_error * machine.tool.count_um,
             phase=phase,
+            path_phase=of_path,
             judged=self._judged,
-            synchronisation=self._synchronisation(snapshot, stage, speed_rpm, phase),
+            synchronisation=self._synchronisation(snapshot, stage, speed_rpm, of_path),
             ripple=telemetry.spindle_ripple(_samples(self._turning), machine.spindle.counts_per_rev),
             in_air=self._in_air,
             angles_deg=angles,
@@ -322,6 +313,9 @@ class CutWatch:
 
     def _past_face_mm(self, snapshot: Snapshot) -> float:
         return (snapshot.carriage.position - self._face) / self._machine.carriage.counts_per_mm
+
+    def _phase_of(self, infeeds: deque[tuple[float, float]]) -> telemetry.Phase | None:
+        return telemetry.phase_of(_samples(infeeds), self._plan.target) if self._judged else None
 
     def _synchronisation(
         self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: telemetry.Phase | None

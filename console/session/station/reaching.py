@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from console.session.signals import Interruption
 from console.session.station.link.onlookers import Onlookers
 from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning, take_lock
+from console.session.trial.explained import trial_note
 from drivers.beside.heard import Heard
 from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
@@ -55,6 +56,18 @@ class Commissioned:
         """
         if self._fingerprint is None:
             self._fingerprint = read_fingerprint(self._client, self._machine, self._client.dialect)
+
+    def trial_note(self) -> tuple[Problem, ...]:
+        """Return that gains are on trial, to explain settings that differ; nothing where none are."""
+        address = self._client.link.address
+        return trial_note(self._data, self._machine, address, simulated=self._simulated)
+
+    def wrote(self, values: Mapping[int, float]) -> None:
+        """Take I-variables that this console has written into what others' changes are told by."""
+        known = self._fingerprint
+        if known is not None:
+            configuration = replace(known.configuration, settings={**known.configuration.settings, **values})
+            self._fingerprint = replace(known, configuration=configuration)
 
     def problems(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Return every reason why this machine may not be armed; `snapshot` is of now."""
@@ -193,7 +206,7 @@ def machine_context(reached: Reached, commissioned: Commissioned) -> CutContext:
     def admit() -> None:
         """Take control, and check the commissioning, before anything is written."""
         reached.owning.claim()
-        refuse(lathe.verify())
+        refuse_differing(lathe, commissioned.trial_note())
         commissioned.take_fingerprint()
         refuse(commissioned.problems(lathe.snapshot()))
 
@@ -204,6 +217,12 @@ def machine_context(reached: Reached, commissioned: Commissioned) -> CutContext:
         admit=admit,
         sets_spindle=reached.simulated and lathe.machine.spindle.followed,
     )
+
+
+def refuse_differing(lathe: Lathe, explained: tuple[Problem, ...]) -> None:
+    """Refuse a controller that is not as its profile; `explained` is told first. SessionError: both."""
+    if differing := lathe.verify():
+        refuse(explained, differing)
 
 
 def leave(lathe: Lathe, owning: Owning | None) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from console.session.cut.alignment import TouchOff, jaw_found, without_reading
+from console.session.cut.alignment import TouchOff, jaw_found, touched_off, without_reading
 from console.session.cut.jaw_by_indicator import mean_deg, reading_problem, results_deg, spread_deg, spread_problem
 from console.session.errors import SessionError, refuse
 from console.session.station import commands, jogging
@@ -70,7 +70,7 @@ def take_touch_off(context: StationContext, command: commands.TakeTouchOff) -> N
         on=alignment.on,
         skimmed=command.skimmed,
     )
-    context.tell(alignment=replace(alignment, touch_off=stamp, skim_counts=None))
+    context.tell(alignment=touched_off(alignment, stamp))
 
 
 def forget(context: StationContext, _: commands.Forget) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
 from console.session.station.link.lost_link import LostLink
+from drivers.cutting.bounds import UNCHANGEABLE, Bounds
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import NOBODY, Signature, Standing
 from drivers.simulator.plant.workshop_view import WorkshopView
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from console.session.learning.calibrating import PartLobe
     from console.session.learning.part_learning import PartLearning
     from console.session.station.progress import CutProgress
+    from console.session.trial.standing import StandingTrial
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_loop import ToolLoop
@@ -37,6 +39,7 @@ class Activity(StrEnum):
     CONNECTING = "connecting"
     READY = "ready"
     VERIFYING = "verifying"
+    WRITING = "writing"
     CLAMPING = "clamping"
     SWITCHING = "switching"
     HOMING = "homing"
@@ -100,7 +103,7 @@ class Armed:
     """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found.
 
     `alignment` is that of the arming. `made` is how the part will have been cut, `loaded` the file of
-    the job, None where it was edited.
+    the job, None where it was edited. `bounds` is by how much the cut may be changed while it runs.
     """
 
     job: Job
@@ -110,6 +113,7 @@ class Armed:
     until_s: float
     made: MadeWith
     loaded: LoadedJob | None = None
+    bounds: Bounds = UNCHANGEABLE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +178,8 @@ class StationState:
     `onlookers` how many others of this data folder look on while this one controls. `jogs` counts the jogs that
     ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known.
     `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
-    read last, `tested` the name of the file with the last test of the tool.
+    read last, `tested` the name of the file with the last test of the tool. `trial` are gains that were applied on
+    trial, as the controller had them when it was compared last.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -210,6 +215,7 @@ class StationState:
     uncompensated: MeasuredPart | None = None
     tool_loop: ToolLoop | None = None
     tested: str = ""
+    trial: StandingTrial | None = None
 
     @property
     def moving(self) -> bool:

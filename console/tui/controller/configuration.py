@@ -45,8 +45,11 @@ class Result:
 class ConfigurationReader:
     """Makes the work of an action, for a thread beside the screen."""
 
-    def __init__(self, side: SideLine, machine: LoadedMachine, data: Path, text: Catalogue) -> None:
+    def __init__(
+        self, side: SideLine, machine: LoadedMachine, data: Path, text: Catalogue, *, simulated: bool = False
+    ) -> None:
         self._side, self._loaded, self._data, self._text = side, machine, data, text
+        self._simulated = simulated
         self.client = SideController(side, Kind.LISTING)
 
     @property
@@ -69,10 +72,14 @@ class ConfigurationReader:
     def verify(self) -> Result:
         """Judge the controller by its profile and the rules of commissioning, as `console controller verify`."""
         from console.cli.machine.check_report import check_fields, summary_line
-        from drivers.commissioning.verification import verify
+        from console.session.trial.explained import trial_checks
+        from drivers.commissioning.verification import in_order, verify
 
         with self._side.working(reading=True):
             checks = verify(self.client, self._machine, self.client.dialect).checks
+        address = self.client.link.address
+        trial = trial_checks(self._data, self._machine, address, simulated=self._simulated)
+        checks = in_order([*checks, *trial])
         unmet = [check for check in checks if check.severity is not Severity.OK]
         listed = tuple(
             Listed(group=check.group, severity=check.severity, sentence=str(fields["text"]))

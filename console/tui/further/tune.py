@@ -8,13 +8,13 @@ from textual.geometry import Size
 from console.session.data.health import kept_tests
 from console.session.station.commands import ReadLoop
 from console.session.station.state import Activity, StationState
+from console.session.trial.proposal import GainFacts, gain_facts
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, clipped, dim, line
 from console.tui.page import Page
 from console.tui.records.beside import Beside, Problems
 from console.tui.theme import Token
 from console.tui.tuning.arming import ARMED_S, KINDS, ArmedTest, arm_reasons, command_of, holds, moment_of
-from console.tui.tuning.gain_facts import GainFacts, gain_facts
 from console.tui.tuning.gain_lines import gain_proposal_lines
 from console.tui.tuning.health_lines import armed_lines
 from console.tui.tuning.health_panels import HealthPanels, Tests
@@ -22,6 +22,8 @@ from console.tui.tuning.loop_facts import LoopFacts, loop_facts
 from console.tui.tuning.loop_lines import loop_lines, reason_lines
 from console.tui.tuning.panels import WIDE, LoopPanels, TuneView
 from console.tui.tuning.problem_lines import problem_lines
+from console.tui.tuning.trial_keys import APPLY, REVERT, AskedGains, asked, trial_reasons
+from console.tui.tuning.trial_lines import asked_lines, trial_lines, trial_warning
 from console.tui.ui_context import UiContext, View, refusal, waiting
 from drivers.identification.request import AMPLITUDE_UM
 from profiles.problem import Problem
@@ -31,7 +33,7 @@ MOST_TESTS = 200
 
 
 class TunePage(Page):
-    """What F5 has armed, F6 starts; nothing else on it moves anything."""
+    """What F5 has armed, F6 starts; nothing else on it moves anything. Pressed twice, a and b write gains."""
 
     name_ = PageName.TUNE
 
@@ -55,6 +57,7 @@ class TunePage(Page):
         self._selected = 0
         self._kind = KINDS[0]
         self._armed: ArmedTest | None = None
+        self._asked: AskedGains | None = None
         self._visits, self._away = 0, True
         self._shown: object = None
 
@@ -64,6 +67,11 @@ class TunePage(Page):
             return
         if action != "tune.start":
             self._armed = None  # another key is a change of mind
+        if action in (APPLY, REVERT):
+            self._write(action)
+            self.fit()
+            return
+        self._asked = None
         if action == "tune.read":
             self.ui.control.post(ReadLoop())
             self._visits += 1
@@ -93,6 +101,9 @@ class TunePage(Page):
             reasons = arm_reasons(self._kind, view.state, self.ui.machine.machine)
             armed = holds(self._armed, view.state, view.now_s)
             return reasons or (() if armed else (Problem(code="screen.tune_not_armed"),))
+        if action in (APPLY, REVERT):
+            shown = self._view is TuneView.GAINS
+            return trial_reasons(action, view.state, self._proposed, shown=shown)
         return ()
 
     def fit(self) -> None:
@@ -116,36 +127,43 @@ class TunePage(Page):
                 self.ui.control.post(ReadLoop())
         if not holds(self._armed, view.state, view.now_s):
             self._armed = None
+        if self._asked is not None and not self._asked.holds(self._asked.action, view.state, view.now_s):
+            self._asked = None
         self.fit()
         self._ask(view.state)
         armed = self._armed_lines(view.now_s)
+        trial = self._trial_lines(view)
         found = (id(self._facts), id(self._tests), id(self._proposed))
         shown: tuple[object, ...] = (*found, self._selected, self._view, self._sizes)
-        if (shown, armed) != self._shown:
-            self._shown = (shown, armed)
+        if (shown, armed, trial) != self._shown:
+            self._shown = (shown, armed, trial)
             if self._view is TuneView.TESTS:
                 self._health.show(self._tests, self._selected, armed)
             elif self._view is TuneView.GAINS:
                 size = self._proposal.size
-                lines = self._proposal_lines(max(size.width, 1))
+                lines = [*trial, *self._proposal_lines(max(size.width, 1))]
                 title = self.ui.text("tune_page.proposal")
                 self._proposal.show(clipped(lines, size.height, self.ui.text("panel.more")), title)
             else:
-                self._loop.show(self._facts, self._selected)
+                standing, width = view.state.trial, max(self._loop.facts.size.width, 1)
+                warning = [] if standing is None else trial_warning(standing, self.ui.text, width)
+                self._loop.show(self._facts, self._selected, warning)
 
     def leave(self) -> None:
         """Disarm, and read again when the page is shown the next time."""
-        self._away, self._armed = True, None
+        self._away, self._armed, self._asked = True, None, None
 
     def next_step(self, view: View) -> Line:
         """Return what the keys show, or start."""
         step = "read"
         if self._armed is not None:
             step = "armed"
+        elif self._asked is not None:
+            step = "write" if self._asked.action == APPLY else "write_back"
         elif self._view is TuneView.TESTS:
             step = "arm" if not arm_reasons(self._kind, view.state, self.ui.machine.machine) else "align"
         elif self._view is TuneView.GAINS:
-            step = "gains"
+            step = "gains" if view.state.trial is None else "trial"
         elif self._view is TuneView.LOOP and self.size.width < WIDE:
             step = "plots"
         kind = self.ui.text(f"tune_page.kind.{self._kind}")
@@ -157,7 +175,7 @@ class TunePage(Page):
         if self._view is TuneView.TESTS:
             return self._armed_lines(view.now_s, width)
         if self._view is TuneView.GAINS:
-            return self._proposal_lines(width)
+            return [*self._trial_lines(view, width), *self._proposal_lines(width)]
         if not isinstance(facts, LoopFacts):
             return [] if facts is None else problem_lines(facts, text, width)
         seen = facts.responses[self._selected : self._selected + 1]
@@ -185,6 +203,23 @@ class TunePage(Page):
         room = max(self._health.figures.size.width, 1) if width is None else width
         left_s = max(armed.until_s - now_s, 0.0)
         return armed_lines(armed.kind, self.ui.text, room, step_um=AMPLITUDE_UM, left_s=left_s)
+
+    def _write(self, action: str) -> None:
+        """Ask with the first press, write with the second; a revert is shown where its gains are."""
+        control = self.ui.control
+        state, now_s, waited = control.state, control.now_s(), self._asked
+        if waited is not None and waited.holds(action, state, now_s):
+            control.post(waited.command)
+            self._asked = None
+            return
+        self._view, self._selected = TuneView.GAINS, 0
+        self._asked = asked(action, state, self._proposed, now_s)
+
+    def _trial_lines(self, view: View, width: int | None = None) -> list[Line]:
+        trial, waited = view.state.trial, self._asked
+        room = max(self._proposal.size.width, 1) if width is None else width
+        lines = [] if waited is None else asked_lines(waited, self.ui.text, room, waited.until_s - view.now_s)
+        return lines if trial is None else lines + trial_lines(trial, self.ui.text, room)
 
     def _proposal_lines(self, width: int) -> list[Line]:
         text, found = self.ui.text, self._proposed

@@ -26,7 +26,7 @@ SETTINGS = ("period", "length", "trigger", "level_of", "level")
 ROWS = (*CHANNELS, *SETTINGS)
 LABEL = 10
 _LEVEL_STEPS = 50  # of the step of a level: 1, 2, 5 by its unit
-_STEP = {"um": 1.0, "mm": 0.1, "mm/s": 0.1, "deg": 1.0, "rpm": 10.0}
+_STEP = {"um": 1.0, "mm": 0.1, "mm/s": 0.1, "deg": 1.0, "rpm": 10.0, "V": 0.1}
 
 
 def changed(setup: ScopeSetup, row: int, by: int) -> ScopeSetup | None:

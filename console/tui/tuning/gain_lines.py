@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from console.session.trial.proposal import GainFacts
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fitted, hanging, line, to_the_right, wrapped
 from console.tui.theme import Token
-from console.tui.tuning.gain_facts import GainFacts
 from profiles.axis.gain_proposal import ASKED_GAIN_MARGIN, ASKED_PHASE_MARGIN_DEG, ASKED_SENSITIVITY
 from profiles.axis.margins import LoopMargins
 from profiles.files import printable

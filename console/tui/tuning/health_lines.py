@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from console.session.data.health import KeptHealth
 from console.text.catalogue import Catalogue
@@ -71,6 +71,16 @@ def figure_lines(test: KeptHealth | None, before: HealthResult | None, text: Cat
         ("── ", Token.AFTER), text("tune_page.this_test"), dim("   ┄┄ "), dim(text("tune_page.other_lines"))
     )
     return [*lines, legend]
+
+
+def other_gain_lines(test: KeptHealth, stated: Mapping[str, float], text: Catalogue, width: int) -> list[Line]:
+    """Return which gains of a test are not those of the profile, with those in brackets; nothing where none."""
+    gains = {} if test.result is None else test.result.origin.gains
+    names = [
+        f"{name} {value:g} ({stated[name]:g})" for name, value in gains.items() if stated.get(name, value) != value
+    ]
+    shown = text("tune_page.other_gains", names=", ".join(names))
+    return hanging(("! ", Token.WARNING), shown, width) if names else []
 
 
 def step_picture(test: HealthResult | None, before: HealthResult | None) -> TracePicture:

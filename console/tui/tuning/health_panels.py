@@ -11,7 +11,7 @@ from console.session.data.health import KeptHealth
 from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
 from console.tui.plot.trace_view import TraceView
 from console.tui.records.beside import Problems
-from console.tui.tuning.health_lines import figure_lines, step_picture, trend_lines
+from console.tui.tuning.health_lines import figure_lines, other_gain_lines, step_picture, trend_lines
 from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext
 from profiles.problem import Problem
@@ -35,7 +35,7 @@ class HealthPanels(Vertical):
 
     def __init__(self, ui: UiContext) -> None:
         palette = ui.palette
-        self._text = ui.text
+        self._text, self._stated = ui.text, ui.machine.machine.controller.variables
         self.figures = Sheet(palette, id="tune-figures", classes="panel")
         self.step = TraceView(palette=palette, id="tune-step", classes="panel")
         self.trend = Sheet(palette, id="tune-trend", classes="panel")
@@ -59,6 +59,8 @@ class HealthPanels(Vertical):
         test = kept[selected] if selected < len(kept) else None
         before = kept[selected + 1].result if selected + 1 < len(kept) else None
         lines = list(armed) or problem_lines(problems, text, width) or figure_lines(test, before, text, width)
+        if test is not None and not armed:
+            lines += other_gain_lines(test, self._stated, text, width)
         if tests is None:
             lines = [line(dim(text("tune_page.computing")))]
         title = "tune_page.armed" if armed else "tune_page.figures"

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from console.session.data.identified import responses_of
+from console.session.trial.proposal import MOST_RESPONSES
 from drivers.identification.result import IdentifiedResponse, unfit_problems
 from drivers.identification.tool_loop import ToolLoop
 from profiles.arrays import Complexes, Floats, complexes, floats
@@ -22,7 +23,6 @@ from profiles.paper.table_5 import FREQUENCIES_HZ, PHASE_ERROR_RAD, measured_gai
 from profiles.problem import Problem
 
 PAPER_MACHINE = "lee-2001-lathe"  # the machine of Table 5
-MOST_RESPONSES = 20
 LOWEST_HZ, POINTS = 1.0, 300
 
 

@@ -79,7 +79,7 @@ class LoopPanels(Horizontal):
         self.plots.display = beside or view is TuneView.BODE
         self.texts.display = beside or view is TuneView.LOOP
 
-    def show(self, facts: LoopFacts | Problems | None, selected: int) -> None:
+    def show(self, facts: LoopFacts | Problems | None, selected: int, warning: Sequence[Line] = ()) -> None:
         """Show the loop, why there is none, or that it is being computed."""
         text = self._text
         width = max(self.facts.size.width, 1)
@@ -91,7 +91,7 @@ class LoopPanels(Horizontal):
             self.responses.show([], text("tune_page.responses"))
             return
         seen = facts.responses[selected] if selected < len(facts.responses) else None
-        lines = loop_lines(facts, text, width)
+        lines = [*warning, *loop_lines(facts, text, width)]
         self.facts.show(clipped(lines, self.facts.size.height, text("panel.more")), heading(facts, text))
         size = self.responses.size
         reasons: list[Line] = [] if seen is None else reason_lines(seen, text, max(size.width, 1))

@@ -147,6 +147,7 @@ PMAC = Dialect(
         "commanded": Register("D", 0x28, 0x3C),
         "actual": Register("D", 0x2B, 0x3C),
         "velocity": Register("X", 0x33, 0x3C),
+        "output": Register("X", 0x45, 0x3C),
         "master": Register("D", 0x2D, 0x3C),
         "compensation": Register("D", 0x46, 0x3C),
         "target": Register("D", 0x80B, 0xC0),

@@ -142,6 +142,7 @@ TURBO = Dialect(
         "commanded": Register("D", 0x88, 0x80),
         "actual": Register("D", 0x8B, 0x80),
         "velocity": Register("X", 0x9D, 0x80),
+        "output": Register("X", 0xBF, 0x80),
         "master": Register("D", 0x8D, 0x80),
         "compensation": Register("D", 0x90, 0x80),
         "following_error": Register("D", 0x91, 0x80),

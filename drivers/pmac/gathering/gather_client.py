@@ -43,6 +43,7 @@ SCALE_NUMBERS = (8, 9, 60)  # Ix08 and Ix09: register steps per 1/32 count; Ix60
 _POSITION_SCALE, _VELOCITY_SCALE, _CYCLE_EXTENSION = SCALE_NUMBERS
 
 _POSITIONS = ("commanded", "actual", "target", "bias", "master", "compensation", "following_error")
+_OUTPUT, OUTPUT_BIT = "output", 256  # 16 bits in the upper part of a word of 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,12 +99,17 @@ def motor_channel(quantity: str, motor: int, settings: Mapping[int, float], dial
     `settings` are I-variables by index, read back from the controller: Ix08, Ix09 and Ix60 scale the registers.
 
     Raises:
-        GatherError: a register that the family does not have, or one that is neither a position nor the velocity.
+        GatherError: a register that the family does not have, or one that is no position, velocity or output.
     """
     register = dialect.registers.get(quantity)
-    if register is None or quantity not in (*_POSITIONS, "velocity"):
-        known = ", ".join(name for name in (*_POSITIONS, "velocity") if name in dialect.registers)
+    if register is None or quantity not in (*_POSITIONS, "velocity", _OUTPUT):
+        known = ", ".join(name for name in (*_POSITIONS, "velocity", _OUTPUT) if name in dialect.registers)
         raise GatherError(f"{quantity} of motor {motor} in a {dialect.name}; there are {known}")
+
+    address = register.address + (motor - 1) * register.stride
+    source = Pointer(space=register.space, address=address, signed=register.space in "XY")
+    if quantity == _OUTPUT:
+        return GatherChannel(name=f"#{motor} {quantity}", unit="DAC bits", source=source, scale=1.0 / OUTPUT_BIT)
 
     def setting(number: int) -> float:
         return settings.get(dialect.motor_index(motor, number), 0.0)
@@ -113,8 +119,6 @@ def motor_channel(quantity: str, motor: int, settings: Mapping[int, float], dial
     if setting(number) <= 0:
         raise GatherError(f"I{dialect.motor_index(motor, number)} is {setting(number)}; above 0, read it first")
     steps = setting(number) * COUNT_PARTS * (1 if position else setting(_CYCLE_EXTENSION) + 1)
-    address = register.address + (motor - 1) * register.stride
-    source = Pointer(space=register.space, address=address, signed=register.space in "XY")
     unit = "counts" if position else "counts/cycle"
     return GatherChannel(name=f"#{motor} {quantity}", unit=unit, source=source, scale=1.0 / steps)
 

@@ -36,6 +36,7 @@ class GatherBuffer:
         self._data = bytearray()
         self._listable = False
         self._sources: tuple[_Source, ...] = ()
+        self.by_cycle = False  # an output is gathered: of a stretch of cycles only the last one is known
         self._padding = 0
         self._sample_bytes = 0
         self._period = 0
@@ -72,6 +73,9 @@ class GatherBuffer:
         places = zip(chosen, shifts_of(chosen), strict=True)
         self._sources = tuple((_bits(self._memory, source), shift) for source, shift in places)
         self._padding = padding_of(chosen)
+        output = dialect.registers["output"]
+        places_of_outputs = {output.address + number * output.stride for number in range(dialect.motor_count)}
+        self.by_cycle = any(each.space == output.space and each.address in places_of_outputs for each in chosen)
         self._sample_bytes = long_words_of(chosen) * _LONG_BYTES
         if not self._has_room:
             raise PmacError(ErrorCode.NO_ROOM, f"{self.size} long words are full; DEFINE GATHER begins anew")

@@ -20,6 +20,7 @@ PARTS = 32  # of a count, and that Ix08 (or Ix09) times
 WORD = (1 << WORD_BITS) - 1
 DOUBLE_BITS = 2 * WORD_BITS
 _HALF = 0xFFFF
+OUTPUT_BIT = 1 << 8  # the 16 bits of an output are the upper ones of its word
 Value = Callable[[Controller, int], float]  # computes the register of a motor or a system, by its number
 
 
@@ -44,6 +45,7 @@ READERS: Mapping[str, Value] = {
     "following_error": _position(lambda motor: motor.following_error),
     "velocity": _velocity,
     "filtered_velocity": _velocity,
+    "output": _of_motor(lambda motor: round(getattr(motor.axis, "output_bits", 0.0)) * OUTPUT_BIT),
     "variable_jog": _of_motor(lambda motor: motor.variable_jog),
     "home_capture": _of_motor(lambda motor: motor.home_capture),
     "motor_status_1": lambda controller, number: reports.motor_words(controller, controller.motors[number])[0],

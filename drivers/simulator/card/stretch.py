@@ -79,7 +79,7 @@ class Stretch:
             if jog.player is not None:
                 most = min(most, jog.player.whole_cycles(cycle_ms))
         if self._gather.running:
-            most = min(most, self._gather.cycles_left)
+            most = 1 if self._gather.by_cycle else min(most, self._gather.cycles_left)
         return max(1, most)
 
     def run(

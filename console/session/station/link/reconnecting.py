@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import recovered
 from console.session.station.context import StationContext
+from console.session.station.gain_trial import trial_problems, verified
 from console.session.station.link.lost_link import LostLink, Validity, validity_of
 from console.session.station.state import Activity
 from console.session.station.stops import Stops
@@ -165,11 +166,17 @@ class Reconnecting:
         if snapshot is None:
             return
         try:
-            settings = context.lathe.verify()
+            settings = verified(context)
         except ProblemError as error:  # the next poll finds the same
             context.alarm(error.problems[0])
             return
-        context.tell(alignment=replace(context.state.alignment, settings=settings))
+        context.tell(
+            alignment=replace(context.state.alignment, settings=settings),
+            uncommissioned=(
+                *trial_problems(context),
+                *(each for each in context.state.uncommissioned if not each.code.startswith("trial.")),
+            ),
+        )
         lost = context.state.lost_link
         if lost is not None:
             if not lost.silent:

@@ -1,0 +1,46 @@
+"""Explain, beside a comparison of the controller with its profile, that gains are on trial. Nothing is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from console.session.trial.record import open_trial
+from console.session.trial.standing import listed
+from drivers.commissioning.check import Check, Group
+from profiles.findings import Severity
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProfileError
+
+DATE = len("2001-11-30T14:05")
+
+
+def trial_checks(data: Path, machine: MachineProfile, address: str, *, simulated: bool) -> list[Check]:
+    """Return a warning with both sets of gains where a trial is not over; nothing for an unreadable file."""
+    try:
+        kept = open_trial(data, machine.name, address, simulated=simulated)
+    except ProfileError:  # the differences themselves are told all the same
+        return []
+    if kept is None:
+        return []
+    trial = kept[1]
+    first = trial.events[0] if trial.events else None
+    facts = {"date": "-" if first is None else first.date[:DATE], "by": "-" if first is None else first.by}
+    return [
+        Check(
+            Group.TOOL,
+            "gains_on_trial",
+            Severity.WARNING,
+            "tool",
+            found=listed(tuple(trial.proposed.items())),
+            wanted=listed(tuple(trial.before.items())),
+            facts=facts,
+        )
+    ]
+
+
+def trial_note(data: Path, machine: MachineProfile, address: str, *, simulated: bool) -> tuple[Problem, ...]:
+    """Return `trial.active` where a trial is not over, to explain settings that differ."""
+    return tuple(
+        Problem(code="trial.active", value=check.found, limit=check.wanted)
+        for check in trial_checks(data, machine, address, simulated=simulated)
+    )

@@ -1,0 +1,115 @@
+"""Trials of gains on disk: one file each, written before the first gain is, and closed when it is over."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from console.session.data.kept_files import file_error, folder_name, keep, kept, utc_now
+from console.session.operator import operator_name
+from drivers.link.address import without_options
+from profiles.files import printable, write_atomically
+from profiles.own_values import read_own
+
+FOLDER, SCHEMA = "trials", 1
+MOST_SETTING = 8_388_607  # 24 bits with their sign: what a controller can have
+BEGUN, APPLIED, ENDED_EARLY = "begun", "applied", "ended_early"
+REVERTING, REVERTED, ADOPTED, RESTORED = "reverting", "reverted", "adopted", "restored"
+_NUMBER = re.compile(r"trial-(\d{6})\.json")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialEvent:
+    """What was done or found, when (UTC), by whom, with the gains that were read; none where they were not."""
+
+    date: str
+    what: str
+    by: str
+    found: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRecord:
+    """One trial: gains `before`, as read, and `proposed`, with their margins; `open` until it is over.
+
+    `address` is that of the link, without options; a simulated machine has none that lasts.
+    """
+
+    machine: str
+    simulated: bool
+    address: str
+    version: str
+    kind: str
+    before: Mapping[str, float]
+    proposed: Mapping[str, float]
+    margins: Mapping[str, float]
+    open: bool
+    events: tuple[TrialEvent, ...]
+
+    def then(self, what: str, found: Mapping[str, float], *, over: bool = False) -> TrialRecord:
+        """Return the record with one more event, and closed where the trial is over."""
+        event = TrialEvent(date=utc_now(), what=what, by=operator_name(), found=dict(found))
+        return replace(self, events=(*self.events, event), open=self.open and not over)
+
+
+def file_of_new(data: Path, machine: str) -> Path:
+    """Return the file for the next trial of a machine."""
+    folder = data / FOLDER / folder_name(machine)
+    return folder / f"trial-{max((_number(file) for file in _files(folder)), default=0) + 1:06d}.json"
+
+
+def write_new(file: Path, record: TrialRecord) -> None:
+    """Write the record of a new trial. Raises ProfileError: `file.exists`, `file.not_writable`."""
+    keep(file, {"schema": SCHEMA, **asdict(record)})
+
+
+def write_again(file: Path, record: TrialRecord) -> None:
+    """Write the record of a trial with what has happened since. Raises ProfileError: `file.not_writable`."""
+    content = json.dumps({"schema": SCHEMA, **asdict(record)}, ensure_ascii=False, allow_nan=False, indent=2)
+    write_atomically(file, f"{content}\n".encode(), overwrite=True, private=True)
+
+
+def open_trial(data: Path, machine: str, address: str, *, simulated: bool) -> tuple[Path, TrialRecord] | None:
+    """Return the newest trial of this machine at this address that is not over.
+
+    Raises ProfileError: `trial.file`, `schema.unsupported`, `file.unreadable`.
+    """
+    folder = data / FOLDER / folder_name(machine)
+    for file in sorted(_files(folder), key=_number, reverse=True):
+        record = read(file)
+        here = simulated or record.address == without_options(address)
+        if record.machine == machine and record.simulated == simulated and here:
+            return (file, record) if record.open else None
+    return None
+
+
+def read(file: Path) -> TrialRecord:
+    """Read one file. Raises ProfileError: `trial.file`, `schema.unsupported`, `file.unreadable`."""
+    table, where = kept(file, "trial.file"), printable(str(file))
+    return read_own(TrialRecord, table, schema=SCHEMA, code="trial.file", where=where, judge=_judge)
+
+
+def _judge(record: TrialRecord) -> None:
+    """Refuse what is not four gains before and after; what is written from it has to be one."""
+    if not record.before or tuple(record.before) != tuple(record.proposed):
+        raise ValueError(f"{', '.join(record.before)} | {', '.join(record.proposed)}")
+    for value in (*record.before.values(), *record.proposed.values()):
+        if not (float(value).is_integer() and abs(value) <= MOST_SETTING):
+            raise ValueError(f"{value:g}")
+
+
+def _files(folder: Path) -> list[Path]:
+    try:
+        return [file for file in folder.iterdir() if _NUMBER.fullmatch(file.name)]
+    except (FileNotFoundError, NotADirectoryError):  # it is made with the first trial
+        return []
+    except OSError as error:
+        raise file_error("file.unreadable", folder, error) from error
+
+
+def _number(file: Path) -> int:
+    found = _NUMBER.fullmatch(file.name)
+    return 0 if found is None else int(found[1])

@@ -1,0 +1,47 @@
+"""Gains on trial in the controller, as the screens show them; light, because the state has it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from profiles.problem import Problem
+
+Gains = tuple[tuple[str, float], ...]
+"""Ix30 to Ix33 of the tool: names and values."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StandingTrial:
+    """Gains that were applied and not taken back: what was there before, what was written, what was found now.
+
+    `date` is UTC. `problems` is why nothing is cut with them; where not `whole`, drives are not enabled, either.
+    """
+
+    date: str
+    by: str
+    before: Gains
+    proposed: Gains
+    found: Gains
+    whole: bool
+    problems: tuple[Problem, ...]
+
+
+def listed(gains: Gains) -> str:
+    """Return gains as text, `-` for none."""
+    return ", ".join(f"{name} {value:g}" for name, value in gains) or "-"
+
+
+def divided(before: Gains, proposed: Gains, found: Gains) -> tuple[Gains, Gains, Gains]:
+    """Return what was found as proposed, as before, and neither; a gain that was not to change is as before."""
+    new: list[tuple[str, float]] = []
+    old: list[tuple[str, float]] = []
+    others: list[tuple[str, float]] = []
+    for (name, was), (_, wanted), (_, now) in zip(before, proposed, found, strict=True):
+        (old if now == was else new if now == wanted else others).append((name, now))
+    return tuple(new), tuple(old), tuple(others)
+
+
+def stands_problem(before: Gains, proposed: Gains, found: Gains) -> Problem:
+    """Return what stands in the controller after writing did not come to its end."""
+    new, old, others = (listed(each) for each in divided(before, proposed, found))
+    return Problem(code="trial.stands", key=new, value=old, limit=others)

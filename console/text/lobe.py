@@ -1,0 +1,17 @@
+"""The lobe error of a job as a number that is true: none where there is none yet."""
+
+from __future__ import annotations
+
+from profiles.job import NO_LOBE, Job
+
+NOT_YET = "–"
+_LEAST_UM = 0.05  # below it one decimal would read 0.0
+
+
+def lobe_number(job: Job) -> str:
+    """Return the lobe error, um p-p, with one decimal: a dash where it is not known, never 0.0 for a small one."""
+    if job.lobe_error_source == NO_LOBE:
+        return NOT_YET
+    if 0.0 < job.lobe_error_um_pp < _LEAST_UM:
+        return "< 0.1"
+    return f"{job.lobe_error_um_pp:.1f}"

@@ -1,0 +1,58 @@
+"""`console tune`: what it proposes, writes on trial, takes back, and how a comparison explains it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.console import test_controller_command
+from tests.drivers.commissioned import Commissioned
+
+Console = Callable[..., Any]
+card, on_one = test_controller_command.card, test_controller_command.on_one
+NAMES = ("I130", "I131", "I132", "I133")
+
+
+def stands(card: Commissioned) -> list[float]:
+    settings = card.sim.controller.variables.settings()
+    return [settings[int(name[1:])] for name in NAMES]
+
+
+@on_one
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_gains_are_shown_applied_explained_and_taken_back(
+    console: Console,
+    card: Commissioned,
+    data_folder: Path,
+    language: str,
+) -> None:
+    before = stands(card)
+    shown = console("tune", "show", "--lang", language)
+    assert shown.code == 0 and "I130  528 -> " in shown.out and not (data_folder / "trials").exists()
+    dry = console("tune", "apply", "--factor", "1.1", "--lang", language)
+    assert (dry.code, stands(card)) == (0, before) and "--yes" in dry.out
+    done = console("tune", "apply", "--factor", "1.1", "--yes", "--lang", language)
+    # Kp times 1.1 squared.
+    assert (done.code, stands(card)[0]) == (0, round(528 * 1.21))
+    told = console("controller", "verify", "--lang", language)
+    assert told.code == 1 and "console tune revert --yes" in " ".join(told.out.split())
+    found = console("tune", "show", "--json").json["trial"]
+    assert dict(found["before"]) == dict(zip(NAMES, before, strict=True)) and found["whole"]
+    assert console("tune", "revert", "--yes", "--lang", language).code == 0
+    assert stands(card) == before
+    assert console("controller", "verify").code == 0
+    assert console("tune", "revert", "--yes").code == 1
+
+
+@on_one
+def test_gains_beyond_the_bounds_are_refused_with_the_number(console: Console, card: Commissioned) -> None:
+    before = stands(card)
+    for factor, word in (("2.4", "phase margin with these gains 42.1 deg"), ("9", "0.4..3")):
+        said = console("tune", "apply", "--factor", factor, "--yes")
+        assert said.code == 1 and word in said.err and stands(card) == before
+    card.tell("#1J/")
+    said = console("tune", "apply", "--yes")
+    assert said.code == 1 and "#1" in said.err and stands(card) == before
