@@ -179,9 +179,16 @@ class Terminal:
             AssertionError: it did not come in time or the program ended before; with the screen.
         """
         holds = target if callable(target) else lambda text: bool(re.search(target, text, re.MULTILINE))
+        held = False
+
+        def is_over() -> bool:
+            nonlocal held
+            held = holds(self.text)  # once: what a predicate sees beside the screen may be gone again
+            return held or self._ended
+
         with self._changed:
-            met = self._changed.wait_for(lambda: holds(self.text) or self._ended, timeout_s)
-            if not (met and holds(self.text)):
+            self._changed.wait_for(is_over, timeout_s)
+            if not held:
                 why = "the program ended" if self._ended else f"{timeout_s:g} s are over"
                 raise AssertionError(self._report(f"{why}, not on the screen: {target}"))
             return self._read_s - self.started_s

@@ -216,10 +216,15 @@ class Trainee:
         return float(found[1])
 
     def _read(self, to_go: Callable[[], float | None]) -> float:
-        self.terminal.wait_for(lambda _: to_go() is not None, 10.0)
-        left = to_go()
-        assert left is not None
-        return left
+        seen: list[float] = []
+
+        def is_read(_: str) -> bool:
+            left = to_go()
+            seen.extend(() if left is None else (left,))
+            return left is not None
+
+        self.terminal.wait_for(is_read, 10.0)
+        return seen[-1]
 
     def _jaw_to_go_deg(self) -> float | None:
         """Degrees in the direction of the cut until jaw 1 meets the mark."""
@@ -240,6 +245,9 @@ class Trainee:
         return None if touching is None else -float(touching[1])
 
     def _pattern(self, key: str, opening: str = r"[^\n]*?") -> str:
-        """A regular expression for a sentence of the catalogue, with `opening` for what it leaves open."""
+        """A regular expression for a sentence of the catalogue, with `opening` for what it leaves open.
+
+        The sentence may be broken into rows between two words.
+        """
         parts = re.split(r"\{[^}]*\}", self._text._entries[key])
-        return opening.join(re.escape(part) for part in parts)
+        return opening.join(re.escape(part).replace(r"\ ", r"\s+") for part in parts)

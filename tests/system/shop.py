@@ -28,6 +28,7 @@ from drivers.simulator.hosts.connection import Connection, PlainStream
 from drivers.simulator.hosts.real_time import Host, keep_time, patient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace, write_trace
 from tests.signed_profile import signed
@@ -39,6 +40,7 @@ Result = TypeVar("Result")
 SEED = 11
 RONT = r"RONt\D*?(\d+\.\d+)\D+?(\d+\.\d+)"
 TIMEOUT_S = 20.0
+LOOK_S = 0.03
 
 
 @dataclass
@@ -127,12 +129,25 @@ class Shop:
         self.at_the_lathe(lambda: self.lathe.mount(job))
 
     def jaw_to_go_deg(self) -> float | None:
-        """Degrees until jaw 1 is at the mark, by an indicator."""
-        return -self.at_the_lathe(self.lathe.look).jaw_1_past_mark_deg
+        """Degrees until jaw 1 is at the mark, by an indicator; None while its needle moves."""
+        before, after = self._looks()
+        settled = before.jaw_1_past_mark_deg == after.jaw_1_past_mark_deg
+        return -after.jaw_1_past_mark_deg if settled else None
 
     def gap_mm(self) -> float | None:
-        """Between tool and part, by a feeler gauge; None beside the part."""
-        return self.at_the_lathe(self.lathe.look).tool_gap_mm
+        """Between tool and part, by a feeler gauge; None beside the part, and while the tool moves."""
+        before, after = self._looks()
+        return after.tool_gap_mm if before.tool_gap_mm == after.tool_gap_mm else None
+
+    def _looks(self) -> tuple[WorkshopView, WorkshopView]:
+        """Look twice, a moment apart."""
+
+        async def looks() -> tuple[WorkshopView, WorkshopView]:
+            before = self.lathe.look()
+            await asyncio.sleep(LOOK_S)
+            return before, self.lathe.look()
+
+        return asyncio.run_coroutine_threadsafe(looks(), self._loop).result(TIMEOUT_S)
 
     def measures(self, name: str) -> None:
         """Take the part out and measure it in another room: against the spindle, from the mark of jaw 1."""
@@ -173,12 +188,15 @@ class Operator(Trainee):
     def aligns_what_is_left(self) -> None:
         """Drives on, and whatever is not valid for the part in the chuck."""
         self.does_step("align_page.drives_on")
-        home, touch_off, valid = "align_page.next.home", "align_page.next.touch_off", "align_page.valid_title"
-        if (offered := self.sees_one(home, touch_off, valid)) == home:
+        home, valid = "align_page.next.home", "align_page.valid_title"
+        beside, over = "align_page.next.touch_off", "align_page.next.touch_off_over_enable"
+        if (offered := self.sees_one(home, beside, over, valid)) == home:
             self.starts_homing()
             self.sees("align_page.next.jaw_enable", 60.0)
             self.finds_jaw_1()
-        if offered != valid:
+        if offered == over:  # the tool stands where it was left, over the part before
+            self.jogs_to_the_part()
+        elif offered != valid:
             self.touches_off()
         self.sees(valid)
 
@@ -205,6 +223,9 @@ class Operator(Trainee):
         self.press("f4")
         self.terminal.wait_for(lambda _: self.shop.gap_mm() is not None, 60.0)
         self.sees("activity.ready", 30.0)
+        self.jogs_to_the_part()
+
+    def jogs_to_the_part(self) -> None:
         self.press("j")
         self._jogs(self.shop.gap_mm, ("down", "up"), TOOL_STEPS[:3], CLOSE_MM, SETTLES_MM, "mm")
         self.press("enter")

@@ -97,11 +97,12 @@ class Shift:
 def stops_and_goes_on(shift: Shift) -> None:
     """Space in mid-cut; the blank is cut again from its face."""
     shift.operator.press("space")
+    shift.operator.sees("frame.recover", 20.0)
     goes_on(shift)
 
 
 def holds_and_resumes(shift: Shift) -> None:
-    """F4 takes the tool out at the end of a turn, and F6 goes on at the same place."""
+    """F4 takes the tool out at the end of a turn, and F6 resumes at the same place."""
     shift.operator.press("f4")
     shift.operator.sees("run_page.next.paused", 20.0)
     shift.operator.press("f6")
@@ -113,15 +114,19 @@ def loses_the_cable(shift: Shift) -> None:
     shift.operator.sees("activity.lost", 15.0)
     shift.line.mend()
     shift.operator.sees("activity.stopped", 20.0)
+    shift.operator.sees("lost_link.back", 10.0)
     goes_on(shift)
 
 
 def goes_on(shift: Shift) -> None:
-    """Reset, retract, and cut the blank anew."""
+    """Reset, enable what the stop has disabled, retract, and cut the blank anew."""
     operator = shift.operator
-    operator.sees("frame.recover", 20.0)
     operator.press("f2")
     operator.sees("activity.ready", 10.0)
+    if operator.offers("run_page.next.switch_on") or operator.offers("run_page.next.align"):
+        operator.press("4")
+        operator.does_step("align_page.drives_on")
+        operator.press("5")
     if operator.offers("run_page.next.retract"):
         operator.press("f8")
         operator.sees("activity.retracting", 5.0)
