@@ -114,9 +114,13 @@ def _row(jobs: JobList, place: int, cells: Sequence[int], name_width: int, text:
         reason = _right("✗ " + text("jobs_page.unreadable"), sum(cells))
         return ((name + reason, Token.SELECTED),) if chosen else line(name, (reason, Token.WARNING))
     job, last = loaded.job, jobs.results.get(loaded.job.name)
-    values = [job.material, f"{job.diameter_mm:.1f}", f"{last.ront_um:.1f}" if last else "–"]
+    values = [
+        job.material,
+        text.units.figure(job.diameter_mm, "mm", 1),
+        text.units.figure(last.ront_um, "um", 1) if last else "–",
+    ]
     if len(cells) > len(values):
-        values[2:2] = [f"{job.spindle_speed_rpm:.0f}", f"{job.lobe_error_um_pp:.1f}"]
+        values[2:2] = [f"{job.spindle_speed_rpm:.0f}", text.units.figure(job.lobe_error_um_pp, "um", 1)]
     fitting = values[len(values) - len(cells) :]
     name += "".join(_right(*pair) for pair in zip(fitting, cells, strict=True))
     return ((name, Token.SELECTED if chosen else Token.TEXT),)
@@ -135,18 +139,22 @@ def job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
     solid = job.wall_thickness_mm >= job.radius_mm
     form = text("jobs_page.bar" if solid else "jobs_page.tube", material=job.material)
     source = text(f"source.{lobe_source(job)}")
-    size = f"D {job.diameter_mm:.1f}" + ("" if solid else f" x {job.wall_thickness_mm:.1f}") + " mm"
+    diameter, wall = (text.units.figure(each, "mm", 1) for each in (job.diameter_mm, job.wall_thickness_mm))
+    size = f"D {diameter}" + ("" if solid else f" x {wall}") + f" {text.units.unit('mm')}"
     lobe = text("jobs_page.jaws", count=job.jaws, frequency=f"{job.lobe_frequency_hz:.1f}")
     rows = (
         (text("jobs_page.part"), form),
         (text("jobs_page.outside") if solid else text("jobs_page.size"), size),
-        (text("jobs_page.overhang"), f"{job.overhang_mm:.3f} mm"),
+        (text("jobs_page.overhang"), text.units.show(job.overhang_mm, "mm", 3)),
         (text("jobs_page.force"), _marked(job, "chucking_force_n", f"{job.chucking_force_n:.1f} N", text)),
-        (text("jobs_page.depth"), _marked(job, "depth_of_cut_mm", f"{job.depth_of_cut_mm:.3f} mm", text)),
+        (
+            text("jobs_page.depth"),
+            _marked(job, "depth_of_cut_mm", text.units.show(job.depth_of_cut_mm, "mm", 3), text),
+        ),
         (text("jobs_page.spindle"), f"{job.spindle_speed_rpm:.1f} rpm"),
         (text("jobs_page.lobe"), lobe),
-        (text("jobs_page.uncompensated"), f"{source} {job.lobe_error_um_pp:.1f} um"),
-        (text("jobs_page.tolerance"), f"{job.roundness_tolerance_um:.1f} um"),
+        (text("jobs_page.uncompensated"), f"{source} {text.units.show(job.lobe_error_um_pp, 'um', 1)}"),
+        (text("jobs_page.tolerance"), text.units.show(job.roundness_tolerance_um, "um", 1)),
     )
     return [_fact(label, value, width) for label, value in rows]
 
@@ -167,7 +175,7 @@ def _last_lines(last: LastResult | None, simulated: bool, text: Catalogue, width
     uncompensated = text("jobs_page.without") if last.strategy == UNCOMPENSATED else ""
     notes = filter(None, (text("jobs_page.circle"), simulation, uncompensated))
     return [
-        _fact(text("jobs_page.last_part"), f"{last.ront_um:.2f} um", width),
+        _fact(text("jobs_page.last_part"), text.units.show(last.ront_um, "um", 2), width),
         *((dim(_right(note, width)),) for note in notes),
         _fact(text("jobs_page.parts", count=last.parts), date, width),
     ]
