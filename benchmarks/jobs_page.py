@@ -6,13 +6,13 @@ python -m benchmarks.jobs_page
 from __future__ import annotations
 
 import asyncio
-import statistics
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.measure import extent, print_table
+from benchmarks.measure import extent
+from benchmarks.page_times import SIZE, print_times, until
 from console.session.data.kept_files import jobs_folder
 from console.session.station.state import Activity, StationState
 from console.tui.pages.jobs import JobsPage
@@ -21,8 +21,6 @@ from tests.tui.page_stage import PageScene
 
 FEW, MANY = 20, extent(2000, 100)
 REPEATS = extent(9, 2)
-LONGEST_S = 60.0
-SIZE = (80, 18)
 READY = StationState(activity=Activity.READY)
 
 
@@ -42,19 +40,6 @@ def fill(data: Path, count: int) -> None:
         (jobs_folder(data) / f"part-{number:04d}.toml").write_text(content, encoding="utf-8")
 
 
-async def until(scene: Scene, shown: Callable[[str], bool], *actions: str) -> float:
-    """Press keys, and return after what time the page shows something, s. AssertionError: it never does."""
-    begun = time.perf_counter()
-    for action in actions:
-        scene.page.act(f"jobs.{action}")
-    while time.perf_counter() - begun < LONGEST_S:
-        scene.page.show(scene.view)
-        await scene.pilot.pause()
-        if shown(scene.text):
-            return time.perf_counter() - begun
-    raise AssertionError(scene.text)
-
-
 async def written(scene: Scene, letter: str, shown: Callable[[str], bool]) -> float:
     """Write a character into the search, and return after what time its finds are shown, s."""
     begun = time.perf_counter()
@@ -71,10 +56,12 @@ async def times(data: Path, count: int) -> list[float]:
         scene.pilot = pilot
         await until(scene, lambda text: "▸" in text)
         paint = time.perf_counter() - begun
-        down = await until(scene, lambda text: "▸" in text, "down")
-        page = await until(scene, lambda text: "▸" in text, "page_down")
-        index = await until(scene, lambda text: "by material" in text and "reading" not in text, *["sort"] * 3)
-        last = await until(scene, lambda text: "▸" in text, "last")
+        down = await until(scene, lambda text: "▸" in text, "jobs.down")
+        page = await until(scene, lambda text: "▸" in text, "jobs.page_down")
+        index = await until(
+            scene, lambda text: "by material" in text and "reading" not in text, *["jobs.sort"] * 3
+        )
+        last = await until(scene, lambda text: "▸" in text, "jobs.last")
         scene.page.act("jobs.search")
         await scene.pilot.pause()
         search = await written(scene, "z", lambda text: f"({count // 4} of" in text)
@@ -96,12 +83,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             fill(Path(folder), count)
             found[count] = [asyncio.run(times(Path(folder), count)) for _ in range(REPEATS)]
-    rows = []
-    for place, name in enumerate(names):
-        short, long = (statistics.median(each[place] for each in found[count]) for count in (FEW, MANY))
-        rows.append((name, f"{1000.0 * short:.0f} ms", f"{1000.0 * long:.0f} ms", f"{long / short:.1f}"))
-    heads = ("", f"{FEW} jobs (baseline)", f"{MANY} jobs", "x baseline")
-    print_table("The page Jobs at 80 x 24, from a key until the cells are painted", heads, rows)
+    print_times("The page Jobs at 80 x 24, from a key until the cells are painted", "jobs", names, found)
 
 
 if __name__ == "__main__":

@@ -6,21 +6,17 @@ python -m benchmarks.records_page
 from __future__ import annotations
 
 import asyncio
-import statistics
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.measure import extent, print_table
+from benchmarks.measure import extent
+from benchmarks.page_times import SIZE, print_times, until
 from benchmarks.records import FEW, RUNS, write
 from console.session.station.state import Activity, StationState
 from console.tui.pages.records import RecordsPage
 from tests.tui.page_stage import PageScene
 
 REPEATS = extent(9, 2)
-LONGEST_S = 60.0
-SIZE = (80, 18)
 READY = StationState(activity=Activity.READY, simulated=False)
 
 
@@ -28,19 +24,6 @@ class Scene(PageScene):
     """The page alone, in the room that the frame leaves it."""
 
     page_class = RecordsPage
-
-
-async def until(scene: Scene, shown: Callable[[str], bool], *actions: str) -> float:
-    """Press keys, and return after what time the page shows something, s. AssertionError: it never does."""
-    begun = time.perf_counter()
-    for action in actions:
-        scene.page.act(f"records.{action}")
-    while time.perf_counter() - begun < LONGEST_S:
-        scene.page.show(scene.view)
-        await scene.pilot.pause()
-        if shown(scene.text):
-            return time.perf_counter() - begun
-    raise AssertionError(scene.text)
 
 
 async def times(folder: Path, count: int) -> list[float]:
@@ -51,10 +34,10 @@ async def times(folder: Path, count: int) -> list[float]:
         scene.pilot = pilot
         scene.page.act("records.machines")
         paint = await until(scene, lambda text: "complete" in text)
-        key = await until(scene, lambda text: "▸" in text, "down")
-        run = await until(scene, lambda text: "RONt" in text and "div" in text, "first", "open")
-        chart = await until(scene, lambda text: "parts, " in text, "back", "chart")
-        everything = await until(scene, lambda text: f"Runs ({count})" in text, "back", "last")
+        key = await until(scene, lambda text: "▸" in text, "records.down")
+        run = await until(scene, lambda text: "RONt" in text and "div" in text, "records.first", "records.open")
+        chart = await until(scene, lambda text: "parts, " in text, "records.back", "records.chart")
+        everything = await until(scene, lambda text: f"Runs ({count})" in text, "records.back", "records.last")
     return [paint, key, run, chart, everything]
 
 
@@ -68,12 +51,7 @@ def main() -> None:
             count: [asyncio.run(times(Path(folder), count)) for _ in range(REPEATS)]
             for folder, count in ((few, FEW), (many, RUNS))
         }
-    rows = []
-    for place, name in enumerate(names):
-        short, long = (statistics.median(each[place] for each in found[count]) for count in (FEW, RUNS))
-        rows.append((name, f"{1000.0 * short:.0f} ms", f"{1000.0 * long:.0f} ms", f"{long / short:.1f}"))
-    heads = ("", f"{FEW} runs (baseline)", f"{RUNS} runs", "x baseline")
-    print_table("The page Records at 80 x 24, from a key until the cells are painted", heads, rows)
+    print_times("The page Records at 80 x 24, from a key until the cells are painted", "runs", names, found)
 
 
 if __name__ == "__main__":

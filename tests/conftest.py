@@ -13,9 +13,7 @@ from collections.abc import Generator
 import pytest
 from hypothesis import HealthCheck, settings
 
-import tests.side_by_side
 from tests.remembered import FOLDER, remember
-from tests.side_by_side import shares
 
 # No deadline and no health check of speed: a loaded machine is not a defect.
 EXPLORE = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -42,17 +40,14 @@ remember()
 ALL_BUT_LONG = pytest.StashKey[bool]()
 
 
-pytest_addoption = tests.side_by_side.add_option
-pytest_collectstart = tests.side_by_side.pytest_collectstart
-pytest_runtestloop = tests.side_by_side.pytest_runtestloop
-
-
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[ALL_BUT_LONG] = config.args == config.getini("testpaths") and not config.option.markexpr
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Make the folder of what all processes of this run remember."""
+    """Make the folder of what all processes of this run remember: the workers begin behind it, and inherit it."""
+    if hasattr(session.config, "workerinput"):
+        return
     folder = session.config._tmp_path_factory.getbasetemp() / "remembered"  # type: ignore[attr-defined]
     folder.mkdir()
     os.environ[FOLDER] = str(folder)
@@ -86,8 +81,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=lambda item: item.path)
     waiting = [item for item in items if item.get_closest_marker("system") is not None]
     longest = [item for item in waiting if _takes_long(item)]
-    together = [item for item in waiting if shares(item) and not _takes_long(item)]
-    alone = [item for item in waiting if not shares(item) and not _takes_long(item)]
+    together = [item for item in waiting if _shares(item) and not _takes_long(item)]
+    alone = [item for item in waiting if not _shares(item) and not _takes_long(item)]
     busy = [item for item in items if item.get_closest_marker("system") is None]
     places = [(SYSTEM_UNTIL * (i + 0.5) / len(alone), item) for i, item in enumerate(alone)]
     places += [((i + 0.5) / len(busy), item) for i, item in enumerate(busy)]
@@ -97,3 +92,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def _takes_long(item: pytest.Item) -> bool:
     """Whether a test needs more than the usual time limit."""
     return any(marker.args[0] > LONG_S for marker in item.iter_markers("timeout"))
+
+
+def _shares(item: pytest.Item) -> bool:
+    """Whether a test uses something that lives as long as its file."""
+    info = getattr(item, "_fixtureinfo", None)
+    return info is not None and any(found[-1].scope == "module" for found in info.name2fixturedefs.values())

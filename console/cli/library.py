@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from argparse import Namespace
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 
 if TYPE_CHECKING:
+    from console.text.catalogue import Catalogue
     from drivers.simulator.plant.true_parameters import TrueParameters
 
 DEFAULT_MACHINE = "lee-2001-lathe"
@@ -69,6 +71,14 @@ def refuse_unsigned(machine: MachineProfile) -> None:
 def plant_given(options: Namespace) -> bool:
     """Whether the command line describes the actual plant of a simulated lathe."""
     return any(each is not None for each in (options.plant, options.seed, options.clamping_sd))
+
+
+def refused_plant(options: Namespace, command: str, text: Catalogue) -> bool:
+    """Say so where the plant of a simulated lathe is described for a real one; return whether it is."""
+    if options.sim or not plant_given(options):
+        return False
+    print(f"console {command}: {text('usage.plant_without_sim')}", file=sys.stderr)
+    return True
 
 
 def simulated_address(options: Namespace, machine: MachineProfile) -> SimulatedAddress | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, StrEnum, auto
+from functools import cache
 
 from console.session.appearance import OwnKeys
 from console.text.catalogue import Catalogue
@@ -54,6 +55,8 @@ NUMBERED = tuple(PageName)[: tuple(PageName).index(PageName.MORE)]
 FURTHER = tuple(PageName)[tuple(PageName).index(PageName.MORE) + 1 :]
 """Pages that the page More (0) lists, and opens by their letter."""
 
+_PAGES = {str(page): page for page in PageName}
+
 DIGITS = {**{page: str(number) for number, page in enumerate(NUMBERED, start=1)}, PageName.MORE: "0"}
 
 
@@ -86,7 +89,8 @@ class Action:
     @property
     def page(self) -> PageName | None:
         """The page of the key, by which its id begins; None for a key of every page."""
-        return next((page for page in PageName if self.id.startswith(f"{page}.")), None)
+        name, dot, _ = self.id.partition(".")
+        return _PAGES.get(name) if dot else None
 
 
 CLOSE = Action(id="close", keys=("backspace",), shown="⌫")
@@ -173,6 +177,9 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="run.feed_hold", keys=("f4",), shown="F4", moves=True, once=True),
     Action(id="run.one_turn", keys=("f10",), shown="F10", row="", moves=True, once=True),
     Action(id="run.hold", keys=("f7",), shown="F7", moves=True, once=True),
+    Action(id="run.more", keys=("+", "="), shown="+", row="+-", moves=True, once=True),
+    Action(id="run.less", keys=("-",), shown="-", row="", moves=True, once=True),
+    Action(id="run.choose", keys=("a", "ㅁ"), shown="a", row=""),
     Action(id="run.retract", keys=("f8",), shown="F8", moves=True, once=True),
     Action(id="inspect.measure", keys=("m", "ㅡ"), shown="m"),
     Action(id="inspect.accept", keys=("a", "ㅁ"), shown="a", once=True),
@@ -348,6 +355,7 @@ def shown_key(action: Action, own: OwnKeys) -> str:
     return both if len(both) < KEY_WIDTH else written_key(mine)
 
 
+@cache
 def actions_of(page: PageName) -> tuple[Action, ...]:
     """Return the actions of one page alone."""
     return tuple(action for action in ACTIONS if action.page is page)

@@ -9,6 +9,8 @@ from profiles.problem import Problem
 
 SMALLEST = (60, 18)  # columns and rows below which no page is shown and nothing can be started
 SMALLEST_TO_MOVE = (80, 24)  # columns and rows below which pages are shown, but motion cannot be commanded
+WIDE = 140  # columns from which a page shows side by side what is behind a key elsewhere
+TALL_ROWS = 36  # rows of the page from which it shows further panels below
 
 CSS = """
 Screen { layout: vertical; background: $background; color: $foreground; }

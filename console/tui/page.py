@@ -13,12 +13,13 @@ from textual.widget import Widget
 
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
+from console.tui.layout import TALL_ROWS, WIDE
 from console.tui.lines import Line
 from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem
 
 ROWS_FOR_PLOTS = 16  # rows of the page below which numbers take the room of the plots
-_ROOMY_ROWS, _TALL_ROWS = 22, 36
+_ROOMY_ROWS = 22
 
 
 class Page(Container):
@@ -36,7 +37,13 @@ class Page(Container):
         yield from self.panels
 
     def fit(self) -> None:
-        """Choose the layout for the height: at each tick, because an event may be missed while it is mounted."""
+        """Choose the layout for the room: at each tick, because an event may be missed while it is mounted."""
+        self.set_class(self.size.width >= WIDE, "-wide")
+        self.set_class(self.size.height >= TALL_ROWS, "-tall")
+
+    def on_resize(self, event: Resize) -> None:
+        """Adapt to the new size."""
+        self.fit()
 
     def show(self, view: View) -> None:
         """Show the newest state. Called only while the page is visible."""
@@ -111,10 +118,10 @@ class ChartPage(Page):
 
     def fit(self) -> None:
         """Show plots where there is room for them."""
+        super().fit()
         height = self.size.height
         self.set_class(height < ROWS_FOR_PLOTS, "-bare")
         self.set_class(height >= _ROOMY_ROWS, "-roomy")
-        self.set_class(height >= _TALL_ROWS, "-tall")
 
     def on_resize(self, event: Resize) -> None:
         """Adapt to the new size."""

@@ -10,7 +10,7 @@ from drivers.controller import REPLY_TIMEOUT_S, Controller
 from drivers.errors import LinkError, RefusedError
 from drivers.link.base import Link, is_gone
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.expected_replies import expected_replies, number_of
+from drivers.pmac.expected_replies import expected_replies, replied_number
 from profiles.problem import Problem
 
 TRIES = 3  # of a line that only reads
@@ -103,10 +103,7 @@ class SideController(Controller):
 
     def number(self, answer: str) -> float:
         """Parse an answer as a number. Raises LinkError: `link.out_of_step`."""
-        try:
-            return number_of(answer)
-        except ValueError as error:
-            raise LinkError(Problem(code="link.out_of_step", where=self.link.address, value=str(error))) from error
+        return replied_number(answer, self.link.address)
 
     def download(self, lines: Iterable[str]) -> None:
         """Refuse, as `send`."""

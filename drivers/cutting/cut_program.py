@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from drivers.cutting.bounds import REAL_TIME
 from drivers.cutting.feed_hold import FeedHold
 from drivers.cutting.guarding import ProgramEnd
+from drivers.cutting.live_trim import LiveTrim
+from drivers.cutting.override import FeedOverride
 from drivers.cutting.program_reports import ProgramReports
 from drivers.cutting.sampling import BatchGather
 from drivers.errors import DriverError, LinkTimeoutError
@@ -31,7 +34,8 @@ STOPPED_BY_ITEM = f"P{STOPPED_BY}"
 class CutProgram:
     """The program of one machine. `held`: whether the last loaded program was asked to end early.
 
-    `hold` is the feed hold of that program.
+    `hold` is the feed hold of that program, `override` the override of its spindle and feed, `live_trim` what is
+    added to gain and phase of its compensation.
 
     `definitions` are the axis definitions of the controller, which a loaded program may have changed. Every method
     that queries or sends raises `DriverError` when the link breaks or the controller refuses to answer.
@@ -48,6 +52,8 @@ class CutProgram:
         self._sending, self._motion, self._tables = wiring.sending, motion, wiring.tables
         self._forget_jogs = forget_jogs
         self.hold = FeedHold(wiring.client, wiring.sending)
+        self.override = FeedOverride(wiring.client, wiring.sending, wiring.stop)
+        self.live_trim = LiveTrim(wiring.client, wiring.sending, wiring.stop)
 
     @property
     def watchdog(self) -> str:
@@ -79,9 +85,10 @@ class CutProgram:
 
         Raises DriverError: `machine.moving`, nothing was sent; a line was refused, or the link broke.
         """
-        if self._to_restore:
+        if self._to_restore or self.override.commanded != REAL_TIME:
             self._sending.refuse_unless_owner()
             self._sending.refuse_moving()
+            self.override.restore()
             for line in self._to_restore:
                 self._client.request(line)
         self._to_restore, self.definitions = (), self._machine.controller.axis_definitions
@@ -125,8 +132,11 @@ class CutProgram:
             (by,) = self._client.numbers(STOPPED_BY_ITEM, again=True)
         return ProgramEnd(turns=turns, finished=finished == 1.0, end_asked=hold != 0.0, stopped_by=int(by))
 
-    def start(self, number: int, retracted_counts: float) -> None:
-        """Run a loaded program. This moves the machine; at `retracted_counts` the tool is clear of the part."""
+    def start(self, number: int, retracted_counts: float, lobes: int = 1) -> None:
+        """Run a loaded program. This moves the machine; at `retracted_counts` the tool is clear of the part.
+
+        `lobes` are those of its path, for a trim.
+        """
 
         def guarded(line: str) -> str:
             # Address the system first: after a value, & would be an operator of the expression.
@@ -135,6 +145,7 @@ class CutProgram:
 
         self._forget_jogs()
         self.hold = FeedHold(self._client, self._sending)
+        self.live_trim = LiveTrim(self._client, self._sending, self._stop, lobes)
         self._sending.move(f"B{number}R", guarded)
 
     def end_after_turn(self) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from drivers.cutting.live_trim import commanded_amplitude
 from drivers.cutting.plan import CutPlan
 from drivers.lathe.guards import AxisRange, ProgramGuard
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.axes import read_definitions
+from drivers.pmac.programs.live_trim import MOST_GAIN_PERCENT
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -23,8 +25,10 @@ def cut_guard(plan: CutPlan, machine: MachineProfile) -> ProgramGuard:
     """Return the guard that judges each poll of this cut: the program's axes within their extent and a margin."""
     programmed = {definition.motor for definition in read_definitions(plan.axis_definitions)}
     tool, spindle, carriage, checked = machine.tool, machine.spindle, machine.carriage, plan.checked
+    most_trim = MOST_GAIN_PERCENT / 100.0 if plan.strategy.traits.live_trim else 0.0
+    trim = most_trim * commanded_amplitude(plan, machine)
     margins = (
-        (AxisName.TOOL, tool.motor, TOOL_MARGIN_UM / tool.count_um),
+        (AxisName.TOOL, tool.motor, TOOL_MARGIN_UM / tool.count_um + trim),
         (AxisName.SPINDLE, spindle.motor, SPINDLE_MARGIN_DEG / 360.0 * spindle.counts_per_rev),
         (AxisName.CARRIAGE, carriage.motor, CARRIAGE_MARGIN_MM * carriage.counts_per_mm),
     )
@@ -34,6 +38,19 @@ def cut_guard(plan: CutPlan, machine: MachineProfile) -> ProgramGuard:
         if motor in programmed
     ]
     return ProgramGuard(Lengths(machine), ranges, real_time=not plan.strategy.traits.spindle_time)
+
+
+def further_held(plan: CutPlan, machine: MachineProfile, held_turns: int) -> dict[AxisName, float]:
+    """Return how far beyond its range a resumed cut may take its axes, counts: by `held_turns`, and one segment.
+
+    A cut ends at the segment nearest to the end of its last turn. Those of a resumed cut are not the planned ones:
+    the planned end may be half a segment before that of the turn, and the other one half a segment behind it.
+    """
+    segment_turns = plan.segment_ms * plan.spindle_speed_rpm / 60_000.0
+    return {
+        AxisName.SPINDLE: (held_turns + segment_turns) * machine.spindle.counts_per_rev,
+        AxisName.CARRIAGE: segment_turns * plan.setup.carriage_per_turn,
+    }
 
 
 class CutLength:

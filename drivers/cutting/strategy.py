@@ -109,7 +109,7 @@ class Strategy(StrEnum):
         member.traits = traits
         return member
 
-    PVT = "pvt", Traits(make=lambda planning: _by_pvt(planning, planning.command), inverts=True)
+    PVT = "pvt", Traits(make=lambda planning: _by_pvt(planning, planning.command), inverts=True, live_trim=True)
     """The inverted sinusoid in PVT segments."""
 
     CAM = (
@@ -134,6 +134,7 @@ class Strategy(StrEnum):
             late_cycles=lambda _: 1,  # a time base counts the last completed servo cycle
             spindle_time=True,
             counts_from=AngleZero.INDEX,
+            live_trim=True,
         ),
     )
     """The segments of `pvt` in a program whose time base is the spindle."""

@@ -86,7 +86,8 @@ class Traits:
     `by_table`: the command is a compensation table, so it may have any harmonics, and grow along the cut.
     `spindle_time`: the spindle is the time base of its program. `counts_from` is where the angle of an external
     spindle begins; None if the program must turn the spindle itself. `trims`: the host may correct it within
-    the cut. `takes_ts`: the segment time may differ from the printed one.
+    the cut; `live_trim`: an operator may change gain and phase of its compensation. `takes_ts`: the segment time
+    may differ from the printed one.
 
     `begins_at` is where the spindle begins, in counts from its index; None means at the index.
     """
@@ -99,5 +100,6 @@ class Traits:
     spindle_time: bool = False
     counts_from: AngleZero | None = None
     trims: bool = False
+    live_trim: bool = False
     takes_ts: bool = False
     begins_at: Callable[[Job, MachineProfile], float] | None = None

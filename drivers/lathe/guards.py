@@ -5,7 +5,7 @@ Pure: a snapshot goes in, problems come out. The code that waits for the motion 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, replace
 
 from drivers.lathe.lengths import Lengths
@@ -105,25 +105,23 @@ class ProgramGuard:
         """`real_time` is False for a program whose time base is not the feed override."""
         self._lengths, self._ranges, self._real_time = lengths, tuple(ranges), real_time
         self._last: Snapshot | None = None
-        self.further_turned = 0.0  # counts by which a feed hold lets the spindle go beyond its range
+        self.expected_percent: Callable[[Snapshot], tuple[float, float]] = _real_time
+        self.further: Mapping[AxisName, float] = {}  # counts by which a feed hold lets an axis go beyond its range
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge one poll."""
-        further = self.further_turned
-        ranges = [
-            replace(each, high=each.high + further) if each.axis is AxisName.SPINDLE and further else each
-            for each in self._ranges
-        ]
+        ranges = (replace(each, high=each.high + self.further.get(each.axis, 0.0)) for each in self._ranges)
         outside = _outside(ranges, snapshot, "cut.outside_plan", self._lengths)
         problems = (self._override(snapshot), *outside, self._stalled(snapshot))
         return tuple(problem for problem in problems if problem is not None)
 
     def _override(self, snapshot: Snapshot) -> Problem | None:
-        percent = snapshot.override_percent
+        percent, (low, high) = snapshot.override_percent, self.expected_percent(snapshot)
         judged = self._real_time and snapshot.program_running
-        if not judged or abs(percent - REAL_TIME_PERCENT) <= OVERRIDE_BAND_PERCENT:
+        if not judged or low - OVERRIDE_BAND_PERCENT <= percent <= high + OVERRIDE_BAND_PERCENT:
             return None
-        return Problem(code="cut.override", value=f"{percent:g} %", limit=f"{REAL_TIME_PERCENT:g} %")
+        limit = f"{high:g} %" if low == high else f"{low:g} to {high:g} %"
+        return Problem(code="cut.override", value=f"{percent:g} %", limit=limit)
 
     def _stalled(self, snapshot: Snapshot) -> Problem | None:
         last = self._last
@@ -137,6 +135,10 @@ class ProgramGuard:
         if still_s < STALLED_S:
             return None
         return Problem(code="cut.stalled", value=f"{still_s:.1f} s", limit=f"{STALLED_S:g} s")
+
+
+def _real_time(_: Snapshot) -> tuple[float, float]:
+    return REAL_TIME_PERCENT, REAL_TIME_PERCENT
 
 
 def _outside(ranges: Iterable[AxisRange], snapshot: Snapshot, code: str, lengths: Lengths) -> Iterator[Problem]:

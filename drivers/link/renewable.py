@@ -6,41 +6,16 @@ from typing import NoReturn
 
 from drivers.errors import LinkError
 from drivers.link.base import Link, StopWay
+from drivers.link.passing import PassingLink
 from profiles.problem import Problem
 
 
-class RenewableLink:
+class RenewableLink(PassingLink):
     """Passes everything on to the present connection; between `drop` and `renew` there is none.
 
     What is sent meanwhile is refused (`link.lost`), never kept for later. `drop` and `renew` belong to the thread
     that sends and receives.
     """
-
-    def __init__(self, link: Link) -> None:
-        self.address = link.address
-        self._link = link
-
-    @property
-    def checks_bytes(self) -> bool:
-        """Whether what arrives is what was sent."""
-        return self._link.checks_bytes
-
-    @property
-    def stop_way(self) -> StopWay:
-        """Return the route that a stop would take now."""
-        return self._link.stop_way
-
-    def send(self, data: bytes) -> None:
-        """Send bytes in order."""
-        self._link.send(data)
-
-    def send_urgent(self, data: bytes) -> None:
-        """Send a stop now."""
-        self._link.send_urgent(data)
-
-    def receive(self, timeout_s: float) -> bytes:
-        """Return the bytes received, waiting at most `timeout_s`."""
-        return self._link.receive(timeout_s)
 
     def drop(self) -> None:
         """Close a lost connection: a serial line, or a board, may admit no second one beside it."""
@@ -50,10 +25,6 @@ class RenewableLink:
     def renew(self, link: Link) -> None:
         """Use this connection from now on."""
         self._link = link
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._link.close()
 
 
 class _NoLink:

@@ -5,33 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers.errors import LinkError
-from drivers.link.base import Link, StopWay
+from drivers.link.base import Link
+from drivers.link.passing import PassingLink
 
 Tap = Callable[[str, bytes], object]
 """Takes a mark as in a trace (`>`, `<`, `!` a stop, `*` a failure) and bytes; returns at once, never raises."""
 
 
-class TappedLink:
+class TappedLink(PassingLink):
     """Passes everything on to `link` first, then to `tap`, perhaps from a signal handler."""
 
     def __init__(self, link: Link, tap: Tap) -> None:
-        self.address = link.address
-        self._link, self._tap = link, tap
-
-    @property
-    def checks_bytes(self) -> bool:
-        """Whether what arrives is what was sent."""
-        return self._link.checks_bytes
-
-    @property
-    def stop_way(self) -> StopWay:
-        """Return the route that a stop would take now."""
-        return self._link.stop_way
+        super().__init__(link)
+        self._tap = tap
 
     def send(self, data: bytes) -> None:
         """Send bytes in order."""
         try:
-            self._link.send(data)
+            super().send(data)
         except LinkError as error:
             self._tap("*", error.problems[0].code.encode())
             raise
@@ -40,7 +31,7 @@ class TappedLink:
     def send_urgent(self, data: bytes) -> None:
         """Send a stop now."""
         try:
-            self._link.send_urgent(data)
+            super().send_urgent(data)
         except LinkError as error:
             self._tap("*", error.problems[0].code.encode())
             raise
@@ -49,14 +40,10 @@ class TappedLink:
     def receive(self, timeout_s: float) -> bytes:
         """Return the bytes received, waiting at most `timeout_s`."""
         try:
-            data = self._link.receive(timeout_s)
+            data = super().receive(timeout_s)
         except LinkError as error:
             self._tap("*", error.problems[0].code.encode())
             raise
         if data:
             self._tap("<", data)
         return data
-
-    def close(self) -> None:
-        """Close the link."""
-        self._link.close()

@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import Protocol
 
 from drivers.errors import DriverError, LinkError
-from drivers.link.base import Link, StopWay
+from drivers.link.base import Link
+from drivers.link.passing import PassingLink
 from drivers.link.tapping import Tap, TappedLink
 from profiles.problem import Problem
 
@@ -63,33 +64,23 @@ class Dialogue:
             line.clear()
 
 
-class TracedLink:
+class TracedLink(PassingLink):
     """Passes everything on to `link`. A trace that fails ends, and the link continues without it."""
 
     def __init__(self, link: Link, file: Sink, now_s: Callable[[], float]) -> None:
         """Wrap `link`; `now_s` gives the times that are written."""
-        self.address = link.address
-        self._link, self._file, self._now_s = link, file, now_s
+        super().__init__(link)
+        self._file, self._now_s = file, now_s
         self._dialogue = Dialogue(self._put)
         self.problem: Problem | None = None
         """What ended the trace, `link.trace_lost`; None while it continues."""
-
-    @property
-    def checks_bytes(self) -> bool:
-        """Whether what arrives is what was sent."""
-        return self._link.checks_bytes
-
-    @property
-    def stop_way(self) -> StopWay:
-        """Return the route that a stop would take now."""
-        return self._link.stop_way
 
     def send(self, data: bytes) -> None:
         """Send bytes in order."""
         now_s = self._now_s()
         self._dialogue.end(now_s, "<")
         try:
-            self._link.send(data)
+            super().send(data)
         except LinkError as error:
             self._dialogue.heard(now_s, ">", data)
             self._fail(now_s, error)
@@ -99,7 +90,7 @@ class TracedLink:
     def send_urgent(self, data: bytes) -> None:
         """Send a stop now, then record it."""
         try:
-            self._link.send_urgent(data)
+            super().send_urgent(data)
         except LinkError as error:
             self._put(self._now_s(), "!", f"{shown(data)} [not sent: {error.problems[0].code}]")
             raise
@@ -108,7 +99,7 @@ class TracedLink:
     def receive(self, timeout_s: float) -> bytes:
         """Return the bytes received, waiting at most `timeout_s`."""
         try:
-            data = self._link.receive(timeout_s)
+            data = super().receive(timeout_s)
         except LinkError as error:
             self._fail(self._now_s(), error)
             raise

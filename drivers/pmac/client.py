@@ -18,7 +18,7 @@ from drivers.link.base import GONE, Link
 from drivers.pmac.checksums import LineCheck
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
 from drivers.pmac.exchange import Exchange
-from drivers.pmac.expected_replies import expected_replies, number_of
+from drivers.pmac.expected_replies import expected_replies, replied_number
 from drivers.pmac.framing import LinkFaults
 from drivers.pmac.language.errors import ErrorCode
 from profiles.problem import Problem
@@ -214,10 +214,7 @@ class PmacClient:
 
     def number(self, answer: str) -> float:
         """Return a reply as a number. Raises LinkError: `link.out_of_step`, it is not one."""
-        try:
-            return number_of(answer)
-        except ValueError as error:
-            raise LinkError(Problem(code="link.out_of_step", where=self.link.address, value=str(error))) from error
+        return replied_number(answer, self.link.address)
 
     def download(self, lines: Iterable[str]) -> None:
         """Send program lines one by one; stop at the first that is refused, and close the buffer.

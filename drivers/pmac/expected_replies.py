@@ -11,6 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
+from drivers.errors import LinkError
+from profiles.problem import Problem
+
 _NUMBER = r"[-+]?(?:\$[0-9A-F]++|\d++(?:\.\d*+)?|\.\d++)"
 _END_OF_VALUE = r"(?![\w.])(?!\s*(?:[-+*/|^&%(=<>]|\.\.))"
 """Where a number is the whole value, not the beginning of an expression."""
@@ -108,6 +111,14 @@ def number_of(text: str) -> float:
     """
     digits = _NAME.sub("", text.strip())
     return float(int(digits[1:], 16)) if digits.startswith("$") else float(digits)
+
+
+def replied_number(answer: str, where: str) -> float:
+    """Return a reply of the controller at `where` as a number. LinkError `link.out_of_step`: it is none."""
+    try:
+        return number_of(answer)
+    except ValueError as error:
+        raise LinkError(Problem(code="link.out_of_step", where=where, value=str(error))) from error
 
 
 def _skip(text: str, place: int) -> int:

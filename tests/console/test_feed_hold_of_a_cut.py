@@ -158,9 +158,15 @@ def test_the_record_has_the_hold_and_who_asked(aligned: Floor) -> None:
     assert kinds == ["started", "feed_hold", "resumed", "held_at", "cut"]
 
 
-def test_a_held_cut_is_not_called_disturbed_on_a_lathe_that_gives_way(tmp_path: Path) -> None:
-    """Back in the part the tool is deflected less until the chip is full: that is no other host's doing."""
-    floor = open_floor(tmp_path, 11, "realistic")
+@pytest.mark.parametrize(("seed", "strategy"), [(11, Strategy.PVT), (2, Strategy.CAM)])
+def test_a_held_cut_is_not_called_disturbed_on_a_lathe_that_gives_way(
+    tmp_path: Path, seed: int, strategy: Strategy
+) -> None:
+    """Back in the part the tool is deflected less until the chip is full: that is no other host's doing.
+
+    Nor is a cut outside its plan that ends at another segment than planned: of `cam` one is 48 degrees here.
+    """
+    floor = open_floor(tmp_path, seed, "realistic")
     floor.set_up(experiment_1())
-    state = held(floor, lambda: order(floor, ResumeFeed()))
+    state = held(floor, lambda: order(floor, ResumeFeed()), strategy)
     assert state.cut_done and codes(state) == []

@@ -89,5 +89,5 @@ def test_a_cut_is_followed_from_its_start_to_its_end(tmp_path: Path, in_copies: 
     assert len(places) == 1
     ((text, line),) = places.items()
     assert floor.context.plan is not None and line is not None
-    assert text.startswith("X(P11+P12*COS(P27))")
+    assert text.startswith("X(P11+P12*P55*COS(P27))")
     assert floor.context.plan.program.lines[-1 - len(floor.context.plan.program.program) + line - 1] == text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 import time
 from collections.abc import AsyncIterator, Iterator
@@ -42,6 +43,7 @@ from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
 from drivers.beside.side_line import SideLine
+from drivers.cutting.bounds import Adjusted, Bounds
 from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
@@ -217,7 +219,8 @@ def cut() -> CutProgress:
         errors_um=harmonics + 0.13 * np.cos(1.7 * np.arange(240.0)),
         phases=(PhaseLeft(CutPhase.CUT, 4.6), PhaseLeft(CutPhase.RETRACT, 0.41), PhaseLeft(CutPhase.HOME, 0.83)),
         to_go=(AxisToGo(AxisName.CARRIAGE, 3.84),),
-        place=ProgramPlace(program=2, text="X(P11+P12*COS(P27)):(-P15*SIN(P27))", line=31, lines=66),
+        place=ProgramPlace(program=2, text="X(P11+P12*P55*COS(P27)):(-P15*P55*SIN(P27))", line=31, lines=66),
+        adjusted=Adjusted(bounds=Bounds(low_percent=95, high_percent=105, gain_percent=10, phase_deg=5.0)),
     )
 
 
@@ -265,6 +268,14 @@ def previewed(job: Job) -> Preview:
 
 def fill(data: Path) -> None:
     """Save jobs and results in an operator's folder."""
+    shutil.copytree(_filled().name, data, dirs_exist_ok=True)
+
+
+@cache
+def _filled() -> tempfile.TemporaryDirectory[str]:
+    """A folder that is filled once, to be copied: to write its files takes half as long as to show a page."""
+    kept = tempfile.TemporaryDirectory()
+    data = Path(kept.name)
     folder = jobs_folder(data)
     folder.mkdir(parents=True)
     for name, changes in OWN_JOBS.items():
@@ -274,6 +285,7 @@ def fill(data: Path) -> None:
     scope_stage.keep(data)
     tune_stage.fill(data)
     calibrate_stage.fill(data)
+    return kept
 
 
 @cache

@@ -69,6 +69,7 @@ def test_the_saved_jobs_and_the_selected_one_are_seen(
     size: tuple[int, int], language: str, tmp_path: Path
 ) -> None:
     async def scene(stage: Stage) -> None:
+        await stage.show()
         rows = stage.text.splitlines()
         assert len(rows) <= size[1]
         assert all(cell_len(row) <= size[0] for row in rows)
@@ -106,6 +107,38 @@ def test_a_measured_part_is_shown_with_what_was_measured(tmp_path: Path) -> None
         assert "simulated, not machined" in stage.text
 
     play(scene, tmp_path)
+
+
+def test_a_wide_and_tall_terminal_shows_tags_force_and_the_latest_parts(own: Path, tmp_path: Path) -> None:
+    tagged = SOURCE.read_text("utf-8").replace("schema = 1\n", 'schema = 1\ntags = ["trial", "thin"]\n', 1)
+    (own / "tagged.toml").write_text(tagged.replace(EXPERIMENT, "tagged"), "utf-8")
+    for ront_um in (3.51, 2.63):
+        measured(tmp_path, ront_um, simulated=1)
+
+    async def scene(stage: Stage) -> None:
+        await stage.show()
+        (row,) = [row for row in stage.text.splitlines() if row.partition("tagged")[2].startswith("  ")]
+        assert "1314" in row and "trial thin" in row
+        assert "Latest parts (2)" in stage.text
+        newest, oldest = stage.text.index("2.63 um", stage.text.index("Latest")), stage.text.index("3.51 um")
+        assert newest < oldest
+
+    play(scene, tmp_path, size=ROOMS[2])
+
+
+def test_a_lobe_that_is_not_known_yet_or_tiny_is_not_shown_as_zero(own: Path, tmp_path: Path) -> None:
+    text = SOURCE.read_text("utf-8").replace("lobe_error_um_pp = 55.0", "lobe_error_um_pp = 0.0")
+    text = text.replace('lobe_error_source = "measured"', 'lobe_error_source = "none"')
+    (own / "unknown.toml").write_text(text.replace(EXPERIMENT, "unknown"), "utf-8")
+
+    async def scene(stage: Stage) -> None:
+        await stage.show()
+        (unknown,) = [row for row in stage.text.splitlines() if "unknown" in row]
+        assert unknown.split()[:6] == ["│", "unknown", "Al", "52.0", "1000", "–"]
+        (tiny,) = [row for row in stage.text.splitlines() if "steel-bar-65" in row]
+        assert "< 0.1" in tiny and " 0.0 " not in tiny
+
+    play(scene, tmp_path, size=ROOMS[2])
 
 
 def test_a_part_without_compensation_is_not_taken_for_one_with_it(tmp_path: Path) -> None:

@@ -54,15 +54,19 @@ def jogged(tmp_path: Path, *presses: tuple[float, str, StationState]) -> Jogged:
 
 AT_REST, UNDER_WAY = align_stage.state(), align_stage.state(activity=Activity.JOGGING)
 ONE_MADE, TWO_MADE = (replace(AT_REST, jogs=n) for n in (1, 2))
+THREE_PRESSES = (
+    (100.0, "j", AT_REST),
+    (100.1, "right", AT_REST),
+    (100.3, "right", UNDER_WAY),
+    (100.45, "right", UNDER_WAY),
+)
+"""The first one starts a step; the others come while it is under way."""
 
 
 def test_presses_in_motion_wait_and_are_made_one_after_the_other(tmp_path: Path) -> None:
     console = jogged(
         tmp_path,
-        (100.0, "j", AT_REST),
-        (100.1, "right", AT_REST),
-        (100.3, "right", UNDER_WAY),
-        (100.45, "right", UNDER_WAY),
+        *THREE_PRESSES,
         (100.7, "", UNDER_WAY),
         (100.8, "", ONE_MADE),
         (100.9, "", replace(UNDER_WAY, jogs=1)),
@@ -93,10 +97,7 @@ def test_any_other_key_drops_the_steps_that_wait(
 ) -> None:
     console = jogged(
         tmp_path,
-        (100.0, "j", AT_REST),
-        (100.1, "right", AT_REST),
-        (100.3, "right", UNDER_WAY),
-        (100.45, "right", UNDER_WAY),
+        *THREE_PRESSES,
         (100.7, key, state),
         (100.8, "", TWO_MADE),
         (101.3, "", TWO_MADE),
@@ -118,10 +119,7 @@ def test_any_other_key_drops_the_steps_that_wait(
 def test_nothing_continues_on_a_machine_that_is_not_as_before(after: StationState, tmp_path: Path) -> None:
     console = jogged(
         tmp_path,
-        (100.0, "j", AT_REST),
-        (100.1, "right", AT_REST),
-        (100.3, "right", UNDER_WAY),
-        (100.45, "right", UNDER_WAY),
+        *THREE_PRESSES,
         (100.8, "", after),
         (101.0, "", TWO_MADE),
     )

@@ -221,30 +221,36 @@ def test_an_own_key_does_what_our_key_does_and_both_are_shown(tmp_path: Path) ->
     play(act, tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("action", "typed", "code"),
-    [
-        ("alarms.all", "f9", "screen.own_key_stops"),
-        ("alarms.all", "F12", "screen.own_key_stops"),
-        ("alarms.all", "space", "screen.own_key_stops"),
-        ("alarms.all", "k", "screen.own_key_taken"),
-        ("alarms.all", "l", "screen.own_key_taken"),
-        ("recover", "f5", "screen.own_key_taken"),
-        ("run.start", "q", "screen.own_key_moves"),
-        ("alarms.all", "f13", "screen.own_key_unknown"),
-        ("alarms.all", "7", "screen.own_key_unknown"),
-    ],
+CANNOT_BE_HAD = (
+    ("alarms.all", "f9", "screen.own_key_stops"),
+    ("alarms.all", "F12", "screen.own_key_stops"),
+    ("alarms.all", "space", "screen.own_key_stops"),
+    ("alarms.all", "k", "screen.own_key_taken"),
+    ("alarms.all", "l", "screen.own_key_taken"),
+    ("recover", "f5", "screen.own_key_taken"),
+    ("run.start", "q", "screen.own_key_moves"),
+    ("alarms.all", "f13", "screen.own_key_unknown"),
+    ("alarms.all", "7", "screen.own_key_unknown"),
 )
-def test_a_key_that_cannot_be_had_is_refused_with_both_names(
-    action: str, typed: str, code: str, tmp_path: Path
-) -> None:
+
+
+def test_a_key_that_cannot_be_had_is_refused_with_both_names(tmp_path: Path) -> None:
+    """One after the other: what was refused is typed over, for the same action or for another."""
+    names = {"k": "k everywhere", "l": "l Alarms", "f5": "F5 Run"}
+
     async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
         await pilot.press("end", "enter")
-        await give(pilot, app, action, typed)
-        assert codes(app) == [code] and app.ui.appearance.keys == {}
-        if code == "screen.own_key_taken":
-            names = {"k": "k everywhere", "l": "l Alarms", "f5": "F5 Run"}
-            assert app.ui.said[0].limit == names[typed] and app.ui.said[0].key
+        given = ""
+        for action, typed, code in CANNOT_BE_HAD:
+            if action != given:
+                await pilot.press(*(["backspace"] * 5 + ["enter"] if given else []))  # no key: the entry ends
+                await give(pilot, app, action, typed)
+            else:
+                await pilot.press(*["backspace"] * 5, *typed, "enter")
+            given = action
+            assert codes(app) == [code] and app.ui.appearance.keys == {}, typed
+            if code == "screen.own_key_taken":
+                assert app.ui.said[0].limit == names[typed] and app.ui.said[0].key
         assert (control.stops, control.kills) == ([], []), "typing the name of a key is not pressing it"
 
     play(act, tmp_path)

@@ -127,7 +127,7 @@ def test_the_console_can_be_left_there(size: Size, tmp_path: Path) -> None:
 def test_growing_again_brings_the_page_back(page: PageName, tmp_path: Path) -> None:
     async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
         before = rows_of(app)
-        for size in TOO_SMALL:
+        for size in (TOO_SMALL[0], TOO_SMALL[-1]):  # those above have all
             await resize(app, pilot, size)
             assert rows_of(app) != before, size
             await resize(app, pilot, USUAL)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from argparse import Namespace
 
 from console.cli.arguments import HARDWARE, LINK, WRONG_USAGE, add_shared, listed, number, whole_number
@@ -31,10 +30,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     """Identify, print and keep the result; 2 for options that belong to a simulated machine alone."""
     interruption = Interruption()
     interruption.install()
-    from console.cli.library import plant_given
+    from console.cli.library import refused_plant
 
-    if plant_given(options) and not options.sim:
-        print(f"console identify: {text('usage.plant_without_sim')}", file=sys.stderr)
+    if refused_plant(options, "identify", text):
         return WRONG_USAGE
     # Numerics take longer to load than the whole command line; signals are already handled.
     from console.cli.machine.identify_run import identify_and_keep

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from argparse import Namespace
 
 from console.cli.arguments import (
@@ -48,10 +47,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     """
     interruption = Interruption()
     interruption.install()
-    from console.cli.library import plant_given
+    from console.cli.library import refused_plant
 
-    if plant_given(options) and not options.sim:
-        print(f"console run: {text('usage.plant_without_sim')}", file=sys.stderr)
+    if refused_plant(options, "run", text):
         return WRONG_USAGE
     # Numerics take longer to load than the whole command line; signals are already handled.
     from console.cli.library import data_of

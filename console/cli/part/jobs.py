@@ -11,7 +11,9 @@ from console.cli.parser import Parser
 from console.session.data.kept_files import jobs_folder
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from console.text.lobe import lobe_number
 from profiles.files import printable
+from profiles.job import NO_LOBE
 from profiles.lobe.lobe_conditions import lobe_source
 from profiles.problem import Problem, ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
@@ -77,7 +79,7 @@ def _row(listed: Listed, text: Catalogue) -> tuple[str, ...]:
         printable(entry.name),
         job.material,
         f"D {job.diameter_mm:.1f} x {job.wall_thickness_mm:.1f} mm",
-        f"{job.lobe_error_um_pp:.1f} um p-p",
+        lobe_number(job) if job.lobe_error_source == NO_LOBE else f"{lobe_number(job)} um p-p",
         f"{job.spindle_speed_rpm:.0f} rpm",
         text("jobs.bundled" if entry.bundled else "jobs.own"),
     )

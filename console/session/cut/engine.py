@@ -18,7 +18,9 @@ from console.session.cut.recording import Recorder, Unrecorded
 from console.session.cut.telemetry import CutFigures, Telemetry
 from console.session.errors import SessionError, refuse
 from drivers.cutting.feed_hold import MOST_HELD_S, HoldLedger
-from drivers.cutting.guarding import CutLength, cut_guard, end_problems
+from drivers.cutting.guarding import CutLength, cut_guard, end_problems, further_held
+from drivers.cutting.live_trim import untrimmed
+from drivers.cutting.override import PaceLedger
 from drivers.cutting.path_seen import PathSeen
 from drivers.cutting.planning import CutPlan
 from drivers.errors import DriverError, LinkError
@@ -181,25 +183,32 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
     """Run the program to its end, and compare the cut with its plan: only the planned cut makes a good part.
 
     Compared are turns and length, the program with its constants and tables, the settings, and the polled path,
-    which shows a change that somebody has reverted. A feed hold is taken out of what is compared: it takes whole
-    turns, with the tool out.
+    which shows a change that somebody has reverted. What this console has changed is taken out of it: a feed hold,
+    which takes whole turns with the tool out; an override, by the time of the program; a trim.
     """
     telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
     length, path = CutLength(plan, lathe.machine), PathSeen(plan, lathe.machine)
     guard, ledger = cut_guard(plan, lathe.machine), HoldLedger(lathe.machine.spindle.counts_per_rev)
+    guard.expected_percent, pace = lathe.program.override.expected, PaceLedger(plan.setup.carriage_face)
 
     def polled(snapshot: Snapshot) -> None:
         lathe.program.hold.read()
-        unheld = ledger.see(snapshot, lathe.program.hold.report)
-        guard.further_turned = math.inf if unheld is None else ledger.turns * lathe.machine.spindle.counts_per_rev
+        lathe.program.live_trim.read()
+        paced = snapshot if plan.strategy.traits.spindle_time else pace.see(snapshot)
+        unheld = ledger.see(paced, lathe.program.hold.report)
+        if unheld is None:
+            guard.further = {AxisName.SPINDLE: math.inf}
+        elif ledger.turns:
+            guard.further = further_held(plan, lathe.machine, ledger.turns)
         if unheld is not None:
+            unheld = untrimmed(unheld, plan, lathe.machine, lathe.program.live_trim.applied)
             telemetry.see(unheld, holding=lathe.program.held)
             length.see(unheld)
             if not lathe.program.held:  # while retracting, the tool is on no path of a turn
                 path.see(unheld)
         see(snapshot)
 
-    lathe.program.start(plan.program.number, plan.setup.retracted)
+    lathe.program.start(plan.program.number, plan.setup.retracted, plan.target.lobes)
     lathe.program.follow(polled, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, guard)
     lathe.program.put_back()
     end = lathe.program.end()
@@ -208,10 +217,14 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
     early = end_problems(plan, end, length, held=lathe.program.held)
     if early and lathe.program.hold.report.active:  # nobody has resumed it
         early = (*early, Problem(code="cut.hold_lapsed", limit=f"{MOST_HELD_S / 60.0:g} min"))
-    changed = (*early, *_changes(lathe, plan, ended=True), *lathe.verify())
+    trimmed = () if lathe.program.live_trim.problem is None else (lathe.program.live_trim.problem,)
+    changed = (*early, *trimmed, *_changes(lathe, plan, ended=True), *lathe.verify())
     if problems := changed or tuple(path.problems()):
         raise NotAsPlannedError(*problems, turns=end.turns)
-    return telemetry.figures()
+    figures = telemetry.figures()
+    if figures is None:
+        return None
+    return replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm)
 
 
 def _refuse_changed(context: CutContext, plan: CutPlan) -> None:

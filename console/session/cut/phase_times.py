@@ -105,8 +105,13 @@ class PhaseClock:
         self._planned = planned_phases(plan, machine)
         self._begun_s: dict[CutPhase, float] = {}
 
-    def left(self, phase: CutPhase, snapshot: Snapshot, cut_left_s: float) -> tuple[PhaseLeft, ...]:
-        """Return what is left from `phase` on; `cut_left_s` is that of the cut by the length already cut."""
+    def left(
+        self, phase: CutPhase, snapshot: Snapshot, cut_left_s: float, pace: float = 1.0
+    ) -> tuple[PhaseLeft, ...]:
+        """Return what is left from `phase` on; `cut_left_s` is that of the cut by the length already cut.
+
+        In a second `pace` of the program's time passes.
+        """
         if phase is CutPhase.APPROACH:
             first = PhaseLeft(phase, approach_s(self._plan, self._machine, snapshot))
             return first, *self._planned
@@ -120,8 +125,9 @@ class PhaseClock:
                 gone_s = 0.0
                 continue
             # What a phase has taken beyond its time is taken from the next one.
-            spent_s = min(gone_s, each.left_s)
+            takes_s = each.left_s / pace
+            spent_s = min(gone_s, takes_s)
             gone_s -= spent_s
-            if each.left_s > spent_s or each.phase is phase:
-                left.append(PhaseLeft(each.phase, each.left_s - spent_s))
+            if takes_s > spent_s or each.phase is phase:
+                left.append(PhaseLeft(each.phase, takes_s - spent_s))
         return tuple(left)

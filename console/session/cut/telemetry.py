@@ -21,6 +21,9 @@ LEAST_PEAK_UM = 1.0
 
 Floats = NDArray[np.float64]
 
+TURNS_TO_FULL_CHIP = 2.0
+"""Turns in the part after which the tool is deflected as in the rest of the cut."""
+
 PHASE_SAMPLES = 20  # fewest samples from which a phase is fitted
 TOLERANCE_FRACTION = 0.8
 """Fraction of the roundness tolerance that phase alone may use: a servo by its model leaves 0.5 of 5 um of 55."""
@@ -39,8 +42,8 @@ class CutFigures:
     `tool_error_um` is the largest distance of the actual tool from the target path at the spindle angle of that
     instant; `following_error_um` is the largest distance of the actual tool from its commanded position. A path
     commanded ahead of the servo's lag has a large following error and a small tool error. `tool_lobe_um` is the
-    harmonic of the tool error at the order of the lobe: Re(c exp(j N angle)), spindle angles, infeed positive; 0
-    where too few polls fell into the cut.
+    harmonic of the tool error at the order of the lobe, once the chip is full: Re(c exp(j N angle)), spindle
+    angles, infeed positive; 0 where too few polls fell into the cut.
     """
 
     spindle_speed_rpm: float
@@ -119,12 +122,13 @@ class Telemetry:
         )
 
     def _lobe_um(self, error_um: Floats) -> complex:
-        if len(self._rows) < PHASE_SAMPLES:
-            return 0j
         _, _, spindle, _, _ = np.array(self._rows).T
+        turns = spindle / self._machine.spindle.counts_per_rev
+        steady = np.abs(turns - turns[0]) >= TURNS_TO_FULL_CHIP
+        if np.count_nonzero(steady) < PHASE_SAMPLES:
+            return 0j
         lobes = self._plan.target.lobes
-        angle = 2.0 * np.pi * spindle / self._machine.spindle.counts_per_rev
-        found = fit(harmonic_columns(angle, (lobes,)), error_um)
+        found = fit(harmonic_columns(2.0 * np.pi * turns[steady], (lobes,)), error_um[steady])
         return phasors(found.coefficients, (lobes,))[lobes]
 
 

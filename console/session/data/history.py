@@ -10,6 +10,7 @@ from pathlib import Path
 from console.session.errors import SessionError
 from profiles.own_values import from_json, number, text
 
+RECENT = 20  # parts of a job that are kept one by one
 LOCK_TIMEOUT_S = 0.1  # how long to wait for a writer; a list of jobs is not worth more
 
 # By row, the order in which they were added: a clock may have been set back meanwhile.
@@ -25,12 +26,14 @@ class LastResult:
 
     `ront_um` is RONt of the least squares circle, free state, filtered as in `console.session.cut.run`.
     `strategy` is how it was cut ("none": without compensation), `parts` how many were measured in all.
+    `recent` has time, `ront_um` and strategy of the latest parts, oldest first; this one is the last.
     """
 
     ront_um: float
     measured_at: datetime
     strategy: str
     parts: int
+    recent: tuple[tuple[datetime, float, str], ...] = ()
 
 
 LastResults = Mapping[str, LastResult]
@@ -60,6 +63,13 @@ def last_results(folder: Path, *, simulated: bool) -> LastResults:
             measured_at = datetime.fromisoformat(at_utc).astimezone(UTC)
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
             continue  # written by another version
-        parts = results[job].parts + 1 if job in results else 1
-        results[job] = LastResult(ront_um=ront_um, measured_at=measured_at, strategy=strategy, parts=parts)
+        before = results.get(job)
+        parts, recent = (0, ()) if before is None else (before.parts, before.recent)
+        results[job] = LastResult(
+            ront_um=ront_um,
+            measured_at=measured_at,
+            strategy=strategy,
+            parts=parts + 1,
+            recent=(*recent[1 - RECENT :], (measured_at, ront_um, strategy)),
+        )
     return results

@@ -41,6 +41,7 @@ Cut = tuple[str, str, str]
 INVERTED, MODEL = "inverted", "model"
 
 TOOL_LOBE = "tool_lobe_um"
+CHANGED = "changed"
 CUT_JAW, AS_FILED = "cut_jaw_1_deg", "file"
 
 
@@ -50,7 +51,7 @@ class MadeWith:
 
     `inverted` names the response that was inverted where nothing was learned. `cut_jaw_1_deg` is the spindle angle
     at which jaw 1 was found for it, "file" where it is that of the job's file: what was learned was turned by the
-    difference.
+    difference. `changed` is what was changed while it was cut, empty where nothing was.
     """
 
     compensation: str
@@ -58,9 +59,11 @@ class MadeWith:
     stage: str
     inverted: str
     cut_jaw_1_deg: str = AS_FILED
+    changed: str = ""
 
     def __str__(self) -> str:
-        return f"{self.compensation} · {self.strategy} · {self.stage} · {self.inverted}"
+        changed = f" · {self.changed}" if self.changed else ""
+        return f"{self.compensation} · {self.strategy} · {self.stage} · {self.inverted}{changed}"
 
     @property
     def version(self) -> str | None:
@@ -71,11 +74,15 @@ class MadeWith:
         """Return it as the run record keeps it; None is the model's compensation, and jaw 1 as filed."""
         jaw_1_deg = None if self.cut_jaw_1_deg == AS_FILED else float(self.cut_jaw_1_deg)
         version = None if self.version is None else int(self.version)
-        return {**asdict(self), "compensation": version, CUT_JAW: jaw_1_deg}
+        return {**self.header(), "compensation": version, CUT_JAW: jaw_1_deg}
+
+    def header(self) -> dict[str, str]:
+        """Return the keys and values that the header of a trace has of it."""
+        return {key: value for key, value in asdict(self).items() if key != CHANGED or value}
 
 
 KEYS = ("compensation", "strategy", "stage")  # what must be known of a cut
-_ALL_KEYS = (*KEYS, INVERTED, CUT_JAW)  # the others default to the model's response and jaw 1 as filed
+_ALL_KEYS = (*KEYS, INVERTED, CUT_JAW, CHANGED)  # the others default to the model's response and jaw 1 as filed
 
 
 def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[MadeWith | None]) -> MadeWith:
@@ -188,6 +195,7 @@ def _made(kind: str, data: str) -> list[MadeWith | None]:
             stage=stage,
             inverted=inverted,
             cut_jaw_1_deg=AS_FILED if jaw_1_deg is None else str(number(jaw_1_deg)),
+            changed=text(event.get(CHANGED, "")),
         )
     except (ValueError, TypeError, KeyError):
         # Written by another version of the console, which did not record how a cut on the screen was made.

@@ -7,30 +7,31 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from console.session.flight.notes import Inbox, Kind, command_words
+from console.session.passing_control import PassingControl
 from console.session.station.alarms import Alarms, seen
 from console.session.station.state import StationState
 
 if TYPE_CHECKING:
     from console.session.flight.recorder import Recorder
     from console.session.station.commands import Command, Control
-    from drivers.beside.side_line import SideLine
 
 
-class RecordedControl:
+class RecordedControl(PassingControl):
     """Passes everything on at once; shows the alarms of the recorder after those of the machine.
 
     There is a `recorder` after the first paint.
     """
 
     def __init__(self, control: Control, inbox: Inbox) -> None:
+        super().__init__(control)
         self.recorder: Recorder | None = None
-        self._control, self._inbox = control, inbox
+        self._inbox = inbox
         self._joined: tuple[StationState, Alarms, StationState] | None = None
 
     @property
     def state(self) -> StationState:
         """The newest state."""
-        state, recorder, joined = self._control.state, self.recorder, self._joined
+        state, recorder, joined = super().state, self.recorder, self._joined
         if recorder is None or not recorder.alarms:
             return state
         alarms = recorder.alarms
@@ -38,20 +39,11 @@ class RecordedControl:
             joined = self._joined = (state, alarms, replace(state, alarms=(*state.alarms, *alarms)))
         return joined[2]
 
-    @property
-    def side(self) -> SideLine | None:
-        """Where worker threads ask the controller."""
-        return self._control.side
-
-    def now_s(self) -> float:
-        """Return machine time."""
-        return self._control.now_s()
-
     def post(self, intent: Command) -> bool:
         """Post a command."""
         from console.session.station.commands import Acknowledge  # not for the first paint
 
-        taken = self._control.post(intent)
+        taken = super().post(intent)
         if self.recorder is not None and isinstance(intent, Acknowledge):
             self.recorder.acknowledge(partial(seen, shown=intent.shown))
         self._inbox.put(Kind.COMMAND, f"{command_words(intent)}{'' if taken else ' refused'}")
@@ -59,14 +51,10 @@ class RecordedControl:
 
     def stop(self, reason: str) -> None:
         """Stop the machine now; note it afterwards."""
-        self._control.stop(reason)
+        super().stop(reason)
         self._inbox.put(Kind.STOP, reason)
 
     def kill(self, reason: str) -> None:
         """Open every loop now; note it afterwards."""
-        self._control.kill(reason)
+        super().kill(reason)
         self._inbox.put(Kind.KILL, reason)
-
-    def beat(self) -> None:
-        """Signal that the screen is alive."""
-        self._control.beat()

@@ -131,6 +131,8 @@ def taught_by(
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
     """
     filed, (strategy, stage) = job.job, _followed(made)
+    if made.changed:  # along the cut: which of it a trace has measured is not known
+        raise SessionError(Problem(code="learned.changed_in_cut", value=made.changed))
     asked = asked_for(job, machine, strategy, simulated=is_simulated(trace))
     known = versions(data, asked)
     inverted = _inverted(made, machine.machine, identified, data, simulated=asked.simulated)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from drivers.cutting.bounds import Adjustable
 from drivers.lathe.snapshot import AxisName
 
 if TYPE_CHECKING:
@@ -164,6 +165,14 @@ class ResumeFeed(Command):
     """Bring the tool of a held cut in again, at the same angle and place; with `one_turn` for one turn."""
 
     one_turn: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Adjust(Command):
+    """Change a running cut by some steps: the override of spindle and feed, or a trim of its compensation."""
+
+    what: Adjustable
+    steps: int
 
 
 class Retract(Command):

@@ -15,16 +15,21 @@ from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, tool_lobe
 from console.session.data.records import RunFacts, begin_record
 from console.session.errors import SessionError, refuse
 from console.session.stages import Stage
+from console.session.station.adjusting.passing_on import Adjusting, left_behind
 from console.session.station.commands import Arm, Disarm, HoldFeed, Retract, Start
 from console.session.station.context import StationContext
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress, CutStage, CutWatch
 from console.session.station.state import Activity, Armed, TouchedBlank
 from drivers.cutting.feed_hold import HoldState
+from drivers.cutting.override import bounds_of
 from drivers.cutting.planning import CutPlan, first_spindle_counts
 from drivers.errors import RefusedError
+from drivers.identification.nominal import path_response
 from drivers.lathe.snapshot import AxisName, Snapshot
+from profiles.axis.response import ServoResponse
 from profiles.job import Job
+from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import job_text
 
@@ -32,6 +37,7 @@ from profiles.store import job_text
 def arm(context: StationContext, command: Arm) -> None:
     """Check everything, load the program and read it back. Nothing moves; start is allowed for some seconds."""
     context.tell(armed=None)
+    percent = left_behind(context)
     context.lathe.program.put_back()
     alignment, own, strategy = context.state.alignment, context.cut_context, command.strategy
     job = aligned_job(command.job, alignment)
@@ -62,8 +68,18 @@ def arm(context: StationContext, command: Arm) -> None:
         until_s=context.clock.now_s() + command.valid_s,
         made=made,
         loaded=command.loaded,
+        bounds=bounds_of(plan, job, context.machine, _response(command, context.machine)),
     )
+    if percent is not None:
+        context.note("override_restored", percent=percent)
     context.tell(armed=armed)
+
+
+def _response(command: Arm, machine: MachineProfile) -> ServoResponse:
+    """Return the response that the cut inverts: the one that was chosen, else the model of its path."""
+    if command.inverts is not None:
+        return command.inverts.response
+    return path_response(command.strategy, machine)
 
 
 def _loading_s(context: StationContext, plan: CutPlan) -> float:
@@ -135,13 +151,14 @@ def start(context: StationContext, _: Start) -> None:
 
 
 class _Watched:
-    """Publish a cut to the screens, and pass the operator's hold to the program."""
+    """Publish a cut to the screens, and pass what the operator asks for to the program."""
 
     def __init__(self, context: StationContext, armed: Armed) -> None:
         self._context, self._strategy, self._stage = context, armed.strategy, CutStage.POSITION
         self.watch = CutWatch(armed.plan, armed.job, context.machine, in_air=armed.made.stage == Stage.AIR)
         self._reports = context.lathe.program.reports()
         self._held = False
+        self.adjusting = Adjusting(context, armed.bounds)
 
     def step(self, step: Step, detail: str) -> None:
         if step is Step.CUT:
@@ -157,6 +174,7 @@ class _Watched:
         if context.end_asked and not context.lathe.program.held:
             context.lathe.program.end_after_turn()
         self._pass_on_hold()
+        self.adjusting.pass_on()
 
     def _phase_is_known(self) -> bool:
         """Whether there is time for a report: the first polls in the part tell whether the tool is in phase."""
@@ -186,7 +204,8 @@ class _Watched:
         """Publish a status poll, in whatever wait it was made."""
         context = self._context
         program = context.lathe.program
-        seen = self.watch.see(snapshot, self._stage, program.held, context.state.spindle_rpm, program.hold.report)
+        speed_rpm, adjusted = context.state.spindle_rpm, self.adjusting.adjusted
+        seen = self.watch.see(snapshot, self._stage, program.held, speed_rpm, program.hold.report, adjusted)
         if self._reports is not None:
             seen = replace(seen, place=self._reports.place)
         context.tell(cut=seen, touched=_touched(seen, context.state.touched))
@@ -230,7 +249,10 @@ def retract(context: StationContext, _: Retract) -> None:
 def _finish(context: StationContext, watched: _Watched, end: CutEnd) -> None:
     """Report how the cut has ended."""
     stage = CutStage.HELD if end.held else CutStage.DONE
-    ended = watched.watch.see(end.last, stage, end.held, context.state.spindle_rpm)
+    adjusted = watched.adjusting.adjusted
+    ended = watched.watch.see(end.last, stage, end.held, context.state.spindle_rpm, adjusted=adjusted)
+    if context.started is not None:
+        context.started = replace(context.started, made=watched.adjusting.made(context.started.made))
     if ended.holds_mm:
         context.note("held_at", z_mm=list(ended.holds_mm))
     # An air cut has not touched the part: it is as good a blank as before.

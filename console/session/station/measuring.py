@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from console.session.cut.alignment import unclamped
@@ -227,7 +227,7 @@ def _kept(
     learning = part.learning
     assert learning is not None
     made = learning.made
-    header = {key: str(value) for key, value in asdict(made).items()}
+    header = made.header()
     more = {
         "learning": learning_event(learning),
         "jaw_1_deg": part.jaw_1_deg,

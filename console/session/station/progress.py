@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from console.session.cut import telemetry
 from console.session.cut.interlocks import SPEED_BAND
 from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseClock, PhaseLeft, to_the_start
+from drivers.cutting.bounds import AS_PLANNED, REAL_TIME, Adjusted
 from drivers.cutting.feed_hold import MOST_HELD_S, NOT_HELD, HoldReport, HoldState
+from drivers.cutting.live_trim import trim_um
 from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import Strategy
@@ -65,6 +67,8 @@ class CutProgress:
 
     `hold` is the feed hold, by the controller; it may be asked for from Z `hold_from_mm` on, None where the
     program cannot be held. `holds_mm` is where it was held, `held_left_s` how long the program still waits.
+    `adjusted` is what was changed of the running cut; times go with its override, and the target is the trimmed
+    one.
     """
 
     stage: CutStage
@@ -96,6 +100,7 @@ class CutProgress:
     hold_from_mm: float | None = None
     holds_mm: tuple[float, ...] = ()
     held_left_s: float | None = None
+    adjusted: Adjusted = AS_PLANNED
 
     @property
     def in_phase(self) -> bool | None:
@@ -146,12 +151,15 @@ class Away:
         self._back_at: float | None = None
         self._held_s: float | None = None
 
-    def see(self, snapshot: Snapshot, hold: HoldReport, reached_mm: float) -> bool:
-        """Take a poll, with how far the part is cut; return whether the tool may be off its path."""
+    def see(self, snapshot: Snapshot, hold: HoldReport, reached_mm: float, pace: float) -> bool:
+        """Take a poll, with how far the part is cut; return whether the tool may be off its path.
+
+        The program waits by its own time, of which `pace` passes in a second.
+        """
         if hold.state is HoldState.HELD:
             if self._held_s is None:
                 self._held_s, self.at_mm = snapshot.at_s, (*self.at_mm, reached_mm)
-            self.left_s = max(MOST_HELD_S - (snapshot.at_s - self._held_s), 0.0)
+            self.left_s = max(MOST_HELD_S / pace - (snapshot.at_s - self._held_s), 0.0)
         else:
             self._held_s = self.left_s = None
         if hold.active:
@@ -198,6 +206,7 @@ class CutWatch:
         self._phase_limit_deg = telemetry.phase_limit_deg(plan.target, job.roundness_tolerance_um)
         self._clock = PhaseClock(plan, machine)
         self._away = Away(machine.spindle.counts_per_rev)
+        self._adjusted, self._pace = AS_PLANNED, 1.0
 
     def see(
         self,
@@ -206,12 +215,18 @@ class CutWatch:
         holding: bool,
         speed_rpm: float | None,
         hold: HoldReport = NOT_HELD,
+        adjusted: Adjusted = AS_PLANNED,
     ) -> CutProgress:
         """Take a poll and return the progress at that moment, including the spindle speed."""
+        self._adjusted, self._pace = adjusted, adjusted.override_percent / REAL_TIME
         if hold.state is HoldState.HELD:  # by the controller: the turns of a hold for one turn are not polled
             fed_mm = (hold.cut_turns - self._plan.setup.turns_clear) * self._job.feed_mm_per_rev
             self._reached_mm = max(self._reached_mm, fed_mm)
-        if self._away.see(snapshot, hold, self._reached_mm) and stage is CutStage.RUN_UP and not holding:
+        if (
+            self._away.see(snapshot, hold, self._reached_mm, self._pace)
+            and stage is CutStage.RUN_UP
+            and not holding
+        ):
             stage = CutStage.PAUSED if hold.state is HoldState.HELD else CutStage.CUT
         moment = self._judged_moment(snapshot, stage, holding, speed_rpm)
         return replace(
@@ -222,6 +237,7 @@ class CutWatch:
             hold_from_mm=self._hold_from_mm,
             holds_mm=self._away.at_mm,
             held_left_s=self._away.left_s if moment.stage is CutStage.PAUSED else None,
+            adjusted=adjusted,
         )
 
     @property
@@ -234,7 +250,8 @@ class CutWatch:
     ) -> CutProgress:
         angle_deg = 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
         infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
-        target_um = float(self._plan.target.at_um(angle_deg))
+        trimmed_um = trim_um(self._plan, self._adjusted.applied, angle_deg)
+        target_um = float(self._plan.target.at_um(angle_deg)) + trimmed_um
         error_um = infeed_um - target_um
         # A hold retracts the tool while the carriage is still over the part: what it leaves is not judged.
         self._held = self._held or (holding and telemetry.is_leaving(error_um, self._peak_um))
@@ -245,7 +262,7 @@ class CutWatch:
             stage = CutStage.CUT
             self._reached_mm = max(self._reached_mm, self._past_face_mm(snapshot))
             self._errors.append((angle_deg % 360.0, error_um))
-            self._infeeds.append((angle_deg, infeed_um))
+            self._infeeds.append((angle_deg, infeed_um - trimmed_um))
             if AxisName.SPINDLE in snapshot.driven:
                 self._turning.append((snapshot.spindle.position, snapshot.spindle.following_error))
             self._peak_um = max(self._peak_um, abs(error_um))
@@ -258,7 +275,7 @@ class CutWatch:
         phase = _PHASES.get(moment.stage)
         if moment.synchronisation is Synchronisation.WAITING:
             phase = CutPhase.INDEX
-        return () if phase is None else self._clock.left(phase, snapshot, moment.left_s)
+        return () if phase is None else self._clock.left(phase, snapshot, moment.left_s, self._pace)
 
     def _to_go(self, snapshot: Snapshot, moment: CutProgress) -> tuple[AxisToGo, ...]:
         match moment.stage:
@@ -281,7 +298,7 @@ class CutWatch:
     ) -> CutProgress:
         machine, job = self._machine, self._job
         z_mm = min(max(self._done_mm(snapshot, stage), 0.0), job.cut_length_mm)
-        per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
+        per_s = self._pace * job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
         angles, errors = _samples(self._errors).T
         phase = telemetry.phase_of(_samples(self._infeeds), self._plan.target) if self._judged else None
         return CutProgress(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
 from console.session.station.link.lost_link import LostLink
+from drivers.cutting.bounds import UNCHANGEABLE, Bounds
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import NOBODY, Signature, Standing
 from drivers.simulator.plant.workshop_view import WorkshopView
@@ -100,7 +101,7 @@ class Armed:
     """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found.
 
     `alignment` is that of the arming. `made` is how the part will have been cut, `loaded` the file of
-    the job, None where it was edited.
+    the job, None where it was edited. `bounds` is by how much the cut may be changed while it runs.
     """
 
     job: Job
@@ -110,6 +111,7 @@ class Armed:
     until_s: float
     made: MadeWith
     loaded: LoadedJob | None = None
+    bounds: Bounds = UNCHANGEABLE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,10 +19,12 @@ from console.session.cut.alignment import observed
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import killed_or_refused
 from console.session.errors import SessionError, fault_problem
+from console.session.station.adjusting.refusals import adjust_refusal
 from console.session.station.alarms import OF_A_CUT, Priority, seen
 from console.session.station.armed_watch import watch_armed
 from console.session.station.commands import (
     Acknowledge,
+    Adjust,
     Arm,
     Command,
     EndCut,
@@ -158,7 +160,7 @@ class Station:
     def post(self, intent: Command) -> bool:
         """Take a command, from any thread; False where it is refused because the machine is busy."""
         context = self._context
-        if isinstance(intent, Acknowledge | EndCut | HoldFeed | ResumeFeed):
+        if isinstance(intent, Acknowledge | EndCut | HoldFeed | ResumeFeed | Adjust):
             context.log_command(intent)
         if isinstance(intent, Acknowledge):
             context.change_alarms(partial(seen, shown=intent.shown))
@@ -173,6 +175,12 @@ class Station:
             if refused is not None:
                 return self._refuse(refused)
             context.hold_asked = intent
+            return True
+        if isinstance(intent, Adjust):
+            refused = adjust_refusal(intent, context.state)
+            if refused is not None:
+                return self._refuse(refused)
+            context.adjust_asked.append(intent)
             return True
         with self._slot:
             if context.state.activity is Activity.LOST:
@@ -253,6 +261,7 @@ class Station:
         activity, work = HANDLERS[type(command)]
         context = self._context
         context.end_asked, context.hold_asked = False, None
+        context.adjust_asked.clear()
         if not isinstance(command, Arm):  # that one begins a record of its own
             context.log_command(command)
         if not isinstance(command, Start):

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from console.session.passing_control import PassingControl
 from console.session.station.alarm_history import Instant
 from console.session.station.session_log import LogEntry, SessionLog, command_entry, with_state
 from console.session.station.state import StationState
@@ -14,51 +15,25 @@ from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from console.session.station.commands import Command, Control
-    from drivers.beside.side_line import SideLine
 
 
-class LoggedControl:
+class LoggedControl(PassingControl):
     """Passes everything on at once. Stops are logged from the state, which also has those without a key."""
 
     def __init__(self, control: Control, local_time: Callable[[], datetime]) -> None:
+        super().__init__(control)
         self.log = SessionLog()
-        self._control, self._local_time = control, local_time
+        self._local_time = local_time
         self._posted: deque[LogEntry] = deque()
-
-    @property
-    def state(self) -> StationState:
-        """The newest state."""
-        return self._control.state
-
-    @property
-    def side(self) -> SideLine | None:
-        """Where worker threads ask the controller."""
-        return self._control.side
-
-    def now_s(self) -> float:
-        """Return machine time."""
-        return self._control.now_s()
 
     def post(self, intent: Command) -> bool:
         """Post a command; note it afterwards."""
-        taken = self._control.post(intent)
+        taken = super().post(intent)
         given: dict[str, Any] = {}
         if hasattr(intent, "axis") and hasattr(intent, "distance"):
             given = {"axis": intent.axis.value, "distance": intent.distance}
         self._posted.append(command_entry(type(intent).__name__, taken=taken, at=self._local_time(), **given))
         return taken
-
-    def stop(self, reason: str) -> None:
-        """Stop the machine now."""
-        self._control.stop(reason)
-
-    def kill(self, reason: str) -> None:
-        """Open every loop now."""
-        self._control.kill(reason)
-
-    def beat(self) -> None:
-        """Signal that the screen is alive."""
-        self._control.beat()
 
     def followed(self, state: StationState, said: tuple[Problem, ...], *, typed: bool) -> SessionLog:
         """Return the log up to this state and answer (`with_state`)."""

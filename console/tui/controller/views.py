@@ -156,8 +156,8 @@ class ControllerViews:
 
     # What is asked ---------------------------------------------------------------------------------------------
 
-    def follow(self, view: View, *, trace: bool) -> None:
-        """Take what was answered, and ask for what is shown."""
+    def follow(self, view: View, shown: frozenset[ViewName]) -> None:
+        """Take what was answered, and ask for what the shown views need."""
         side, state = self.ui.control.side, view.state
         self._take_reading()
         self.terminal.follow()
@@ -167,13 +167,12 @@ class ControllerViews:
             self._identified = state.controller
             asking = SideController(side, Kind.QUERY)
             self._identity.start(asking, lambda: read_identity(asking))
-        shows_status = self.view is ViewName.STATUS or (trace and self.view is ViewName.TERMINAL)
         due = view.now_s - self._asked_s >= STATUS_PERIOD_S
-        if shows_status and not self._status.running and due:
+        if ViewName.STATUS in shown and not self._status.running and due:
             self._asked_s = view.now_s
             client, machine = SideController(side, Kind.QUERY), self.ui.machine.machine
             self._status.start(client, lambda: read_status(client, machine, client.dialect))
-        if self.view is ViewName.WATCH:
+        if ViewName.WATCH in shown:
             self.watch.load()
             self.watch.follow(side, state, view.now_s)
 

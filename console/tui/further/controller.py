@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textual.containers import Vertical
 from textual.widgets import Input
 
 from console.tui.controller.views import VIEWS, ControllerViews, ViewName
@@ -14,6 +15,7 @@ from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem
 
 WIDE = 150  # columns from which the terminal is beside the view
+BESIDE = (ViewName.TERMINAL, ViewName.WATCH, ViewName.STATUS)  # what is shown besides, the first beside the view
 _LINE_STEPS = {"controller.up": -1, "controller.down": 1}
 _ENDS = {"controller.first": -1_000_000, "controller.last": 1_000_000}
 TEXT_CAP_CHARACTERS = 120
@@ -30,23 +32,26 @@ class ControllerPage(Page):
         layers: base entry;
         Sheet { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground;
             width: 1fr; height: 1fr; }
-        #controller-beside { display: none; }
+        #controller-left { width: 1fr; height: 1fr; }
+        #controller-beside, #controller-below { display: none; }
         #controller-entry {
             layer: entry; position: absolute; display: none; width: 60%; height: 1; offset: 4 1;
             background: $background; color: $foreground;
         }
     }
     ControllerPage.-two #controller-beside { display: block; }
+    ControllerPage.-two.-tall #controller-below { display: block; height: 40%; }
     """
 
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui)
         self._sheet = Sheet(ui.palette, id="controller-view")
         self._beside = Sheet(ui.palette, id="controller-beside")
+        self._below = Sheet(ui.palette, id="controller-below")
         self._entry = Input(id="controller-entry", compact=True, select_on_focus=False)
         self._entry.cursor_blink = False
         self._entry.max_length = TEXT_CAP_CHARACTERS
-        self.panels = (self._sheet, self._beside, self._entry)
+        self.panels = (Vertical(self._sheet, self._below, id="controller-left"), self._beside, self._entry)
         self._views = ControllerViews(ui)
 
     def act(self, action: str) -> None:
@@ -73,7 +78,8 @@ class ControllerPage(Page):
         return self._views.why_not(action.removeprefix("controller."), view.state)
 
     def fit(self) -> None:
-        """Show the terminal beside the view where there is room."""
+        """Show the terminal beside the view where there is room, on a tall terminal the watch table below it."""
+        super().fit()
         self.set_class(self.size.width >= WIDE, "-two")
 
     def show(self, view: View) -> None:
@@ -83,12 +89,14 @@ class ControllerPage(Page):
             self.ui.say("screen.entry_moving")
         if self._is_typing and self.screen.focused is not self._entry:
             self.screen.set_focus(self._entry, scroll_visible=False)
-        two = self.has_class("-two")
-        self._views.follow(view, trace=two)
-        self._paint(self._sheet, self._views.view, view)
-        if two:
-            other = ViewName.STATUS if self._views.view is ViewName.TERMINAL else ViewName.TERMINAL
-            self._paint(self._beside, other, view)
+        first, panels = self._views.view, [self._sheet]
+        if self.has_class("-two"):
+            panels += [self._beside, *([self._below] if self.has_class("-tall") else [])]
+        others = (each for each in BESIDE if each is not first)
+        shown = dict(zip(panels, (first, *others), strict=False))
+        self._views.follow(view, frozenset(shown.values()))
+        for panel, name in shown.items():
+            self._paint(panel, name, view)
 
     def next_step(self, view: View) -> Line:
         """Return what the keys do in this view."""

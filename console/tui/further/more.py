@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from textual.widget import Widget
 
-from console.tui.keymap import ACTIONS, FURTHER, PageName
+from console.tui.keymap import ACTIONS, FURTHER, PageName, help_lines
 from console.tui.lines import Line, Sheet, dim, fitted, line, wrapped
 from console.tui.page import Page
 from console.tui.theme import Token
@@ -21,13 +21,19 @@ class MorePage(Page):
     name_ = PageName.MORE
 
     DEFAULT_CSS = """
-    MorePage { Sheet { border: round $secondary; border-title-color: $foreground; height: 1fr; } }
+    MorePage {
+        layout: horizontal;
+        Sheet { border: round $secondary; border-title-color: $foreground; height: 1fr; width: 1fr; }
+        #more-keys { display: none; }
+    }
+    MorePage.-wide #more-keys { display: block; }
     """
 
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui)
         self._list = Sheet(ui.palette, id="more-list")
-        self.panels = (self._list,)
+        self._keys = Sheet(ui.palette, id="more-keys")
+        self.panels = (self._list, self._keys)
         self._selected = 0
         self._pages_of_rows: tuple[int, ...] = ()
 
@@ -53,6 +59,10 @@ class MorePage(Page):
     def show(self, view: View) -> None:
         """Show the list."""
         self._list.show(self._rows(max(self._list.size.width, 1)), self.ui.text("page.more"))
+        if self.has_class("-wide"):
+            page, text = FURTHER[self._selected], self.ui.text
+            _, *keys = help_lines(text, page, 1, max(self._keys.size.width, 1))
+            self._keys.show(keys[:-2], text("more.keys", page=text(f"page.{page}")))
 
     def next_step(self, view: View) -> Line:
         """Return what the keys do."""

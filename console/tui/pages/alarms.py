@@ -17,6 +17,7 @@ from console.tui.alarms.alarm_lines import (
 )
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, clipped, line, wrapped
+from console.tui.log.log_lines import log_part
 from console.tui.page import Page
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
@@ -38,7 +39,9 @@ class AlarmsPage(Page):
         #alarms-list { height: 1fr; }
         #alarms-whole { height: 8; }
         #alarms-frequent { height: 5; display: none; }
+        #alarms-log { height: 40%; display: none; }
     }
+    AlarmsPage.-tall #alarms-log { display: block; }
     AlarmsPage.-roomy #alarms-frequent { display: block; }
     AlarmsPage.-empty #alarms-whole { display: none; }
     AlarmsPage.-empty #alarms-frequent { display: none; }
@@ -46,10 +49,10 @@ class AlarmsPage(Page):
 
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui)
-        self._list, self._whole, self._frequent = (
-            Sheet(ui.palette, id=f"alarms-{name}") for name in ("list", "whole", "frequent")
+        self._list, self._whole, self._frequent, self._log = (
+            Sheet(ui.palette, id=f"alarms-{name}") for name in ("list", "whole", "frequent", "log")
         )
-        self.panels = (self._list, self._whole, self._frequent)
+        self.panels = (self._list, self._whole, self._frequent, self._log)
         self._number: int | None = None
 
     def act(self, action: str) -> None:
@@ -77,9 +80,14 @@ class AlarmsPage(Page):
     def show(self, view: View) -> None:
         """Show the newest state."""
         self._show_alarms(view)
+        if self.has_class("-tall"):
+            log, size = self.ui.log, self._log.size
+            part = log_part(log, None, self.ui.text, max(size.width, 1), size.height)
+            self._log.show(part.lines, self.ui.text("alarms_page.log_title", count=len(log.entries)), "")
 
     def fit(self) -> None:
-        """Show the most frequent alarms where there is room."""
+        """Show the most frequent alarms, and the end of the log, where there is room."""
+        super().fit()
         self.set_class(self.size.height >= _ROOMY_ROWS, "-roomy")
 
     @property

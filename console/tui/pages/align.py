@@ -44,6 +44,8 @@ class AlignPage(Page):
     AlignPage Sheet { width: 1fr; height: 1fr; padding: 0 1; border: round $secondary;
         border-title-color: $foreground; background: $background; }
     AlignPage #align-axes { height: 7; }
+    AlignPage #align-large { height: 19; display: none; }
+    AlignPage.-tall.-wide #align-large { display: block; }
     AlignPage #align-asked { display: none; height: 1fr; }
     AlignPage.-asking #align-asked { display: block; }
     AlignPage.-asking #align-jog { display: none; }
@@ -63,9 +65,10 @@ class AlignPage(Page):
         self._steps = Sheet(palette, id="align-steps")
         self._why = Sheet(palette, id="align-why")
         self._chuck = Sheet(palette, id="align-chuck")
+        self._large = Sheet(palette, id="align-large")
         self._asked, self._entry = Sheet(palette, id="align-asked"), AlignEntry()
         self.panels = (
-            Vertical(self._axes, self._jog_panel, self._asked, classes="left"),
+            Vertical(self._axes, self._jog_panel, self._asked, self._large, classes="left"),
             Vertical(self._steps, self._why, self._chuck, classes="right"),
             self._entry,
         )
@@ -81,7 +84,6 @@ class AlignPage(Page):
         seen = jaw_seen(view.state, self.ui.machine.machine)
         self.set_class(seen is not None and self.size.width >= 100 and self.size.height >= ROOMY_ROWS, "-roomy")
         self.set_class(self.size.height < ROOMY_ROWS, "-low")
-        self.set_class(self.size.height >= 36, "-tall")
         text, state, job = self.ui.text, view.state, view.job
         machine = self.ui.machine.machine
         if state.moving:
@@ -89,6 +91,9 @@ class AlignPage(Page):
         self._jog.let_go(state, view.now_s)
         self._jog.follow()
         self._axes.show(align_lines.axes_lines(text, state, machine, view.now_s, self._axes.size.width))
+        if self.has_class("-tall") and self.has_class("-wide"):
+            rows = align_lines.large_lines(text, state, machine, view.now_s, self._large.size.width)
+            self._large.show(rows, text("align_page.large"))
         jog = self._jog.view(state, view.now_s)
         axes = "C °" if jog.axis is AxisName.SPINDLE else "X Z mm"
         title = text("align_page.jog", axes=axes)

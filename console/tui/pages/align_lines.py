@@ -38,6 +38,7 @@ from console.tui.lines import (
     wrapped,
 )
 from console.tui.pages.fields import named
+from console.tui.plot.big_number import big_number
 from console.tui.theme import Token
 from console.tui.ui_context import waiting
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -90,6 +91,22 @@ def _axis_line(text: Catalogue, axis: AxisName, state: StationState, machine: Ma
         (to_the_right(_DONE if homed else _OPEN, _HOMED_WIDTH), Token.OK if homed else Token.WARNING),
         dim(" " + (text("align_page.on") if seen.closed else text("align_page.off"))),
     )
+
+
+def large_lines(
+    text: Catalogue, state: StationState, machine: MachineProfile, now_s: float, width: int
+) -> list[Line]:
+    """Return the positions in large digits, a dash where there is none."""
+    rows: list[Line] = []
+    for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
+        number, unit, label = NOTHING, "", text(f"align_page.axis.{axis}")
+        if state.snapshot is not None and "home_complete" in state.snapshot.axis(axis).flags:
+            position, _ = _position(axis, state.snapshot, machine, state.alignment, text.units)
+            *radius, number, unit = position.split()
+            label = " ".join((label, *radius))
+        token = Token.STALE if state.is_stale(now_s) else Token.STRONG
+        rows += [*([BLANK] if rows else []), *big_number(number, label, unit, width, token)]
+    return rows
 
 
 def _position(

@@ -11,6 +11,7 @@ from console.session.cut.telemetry import SpindleRipple
 from console.session.station.progress import CutProgress, CutStage
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, line, ranged, to_the_right, width_of, wrapped
+from console.tui.plot.big_number import big_number
 from console.tui.theme import Token
 from profiles.job import Job
 
@@ -75,6 +76,22 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
         row("following", text.units.show(cut.following_error_um, "um", 2, "+z")),
         *(_together_lines(text, cut, width) if cut.judged else [BLANK, *not_judged]),
     ]
+
+
+def large_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
+    """Return time left, speed and tool error in large digits, to be read from the machine."""
+    in_part = cut.judged and cut.stage is CutStage.CUT
+    numbers = (
+        ("run_page.large.left", NOTHING if cut.stage in BEFORE_CUT else f"{cut.left_s:.0f}", "s"),
+        ("run_page.live.speed", NOTHING if cut.speed_rpm is None else f"{cut.speed_rpm:z.0f}", "rpm"),
+        (
+            "run_page.live.error",
+            text.units.figure(cut.tool_error_um, "um", 1, "+z") if in_part else NOTHING,
+            text.units.unit("um"),
+        ),
+    )
+    rows = [row for key, number, unit in numbers for row in (BLANK, *big_number(number, text(key), unit, width))]
+    return rows[1:]
 
 
 def _ripple(ripple: SpindleRipple | None) -> str:

@@ -48,6 +48,7 @@ class JobsPage(Page):
         .table { width: 58%; height: 1fr; }
         .summary { width: 1fr; height: 1fr; }
     }
+    JobsPage.-wide .table { width: 69%; }
     """
 
     def __init__(self, ui: UiContext) -> None:
@@ -267,8 +268,8 @@ class JobsPage(Page):
 
     def _names(self, *, own: bool = False) -> frozenset[str]:
         """Return the names of all jobs as they are now, or of the own ones."""
-        entries = list_jobs(jobs_folder(self.ui.data))
-        return frozenset(each.name for each in entries if not (own and each.bundled))
+        listed = list_jobs(jobs_folder(self.ui.data))
+        return frozenset(each.name for each in listed if not (own and each.bundled))
 
     def _read(self, target: Path | None = None) -> None:
         """List the files again; the selection stays on its job, at first the open one."""
@@ -351,12 +352,11 @@ class JobsPage(Page):
     def _paint(self) -> None:
         work, shelf = self.ui.work, self._shelf
         sizes = self._table.size, self._summary.size
-        state = (shelf.entries, shelf.selected, self._title, self._entry.typing)
         opened_now = None if work is None else (work.loaded.path, work.edited)
-        if (shown := (*state, opened_now, sizes)) == self._shown:
+        shown = (shelf.entries, shelf.selected, self._title, self._entry.typing, opened_now, sizes)
+        if shown == self._shown:
             return
-        self._shown = shown
-        jobs, entry, text = self._jobs, shelf.entry, self.ui.text
+        self._shown, jobs, entry, text = shown, self._jobs, shelf.entry, self.ui.text
         edited = work is not None and entry is not None and work.edited and work.loaded.path == entry.path
         size, hidden = self._summary.size, hidden_words(jobs, text, self._table.size.height)
         rows = table_lines(jobs, text, *self._table.size)
@@ -365,7 +365,7 @@ class JobsPage(Page):
         if self._entry.typing is not Typing.NOTHING:
             rows = [BLANK, *(rows[1:] if jobs.entries else rows)]
         self._table.show(rows, name_in(self._title, max(self._table.size.width - 4, 1), tail_fraction=0.3), hidden)
-        rows = summary_lines(jobs, text, size.width, edited=edited)
+        rows = summary_lines(jobs, text, *size, edited=edited)
         if entry is not None and not isinstance(shelf.load(entry), LoadedJob):  # it cannot be used
             rows = clipped(rows, size.height, text("panel.more"))
         self._summary.show(rows, name_in(printable(entry.name), size.width - 4) if entry else "")

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 
 from rich.cells import cell_len
 
 from console.session.data.history import LastResult, LastResults
 from console.text.catalogue import Catalogue
-from console.tui.lines import Line, dim, fact, fitted, hanging, line, name_in, wrapped
+from console.text.lobe import lobe_number
+from console.text.units import Units
+from console.tui.lines import BLANK, NOTHING, Line, dim, fact, fitted, hanging, line, name_in, wrapped
 from console.tui.pages.fields import provenance
 from console.tui.theme import Token
 from drivers.cutting.strategy import UNCOMPENSATED
 from profiles.files import printable
-from profiles.job import Job
+from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_conditions import lobe_source
 from profiles.problem import Problem
 from profiles.store import LibraryEntry, LoadedJob
@@ -23,6 +26,9 @@ from profiles.store import LibraryEntry, LoadedJob
 Loaded = LoadedJob | tuple[Problem, ...]  # a job, or why its file cannot be read
 OPEN = "●"
 _NAME_LEAST = 16
+_NAME_IN_FULL = 30  # cells of the name beside which further columns are shown
+_FURTHER = (("measured", 12), ("chucking", 8), ("labels", 16))
+_ROWS_WITH_PARTS = 24  # rows of the summary from which it has the parts that were measured
 _LABEL = 16
 _SUMMARY_WIDTH = 60
 
@@ -48,11 +54,11 @@ def table_lines(jobs: JobList, text: Catalogue, width: int, height: int) -> list
     """Return the header and the rows around the selected job."""
     if not jobs.entries:
         return [line(text("jobs_page.none"))][: max(height, 0)]
-    columns = _columns(width, text)
+    columns = _columns(width)
     name_width = max(width - 2 - sum(cells for _, cells in columns), 1)
-    header = fitted("  " + text("jobs_page.name"), name_width + 2) + "".join(_right(*column) for column in columns)
-    widths = [cells for _, cells in columns]
-    rows = [_row(jobs, place, widths, name_width, text) for place in visible(jobs, height)]
+    header = fitted("  " + text("jobs_page.name"), name_width + 2)
+    header += "".join(_right(text(f"jobs_page.{name}"), cells) for name, cells in columns)
+    rows = [_row(jobs, place, columns, name_width, text) for place in visible(jobs, height)]
     return [(dim(header),), *rows][: max(height, 0)]
 
 
@@ -72,8 +78,10 @@ def hidden_words(jobs: JobList, text: Catalogue, height: int) -> str:
     return "  ".join(filter(None, (above_words, below_words)))
 
 
-def summary_lines(jobs: JobList, text: Catalogue, width: int, *, edited: bool) -> list[Line]:
-    """Return the details of the selected job, the most important first."""
+def summary_lines(
+    jobs: JobList, text: Catalogue, width: int, height: int | None = None, *, edited: bool
+) -> list[Line]:
+    """Return the details of the selected job, the most important first; in a tall panel its latest parts, too."""
     entry = jobs.entry
     if entry is None:
         return []
@@ -85,45 +93,87 @@ def summary_lines(jobs: JobList, text: Catalogue, width: int, *, edited: bool) -
     lines: list[Line] = [line(("! " + text("jobs_page.in_hand"), Token.WARNING))] if edited else []
     if entry.path == jobs.open_path and not edited:
         lines = [line((f"{OPEN} {text('jobs_page.open')}", Token.STRONG))]
-    return [
+    last = jobs.results.get(loaded.job.name)
+    rows = [
         *lines,
         *_label_lines(loaded.job, text, width),
         *job_lines(loaded.job, text, room),
-        *_last_lines(jobs.results.get(loaded.job.name), jobs.simulated, text, room),
+        *_last_lines(last, jobs.simulated, text, room),
         _fact(text("jobs_page.revision"), f"{loaded.sha256[:6]}, {kept}", room),
         *wrapped(provenance(loaded.job, text), width, Token.DIM),
     ]
+    if last is not None and height is not None and height >= _ROWS_WITH_PARTS:
+        rows += [BLANK, *_part_lines(last, text, room)[: max(height - len(rows) - 1, 0)]]
+    return rows
 
 
-def _columns(width: int, text: Catalogue) -> list[tuple[str, int]]:
-    """Return heading and cells of the columns after the name; wide tables have more of them."""
-    columns = [(text("jobs_page.material"), 6), (text("jobs_page.diameter"), 7), (text("jobs_page.last"), 8)]
+def _part_lines(last: LastResult, text: Catalogue, width: int) -> list[Line]:
+    """Return the latest measured parts of a job, newest first."""
+    title = line((text("jobs_page.latest", count=len(last.recent)), Token.TITLE))
+    return [
+        title,
+        *(
+            _fact(
+                at.astimezone().strftime("%Y-%m-%d %H:%M"),
+                f"{strategy}  {text.units.figure(ront_um, 'um', 2):>8} {text.units.unit('um')}",
+                width,
+            )
+            for at, ront_um, strategy in reversed(last.recent)
+        ),
+    ]
+
+
+def _columns(width: int) -> list[tuple[str, int]]:
+    """Return name and cells of the columns after that of the job; wide tables have more of them."""
+    columns = [("material", 6), ("diameter", 7), ("last", 8)]
     if width >= 62:
-        columns[2:2] = [(text("jobs_page.speed"), 8), (text("jobs_page.error"), 9)]
+        columns[2:2] = [("speed", 8), ("error", 9)]
     while columns and width - 2 - sum(cells for _, cells in columns) < _NAME_LEAST:
         del columns[0]
+    room = width - 2 - sum(cells for _, cells in columns) - _NAME_IN_FULL
+    for name, cells in _FURTHER:
+        if cells <= room:
+            columns.append((name, cells))
+            room -= cells
     return columns
 
 
-def _row(jobs: JobList, place: int, cells: Sequence[int], name_width: int, text: Catalogue) -> Line:
+def _row(jobs: JobList, place: int, columns: Sequence[tuple[str, int]], name_width: int, text: Catalogue) -> Line:
     entry, chosen = jobs.entries[place], place == jobs.selected
     loaded = jobs.load(entry)
     marks = ("▸" if chosen else " ") + (OPEN if entry.path == jobs.open_path else " ")
     name = fitted(marks + name_in(printable(entry.name), name_width), name_width + 2)
     if not isinstance(loaded, LoadedJob):
-        reason = _right("✗ " + text("jobs_page.unreadable"), sum(cells))
+        reason = _right("✗ " + text("jobs_page.unreadable"), sum(cells for _, cells in columns))
         return ((name + reason, Token.SELECTED),) if chosen else line(name, (reason, Token.WARNING))
-    job, last = loaded.job, jobs.results.get(loaded.job.name)
-    values = [
-        job.material,
-        text.units.figure(job.diameter_mm, "mm", 1),
-        text.units.figure(last.ront_um, "um", 1) if last else "–",
-    ]
-    if len(cells) > len(values):
-        values[2:2] = [f"{job.spindle_speed_rpm:.0f}", text.units.figure(job.lobe_error_um_pp, "um", 1)]
-    fitting = values[len(values) - len(cells) :]
-    name += "".join(_right(*pair) for pair in zip(fitting, cells, strict=True))
+    last = jobs.results.get(loaded.job.name)
+    name += "".join(_right(_value(column, loaded.job, last, text.units), cells) for column, cells in columns)
     return ((name, Token.SELECTED if chosen else Token.TEXT),)
+
+
+def _value(column: str, job: Job, last: LastResult | None, units: Units) -> str:
+    """Return what a job has in a column."""
+    match column:
+        case "material":
+            return job.material
+        case "diameter":
+            return units.figure(job.diameter_mm, "mm", 1)
+        case "speed":
+            return f"{job.spindle_speed_rpm:.0f}"
+        case "error":
+            return lobe_number(job, units)
+        case "chucking":
+            return f"{job.chucking_force_n:.0f}"
+        case "labels":
+            return printable(" ".join(job.tags))
+        case "measured":
+            return NOTHING if last is None else _day(last.measured_at)
+        case _:
+            return NOTHING if last is None else units.figure(last.ront_um, "um", 1)
+
+
+def _day(at: datetime) -> str:
+    return at.astimezone().date().isoformat()
 
 
 def _reasons(entry: LibraryEntry, problems: Sequence[Problem], text: Catalogue, width: int) -> list[Line]:
@@ -139,6 +189,11 @@ def job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
     solid = job.wall_thickness_mm >= job.radius_mm
     form = text("jobs_page.bar" if solid else "jobs_page.tube", material=job.material)
     source = text(f"source.{lobe_source(job)}")
+    lobe_error = (
+        source
+        if job.lobe_error_source == NO_LOBE
+        else f"{source} {lobe_number(job, text.units)} {text.units.unit('um')}"
+    )
     diameter, wall = (text.units.figure(each, "mm", 1) for each in (job.diameter_mm, job.wall_thickness_mm))
     size = f"D {diameter}" + ("" if solid else f" x {wall}") + f" {text.units.unit('mm')}"
     lobe = text("jobs_page.jaws", count=job.jaws, frequency=f"{job.lobe_frequency_hz:.1f}")
@@ -153,7 +208,7 @@ def job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
         ),
         (text("jobs_page.spindle"), f"{job.spindle_speed_rpm:.1f} rpm"),
         (text("jobs_page.lobe"), lobe),
-        (text("jobs_page.uncompensated"), f"{source} {text.units.show(job.lobe_error_um_pp, 'um', 1)}"),
+        (text("jobs_page.uncompensated"), lobe_error),
         (text("jobs_page.tolerance"), text.units.show(job.roundness_tolerance_um, "um", 1)),
     )
     return [_fact(label, value, width) for label, value in rows]
@@ -170,14 +225,13 @@ def _label_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
 def _last_lines(last: LastResult | None, simulated: bool, text: Catalogue, width: int) -> list[Line]:
     if last is None:
         return [_fact(text("jobs_page.last_part"), text("jobs_page.never"), width)]
-    date = last.measured_at.astimezone().date().isoformat()
     simulation = text("jobs_page.simulated") if simulated else ""
     uncompensated = text("jobs_page.without") if last.strategy == UNCOMPENSATED else ""
     notes = filter(None, (text("jobs_page.circle"), simulation, uncompensated))
     return [
         _fact(text("jobs_page.last_part"), text.units.show(last.ront_um, "um", 2), width),
         *((dim(_right(note, width)),) for note in notes),
-        _fact(text("jobs_page.parts", count=last.parts), date, width),
+        _fact(text("jobs_page.parts", count=last.parts), _day(last.measured_at), width),
     ]
 
 

@@ -9,7 +9,17 @@ from textual.containers import Horizontal, Vertical
 
 from console.session.cut.alignment import JawAngle
 from console.session.cut.compensated import with_news
-from console.session.station.commands import Arm, Command, Disarm, EndCut, HoldFeed, ResumeFeed, Retract, Start
+from console.session.station.commands import (
+    Adjust,
+    Arm,
+    Command,
+    Disarm,
+    EndCut,
+    HoldFeed,
+    ResumeFeed,
+    Retract,
+    Start,
+)
 from console.session.station.holding import hold_refusal, is_paused
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress
@@ -19,17 +29,19 @@ from console.tui.keymap import PageName, actions_of
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, entitle, line, wrapped
 from console.tui.page import Page
 from console.tui.pages import run_lines
-from console.tui.pages.cut_lines import live_lines, mean_error_um, progress_line, values_title
+from console.tui.pages.cut_lines import large_lines, live_lines, mean_error_um, progress_line, values_title
 from console.tui.pages.run_next import Phase, in_part, next_word, phase_of
 from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, stale, stop_lines
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TracePicture, TraceView
+from console.tui.run.adjust_lines import adjust_in_full, adjust_line, adjust_reasons, allowed, armed_bounds
 from console.tui.run.error_band import band_series, error_band
 from console.tui.run.moment_lines import moment_in_full, moment_lines
 from console.tui.run.reading_time import reading_s
 from console.tui.run.why_lines import why_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
+from drivers.cutting.bounds import Adjustable
 from drivers.cutting.strategy import Strategy
 from profiles.problem import Problem
 
@@ -65,7 +77,7 @@ class RunPage(Page):
     RunPage #run-left { width: 54fr; }
     RunPage #run-right { width: 46fr; }
     RunPage #run-progress { height: 3; }
-    RunPage #run-program { height: 6; }
+    RunPage #run-program { height: 7; }
     RunPage.-paused #run-program { height: 1fr; }
     RunPage.-paused #run-errors { display: none; }
     RunPage #run-values { width: 47fr; }
@@ -93,6 +105,7 @@ class RunPage(Page):
         self._view: View | None = None
         self._waits_for_room = False
         self._asked = False
+        self._adjusts = Adjustable.OVERRIDE
         self._errors.border_title = ui.text("run_page.errors")
 
     def show(self, view: View) -> None:
@@ -156,6 +169,8 @@ class RunPage(Page):
         if action == "run.arm":
             self._arm()
             return
+        if action == "run.choose" and not self.ui.answers(self.why_not(action, self.ui.view)):
+            self._choose()
         command = self._command(action)
         if command is not None and not self.ui.answers(self.why_not(action, self.ui.view)):
             self.ui.control.post(command)
@@ -173,6 +188,8 @@ class RunPage(Page):
                 return EndCut()
             case "run.retract":
                 return Retract()
+            case "run.more" | "run.less":
+                return self._adjustment(action)
             case _:
                 return None
 
@@ -189,6 +206,8 @@ class RunPage(Page):
                 command = HoldFeed() if action == "run.feed_hold" else ResumeFeed(one_turn=True)
                 refused = hold_refusal(command, state)
                 return () if refused is None else (refused,)
+            case "run.more" | "run.less" | "run.choose":
+                return adjust_reasons(action, self._adjustment(action), state)
             case "run.start":
                 over = state.armed is None or view.now_s > state.armed.until_s
                 return (Problem(code="screen.not_armed"),) if over else refusal(state, action)
@@ -202,6 +221,16 @@ class RunPage(Page):
                     refused = Problem(code="screen.tool_is_out")
                 return refusal(state, action) or (() if refused is None else (refused,))
         return ()
+
+    def _adjustment(self, action: str) -> Adjust:
+        return Adjust(what=self._adjusts, steps={"run.more": 1, "run.less": -1}.get(action, 0))
+
+    def _choose(self) -> None:
+        """Let + and - change the next one of what this cut allows."""
+        cut = self.ui.control.state.cut
+        choices = [] if cut is None else allowed(cut.adjusted.bounds)
+        place = choices.index(self._adjusts) + 1 if self._adjusts in choices else 0
+        self._adjusts, self._drawn = choices[place % len(choices)], None
 
     def next_step(self, view: View) -> Line:
         """Return what to do now."""
@@ -231,10 +260,13 @@ class RunPage(Page):
                 return run_lines.after_lines(text, state, view.work, machine, width)
             case Phase.CUTTING if state.cut is not None:
                 live = live_lines(text, state.cut, view.job, facts)
-                return [*moment_in_full(text, state.cut, error_band(state.cut), width), BLANK, *live]
+                changed = adjust_in_full(text, state.cut, self._adjusts, width)
+                return [*moment_in_full(text, state.cut, error_band(state.cut), width), *changed, BLANK, *live]
         moves = [] if state.armed is None else run_lines.moves_lines(text, state.armed, machine, width)
         rows = [] if view.work is None else run_lines.summary_lines(text, state, view.work, view.now_s, facts)
         found = run_lines.check_lines(text, run_lines.checks(state, view.work, machine), width)
+        if state.armed is not None:
+            moves += wrapped(text("run_page.adjust.armed", bounds=armed_bounds(text, state.armed.bounds)), width)
         return [*moves, *found, *run_lines.input_lines(text, state.snapshot, width), *rows]
 
     def _arm(self) -> None:
@@ -287,15 +319,17 @@ class RunPage(Page):
         width = min(size.width, WIDEST_FACT)
         rows = live_lines(text, cut, view.job, width)
         inputs = run_lines.input_lines(text, view.state.snapshot, width, size.height - len(rows))
+        large = large_lines(text, cut, size.width)
+        if size.height - len(rows) - len(inputs) > len(large):
+            inputs = [*inputs, *([BLANK] * (size.height - len(rows) - len(inputs) - len(large))), *large]
         self._values.show([*rows, *inputs], values_title(text, view.state.age_s(view.now_s)))
         if cut is self._drawn:
             return
         self._drawn = cut
         band = error_band(cut)
         room = self._moment.size.width
-        self._moment.show(
-            moment_lines(text, cut, band, room) if room >= LEAST_WIDTH else [], text("run_page.program")
-        )
+        moment = [*adjust_line(text, cut, self._adjusts, room), *moment_lines(text, cut, band, room)]
+        self._moment.show(moment if room >= LEAST_WIDTH else [], text("run_page.program"))
         unit_um, unit = text.units.size("um"), text.units.unit("um")
         series, limits = band_series(cut, band, unit_um)
         self._errors.show(TracePicture(series=series, x_limits=FULL_TURN_DEG, y_limits=limits, y_unit=unit))

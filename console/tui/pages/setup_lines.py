@@ -10,6 +10,7 @@ from rich.cells import cell_len
 from console.session.cut.interlocks import of_lobe
 from console.session.work import Work, lobe_choices
 from console.text.catalogue import Catalogue
+from console.text.lobe import lobe_number
 from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, fitted, hanging, line, width_of, wrapped
 from console.tui.pages.fields import (
     FORM,
@@ -115,7 +116,7 @@ def _error_lines(job: Job, source: str, text: Catalogue, width: int) -> list[Lin
     if job.lobe_error_source == NO_LOBE:
         return [_fact(text("setup.error"), source, width, Token.WARNING)]
     return [
-        _fact(text("setup.error"), text.units.show(job.lobe_error_um_pp, "um", 1), width),
+        _fact(text("setup.error"), f"{lobe_number(job, text.units)} {text.units.unit('um')}", width),
         _fact(text("setup.error_at", source=source), f"{job.error_force_n:.1f} N", width),
     ]
 
@@ -244,7 +245,7 @@ def _row(row: FormField | str, state: FormState, text: Catalogue, width: int) ->
 def _lobe(job: Job, text: Catalogue, width: int, *, chosen: bool) -> Line:
     """Return the lobe of the job with its source, and whether it is that of this cut."""
     source = lobe_source(job)
-    words = text(f"setup.lobe_from.{source}", error=text.units.figure(job.lobe_error_um_pp, "um", 1))
+    words = text(f"setup.lobe_from.{source}", error=lobe_number(job, text.units))
     token = Token.WARNING if source in (NO_LOBE, OTHER_CUT) else Token.STRONG if chosen else Token.TEXT
     return line(" ", (fitted(words, max(width - 1, 1)), token))
 

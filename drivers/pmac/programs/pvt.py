@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs import hold
+from drivers.pmac.programs import hold, live_trim
 from drivers.pmac.programs.setup import CutSetup, cut_values, refuse_endless
 from profiles.compensations.path import LobedPath
 from profiles.job import Job
@@ -25,8 +25,8 @@ from profiles.job import Job
 SPINDLE_STEP = " Y(P28+P16*P25):(P17)"  # The statement that moves the spindle in a segment
 
 _ON_PATH = """\
-P27=P14+P13*P25
-X(P11+P12*COS(P27)):(-P15*SIN(P27)){y} Z(P21+P18*(P25-P24-P49)):(P19)
+P27=P14+P56+P13*P25
+X(P11+P12*P55*COS(P27)):(-P15*P55*SIN(P27)){y} Z(P21+P18*(P25-P24-P49)):(P19)
 """
 
 # The same in other words: a line that is reported by its text alone is then known by its number.
@@ -53,10 +53,12 @@ P30=P30+1
 P31=P24-0.5+P30*P32+P49
 """
     + hold.ONE_TURN
+    + live_trim.AT_TURN
     + """\
 ENDIF
 P25=P25+1 P45=P45+1
 """
+    + live_trim.IN_SEGMENT
     + _ON_PATH
     + """\
 ENDWHILE
@@ -71,11 +73,11 @@ P34={out_segments} ; the tool goes out, the carriage comes to rest
 WHILE(P34>0)
 P34=P34-1
 P25=P25+1 P45=P45+1
-P27=P14+P13*P25
+P27=P14+P56+P13*P25
 P35=P34/{out_segments} ; from 1 to 0
 P36=P35*P35*(3-2*P35) ; what is left of the path
-P37=P11+P12*COS(P27)-P20
-P38=-P15*SIN(P27)*P36-P37*6*P35*(1-P35)/{out_ms}*1000
+P37=P11+P12*P55*COS(P27)-P20
+P38=-P15*P55*SIN(P27)*P36-P37*6*P35*(1-P35)/{out_ms}*1000
 X(P20+P37*P36):(P38){y} Z(P29+P33*{out_ms}/3000*(1-P35*P35*P35)):(P33*P35*P35)
 ENDWHILE
 """
@@ -122,7 +124,7 @@ OPEN PROG {program}
 CLEAR
 ABS
 {flag}=0 ; the host sets it to end the cut at the end of a turn
-{no_hold}"""
+{no_trim}{no_hold}"""
 
 RUN_UP = """\
 PVT{half} ; the spindle runs up
@@ -278,6 +280,8 @@ def path_values(
         "turn": number(timing.turn_segments),
         "out_segments": timing.retract_segments,
         "hold_first": "P24",
+        "no_trim": live_trim.BEGIN,
+        **live_trim.live_trim_values(command.lobes),
         **hold.hold_values(
             job.feed_mm_per_rev, 60_000.0 / job.spindle_speed_rpm, timing.segment_ms, timing.retract_segments
         ),

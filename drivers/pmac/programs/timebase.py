@@ -193,7 +193,7 @@ OPEN PROG {program}
 CLEAR
 ABS
 {flag}=0 ; the host sets it to end the cut at the end of a turn
-{no_hold}IF({kept_source}!={address}) ; there is a time base to go back to, or nothing moves
+{no_trim}{no_hold}IF({kept_source}!={address}) ; there is a time base to go back to, or nothing moves
 {spindle_up}{trigger}={frozen} ; no time passes
 {slew}={fastest} ; nothing of the spindle's counts is lost
 {source}={address} ; the spindle is the clock

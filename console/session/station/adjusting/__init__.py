@@ -1,0 +1,1 @@
+"""Override and trim of a running cut, on the operator's commands."""
