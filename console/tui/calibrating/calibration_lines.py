@@ -83,7 +83,7 @@ def _fit_rows(facts: ChuckFacts, text: Catalogue) -> list[tuple[str, str]]:
         return [*rows, ("scatter", f"{fit.sd_n:.1f} N, {fit.force_sd_percent:.2g} %")]
     length = f"{text.units.show(fit.jaw_length_mm, 'mm', 2)}, {text('calibrate.given')}"
     if fit.jaw_length_ci:
-        length = f"{fit.jaw_length_mm:.2f} ± {text.units.show(fit.jaw_length_ci, 'mm', 2)}"
+        length = f"{text.units.figure(fit.jaw_length_mm, 'mm', 2)} ± {text.units.show(fit.jaw_length_ci, 'mm', 2)}"
     return [
         ("stiffness", f"{fit.stiffness_n_per_um:.2f} ± {fit.stiffness_ci:.2f} N/um"),
         ("alpha", f"{fit.alpha:.3f} ± {fit.alpha_ci:.3f}"),
