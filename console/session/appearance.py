@@ -9,10 +9,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from console.text.units import UNITS
+
 THEMES = ("dark", "light", "contrast", "16-colour", "colour-blind")
 GLYPHS = ("unicode", "ascii")
 SWITCH = ("off", "on")
-CHOICES = {"theme": THEMES, "glyphs": GLYPHS, "calm": SWITCH, "mouse": SWITCH, "bell": ("on", "off")}
+CHOICES = {"theme": THEMES, "glyphs": GLYPHS, "calm": SWITCH, "mouse": SWITCH, "units": UNITS, "bell": ("on", "off")}
 """The allowed values of each setting, its built-in one first. `language` has those of the catalogues."""
 
 KEYS_CAP_CHARACTERS = 1000
@@ -29,10 +31,11 @@ OwnKeys = Mapping[str, str]
 class Appearance:
     """One value of each setting. `calm`: nothing blinks, and live values are drawn once a second.
 
-    `bell`: a new alarm of high priority rings.
+    `bell`: a new alarm of high priority rings. `units` are those in which lengths are shown.
     """
 
     language: str = "en"
+    units: str = UNITS[0]
     theme: str = THEMES[0]
     glyphs: str = GLYPHS[0]
     calm: str = SWITCH[0]

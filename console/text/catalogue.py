@@ -6,21 +6,32 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
+from console.text.units import METRIC, Units
 from profiles.words.sentences import LANGUAGES, Sentences, entries_in, words_of
 
 __all__ = ["LANGUAGES", "Catalogue", "LiveCatalogue", "choose_language", "load"]
 
 
 class Catalogue(Sentences):
-    """One language: the sentences of the console, and the problem texts of the profiles."""
+    """One language: the sentences of the console, and the problem texts of the profiles.
+
+    `units` are those in which lengths are shown: millimetres, unless a screen was set to inches.
+    """
 
     def __init__(self, language: str, entries: Mapping[str, str]) -> None:
         super().__init__(entries)
         self.language = language
+        self._measure_in(METRIC)
+
+    def _said(self, sentence: str) -> str:
+        return self.units.beside(sentence)
+
+    def _measure_in(self, units: Units) -> None:
+        self.units, self._always = units, units.names
 
 
 class LiveCatalogue(Catalogue):
-    """Texts that can go on in another language, for whatever holds them."""
+    """Texts that can go on in another language or in other units, for whatever holds them."""
 
     def __init__(self, language: str) -> None:
         super().__init__(language, _entries_of(language))
@@ -28,6 +39,10 @@ class LiveCatalogue(Catalogue):
     def speak(self, language: str) -> None:
         """Go on in another language of `LANGUAGES`."""
         self._entries, self.language = _entries_of(language), language
+
+    def measure(self, units: str) -> None:
+        """Go on in other units of `UNITS`."""
+        self._measure_in(Units(units))
 
 
 @cache

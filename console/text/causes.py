@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from console.text.catalogue import Catalogue
 from profiles.compensations.causes import Cause, CauseKind
-from profiles.words.sentences import Sentences
 
 
-def cause_words(cause: Cause, text: Sentences) -> str:
+def cause_words(cause: Cause, text: Catalogue) -> str:
     """Return the sentence for a cause."""
     return text(
         f"cause.{_word(cause)}",
-        um=f"{cause.um_pp:.1f}",
+        um=text.units.figure(cause.um_pp, "um", 1),
         order=cause.order,
         jaw=cause.jaw,
         value=f"{cause.value:+.1f}",

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from console.text.units import METRIC, Units
 from profiles.job import NO_LOBE, Job
 
 NOT_YET = "–"
 _LEAST_UM = 0.05  # below it one decimal would read 0.0
 
 
-def lobe_number(job: Job) -> str:
-    """Return the lobe error, um p-p, with one decimal: a dash where it is not known, never 0.0 for a small one."""
+def lobe_number(job: Job, units: Units = METRIC) -> str:
+    """Return the lobe error p-p in these units: a dash where it is not known, never 0.0 for a small one."""
     if job.lobe_error_source == NO_LOBE:
         return NOT_YET
     if 0.0 < job.lobe_error_um_pp < _LEAST_UM:
-        return "< 0.1"
-    return f"{job.lobe_error_um_pp:.1f}"
+        return f"< {units.figure(0.1, 'um', 1)}"
+    return units.figure(job.lobe_error_um_pp, "um", 1)

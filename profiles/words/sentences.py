@@ -41,6 +41,7 @@ class Sentences:
 
     def __init__(self, entries: Mapping[str, str]) -> None:
         self._entries = entries
+        self._always: Mapping[str, str] = {}  # what placeholders of every entry stand for, such as a unit
 
     def __call__(self, key: str, /, **fields: object) -> str:
         """Return the sentence of `key` with its fields filled in, in the singular if its field `count` is 1."""
@@ -48,7 +49,7 @@ class Sentences:
         entry = entry or self._entries.get(key)
         if entry is None:
             return " ".join([key, *(f"{name}={value}" for name, value in fields.items())])
-        return entry.format(**fields)
+        return entry.format(**{**self._always, **fields})
 
     def problem(self, problem: _Facts) -> str:
         """Return one line that names what, where, value, limit and remedy."""
@@ -65,7 +66,11 @@ class Sentences:
         limit = self.words(problem.limit or unbounded)
         sentence = self(key, key=name, value=value, limit=limit, where=problem.where)
         shown = f"{problem.where}: {sentence}" if problem.where and problem.where not in sentence else sentence
-        return " ".join(shown.split())
+        return self._said(" ".join(shown.split()))
+
+    def _said(self, sentence: str) -> str:
+        """Return the sentence of a problem as it is shown; a subclass may show more of its values."""
+        return sentence
 
     def reason(self, reason: str) -> str:
         """Return for what the machine was stopped: a key, a fault, a motion that did not end, a signal.

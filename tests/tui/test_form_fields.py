@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from console.text.catalogue import load
+from console.text.units import METRIC
 from console.tui.pages.fields import (
     FORM,
     bounds,
@@ -12,7 +13,6 @@ from console.tui.pages.fields import (
     judge,
     name_problem,
     named,
-    number,
     with_unit,
     written,
 )
@@ -32,14 +32,14 @@ FIELDS = {field.key: field for field in FORM}
     ],
 )
 def test_a_number_is_never_shown_rounded(value: float, decimals: int, shown: str) -> None:
-    assert number(value, decimals) == shown
+    assert METRIC.exact(value, "N", decimals) == shown
 
 
 def test_a_value_has_its_mark_and_its_unit() -> None:
     job = experiment().job
-    assert with_unit(FIELDS["diameter_mm"], job) == "D 52.000 mm"
-    assert with_unit(FIELDS["chucking_force_n"], job) == "1314.0 N"
-    assert with_unit(FIELDS["jaws"], job) == "3"
+    assert with_unit(FIELDS["diameter_mm"], job, METRIC) == "D 52.000 mm"
+    assert with_unit(FIELDS["chucking_force_n"], job, METRIC) == "1314.0 N"
+    assert with_unit(FIELDS["jaws"], job, METRIC) == "3"
 
 
 @pytest.mark.parametrize(
@@ -47,19 +47,19 @@ def test_a_value_has_its_mark_and_its_unit() -> None:
     [("diameter_mm", ">0 ≤500"), ("chucking_force_n", ">0 ≤100000"), ("jaws", "≥2 ≤12"), ("material", "")],
 )
 def test_limits_stand_in_ten_cells(key: str, shown: str) -> None:
-    assert bounds(FIELDS[key]) == shown
+    assert bounds(FIELDS[key], METRIC) == shown
     assert len(shown) <= 10
 
 
 @pytest.mark.parametrize("field", FORM, ids=lambda field: field.key)
 def test_what_is_shown_can_be_typed_again(field: object) -> None:
     work = experiment()
-    assert judge(work, FIELDS[field.key], written(FIELDS[field.key], work.job)).work is work  # type: ignore[attr-defined]
+    assert judge(work, FIELDS[field.key], written(FIELDS[field.key], work.job, METRIC), METRIC).work is work  # type: ignore[attr-defined]
 
 
 def test_an_empty_entry_keeps_the_value() -> None:
     work = experiment()
-    judged = judge(work, FIELDS["chucking_force_n"], "  ")
+    judged = judge(work, FIELDS["chucking_force_n"], "  ", METRIC)
     assert judged.work is work
     assert judged.problems == ()
 
@@ -67,7 +67,7 @@ def test_an_empty_entry_keeps_the_value() -> None:
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_refusal_calls_the_field_as_the_form_does(language: str) -> None:
     text, field = load(language), FIELDS["chucking_force_n"]
-    (problem,) = judge(experiment(), field, "200000").problems
+    (problem,) = judge(experiment(), field, "200000", METRIC).problems
     words = text.problem(named(problem, text))
     assert text("setup.chucking_force_n") in words
     assert "chucking_force_n" not in words

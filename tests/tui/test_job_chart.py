@@ -12,6 +12,7 @@ import pytest
 
 from console.session.data.run_reader import PartPoint
 from console.text.catalogue import load
+from console.text.units import METRIC
 from console.tui.lines import plain, width_of
 from console.tui.plot.run_chart_view import chart_cells
 from console.tui.records.chart_lines import chart_lines, chart_picture
@@ -54,7 +55,7 @@ def test_limits_are_those_of_the_moving_range_and_what_is_beyond_is_named_and_ma
         (values.mean() - reach, values.mean() + reach)
     )
     assert chart.beyond == (40,) and "Part 41 is beyond the limits" in said(chart)
-    drawn = "".join(chart_cells(chart_picture(chart), 100, 20).text_rows())
+    drawn = "".join(chart_cells(chart_picture(chart, METRIC), 100, 20).text_rows())
     assert drawn.count("✗") == 1 and drawn.count("•") == 40
     for name in ("UCL", "avg", "tol"):
         assert name in drawn
@@ -128,14 +129,14 @@ def test_few_parts_have_no_limits_and_none_have_no_chart() -> None:
     assert few.limits is None and "limits need 8" in said(few)
     none = job_chart(parts(()), Figure.RONT)
     assert "was measured" in said(none)
-    assert set("".join(chart_cells(chart_picture(none), 40, 8).text_rows())) == {" "}
+    assert set("".join(chart_cells(chart_picture(none, METRIC), 40, 8).text_rows())) == {" "}
 
 
 @pytest.mark.parametrize("count", [1, 2, 500])
 @pytest.mark.parametrize("size", [(1, 1), (8, 3), (74, 8), (156, 30)])
 def test_any_number_of_parts_is_drawn_in_any_room(count: int, size: tuple[int, int]) -> None:
     chart = job_chart(parts((ZIGZAG * 13)[:count]), Figure.RONT, judge=False)
-    rows = chart_cells(chart_picture(chart), *size).text_rows()
+    rows = chart_cells(chart_picture(chart, METRIC), *size).text_rows()
     assert [len(row) for row in rows] == [size[0]] * size[1]
 
 

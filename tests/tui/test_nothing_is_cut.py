@@ -256,7 +256,7 @@ def test_under_the_form_every_refusal_of_an_entry_is_whole(language: str) -> Non
     refused = 0
     for place, field in enumerate(FORM):
         for typed in ("1,200", "-999999.123", "99999999999.25", "1.2.3", "x" * 24):
-            judged = judge(work, field, typed)
+            judged = judge(work, field, typed, text.units)
             entered = FormState(work=work, selected=place, typed=typed, judged=judged)
             rows = form(entered, text, 47, 16)
             assert rows.entry is not None and "[" in plain([rows.lines[rows.entry[1]]])

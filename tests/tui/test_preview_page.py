@@ -18,6 +18,7 @@ from console.session.cut.alignment import Alignment, JawAngle
 from console.session.station.state import StationState
 from console.session.work import Work
 from console.text.catalogue import load
+from console.text.units import METRIC
 from console.tui.lines import plain
 from console.tui.pages.preview import PreviewPage, path_series, roundness_traces
 from console.tui.pages.preview_lines import Margin, margin_lines, margins, strategy_lines
@@ -205,7 +206,7 @@ def test_with_and_without_compensation_differ_by_more_than_colour() -> None:
     assert (without.token, without.dashed) == (Token.BEFORE, True)
     assert (with_.token, with_.dashed) == (Token.AFTER, False)
     assert float(np.ptp(np.asarray(without.deviation_um))) == pytest.approx(55.0, abs=0.01)
-    target, command = path_series(seen(), Strategy.PVT)
+    target, command = path_series(seen(), Strategy.PVT, 1.0)
     assert (target.dashed, command.dashed) == (False, True)
     assert float(np.ptp(np.asarray(command.y))) == pytest.approx(62.1, abs=0.1)
     assert len(roundness_traces(seen(), Strategy.NONE)) == 1
@@ -213,7 +214,7 @@ def test_with_and_without_compensation_differ_by_more_than_colour() -> None:
 
 def test_margins_are_percent_and_both_values() -> None:
     """Table 2: 400 N continuous, 36.8 A; Ix16 is 100 mm/s; the bandwidth of Eq 9 with Table 4 is 55.2 Hz."""
-    lines = plain(margin_lines(margins(seen(), Strategy.PVT), load("en"), 60, 6)).split("\n")
+    lines = plain(margin_lines(margins(seen(), Strategy.PVT, METRIC), load("en"), 60, 6)).split("\n")
     assert [line.split() for line in lines] == [
         [*"stroke □□□□□□□□□□□□□□□□□□□□□□□ 0.062 / 77.000 mm 0 %".split()],
         [*"velocity ■■□□□□□□□□□□□□□□□□□□□□□ 9.8 / 100.0 mm/s 10 %".split()],
@@ -235,13 +236,13 @@ def test_a_bar_is_full_only_at_all_of_the_limit() -> None:
 
 def test_a_lobe_above_the_bandwidth_is_marked_not_only_coloured() -> None:
     fast = seen(spindle_speed_rpm=2000.0)
-    lines = margin_lines(margins(fast, Strategy.PVT), load("en"), 60, 6)
+    lines = margin_lines(margins(fast, Strategy.PVT, METRIC), load("en"), 60, 6)
     assert plain(lines).split("\n")[-1].endswith("100.0 / 55.2 Hz 181 %!")
     assert (" 181 %", Token.WARNING) in lines[-1]
 
 
 def test_a_plain_cut_needs_nothing_of_the_drive() -> None:
-    lines = plain(margin_lines(margins(seen(), Strategy.NONE), load("en"), 60, 6)).split("\n")
+    lines = plain(margin_lines(margins(seen(), Strategy.NONE, METRIC), load("en"), 60, 6)).split("\n")
     assert all("  0 %" in line for line in lines[:-1])
 
 

@@ -18,6 +18,7 @@ from console.session.cut.alignment import Alignment, JawAngle
 from console.session.station.state import Activity
 from console.session.work import Work, edited, opened, undone, with_strategy
 from console.text.catalogue import load
+from console.text.units import METRIC
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
 from console.tui.lines import plain
@@ -260,7 +261,9 @@ def test_nothing_on_the_page_jumps_when_a_program_is_there(strategy: Strategy) -
     text, job, machine = load("en"), short().job, load_machine(MACHINE).machine
     late = preview(job, machine, strategy)
     early = session_preview.underway(outlook(job, machine, strategy), late.eq9_loop, {})
-    needs = [plain(margin_lines(margins(seen, strategy), text, 60, 6)).split("\n") for seen in (early, late)]
+    needs = [
+        plain(margin_lines(margins(seen, strategy, METRIC), text, 60, 6)).split("\n") for seen in (early, late)
+    ]
     rows = [plain(strategy_lines(seen, strategy, text, 60, 10)).split("\n") for seen in (early, late)]
     if strategy is Strategy.PAPER:
         assert all("…" in row for row in needs[0])

@@ -42,6 +42,7 @@ class AskKeys:
             state=view.state,
             job=view.job,
             machine=self.ui.machine.machine,
+            units=self.ui.text.units,
         )
 
     def keep(self, state: StationState) -> None:

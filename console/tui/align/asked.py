@@ -7,7 +7,8 @@ from enum import StrEnum
 
 from console.session.cut.alignment import Alignment
 from console.session.station.state import StationState
-from console.session.typed_number import typed_number
+from console.session.typed_length import typed_length
+from console.text.units import METRIC, Units
 from console.tui.lines import Line, dim, fitted
 from drivers.lathe.snapshot import AxisName
 from profiles.job import Job
@@ -37,13 +38,14 @@ UNITS = {Asked.Z: "mm", Asked.C: "°", Asked.DIAMETER: "mm", Asked.TORQUE: "N m"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """What an entry is judged by."""
+    """What an entry is judged by; `units` are those in which it is typed."""
 
     asked: Asked
     typed: str
     state: StationState
     job: Job | None
     machine: MachineProfile
+    units: Units = METRIC
 
     @property
     def alignment(self) -> Alignment:
@@ -60,21 +62,39 @@ class Answer:
 
 
 def number_of(question: Question, key: str, low: float, high: float, decimals: int = 3) -> Answer:
-    """Return the typed number within a range; nothing typed is no problem yet."""
+    """Return the typed number within a range, in our unit; nothing typed is no problem yet."""
     if not question.typed.strip():
         return Answer()
-    unit = UNITS[question.asked]
-    limit = f"{low:.{decimals}f} … {high:.{decimals}f} {unit}"
+    unit, units = UNITS[question.asked], question.units
+    limit = range_words(question, low, high, decimals)
     try:
-        value = typed_number(question.typed, key, limit)
+        value = typed_length(question.typed, key, limit, unit, units)
     except ProfileError as error:
         return Answer(problems=tuple(error.problems))
     if low <= value <= high:
         return Answer(value=value)
-    outside = Problem(code="screen.number_out_of_range", value=f"{value:.{decimals}f} {unit}", limit=limit)
-    return Answer(value=value, problems=(outside,))
+    shown = units.show(value, unit, decimals)
+    return Answer(value=value, problems=(Problem(code="screen.number_out_of_range", value=shown, limit=limit),))
 
 
-def entry_row(label: str, asked: Asked) -> Line:
+def range_words(question: Question, low: float, high: float, decimals: int = 3) -> str:
+    """Return a range in the unit of the entry."""
+    first, last = range_of(question, low, high, decimals)
+    return f"{first} … {last} {question.units.unit(UNITS[question.asked])}"
+
+
+def range_of(question: Question, low: float, high: float, decimals: int = 3) -> tuple[str, str]:
+    """Return the ends of a range as numbers in the unit of the entry; those in inches are within the range."""
+    unit, units = UNITS[question.asked], question.units
+    if units.unit(unit) == unit:
+        return f"{low:.{decimals}f}", f"{high:.{decimals}f}"
+    return units.bound(low, unit, upper=False), units.bound(high, unit, upper=True)
+
+
+def entry_row(label: str, question: Question) -> Line:
     """Return the row over which the entry lies."""
-    return (dim(fitted(label, ENTRY_COLUMN)), dim(" " * (ENTRY_WIDTH + 1)), dim(UNITS[asked]))
+    return (
+        dim(fitted(label, ENTRY_COLUMN)),
+        dim(" " * (ENTRY_WIDTH + 1)),
+        dim(question.units.unit(UNITS[question.asked])),
+    )

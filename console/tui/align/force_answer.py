@@ -30,7 +30,7 @@ def force_answer(question: Question) -> Answer:
 def force_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
     """Return the panel: the job's force, its window, and what the entry comes to; nothing is changed by it."""
     holding, job = holding_of(question.machine), question.job
-    rows: list[Line] = [entry_row(text(f"align_page.{question.asked}"), question.asked)]
+    rows: list[Line] = [entry_row(text(f"align_page.{question.asked}"), question)]
     if job is None:
         return rows
     span, wrench = force_span(job, question.machine), holding.wrench

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from console.session.station.jogging import TOUCH_OFF_BAND_MM
 from console.text.catalogue import Catalogue
-from console.tui.align.asked import Answer, Question, entry_row, number_of
+from console.tui.align.asked import Answer, Question, entry_row, number_of, range_of
 from console.tui.lines import BLANK, Line, dim, line, wrapped
 from console.tui.theme import Token
 
@@ -29,10 +29,10 @@ def zero_radius_mm(question: Question, diameter_mm: float) -> float | None:
 
 def diameter_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
     """Return the panel of the entry: the range, what follows, and the difference to what is known."""
-    low, high = diameter_range(question)
+    low, high = range_of(question, *diameter_range(question))
     rows = [
-        entry_row(text("align_page.measured"), question.asked),
-        line(dim(text("align_page.range", low=f"D {low:.3f}", high=f"{high:.3f}"))),
+        entry_row(text("align_page.measured"), question),
+        line(dim(text("align_page.range", low=f"D {low}", high=high))),
         BLANK,
     ]
     answer = diameter_answer(question)
@@ -40,8 +40,8 @@ def diameter_lines(text: Catalogue, question: Question, width: int) -> list[Line
         zero_mm = zero_radius_mm(question, answer.value)
         if zero_mm is not None:
             rows += [
-                line(("→ ", Token.OK), (f"D {answer.value:.3f} mm", Token.STRONG)),
-                line(text("align_page.tool_zero", radius=f"R {zero_mm:.4f} mm")),
+                line(("→ ", Token.OK), (f"D {text.units.show(answer.value, 'mm', 3)}", Token.STRONG)),
+                line(text("align_page.tool_zero", radius=f"R {text.units.show(zero_mm, 'mm', 4)}")),
                 *_compared(text, question, zero_mm, width),
             ]
     return rows
@@ -52,4 +52,5 @@ def _compared(text: Catalogue, question: Question, zero_mm: float, width: int) -
     before_mm = question.machine.tool.home_radius_mm if touched is None else touched.zero_radius_mm
     word = "by_profile" if touched is None else "by_touch_off"
     off_um = 1000.0 * (zero_mm - before_mm)
-    return wrapped(text(f"align_page.{word}", radius=f"R {before_mm:.4f} mm", off=f"{off_um:+.1f} um"), width)
+    off = text.units.show(off_um, "um", 1, "+")
+    return wrapped(text(f"align_page.{word}", radius=f"R {text.units.show(before_mm, 'mm', 4)}", off=off), width)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from console.session.station.durations import jog_s
 from console.session.station.jogging import setup_speed, step_speed
 from console.session.station.targets import distance_to, target_problems, target_range
-from console.session.typed_number import typed_number
+from console.session.typed_length import typed_length
 from console.text.catalogue import Catalogue
-from console.tui.align.asked import AXES, UNITS, Answer, Asked, Question, entry_row
+from console.tui.align.asked import AXES, UNITS, Answer, Asked, Question, entry_row, range_of, range_words
 from console.tui.lines import BLANK, NOTHING, Line, dim, line, wrapped
 from console.tui.theme import Token
 from drivers.lathe.snapshot import Snapshot
@@ -21,7 +21,8 @@ def target_answer(question: Question) -> Answer:
     axis = AXES[question.asked]
     low, high = target_range(question.machine, axis)
     try:
-        value = typed_number(question.typed, axis, f"{low:.3f} … {high:.3f} {UNITS[question.asked]}")
+        unit = UNITS[question.asked]
+        value = typed_length(question.typed, axis, range_words(question, low, high), unit, question.units)
     except ProfileError as error:
         return Answer(problems=tuple(error.problems))
     if question.state.snapshot is None:
@@ -35,9 +36,10 @@ def target_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
     axis, snapshot = AXES[question.asked], question.state.snapshot
     low, high = target_range(question.machine, axis)
     now = NOTHING if snapshot is None else _at(question, snapshot)
+    ends = range_of(question, low, high)
     rows = [
-        entry_row(text(f"align_page.axis.{axis}"), question.asked),
-        line(dim(text("align_page.target_range", now=now, low=f"{low:.3f}", high=f"{high:.3f}"))),
+        entry_row(text(f"align_page.axis.{axis}"), question),
+        line(dim(text("align_page.target_range", now=now, low=ends[0], high=ends[1]))),
         BLANK,
     ]
     answer = target_answer(question)
@@ -48,7 +50,9 @@ def target_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
 
 def _at(question: Question, snapshot: Snapshot) -> str:
     if question.asked is Asked.Z:
-        return f"{snapshot.carriage.position / question.machine.carriage.counts_per_mm:z.3f}"
+        return question.units.figure(
+            snapshot.carriage.position / question.machine.carriage.counts_per_mm, "mm", 3, "z"
+        )
     turns = snapshot.spindle.position / question.machine.spindle.counts_per_rev
     return f"{360.0 * (turns % 1.0):.2f}"
 
@@ -64,14 +68,18 @@ def _echo(text: Catalogue, question: Question, snapshot: Snapshot, value: float,
         if question.asked is Asked.C
         else ("to_chuck" if distance >= 0.0 else "to_tail")
     )
-    rate = "rpm" if question.asked is Asked.C else "mm/s"
+    rate, units = "rpm" if question.asked is Asked.C else "mm/s", question.units
     words = text(
         f"align_page.target_{way}",
-        way=f"{abs(distance):.{decimals}f} {unit}",
+        way=units.show(abs(distance), unit, decimals),
         time=f"{jog_s(machine, axis, distance):.1f} s",
     )
     return [
-        line(("→ ", Token.OK), (f"{value:.{decimals}f} {unit}", Token.STRONG)),
+        line(("→ ", Token.OK), (units.show(value, unit, decimals), Token.STRONG)),
         *wrapped(words, width),
-        line(dim(text("align_page.target_speed", speed=f"{speed:.1f}", most=f"{most:.1f} {rate}"))),
+        line(
+            dim(
+                text("align_page.target_speed", speed=units.figure(speed, rate, 1), most=units.show(most, rate, 1))
+            )
+        ),
     ]

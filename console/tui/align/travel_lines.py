@@ -57,7 +57,7 @@ def _limit(text: Catalogue, state: StationState, machine: MachineProfile, axis: 
     to_limit_mm = travel_of(state.snapshot, machine, axis).to_limit_mm
     if to_limit_mm is None:
         return dim(to_the_right(text("align_page.no_limit"), _LIMIT_WIDTH))
-    words = to_the_right(text("align_page.to_limit", way=f"{to_limit_mm:.1f} mm"), _LIMIT_WIDTH)
+    words = to_the_right(text("align_page.to_limit", way=text.units.show(to_limit_mm, "mm", 1)), _LIMIT_WIDTH)
     return (words, Token.WARNING) if to_limit_mm < NEAR_LIMIT_MM else dim(words)
 
 

@@ -47,7 +47,7 @@ def _row_words(each: KeptCalibration, text: Catalogue) -> str:
     date = printable(each.kept.date.replace("T", " ")[:DATE])
     if each.standing is Standing.OF_JOB:
         error = each.kept.found.get("error_um_pp")
-        shown = f"{error:.2f} um" if isinstance(error, float) else ""
+        shown = text.units.show(error, "um", 2) if isinstance(error, float) else ""
         return f"{date}  {printable(each.kept.subject, 40)}  {shown}"
     return f"{date}  {text(f'calibrate_page.{each.standing}')}"
 
@@ -81,14 +81,14 @@ def _fit_rows(facts: ChuckFacts, text: Catalogue) -> list[tuple[str, str]]:
         if fit.intercept_ci:
             rows.append(("intercept", f"{fit.intercept_n:.1f} ± {fit.intercept_ci:.1f} N"))
         return [*rows, ("scatter", f"{fit.sd_n:.1f} N, {fit.force_sd_percent:.2g} %")]
-    length = f"{fit.jaw_length_mm:.2f} mm, {text('calibrate.given')}"
+    length = f"{text.units.show(fit.jaw_length_mm, 'mm', 2)}, {text('calibrate.given')}"
     if fit.jaw_length_ci:
-        length = f"{fit.jaw_length_mm:.2f} ± {fit.jaw_length_ci:.2f} mm"
+        length = f"{text.units.figure(fit.jaw_length_mm, 'mm', 2)} ± {text.units.show(fit.jaw_length_ci, 'mm', 2)}"
     return [
         ("stiffness", f"{fit.stiffness_n_per_um:.2f} ± {fit.stiffness_ci:.2f} N/um"),
         ("alpha", f"{fit.alpha:.3f} ± {fit.alpha_ci:.3f}"),
         ("length", length),
-        ("scatter", f"{fit.sd_um:.3f} um"),
+        ("scatter", text.units.show(fit.sd_um, "um", 3)),
     ]
 
 

@@ -71,11 +71,12 @@ class InspectCharts(Horizontal):
             if side is not None
         ]
         marks = [Mark(angle_deg=seen.part.jaw_1_deg, label="1")] if seen.part.phase_known else []
-        scale = stepped_125(fitting_um_per_division(traces), -zoom)
+        unit_um = self._text.units.size("um")
+        scale = stepped_125(fitting_um_per_division(traces, unit_um) / unit_um, -zoom) * unit_um
         rings = None
         if not seen.part.is_half:
             rings = tolerance_rings_um(seen.shown, seen.part.job.roundness_tolerance_um)
-        self.polar.show(traces, um_per_division=scale, marks=marks, rings_um=rings)
+        self.polar.show(traces, um_per_division=scale, marks=marks, rings_um=rings, unit_um=unit_um)
 
     def _draw_spectrum(self, view: SpectrumView, seen: Comparison, zoom: int) -> None:
         if not view.display or not view.size.width:
@@ -84,16 +85,22 @@ class InspectCharts(Horizontal):
         bars = [Bars(um_pp=orders_um_pp(seen.last), token=Token.AFTER)]
         if seen.other is not None:
             bars.insert(0, Bars(um_pp=orders_um_pp(seen.before), token=Token.BEFORE, thin=True))
-        top_um, jaws = stepped_125(fitting_top_um(bars, highest), -zoom), seen.part.job.jaws
+        unit_um, jaws = self._text.units.size("um"), seen.part.job.jaws
+        top_um = stepped_125(fitting_top_um(bars, highest, unit_um) / unit_um, -zoom) * unit_um
         marked = [jaws * multiple for multiple in range(1, inspect_lines.FRONT_MULTIPLES + 1)]
-        view.show(SpectrumPicture(bars=bars, highest=highest, top_um=top_um, marked=marked))
+        unit = self._text.units.unit("um")
+        view.show(
+            SpectrumPicture(bars=bars, highest=highest, top_um=top_um, marked=marked, unit=unit, unit_um=unit_um)
+        )
         words = self._spectrum_words(seen, zoomed=bool(zoom), top_um=top_um)
         entitle(view, self._text("inspect_page.spectrum", filter=words[0]), words[1])
 
     def _spectrum_words(self, seen: Comparison, *, zoomed: bool, top_um: float) -> tuple[str, str]:
         text = self._text
         key = "spectrum_zoomed" if zoomed else "spectrum_top"
-        return inspect_lines.filter_words(seen.shown.result, text), text(f"inspect_page.{key}", um=f"{top_um:g}")
+        return inspect_lines.filter_words(seen.shown.result, text), text(
+            f"inspect_page.{key}", um=text.units.short(top_um, "um")
+        )
 
 
 def orders_um_pp(side: Side) -> Floats:

@@ -121,7 +121,9 @@ class PartChooser(Sheet):
             name = f"{local(point.at)}  {printable(made_of_point(point, text), 40)}  {printable(point.part, 12)}"
             tolerance = point.tolerance_um
             mark = "·" if tolerance is None else "✓" if point.ront_um <= tolerance else "✗"
-            rows.append(self._row(place, line(name), line(f" {point.ront_um:.2f} um {mark}"), width))
+            rows.append(
+                self._row(place, line(name), line(f" {text.units.show(point.ront_um, 'um', 2)} {mark}"), width)
+            )
         return rows
 
     def _row(self, place: int, left: Line, right: Line, width: int) -> Line:

@@ -27,22 +27,22 @@ def plain_words(learning: PartLearning, work: Work | None, text: Catalogue, *, f
         return text("inspect_page.plain.refused")
     lobe = _lobe(taught)
     if taught.stage is Stage.PARTIAL:
-        return f"{text('inspect_page.plain.half', left=_um(lobe))} {_half_words(taught, text)}"
+        return f"{text('inspect_page.plain.half', left=_um(lobe, text))} {_half_words(taught, text)}"
     if is_kept(learning, work):
-        return text("inspect_page.plain.accepted", left=_um(lobe))
+        return text("inspect_page.plain.accepted", left=_um(lobe, text))
     if lobe is not None and lobe.learned:
-        scatter = f"{taught.step.expected_half_width_um_pp:.1f}"
+        scatter = text.units.figure(taught.step.expected_half_width_um_pp, "um", 1)
         word = "correct"
         if is_elsewhere(taught):
             word = "elsewhere"
         elif in_scatter(taught):
             word = "may_scatter" if failed else "scatter"
-        return text(f"inspect_page.plain.{word}", left=_um(lobe), scatter=scatter)
+        return text(f"inspect_page.plain.{word}", left=_um(lobe, text), scatter=scatter)
     others = [each for each in taught.harmonics if each.learned]
     if not others:
         return text("inspect_page.plain.noise")
     most = max(others, key=lambda each: each.left_um_pp)
-    return text("inspect_page.plain.other", n=most.order, left=_um(most))
+    return text("inspect_page.plain.other", n=most.order, left=_um(most, text))
 
 
 def is_elsewhere(taught: Taught) -> bool:
@@ -69,7 +69,8 @@ def _half_words(taught: Taught, text: Catalogue) -> str:
     part = taught.step.next.part
     whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.fraction
     left = expected(whole_um_pp, taught.stage.fraction)
-    return text("inspect_page.half_left", right=f"{left.right_um_pp:.1f}", wrong=f"{left.wrong_um_pp:.1f}")
+    right, wrong = (text.units.figure(each, "um", 1) for each in (left.right_um_pp, left.wrong_um_pp))
+    return text("inspect_page.half_left", right=right, wrong=wrong)
 
 
 def _lobe(taught: Taught) -> LeftHarmonic | None:
@@ -77,5 +78,5 @@ def _lobe(taught: Taught) -> LeftHarmonic | None:
     return next((each for each in taught.harmonics if each.order == order), None)
 
 
-def _um(harmonic: LeftHarmonic | None) -> str:
-    return "0.0" if harmonic is None else f"{harmonic.left_um_pp:.1f}"
+def _um(harmonic: LeftHarmonic | None, text: Catalogue) -> str:
+    return text.units.figure(0.0 if harmonic is None else harmonic.left_um_pp, "um", 1)

@@ -172,7 +172,7 @@ class AlignPage(Page):
             return line((text("align_page.next.no_job"), Token.ACTION))
         facts = {"force": "", "radius": "", "angle": ""}
         if job is not None:
-            facts |= {"force": f"{job.chucking_force_n:.0f}", "radius": f"{job.radius_mm:.3f}"}
+            facts |= {"force": f"{job.chucking_force_n:.0f}", "radius": text.units.figure(job.radius_mm, "mm", 3)}
         if state.snapshot is not None:
             facts["angle"] = f"{align_lines.angle_deg(state.snapshot, self.ui.machine.machine):.2f}"
         return line((text(f"align_page.next.{self._next_word(state, step, job)}", **facts), Token.ACTION))

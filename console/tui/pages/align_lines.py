@@ -19,6 +19,7 @@ from console.session.cut.alignment import (
 from console.session.station.jogging import counts_per_unit, over_part, tool_in_part, tool_radius_mm
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
+from console.text.units import Units
 from console.tui.align.jaw_lines import flank_lines
 from console.tui.align.travel_lines import moving_words
 from console.tui.lines import (
@@ -76,7 +77,7 @@ def _axis_line(text: Catalogue, axis: AxisName, state: StationState, machine: Ma
         columns = (_POSITION_WIDTH, _ERROR_WIDTH, _HOMED_WIDTH)
         return (label, dim("".join(to_the_right(NOTHING, width) for width in columns)), dim(f" {NOTHING}"))
     seen = state.snapshot.axis(axis)
-    position, error = _position(axis, state.snapshot, machine, state.alignment)
+    position, error = _position(axis, state.snapshot, machine, state.alignment, text.units)
     homed = "home_complete" in seen.flags
     if not homed:
         position = NOTHING  # counts from the axis position at power-on of the controller
@@ -100,7 +101,7 @@ def large_lines(
     for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
         number, unit, label = NOTHING, "", text(f"align_page.axis.{axis}")
         if state.snapshot is not None and "home_complete" in state.snapshot.axis(axis).flags:
-            position, _ = _position(axis, state.snapshot, machine, state.alignment)
+            position, _ = _position(axis, state.snapshot, machine, state.alignment, text.units)
             *radius, number, unit = position.split()
             label = " ".join((label, *radius))
         token = Token.STALE if state.is_stale(now_s) else Token.STRONG
@@ -109,22 +110,25 @@ def large_lines(
 
 
 def _position(
-    axis: AxisName, snapshot: Snapshot, machine: MachineProfile, alignment: Alignment
+    axis: AxisName, snapshot: Snapshot, machine: MachineProfile, alignment: Alignment, units: Units
 ) -> tuple[str, str]:
     seen, per_unit = snapshot.axis(axis), counts_per_unit(machine, axis)
     error = seen.following_error / per_unit
     match axis:
         case AxisName.TOOL:
-            return f"R {tool_radius_mm(seen.position, machine, alignment):z.4f} mm", _error_um(1000.0 * error)
+            radius_mm = tool_radius_mm(seen.position, machine, alignment)
+            return f"R {units.show(radius_mm, 'mm', 4, 'z')}", _error_um(1000.0 * error, units)
         case AxisName.CARRIAGE:
-            return f"{seen.position / per_unit:z.3f} mm", _error_um(1000.0 * error)
+            return units.show(seen.position / per_unit, "mm", 3, "z"), _error_um(1000.0 * error, units)
         case AxisName.SPINDLE:
             return f"{angle_deg(snapshot, machine):z.2f} °", f"{error:z.2f} °"
 
 
-def _error_um(error_um: float) -> str:
+def _error_um(error_um: float, units: Units) -> str:
     """Format a following error; a large one in mm, so that it never runs into the position beside it."""
-    return f"{error_um:z.1f} um" if abs(error_um) < 999.95 else f"{error_um / 1000.0:z.3f} mm"
+    if abs(error_um) < 999.95:
+        return units.show(error_um, "um", 1, "z")
+    return units.show(error_um / 1000.0, "mm", 3, "z")
 
 
 def angle_deg(snapshot: Snapshot, machine: MachineProfile) -> float:
@@ -239,10 +243,10 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
     return text(
         f"align_page.hint.{step}{place}",
         material=job.material,
-        diameter=f"{job.diameter_mm:.3f}",
-        radius=f"{job.radius_mm:.3f}",
+        diameter=text.units.figure(job.diameter_mm, "mm", 3),
+        radius=text.units.figure(job.radius_mm, "mm", 3),
         force=f"{job.chucking_force_n:.0f}",
-        error=f"{job.lobe_error_um_pp:.1f}",
+        error=text.units.figure(job.lobe_error_um_pp, "um", 1),
     )
 
 
@@ -331,7 +335,10 @@ def _taken(text: Catalogue, alignment: Alignment) -> Iterator[tuple[str, str, st
         within = "" if jaw.spread_deg is None else f" ± {jaw.spread_deg:.2f}"
         yield text("align_page.stamp.jaw"), f"{jaw.angle_deg:.2f}{within} °", on, jaw.at
     if touched is not None:
-        zero, on = f"R {touched.zero_radius_mm:.3f} mm", f"D {touched.diameter_mm:g}"
+        zero, on = (
+            f"R {text.units.show(touched.zero_radius_mm, 'mm', 3)}",
+            f"D {text.units.short(touched.diameter_mm, 'mm')}",
+        )
         how = text("align_page.stamp.skimmed") if touched.skimmed else ""
         on = ", ".join(filter(None, (on, how, touched.on.tool)))
         yield text("align_page.stamp.touch"), zero, on, touched.at

@@ -23,13 +23,13 @@ Floats = NDArray[np.float64]
 
 def progress_line(text: Catalogue, cut: CutProgress, width: int) -> Line:
     """Return turn, Z, time left, and a bar with the finished fraction; before the cut its stage."""
-    turns, length = f"{cut.turns:.0f}", f"{cut.length_mm:.1f}"
+    turns, length = f"{cut.turns:.0f}", text.units.figure(cut.length_mm, "mm", 1)
     if cut.stage in BEFORE_CUT:
         stage = text(f"run_page.stage.{cut.stage}")
         coming = text("run_page.progress_before", stage=stage, turns=turns, length=length)
         return ranged(line((coming, Token.STRONG)), BLANK, width)
     percent = f" {100.0 * cut.fraction:3.0f} %"
-    turn, z, left = f"{cut.turn:.0f}", f"{cut.z_mm:.1f}", f"{cut.left_s:.0f}"
+    turn, z, left = f"{cut.turn:.0f}", text.units.figure(cut.z_mm, "mm", 1), f"{cut.left_s:.0f}"
     head = text("run_page.progress", turn=turn, turns=turns, z=z, length=length, left=left)
     words = line((head, Token.STRONG))
     room = width - width_of(words) - len(percent) - 2
@@ -69,11 +69,11 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
         row("speed", NOTHING if speed_rpm is None else f"{speed_rpm:z.0f} rpm"),
         row("ripple", _ripple(cut.ripple)),
         row("lobe", lobe_hz),
-        row("tool", f"R {cut.tool_radius_mm:.4f} mm"),
-        row("wanted", f"R {target_mm:.4f} mm" if in_part else NOTHING),
-        row("error", f"{cut.tool_error_um:+z.2f} um" if in_part else NOTHING),
-        row("peak", f"{cut.tool_error_peak_um:.2f} um" if has_peak else NOTHING),
-        row("following", f"{cut.following_error_um:+z.2f} um"),
+        row("tool", f"R {text.units.show(cut.tool_radius_mm, 'mm', 4)}"),
+        row("wanted", f"R {text.units.show(target_mm, 'mm', 4)}" if in_part else NOTHING),
+        row("error", text.units.show(cut.tool_error_um, "um", 2, "+z") if in_part else NOTHING),
+        row("peak", text.units.show(cut.tool_error_peak_um, "um", 2) if has_peak else NOTHING),
+        row("following", text.units.show(cut.following_error_um, "um", 2, "+z")),
         *(_together_lines(text, cut, width) if cut.judged else [BLANK, *not_judged]),
     ]
 
@@ -84,7 +84,11 @@ def large_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     numbers = (
         ("run_page.large.left", NOTHING if cut.stage in BEFORE_CUT else f"{cut.left_s:.0f}", "s"),
         ("run_page.live.speed", NOTHING if cut.speed_rpm is None else f"{cut.speed_rpm:z.0f}", "rpm"),
-        ("run_page.live.error", f"{cut.tool_error_um:+z.1f}" if in_part else NOTHING, "um"),
+        (
+            "run_page.live.error",
+            text.units.figure(cut.tool_error_um, "um", 1, "+z") if in_part else NOTHING,
+            text.units.unit("um"),
+        ),
     )
     rows = [row for key, number, unit in numbers for row in (BLANK, *big_number(number, text(key), unit, width))]
     return rows[1:]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from decimal import Decimal
 
 from console.session.station.state import StationState
+from console.session.typed_length import stored_length
 from console.session.work import NO_VALUE, Work, edited
 from console.text.catalogue import Catalogue
+from console.text.units import Units
 from console.tui.ui_context import locked
 from profiles.fields import Field, Kind
 from profiles.job import JOB_FIELDS, Job
@@ -74,32 +75,36 @@ STEPS = {
 _NAMED = {field.key for field in FORM} | {"lobe_error_um_pp"}
 
 
-def number(value: float, decimals: int) -> str:
-    """Return a number with these decimals, or with more where rounding would change it."""
-    text = f"{value:.{decimals}f}"
-    return text if float(text) == value else format(Decimal(repr(value)), "f")
-
-
-def written(field: FormField, job: Job) -> str:
-    """Return the value of a field without mark and unit, as it could be typed."""
+def written(field: FormField, job: Job, units: Units) -> str:
+    """Return the value of a field in the shown units, without mark and unit, as it could be typed."""
     value = getattr(job, field.key)
     if value is None:
         return NO_VALUE
-    return number(value, field.decimals) if field.numeric else str(value)
+    return units.exact(value, field.rule.unit, field.decimals) if field.numeric else str(value)
 
 
-def entry_of(field: FormField, work: Work) -> str:
+def entry_of(field: FormField, work: Work, units: Units) -> str:
     """Return what an entry begins with: the value of the field, nothing for a missing one."""
-    return "" if field.key in work.missing else written(field, work.job)
+    return "" if field.key in work.missing else written(field, work.job, units)
 
 
-def with_unit(field: FormField, job: Job) -> str:
+def with_unit(field: FormField, job: Job, units: Units) -> str:
     """Return the value of a field with mark and unit: "D 52.000 mm"."""
-    unit = "" if getattr(job, field.key) is None else field.rule.unit
-    return f"{field.mark}{written(field, job)} {unit}".strip()
+    unit = "" if getattr(job, field.key) is None else units.unit(field.rule.unit)
+    return f"{field.mark}{written(field, job, units)} {unit}".strip()
 
 
-def bounds(field: FormField) -> str:
+def limit_of(field: FormField, units: Units) -> str:
+    """Return what may be typed, as the rule of the field says it, in the shown unit: "> 0, <= 19.68503 in"."""
+    rule = field.rule
+    if units.unit(rule.unit) == rule.unit:
+        return rule.limit
+    pairs = (("> ", rule.above, False), (">= ", rule.at_least, False), ("<= ", rule.at_most, True))
+    said = [f"{sign}{units.bound(bound, rule.unit, upper=up)}" for sign, bound, up in pairs if bound is not None]
+    return " ".join(filter(None, (", ".join(said), units.unit(rule.unit))))
+
+
+def bounds(field: FormField, units: Units) -> str:
     """Return the limits in few cells, ">0 ≤500"; a negligible minimum is ">0", and stated under the form."""
     rule = field.rule
     if not field.numeric:
@@ -107,7 +112,8 @@ def bounds(field: FormField) -> str:
     least, most = rule.at_least, rule.at_most
     tiny = least is not None and most is not None and 0 < least <= NEXT_TO_NOTHING * most
     pairs = ((">", 0.0 if tiny else rule.above), ("≥", None if tiny else least), ("≤", most))
-    return " ".join(f"{sign}{bound:.10g}" for sign, bound in pairs if bound is not None)
+    shown = ((sign, bound, sign == "≤") for sign, bound in pairs if bound is not None)
+    return " ".join(f"{sign}{units.bound(bound, rule.unit, upper=upper)}" for sign, bound, upper in shown)
 
 
 def why_not_changed(action: str, work: Work | None, state: StationState) -> tuple[Problem, ...]:
@@ -132,14 +138,24 @@ class Judged:
     problems: tuple[Problem, ...] = ()
 
 
-def judge(work: Work, field: FormField, typed: str) -> Judged:
-    """Return how an entry was understood; an empty one keeps the value."""
-    if not typed.strip():
+def judge(work: Work, field: FormField, typed: str, units: Units) -> Judged:
+    """Return how an entry in the shown units was understood; an empty or unchanged one keeps the value."""
+    plain = typed.strip()
+    # In inches what is shown may be rounded: an entry that is left as it began is no edit.
+    if not plain or plain == entry_of(field, work, units):
         return Judged(work=work)
+    unit, shown, limit = field.rule.unit, units.unit(field.rule.unit), limit_of(field, units)
     try:
+        if field.numeric:
+            typed = stored_length(typed, field.key, limit, unit, units)
         return Judged(work=edited(work, field.key, typed))
     except ProfileError as error:
-        return Judged(work=work, problems=tuple(error.problems))
+        if shown == unit:
+            return Judged(work=work, problems=tuple(error.problems))
+        # The refusal quotes what was typed, and the range in the same unit.
+        return Judged(
+            work=work, problems=tuple(replace(each, value=plain, limit=limit) for each in error.problems)
+        )
 
 
 def named(problem: Problem, text: Catalogue) -> Problem:

@@ -42,10 +42,10 @@ def caption_lines(seen: Comparison, text: Catalogue, width: int, *, beyond: bool
     what = text("inspect_page.measured_before") if before.result else text("inspect_page.stated")
     if seen.other is not None:
         what = other_words(seen.other.point, text)
-    lines = [_trace_words((BEFORE_KEY, Token.BEFORE), what, before.ront_um, width)]
+    lines = [_trace_words((BEFORE_KEY, Token.BEFORE), what, before.ront_um, text, width)]
     if after is not None:
         how = text("inspect_page.measured_after", strategy=seen.part.strategy.value)
-        lines.append(_trace_words((AFTER_KEY, Token.AFTER), how, after.ront_um, width))
+        lines.append(_trace_words((AFTER_KEY, Token.AFTER), how, after.ront_um, text, width))
     if beyond:
         return [*lines, line((fitted(text("inspect_page.beyond"), width), Token.WARNING))]
     if seen.other is not None and seen.part.phase_known and before.jaw_1_deg is None:
@@ -59,10 +59,15 @@ def scale_words(
     um_per_division: float, tolerance_um: float | None, text: Catalogue, *, ringed: bool, zoomed: bool
 ) -> str:
     """Return the scale of the plot, and the tolerance whose rings it shows, or at which zoom it would."""
-    words = [text("inspect_page.scale_zoomed" if zoomed else "inspect_page.scale", value=f"{um_per_division:g}")]
+    words = [
+        text(
+            "inspect_page.scale_zoomed" if zoomed else "inspect_page.scale",
+            value=text.units.short(um_per_division, "um"),
+        )
+    ]
     if tolerance_um is not None:
         key = "tolerance" if ringed else "tolerance_small"
-        words.append(text(f"inspect_page.{key}", value=f"{tolerance_um:g}"))
+        words.append(text(f"inspect_page.{key}", value=text.units.short(tolerance_um, "um")))
     return " · ".join(words)
 
 
@@ -100,10 +105,12 @@ def result_lines(
     """
     before, after = seen.before, seen.after.result if seen.after else None
     chosen = seen.looked.circle
-    head, four = [_heading(seen, text, width)], [_ront(seen, kind, width) for kind in CIRCLES]
+    head, four = [_heading(seen, text, width)], [_ront(seen, kind, text, width) for kind in CIRCLES]
     diameter = _diameter(seen.part, text, width)
     lesser = [
-        _columns(name, _figure(before.result, chosen, key), _figure(after, chosen, key), width, Token.TEXT)
+        _columns(
+            name, _figure(before.result, chosen, key, text), _figure(after, chosen, key, text), width, Token.TEXT
+        )
         for name, key in (("RONp", "ronp_um"), ("RONv", "ronv_um"), ("RONq", "ronq_um"))
     ]
     gained, lines, lobe = _gained(seen, text, width), _verdict(seen, text, width), list[Line]()
@@ -113,7 +120,7 @@ def result_lines(
         lobe = _lobe_rows(seen, text, width)
     wrong = wrong_lines(seen.part, text, width)
     room = height - len(head) - len(diameter) - len(lines) - len(wrong)
-    circles = four if len(four) <= room else [_ront(seen, chosen, width)]
+    circles = four if len(four) <= room else [_ront(seen, chosen, text, width)]
     room -= len(circles)
     kept: list[list[Line]] = []
     for rows in (lobe, gained, lesser):  # the most important first; each as a whole, or not at all
@@ -127,19 +134,19 @@ def result_lines(
     return clipped(shown, height, text("panel.more"))
 
 
-def _ront(seen: Comparison, kind: str, width: int) -> Line:
+def _ront(seen: Comparison, kind: str, text: Catalogue, width: int) -> Line:
     """Return RONt of both parts about one circle; the one that is drawn is marked."""
     before, after = seen.before, seen.after
-    one, two = (NOTHING if side is None else _ront_of(side, kind) for side in (before, after))
+    one, two = (NOTHING if side is None else _ront_of(side, kind, text) for side in (before, after))
     chosen = kind == seen.looked.circle
     name = f"RONt {kind}{_CHOSEN if chosen else ''}"
     return _columns(name, one, two, width, Token.STRONG if chosen else Token.TEXT)
 
 
-def _ront_of(side: Side, kind: str) -> str:
+def _ront_of(side: Side, kind: str, text: Catalogue) -> str:
     if side.result is None:  # the job states a lobe, which is as high about each of the circles
-        return f"{side.ront_um:.2f}"
-    return f"{side.result.circle(kind).ront_um:.2f}"
+        return text.units.figure(side.ront_um, "um", 2)
+    return text.units.figure(side.result.circle(kind).ront_um, "um", 2)
 
 
 def _lobe_rows(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
@@ -150,12 +157,19 @@ def _lobe_rows(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
 
 def _diameter(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
     """Return the mean diameter and how far the tool has to move for the nominal one; nothing without a size."""
-    offset_um = part.tool_offset_um
-    if offset_um is None:
+    offset_um, diameter_mm = part.tool_offset_um, part.diameter_mm
+    if offset_um is None or diameter_mm is None:
         return []
     name = text("inspect_page.diameter_taken" if part.offset_taken else "inspect_page.diameter")
     return [
-        ranged(line(dim(name)), line(f" {part.diameter_mm:.3f} ", (f"{offset_um:+.1f} um", Token.STRONG)), width)
+        ranged(
+            line(dim(name)),
+            line(
+                f" {text.units.figure(diameter_mm, 'mm', 3)} ",
+                (text.units.show(offset_um, "um", 1, "+"), Token.STRONG),
+            ),
+            width,
+        )
     ]
 
 
@@ -182,18 +196,18 @@ def phase_from_jaw_deg(side: Side, n: int) -> float | None:
     return math.remainder(found.phase_deg - side.jaw_1_deg, 360.0 / n)
 
 
-def _trace_words(key: Piece, what: str, ront_um: float, width: int) -> Line:
-    return ranged(line(key, " ", what), line((f" {ront_um:.2f} um", key[1])), width)
+def _trace_words(key: Piece, what: str, ront_um: float, text: Catalogue, width: int) -> Line:
+    return ranged(line(key, " ", what), line((f" {text.units.show(ront_um, 'um', 2)}", key[1])), width)
 
 
-def _figure(result: RoundnessResult | None, circle: str, key: str) -> str:
-    return NOTHING if result is None else f"{getattr(result.circle(circle), key):.2f}"
+def _figure(result: RoundnessResult | None, circle: str, key: str, text: Catalogue) -> str:
+    return NOTHING if result is None else text.units.figure(getattr(result.circle(circle), key), "um", 2)
 
 
 def _heading(seen: Comparison, text: Catalogue, width: int) -> Line:
     before = text("inspect_page.before" if seen.other is None else "inspect_page.other")
     after = text("inspect_page.after" if seen.other is None else "inspect_page.this")
-    return _columns("um", before, after, width, Token.DIM)
+    return _columns(text.units.unit("um"), before, after, width, Token.DIM)
 
 
 def _columns(name: str, before: str, after: str, width: int, token: Token) -> Line:
@@ -216,11 +230,11 @@ def _verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
 
 def _diameter_verdict(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
     """Return whether the diameter is within its tolerance; nothing without one, or without the size."""
-    passes = part.diameter_passes
-    if passes is None:
+    passes, diameter_mm, limit_um = part.diameter_passes, part.diameter_mm, part.job.diameter_tolerance_um
+    if passes is None or diameter_mm is None or limit_um is None:
         return []
     word = "diameter_pass" if passes else "diameter_fail"
-    facts = {"value": f"{part.diameter_mm:.3f}", "limit": f"{part.job.diameter_tolerance_um:g}"}
+    facts = {"value": text.units.figure(diameter_mm, "mm", 3), "limit": text.units.short(limit_um, "um")}
     return [_judged(text(f"inspect_page.{word}", **facts), passes, width)]
 
 
@@ -233,7 +247,7 @@ def _roundness_verdict(seen: Comparison, text: Catalogue, width: int) -> list[Li
     if seen.part.is_half:
         return [line(dim(fitted(f"· {text('inspect_page.half')}", width)))]
     ront_um, limit_um = seen.part.result.ront_um, seen.part.job.roundness_tolerance_um
-    facts = {"value": f"{ront_um:.2f}", "limit": f"{limit_um:.2f}"}
+    facts = {"value": text.units.figure(ront_um, "um", 2), "limit": text.units.figure(limit_um, "um", 2)}
     passes = ront_um <= limit_um
     words = text("inspect_page.pass", **facts) if passes else text("inspect_page.fail", **facts)
     rows = [_judged(words, passes, width)]
@@ -247,11 +261,11 @@ def _roundness_verdict(seen: Comparison, text: Catalogue, width: int) -> list[Li
 def _harmonic(seen: Comparison, n: int, text: Catalogue, width: int, token: Token) -> Line:
     jaws, before = seen.part.job.jaws, seen.before
     if before.result is not None:
-        one = f"{2.0 * before.result.amplitude_um(n):.2f}"
+        one = text.units.figure(2.0 * before.result.amplitude_um(n), "um", 2)
     else:
-        one = f"{before.ront_um:.2f}" if n == jaws else NOTHING
+        one = text.units.figure(before.ront_um, "um", 2) if n == jaws else NOTHING
     after = seen.after.result if seen.after else None
-    other = NOTHING if after is None else f"{2.0 * after.amplitude_um(n):.2f}"
+    other = NOTHING if after is None else text.units.figure(2.0 * after.amplitude_um(n), "um", 2)
     return _columns(text("inspect_page.harmonic", n=f"{n:>2}"), one, other, width, token)
 
 

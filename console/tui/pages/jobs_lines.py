@@ -12,6 +12,7 @@ from rich.cells import cell_len
 from console.session.data.history import LastResult, LastResults
 from console.text.catalogue import Catalogue
 from console.text.lobe import lobe_number
+from console.text.units import Units
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, fitted, hanging, line, name_in, wrapped
 from console.tui.pages.fields import provenance
 from console.tui.theme import Token
@@ -112,7 +113,11 @@ def _part_lines(last: LastResult, text: Catalogue, width: int) -> list[Line]:
     return [
         title,
         *(
-            _fact(at.astimezone().strftime("%Y-%m-%d %H:%M"), f"{strategy}  {ront_um:8.2f} um", width)
+            _fact(
+                at.astimezone().strftime("%Y-%m-%d %H:%M"),
+                f"{strategy}  {text.units.figure(ront_um, 'um', 2):>8} {text.units.unit('um')}",
+                width,
+            )
             for at, ront_um, strategy in reversed(last.recent)
         ),
     ]
@@ -142,21 +147,21 @@ def _row(jobs: JobList, place: int, columns: Sequence[tuple[str, int]], name_wid
         reason = _right("✗ " + text("jobs_page.unreadable"), sum(cells for _, cells in columns))
         return ((name + reason, Token.SELECTED),) if chosen else line(name, (reason, Token.WARNING))
     last = jobs.results.get(loaded.job.name)
-    name += "".join(_right(_value(column, loaded.job, last), cells) for column, cells in columns)
+    name += "".join(_right(_value(column, loaded.job, last, text.units), cells) for column, cells in columns)
     return ((name, Token.SELECTED if chosen else Token.TEXT),)
 
 
-def _value(column: str, job: Job, last: LastResult | None) -> str:
+def _value(column: str, job: Job, last: LastResult | None, units: Units) -> str:
     """Return what a job has in a column."""
     match column:
         case "material":
             return job.material
         case "diameter":
-            return f"{job.diameter_mm:.1f}"
+            return units.figure(job.diameter_mm, "mm", 1)
         case "speed":
             return f"{job.spindle_speed_rpm:.0f}"
         case "error":
-            return lobe_number(job)
+            return lobe_number(job, units)
         case "chucking":
             return f"{job.chucking_force_n:.0f}"
         case "labels":
@@ -164,7 +169,7 @@ def _value(column: str, job: Job, last: LastResult | None) -> str:
         case "measured":
             return NOTHING if last is None else _day(last.measured_at)
         case _:
-            return NOTHING if last is None else f"{last.ront_um:.1f}"
+            return NOTHING if last is None else units.figure(last.ront_um, "um", 1)
 
 
 def _day(at: datetime) -> str:
@@ -183,21 +188,28 @@ def job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
     """Return what is cut and how, a line for each value."""
     solid = job.wall_thickness_mm >= job.radius_mm
     form = text("jobs_page.bar" if solid else "jobs_page.tube", material=job.material)
-    lobe_error = text(f"source.{lobe_source(job)}")
-    if job.lobe_error_source != NO_LOBE:
-        lobe_error += f" {lobe_number(job)} um"
-    size = f"D {job.diameter_mm:.1f}" + ("" if solid else f" x {job.wall_thickness_mm:.1f}") + " mm"
+    source = text(f"source.{lobe_source(job)}")
+    lobe_error = (
+        source
+        if job.lobe_error_source == NO_LOBE
+        else f"{source} {lobe_number(job, text.units)} {text.units.unit('um')}"
+    )
+    diameter, wall = (text.units.figure(each, "mm", 1) for each in (job.diameter_mm, job.wall_thickness_mm))
+    size = f"D {diameter}" + ("" if solid else f" x {wall}") + f" {text.units.unit('mm')}"
     lobe = text("jobs_page.jaws", count=job.jaws, frequency=f"{job.lobe_frequency_hz:.1f}")
     rows = (
         (text("jobs_page.part"), form),
         (text("jobs_page.outside") if solid else text("jobs_page.size"), size),
-        (text("jobs_page.overhang"), f"{job.overhang_mm:.3f} mm"),
+        (text("jobs_page.overhang"), text.units.show(job.overhang_mm, "mm", 3)),
         (text("jobs_page.force"), _marked(job, "chucking_force_n", f"{job.chucking_force_n:.1f} N", text)),
-        (text("jobs_page.depth"), _marked(job, "depth_of_cut_mm", f"{job.depth_of_cut_mm:.3f} mm", text)),
+        (
+            text("jobs_page.depth"),
+            _marked(job, "depth_of_cut_mm", text.units.show(job.depth_of_cut_mm, "mm", 3), text),
+        ),
         (text("jobs_page.spindle"), f"{job.spindle_speed_rpm:.1f} rpm"),
         (text("jobs_page.lobe"), lobe),
         (text("jobs_page.uncompensated"), lobe_error),
-        (text("jobs_page.tolerance"), f"{job.roundness_tolerance_um:.1f} um"),
+        (text("jobs_page.tolerance"), text.units.show(job.roundness_tolerance_um, "um", 1)),
     )
     return [_fact(label, value, width) for label, value in rows]
 
@@ -217,7 +229,7 @@ def _last_lines(last: LastResult | None, simulated: bool, text: Catalogue, width
     uncompensated = text("jobs_page.without") if last.strategy == UNCOMPENSATED else ""
     notes = filter(None, (text("jobs_page.circle"), simulation, uncompensated))
     return [
-        _fact(text("jobs_page.last_part"), f"{last.ront_um:.2f} um", width),
+        _fact(text("jobs_page.last_part"), text.units.show(last.ront_um, "um", 2), width),
         *((dim(_right(note, width)),) for note in notes),
         _fact(text("jobs_page.parts", count=last.parts), _day(last.measured_at), width),
     ]

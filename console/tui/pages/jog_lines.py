@@ -173,8 +173,8 @@ def gap_words(text: Catalogue, seen: WorkshopView) -> str:
     if gap is None:
         return text("align_page.tool_beside")
     if gap > 0:
-        return text("align_page.gap", gap=f"{gap:.3f} mm")
-    return text("align_page.touches", depth=f"{abs(gap):.3f} mm")
+        return text("align_page.gap", gap=text.units.show(gap, "mm", 3))
+    return text("align_page.touches", depth=text.units.show(abs(gap), "mm", 3))
 
 
 @lru_cache(maxsize=4)

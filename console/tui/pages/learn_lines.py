@@ -108,15 +108,18 @@ def chosen_words(text: Catalogue, work: Work) -> str:
 
 
 def _harmonics_words(taught: Taught, text: Catalogue) -> str:
+    def um(value: float) -> str:
+        return text.units.figure(value, "um", 2)
+
     if taught.step.reasons:  # no promise for a next part that will not be cut with it
-        left = " · ".join(f"{each.order}/rev {each.left_um_pp:.2f}" for each in taught.harmonics)
+        left = " · ".join(f"{each.order}/rev {um(each.left_um_pp)}" for each in taught.harmonics)
         return text("inspect_page.left", harmonics=left)
     lobe = taught.step.next.path.target.lobes
-    scatter, noise = f" ± {taught.step.expected_half_width_um_pp:.2f}", text("inspect_page.noise")
+    scatter, noise = f" ± {um(taught.step.expected_half_width_um_pp)}", text("inspect_page.noise")
     words = []
     for each in taught.harmonics:
-        expected_um = f"→ {each.expected_um_pp:.2f}{scatter if each.order == lobe else ''}"
-        words.append(f"{each.order}/rev {each.left_um_pp:.2f} {expected_um if each.learned else noise}")
+        expected_um = f"→ {um(each.expected_um_pp)}{scatter if each.order == lobe else ''}"
+        words.append(f"{each.order}/rev {um(each.left_um_pp)} {expected_um if each.learned else noise}")
     return text("inspect_page.left", harmonics=" · ".join(words))
 
 

@@ -36,14 +36,17 @@ def _plain_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int)
         return wrapped(text("inspect_page.plain.no_lobe"), width, Token.STRONG)
     if is_taken(lobe, work) and work is not None:
         return wrapped(text("inspect_page.lobe_taken", job=work.job.name), width, Token.STRONG)
-    error = f"{lobe.found.fit.error_um_pp:.1f}"
+    error = text.units.figure(lobe.found.fit.error_um_pp, "um", 1)
     return wrapped(text("inspect_page.plain.lobe", error=error), width, Token.STRONG)
 
 
 def _found_words(found: FoundLobe, text: Catalogue) -> str:
     fit = found.fit
-    words = text("inspect_page.lobe", n=fit.jaws, error=f"{fit.error_um_pp:.2f}", ci=f"{2 * fit.lobe.ci_um:.2f}")
+    error, ci, noise = (
+        text.units.figure(each, "um", 2) for each in (fit.error_um_pp, 2 * fit.lobe.ci_um, fit.noise_um)
+    )
+    words = text("inspect_page.lobe", n=fit.jaws, error=error, ci=ci)
     if found.past_jaw_deg is not None:
         past = f"{found.past_jaw_deg:+z.1f}"
         words += " · " + text("inspect_page.lobe_at", past=past, ci=f"{fit.lobe.ci_deg:.1f}")
-    return words + " · " + text("inspect_page.lobe_noise", noise=f"{fit.noise_um:.2f}")
+    return words + " · " + text("inspect_page.lobe_noise", noise=noise)

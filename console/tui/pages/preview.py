@@ -70,12 +70,12 @@ def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
     return traces
 
 
-def path_series(seen: Underway, strategy: Strategy) -> list[Series]:
-    """Return the target path of the tool tip, and the command of this strategy, um of infeed."""
-    series = [Series(x=_TURN_DEG, y=seen.target.at_um(_TURN_DEG), token=Token.WANTED)]
+def path_series(seen: Underway, strategy: Strategy, unit_um: float) -> list[Series]:
+    """Return the target path of the tool tip, and the command of this strategy, infeed in units of `unit_um`."""
+    series = [Series(x=_TURN_DEG, y=seen.target.at_um(_TURN_DEG) / unit_um, token=Token.WANTED)]
     made = preview_lines.predicted(seen, strategy)
     if made is not None:
-        series.append(Series(x=made.angle_deg, y=made.command_um, token=Token.COMMAND, dashed=True))
+        series.append(Series(x=made.angle_deg, y=made.command_um / unit_um, token=Token.COMMAND, dashed=True))
     return series
 
 
@@ -304,11 +304,14 @@ class PreviewPage(ChartPage):
             return
         self._drawn = (seen, strategy)
         marks = [Mark(angle_deg=seen.job.jaw_1_deg, label="1")]
-        self._polar.show(roundness_traces(seen, strategy), marks=marks)
-        series = path_series(seen, strategy)
+        units = self.ui.text.units
+        self._polar.show(roundness_traces(seen, strategy), marks=marks, unit_um=units.size("um"))
+        series = path_series(seen, strategy, units.size("um"))
         low, high = (float(edge(np.concatenate([each.y for each in series]))) for edge in (np.min, np.max))
         limits = nice_limits(low, high)
-        picture = TracePicture(series=series, x_limits=_FULL_TURN, y_limits=limits, y_unit="um", x_unit="°")
+        picture = TracePicture(
+            series=series, x_limits=_FULL_TURN, y_limits=limits, y_unit=units.unit("um"), x_unit="°"
+        )
         self._path.show(picture)
 
     def _write(
@@ -319,7 +322,7 @@ class PreviewPage(ChartPage):
         caption = preview_lines.roundness_caption(seen, strategy, alignment, scale, text, width, band)
         self._caption.show(caption)
         self._strategy.show(preview_lines.strategy_lines(seen, strategy, text, *self._strategy.size))
-        needs = preview_lines.margins(seen, strategy)
+        needs = preview_lines.margins(seen, strategy, text.units)
         size = self._margins.size
         rows = preview_lines.margin_lines(needs, text, size.width, size.height - 1, window)
         self._margins.show([*rows, speed_line(self._speeds.of(seen), text, size.width)][: max(size.height, 0)])

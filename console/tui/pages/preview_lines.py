@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from console.session.cut.alignment import Alignment
 from console.text.catalogue import Catalogue
+from console.text.units import METRIC, Units
 from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, hanging, line, ranged, wrapped
 from console.tui.theme import Token
 from drivers.cutting.planning import CutPlan
@@ -45,16 +46,18 @@ class Margin:
     limit: float | None
     decimals: int
     unit: str
+    units: Units = METRIC
 
     @property
     def value(self) -> str:
         """Both values with their unit."""
         # An unknown value takes the room of a small one.
-        unknown = f"{UNKNOWN:>{len(f'{0.0:.{self.decimals}f}')}}"
+        unknown = f"{UNKNOWN:>{len(self.units.figure(0.0, self.unit, self.decimals))}}"
         need, limit = (
-            unknown if value is None else f"{value:.{self.decimals}f}" for value in (self.need, self.limit)
+            unknown if value is None else self.units.figure(value, self.unit, self.decimals)
+            for value in (self.need, self.limit)
         )
-        return f"{need} / {limit} {self.unit}"
+        return f"{need} / {limit} {self.units.unit(self.unit)}"
 
     @property
     def percent(self) -> float | None:
@@ -74,12 +77,12 @@ def by_part(seen: Underway, strategy: Strategy) -> ExpectedPart | None:
     return seen.taught if strategy is seen.strategy else None
 
 
-def left_words(seen: Underway, strategy: Strategy) -> str:
-    """Return the expected roundness, um: by the part that the path was learned from, else by the model."""
+def left_words(seen: Underway, strategy: Strategy, units: Units) -> str:
+    """Return the expected roundness, a number: by the part that the path was learned from, else by the model."""
     expected, made = by_part(seen, strategy), seen.predictions.get(strategy)
     if expected is not None:
-        return NOTHING if expected.ront_um is None else f"{expected.ront_um:.1f}"
-    return UNKNOWN if made is None else f"{made.ront_um:.1f}"
+        return NOTHING if expected.ront_um is None else units.figure(expected.ront_um, "um", 1)
+    return UNKNOWN if made is None else units.figure(made.ront_um, "um", 1)
 
 
 def findings_of(seen: Underway, strategy: Strategy) -> tuple[Finding, ...]:
@@ -137,11 +140,18 @@ def roundness_caption(
         return [*words, BLANK, *wrapped(jaw_words(seen.job, alignment, text), width)]
     if without is not None or UNCOMPENSATED not in seen.strategies:
         left_um = seen.job.lobe_error_um_pp if without is None else without.ront_um
-        lines += _trace_words(BEFORE_KEY, text("preview_page.without"), Token.BEFORE, f"{left_um:.1f}", width)
+        lines += _trace_words(
+            BEFORE_KEY,
+            text("preview_page.without"),
+            Token.BEFORE,
+            text.units.figure(left_um, "um", 1),
+            text,
+            width,
+        )
     if strategy.traits.follows_lobe and (with_ is not None or strategy not in seen.strategies):
-        left = left_words(seen, strategy)
-        lines += _trace_words(AFTER_KEY, strategy.value, Token.AFTER, left, width, band)
-    lines.append((dim(text("preview_page.scale", value=f"{um_per_division:g}")),))
+        left = left_words(seen, strategy, text.units)
+        lines += _trace_words(AFTER_KEY, strategy.value, Token.AFTER, left, text, width, band)
+    lines.append((dim(text("preview_page.scale", value=text.units.short(um_per_division, "um"))),))
     return [*lines, *wrapped(jaw_words(seen.job, alignment, text), width)]
 
 
@@ -157,7 +167,7 @@ def strategy_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: i
     return lines[: max(height, 0)]
 
 
-def margins(seen: Underway, strategy: Strategy) -> tuple[Margin, ...]:
+def margins(seen: Underway, strategy: Strategy, units: Units) -> tuple[Margin, ...]:
     """Return what the chosen strategy needs of the drive, against the machine's limits."""
     tool, needs = seen.machine.tool, _needs(seen, strategy)
     limits: dict[str, float | None] = {key: drive.limit for key, drive in seen.demands.items()}
@@ -172,7 +182,7 @@ def margins(seen: Underway, strategy: Strategy) -> tuple[Margin, ...]:
         ("loop", "lobe_hz", 1, "Hz"),
     )
     return tuple(
-        Margin(name=name, need=needs.get(key), limit=limits[key], decimals=decimals, unit=unit)
+        Margin(name=name, need=needs.get(key), limit=limits[key], decimals=decimals, unit=unit, units=units)
         for name, key, decimals, unit in rows
     )
 
@@ -218,15 +228,15 @@ def _margin(need: Margin, text: Catalogue, width: int, values: int, bar: int) ->
 
 
 def _trace_words(
-    key: str, name: str, token: Token, ront_um: str, width: int, band: Span | None = None
+    key: str, name: str, token: Token, ront: str, text: Catalogue, width: int, band: Span | None = None
 ) -> list[Line]:
-    head, room = line((key, token), " ", name), max(width - 1, 0)
-    alone = ranged(BLANK, line((f"{ront_um} um", token)), room)
+    head, room, unit = line((key, token), " ", name), max(width - 1, 0), text.units.unit("um")
+    alone = ranged(BLANK, line((f"{ront} {unit}", token)), room)
     if band is None:
         return [head, alone]
-    span = f"{band[0]:.1f}–{band[1]:.1f}"
+    span = "–".join(text.units.figure(each, "um", 1) for each in band)
     # The unit is that of the trace before it, where there is no room for another.
-    for both in (f"{ront_um} ({span}) um", f"{ront_um} ({span})"):
+    for both in (f"{ront} ({span}) {unit}", f"{ront} ({span})"):
         if len(both) <= room:
             return [head, ranged(BLANK, line((both, token)), room)]
     return [head, alone, ranged(BLANK, line((f"({span})", token)), room)]
@@ -240,7 +250,7 @@ def _left_on_part(seen: Underway, strategy: Strategy, chosen: Strategy, text: Ca
     if seen.job.lobe_error_source == NO_LOBE:
         words = text("preview_page.needs_lobe") if strategy.traits.follows_lobe else "?"
         return ranged(left, line((f" {words}", Token.DIM)), width)
-    return ranged(left, line((f" {left_words(seen, strategy)} um", token)), width)
+    return ranged(left, line((f" {left_words(seen, strategy, text.units)} {text.units.unit('um')}", token)), width)
 
 
 def _found(plan: CutPlan | ProblemError | None, findings: Sequence[Finding], text: Catalogue, width: int) -> Line:
@@ -257,7 +267,7 @@ def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int
     if isinstance(plan, ProblemError):
         return []
     made = predicted(seen, strategy)
-    depth = UNKNOWN if prediction is None else f"{prediction.mean_um:.1f}"
+    depth = UNKNOWN if prediction is None else text.units.figure(prediction.mean_um, "um", 1)
     speed = UNKNOWN if plan is None else f"{plan.spindle_speed_rpm:.0f}"
     frequency = UNKNOWN if made is None else f"{made.lobe_frequency_hz:.1f}"
     servo = UNKNOWN
@@ -266,7 +276,7 @@ def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int
     rows = (
         (text("preview_page.servo", frequency=frequency), servo),
         (text("preview_page.inverse"), _inverse(seen, strategy, text)),
-        (text("preview_page.depth"), f"{depth} um"),
+        (text("preview_page.depth"), f"{depth} {text.units.unit('um')}"),
         (text("preview_page.speed"), f"{speed} rpm"),
     )
     return [ranged(line(dim(label)), line(" " + value), width) for label, value in rows]

@@ -330,8 +330,9 @@ class RunPage(Page):
         room = self._moment.size.width
         moment = [*adjust_line(text, cut, self._adjusts, room), *moment_lines(text, cut, band, room)]
         self._moment.show(moment if room >= LEAST_WIDTH else [], text("run_page.program"))
-        series, limits = band_series(cut, band)
-        self._errors.show(TracePicture(series=series, x_limits=FULL_TURN_DEG, y_limits=limits, y_unit="um"))
+        unit_um, unit = text.units.size("um"), text.units.unit("um")
+        series, limits = band_series(cut, band, unit_um)
+        self._errors.show(TracePicture(series=series, x_limits=FULL_TURN_DEG, y_limits=limits, y_unit=unit))
         if self.has_class("-roomy"):
             self._show_polar(cut, view.state.alignment.jaw)
 
@@ -340,8 +341,9 @@ class RunPage(Page):
         # A tool that is too far in leaves too small a radius.
         trace = PolarTrace(angle_deg=angles_deg, deviation_um=-errors_um, token=Token.AFTER)
         marks = [] if jaw is None else [Mark(angle_deg=jaw.angle_deg, label="1")]
-        self._polar.show([trace] if cut.judged else [], marks=marks)
-        scale = f"{self._polar.scale_um_per_division:g}"
+        units = self.ui.text.units
+        self._polar.show([trace] if cut.judged else [], marks=marks, unit_um=units.size("um"))
+        scale = units.short(self._polar.scale_um_per_division, "um")
         entitle(self._polar, self.ui.text("run_page.polar", scale=scale))
 
     def _show_end(self, cut: CutProgress, view: View) -> None:

@@ -149,7 +149,7 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
     clamping, jaw, tip = stamps.clamping, stamps.jaw, stamps.touch_off
     clamped = "" if clamping is None else clamping.at
     found = "" if jaw is None else f"{jaw.angle_deg:.2f} °  {jaw.at}"
-    touched = "" if tip is None else f"R {tip.zero_radius_mm:.3f} mm  {tip.at}"
+    touched = "" if tip is None else f"R {text.units.show(tip.zero_radius_mm, 'mm', 3)}  {tip.at}"
     made = chosen_words(text, work)
     if armed is not None:
         how = armed.made
@@ -161,8 +161,8 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
         ("window", window_words(job, work.machine.machine)),
         ("confirmed", _stamp(text, stamps, AlignStep.CLAMP, job, clamped)),
         *([] if state.touched is None else [("touched", cut_words(text, state.touched))]),
-        ("depth", f"{job.depth_of_cut_mm:.3f} mm"),
-        ("feed", f"{job.feed_mm_per_rev:.3f} mm/rev"),
+        ("depth", text.units.show(job.depth_of_cut_mm, "mm", 3)),
+        ("feed", text.units.show(job.feed_mm_per_rev, "mm/rev", 3)),
         ("speed", f"{job.spindle_speed_rpm if armed is None else armed.plan.spindle_speed_rpm:.0f} rpm"),
         ("strategy", text(f"strategy.{strategy}.named")),
         ("made", made),
@@ -202,8 +202,8 @@ def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: i
     plan = armed.plan
     words = text(
         "run_page.moves_first",
-        z=f"{plan.carriage_start / machine.carriage.counts_per_mm:.1f}",
-        radius=f"{tool_radius_mm(plan.tool_start, machine, armed.alignment):.3f}",
+        z=text.units.figure(plan.carriage_start / machine.carriage.counts_per_mm, "mm", 1),
+        radius=text.units.figure(tool_radius_mm(plan.tool_start, machine, armed.alignment), "mm", 3),
         speed=f"{plan.spindle_speed_rpm:.0f}",
         duration=f"{plan.duration_s:.0f}",
     )
@@ -215,16 +215,16 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     word = "held" if cut.stage is CutStage.HELD else "done_in_air" if cut.in_air else "done"
     pairs = [
         ("turns", f"{cut.turn:.0f} / {cut.turns:.0f}"),
-        ("length", f"{cut.z_mm:.2f} / {cut.length_mm:.2f} mm"),
+        ("length", f"{text.units.figure(cut.z_mm, 'mm', 2)} / {text.units.show(cut.length_mm, 'mm', 2)}"),
     ]
     figures, notes = cut.figures, ["no_figures"]
     if figures is not None:
         pairs += [
             ("speed", f"{figures.spindle_speed_rpm:.1f} rpm"),
-            ("error_peak", f"{figures.tool_error_um:.2f} um" if cut.judged else NOTHING),
-            ("error_rms", f"{figures.tool_error_rms_um:.2f} um" if cut.judged else NOTHING),
-            ("following_peak", f"{figures.following_error_um:.2f} um"),
-            ("following_rms", f"{figures.following_error_rms_um:.2f} um"),
+            ("error_peak", text.units.show(figures.tool_error_um, "um", 2) if cut.judged else NOTHING),
+            ("error_rms", text.units.show(figures.tool_error_rms_um, "um", 2) if cut.judged else NOTHING),
+            ("following_peak", text.units.show(figures.following_error_um, "um", 2)),
+            ("following_rms", text.units.show(figures.following_error_rms_um, "um", 2)),
             ("samples", f"{figures.samples}"),
         ]
         notes = ["by_controller"] if cut.judged else ["not_judged", "by_controller"]
@@ -240,7 +240,7 @@ def after_lines(
     """Return what comes next after a cut, the marks of stops, and what another cut of the same blank lacks."""
     marks = mark_lines(text, state.marks_mm, width)
     if state.cut is not None and state.cut.holds_mm:
-        places = ", ".join(f"{place_mm:.1f}" for place_mm in state.cut.holds_mm)
+        places = ", ".join(text.units.figure(place_mm, "mm", 1) for place_mm in state.cut.holds_mm)
         marks += wrapped(text("run_page.hold_mark", z=places), width, Token.WARNING)
     missing = [] if is_over(state) else [check for check in checks(state, work, machine) if check.problems]
     rows = check_lines(text, tuple(missing), width)

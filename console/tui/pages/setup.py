@@ -225,7 +225,7 @@ class SetupPage(Page):
             self._choose_lobe(work)
             return
         self._entry.max_length = _NUMBER_CAP_CHARACTERS if field.numeric else TEXT_CAP_CHARACTERS
-        self._open(Entering.VALUE, entry_of(field, work))
+        self._open(Entering.VALUE, entry_of(field, work, self.ui.text.units))
 
     def _choose_lobe(self, work: Work) -> None:
         """Take the lobe from its next source; one that cannot be is reported, and passed over."""
@@ -243,7 +243,7 @@ class SetupPage(Page):
             return True
         if self._refused_by_lock():
             return False
-        judged = judge(work, self._field, self._entry.value)
+        judged = judge(work, self._field, self._entry.value, self.ui.text.units)
         if judged.problems:
             self.ui.said = tuple(named(problem, self.ui.text) for problem in judged.problems)
             return False
@@ -290,7 +290,7 @@ class SetupPage(Page):
             self.ui.say("screen.not_saved")
         elif (work := self._work) is not None:
             field = self._field
-            kept = NOTHING if field.key in work.missing else with_unit(field, work.job)
+            kept = NOTHING if field.key in work.missing else with_unit(field, work.job, self.ui.text.units)
             value = printable(self._entry.value)
             dropped = Problem(code="screen.entry_dropped", key=field.key, value=value, limit=kept)
             self.ui.said = (named(dropped, self.ui.text),)
@@ -324,7 +324,7 @@ class SetupPage(Page):
         state = FormState(work=work, selected=self._selected, locked=self._locked)
         value = self._entry.value
         if self._entering is Entering.VALUE:
-            return replace(state, typed=value, judged=judge(work, self._field, value))
+            return replace(state, typed=value, judged=judge(work, self._field, value, self.ui.text.units))
         if self._entering is Entering.NAME:
             problem = name_problem(value.strip(), self._taken) if value.strip() else None
             return replace(state, naming=value, naming_problem=problem, over=self._over)
@@ -379,7 +379,7 @@ class SetupPage(Page):
             over = self._over is not None and self._entry.value.strip() == self._over
             return text("setup.next.naming_over" if over else "setup.next.naming")
         if self._entering is Entering.VALUE:
-            refused = judge(work, self._field, self._entry.value).problems
+            refused = judge(work, self._field, self._entry.value, self.ui.text.units).problems
             return text("setup.next.refused_entry") if refused else text("setup.next.entry")
         if self._locked is not None:
             return text("setup.next.locked")

@@ -12,7 +12,17 @@ from console.session.work import Work, lobe_choices
 from console.text.catalogue import Catalogue
 from console.text.lobe import lobe_number
 from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, fitted, hanging, line, width_of, wrapped
-from console.tui.pages.fields import FORM, FormField, Judged, bounds, named, provenance, with_unit, written
+from console.tui.pages.fields import (
+    FORM,
+    FormField,
+    Judged,
+    bounds,
+    limit_of,
+    named,
+    provenance,
+    with_unit,
+    written,
+)
 from console.tui.theme import Token
 from drivers.cutting.strategy import Strategy
 from profiles.chucking.advice import ForceSpan, Stands, force_span
@@ -106,7 +116,7 @@ def _error_lines(job: Job, source: str, text: Catalogue, width: int) -> list[Lin
     if job.lobe_error_source == NO_LOBE:
         return [_fact(text("setup.error"), source, width, Token.WARNING)]
     return [
-        _fact(text("setup.error"), f"{lobe_number(job)} um", width),
+        _fact(text("setup.error"), f"{lobe_number(job, text.units)} {text.units.unit('um')}", width),
         _fact(text("setup.error_at", source=source), f"{job.error_force_n:.1f} N", width),
     ]
 
@@ -220,17 +230,22 @@ def _row(row: FormField | str, state: FormState, text: Catalogue, width: int) ->
         return (*head, *_lobe(state.work.job, text, width - _MARK - cell_len(label) - 1, chosen=chosen))
     if row.key in state.work.missing:
         return (*head, (fitted(" " * ENTRY_WIDTH + NOTHING, ENTRY_WIDTH + 1), Token.WARNING))
-    value, token = row.mark + written(row, state.work.job), Token.STRONG if chosen else Token.TEXT
+    value, token = row.mark + written(row, state.work.job, text.units), Token.STRONG if chosen else Token.TEXT
     if not row.numeric and len(value) > ENTRY_WIDTH:
         return (*head, (" " + fitted(value, width - _MARK - len(label) - 2), token))
     shown = fitted(" " * (ENTRY_WIDTH + 1 - len(value)) + value, ENTRY_WIDTH + 1)
-    return (*head, (shown, token), dim("  " + fitted(row.rule.unit, _UNIT - 1)), *_beside(row, state, text, width))
+    return (
+        *head,
+        (shown, token),
+        dim("  " + fitted(text.units.unit(row.rule.unit), _UNIT - 1)),
+        *_beside(row, state, text, width),
+    )
 
 
 def _lobe(job: Job, text: Catalogue, width: int, *, chosen: bool) -> Line:
     """Return the lobe of the job with its source, and whether it is that of this cut."""
     source = lobe_source(job)
-    words = text(f"setup.lobe_from.{source}", error=lobe_number(job))
+    words = text(f"setup.lobe_from.{source}", error=lobe_number(job, text.units))
     token = Token.WARNING if source in (NO_LOBE, OTHER_CUT) else Token.STRONG if chosen else Token.TEXT
     return line(" ", (fitted(words, max(width - 1, 1)), token))
 
@@ -240,26 +255,26 @@ def _open_row(row: FormField, state: FormState, text: Catalogue, width: int) -> 
     if not row.numeric:
         cells = max(width - _MARK - _label_width(width) - 2, 0)
         return line("[" + " " * cells + "]")
-    field: Line = line("[" + " " * ENTRY_WIDTH + "]", dim(" " + fitted(row.rule.unit, _UNIT - 1)))
+    field: Line = line("[" + " " * ENTRY_WIDTH + "]", dim(" " + fitted(text.units.unit(row.rule.unit), _UNIT - 1)))
     if state.judged is None or not (state.typed or "").strip():
         return field
     if state.judged.problems:
         return (*field, ("✗ " + text("setup.refused"), Token.WARNING))
-    return (*field, (text("setup.understood", value=written(row, state.judged.work.job)), Token.OK))
+    return (*field, (text("setup.understood", value=written(row, state.judged.work.job, text.units)), Token.OK))
 
 
 def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Line:
     """Return the text after a value: its limits while it is selected, else a note on it."""
     room = width - _MARK - _label_width(width) - ENTRY_WIDTH - 2 - _UNIT
     job, filed, words, token = state.work.job, state.work.loaded.job, "", Token.WARNING
-    if row is state.field and bounds(row):
-        words, token = bounds(row), Token.DIM
+    if row is state.field and bounds(row, text.units):
+        words, token = bounds(row, text.units), Token.DIM
     elif row.key in changed_conditions(job):
-        words = text("setup.lobe_was", value=_of_lobe(row, job))
+        words = text("setup.lobe_was", value=_of_lobe(row, job, text))
         if cell_len(words) > room:  # a truncated number would be read as another one
             words = text("setup.not_lobes")
     elif not state.work.is_new and getattr(job, row.key) != getattr(filed, row.key):
-        words = text("setup.was", value=written(row, filed))
+        words = text("setup.was", value=written(row, filed, text.units))
     elif row.key in job.assumed:
         words, token = text("setup.assumed"), Token.DIM
     return line((fitted(words, room), token)) if words and room >= ENTRY_WIDTH else BLANK
@@ -281,11 +296,11 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
         return [(dim(fitted(_allowed(field, text), width)),)]
     allowed = _allowed(field, text)
     if field.key in changed_conditions(draft(state)):
-        note = text("setup.lobe_was_long", value=_of_lobe(field, draft(state)))
+        note = text("setup.lobe_was_long", value=_of_lobe(field, draft(state), text))
     elif state.typed is not None:
-        note = text("setup.keeps", value=with_unit(field, job))
+        note = text("setup.keeps", value=with_unit(field, job, text.units))
     elif not state.work.is_new and getattr(job, field.key) != getattr(filed, field.key):
-        note = text("setup.was_long", value=with_unit(field, filed))
+        note = text("setup.was_long", value=with_unit(field, filed, text.units))
     elif field.key in job.assumed:
         note = text("setup.assumed_long")
     return [(dim(fitted(words, width)),) for words in (allowed, note) if words]
@@ -294,7 +309,9 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
 def _allowed(field: FormField, text: Catalogue) -> str:
     if not field.numeric:
         return text("setup.allowed_text")
-    return text("setup.allowed_or_none" if field.rule.optional else "setup.allowed", limit=field.rule.limit)
+    return text(
+        "setup.allowed_or_none" if field.rule.optional else "setup.allowed", limit=limit_of(field, text.units)
+    )
 
 
 def _lobe_foot(work: Work, text: Catalogue, width: int) -> list[Line]:
@@ -303,16 +320,16 @@ def _lobe_foot(work: Work, text: Catalogue, width: int) -> list[Line]:
     lines: list[Line] = [(dim(fitted(text("setup.lobe_choices", choices=choices), width)),)]
     differing = [field for field in FORM if field.key in changed_conditions(work.job)]
     if differing:
-        where = ", ".join(f"{text(f'setup.{field.key}')} {_of_lobe(field, work.job)}" for field in differing)
+        where = ", ".join(f"{text(f'setup.{field.key}')} {_of_lobe(field, work.job, text)}" for field in differing)
         lines.append((dim(fitted(text("setup.lobe_of", conditions=where), width)),))
     elif work.job.lobe_error_source == NO_LOBE:
         lines.append((dim(fitted(text("setup.lobe_first"), width)),))
     return lines
 
 
-def _of_lobe(field: FormField, job: Job) -> str:
+def _of_lobe(field: FormField, job: Job, text: Catalogue) -> str:
     """Return the condition under which the lobe of the job was found, as its field shows it."""
-    return with_unit(field, replace(job, **{field.key: changed_conditions(job)[field.key]}))
+    return with_unit(field, replace(job, **{field.key: changed_conditions(job)[field.key]}), text.units)
 
 
 def _file_lines(work: Work, text: Catalogue, width: int, room: int) -> list[Line]:

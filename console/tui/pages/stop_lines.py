@@ -52,14 +52,18 @@ def _times(text: Catalogue, stop: StopState, rest_s: float) -> str:
 
 def cut_words(text: Catalogue, touched: TouchedBlank) -> str:
     """Return how far the clamped blank is cut."""
-    return text("run_page.cut_to", z=f"{touched.to_mm:.1f}", length=f"{touched.of_mm:.1f}")
+    return text(
+        "run_page.cut_to",
+        z=text.units.figure(touched.to_mm, "mm", 1),
+        length=text.units.figure(touched.of_mm, "mm", 1),
+    )
 
 
 def mark_lines(text: Catalogue, marks_mm: Sequence[float], width: int, page: str = "run_page") -> list[Line]:
     """Return where stops left the tool in the turning part, mm behind its face, and what that means for it."""
     if not marks_mm:
         return []
-    places = ", ".join(f"{mark_mm:.1f}" for mark_mm in marks_mm)
+    places = ", ".join(text.units.figure(mark_mm, "mm", 1) for mark_mm in marks_mm)
     return wrapped("! " + text(f"{page}.marked", z=places), width, Token.WARNING)
 
 

@@ -82,7 +82,7 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     rows += [_stated_row(found, key, text, width) for key in QUESTIONS]
     circle = text("trace_import.judged_by", upr=f"{FILTER_UPR:g}")
     rows.append(_row(text("trace_import.circle"), circle, width))
-    ront = NOTHING if found.result is None else f"{found.result.ront_um:.2f} um"
+    ront = NOTHING if found.result is None else text.units.show(found.result.ront_um, "um", 2)
     rows.append(_row("RONt", ront, width, Token.STRONG))
     return [*rows, *_problem_lines((*found.problems, *_warnings(found)), text, width)]
 

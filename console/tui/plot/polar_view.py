@@ -89,16 +89,16 @@ def dial(columns: int, rows: int) -> Dial:
     )
 
 
-def fitting_um_per_division(traces: Sequence[PolarTrace]) -> float:
-    """Return the smallest round scale on which the largest deviation of all traces fits."""
+def fitting_um_per_division(traces: Sequence[PolarTrace], unit_um: float = 1.0) -> float:
+    """Return the smallest scale on which the largest deviation of all traces fits, round in units of `unit_um`."""
     values = [np.abs(np.asarray(trace.deviation_um, dtype=np.float64)) for trace in traces]
     largest = max((float(value[np.isfinite(value)].max(initial=0.0)) for value in values), default=0.0)
-    return step_125(max(largest / DIVISIONS, _LEAST_UM_PER_DIVISION))
+    return step_125(max(largest / DIVISIONS, _LEAST_UM_PER_DIVISION) / unit_um) * unit_um
 
 
-def fits(traces: Sequence[PolarTrace], um_per_division: float) -> bool:
-    """Whether all of the traces are within the plot on a scale."""
-    return fitting_um_per_division(traces) <= um_per_division * (1.0 + 1.0e-9)
+def fits(traces: Sequence[PolarTrace], um_per_division: float, unit_um: float = 1.0) -> bool:
+    """Whether all of the traces are within the plot on a scale, which is round in units of `unit_um`."""
+    return fitting_um_per_division(traces, unit_um) <= um_per_division * (1.0 + 1.0e-9)
 
 
 def shows_rings(rings_um: Rings, um_per_division: float, columns: int, rows: int) -> bool:
@@ -176,6 +176,7 @@ class PolarView(CellView):
     _traces: tuple[PolarTrace, ...] = ()
     _marks: tuple[Mark, ...] = ()
     _rings_um: Rings | None = None
+    _unit_um = 1.0
     scale_um_per_division = 1.0
 
     def show(
@@ -185,17 +186,22 @@ class PolarView(CellView):
         um_per_division: float | None = None,
         marks: Sequence[Mark] = (),
         rings_um: Rings | None = None,
+        unit_um: float = 1.0,
     ) -> None:
-        """Draw these traces, the last one on top; without a scale, on the smallest round one on which all fit."""
+        """Draw these traces, the last one on top; without a scale, on the smallest round one on which all fit.
+
+        A round scale is one in units of `unit_um`.
+        """
         self._traces, self._marks = deepcopy(tuple(traces)), tuple(marks)  # the caller may reuse its arrays
         self._rings_um = rings_um
-        self.scale_um_per_division = um_per_division or fitting_um_per_division(self._traces)
+        self._unit_um = unit_um
+        self.scale_um_per_division = um_per_division or fitting_um_per_division(self._traces, unit_um)
         self.redraw()
 
     @property
     def is_whole(self) -> bool:
         """Whether nothing of the traces is outside the plot."""
-        return fits(self._traces, self.scale_um_per_division)
+        return fits(self._traces, self.scale_um_per_division, self._unit_um)
 
     @property
     def has_rings(self) -> bool:

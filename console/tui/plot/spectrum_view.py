@@ -39,22 +39,27 @@ class SpectrumPicture:
     highest: int = 15
     top_um: float = 1.0
     marked: Sequence[int] = ()
+    unit: str = "um"
+    unit_um: float = 1.0  # size of the unit of the axis
 
 
-def fitting_top_um(bars: Sequence[Bars], highest: int) -> float:
-    """Return the smallest round height that holds all bars from order 2 on."""
+def fitting_top_um(bars: Sequence[Bars], highest: int, unit_um: float = 1.0) -> float:
+    """Return the smallest height that holds all bars from order 2 on, round in units of `unit_um`."""
     tallest = [float(np.max(_values(each, highest)[LOWEST_ORDER:], initial=0.0)) for each in bars]
-    return step_125(max(*tallest, _LEAST_TOP_UM) if tallest else _LEAST_TOP_UM)
+    return step_125((max(*tallest, _LEAST_TOP_UM) if tallest else _LEAST_TOP_UM) / unit_um) * unit_um
 
 
 def spectrum_cells(picture: SpectrumPicture, columns: int, rows: int) -> Cells:
     """Return the bars over their axes for a size in cells."""
     limits, top_um = (LOWEST_ORDER - 1.0, picture.highest + 1.0), picture.top_um
-    high = (0.0, top_um * (1.0 + _HEADROOM_ROWS / max(rows, 4)))  # the numbers of the orders are above the bars
+    high = (
+        0.0,
+        top_um / picture.unit_um * (1.0 + _HEADROOM_ROWS / max(rows, 4)),
+    )  # the numbers of the orders are above the bars
     series = [each for place, bars in enumerate(picture.bars) for each in _series(picture, bars, place)]
-    drawn = TracePicture(series=series, x_limits=limits, y_limits=high, y_unit="um", x_unit="/rev")
+    drawn = TracePicture(series=series, x_limits=limits, y_limits=high, y_unit=picture.unit, x_unit="/rev")
     cells = trace_cells(drawn, columns, rows)
-    frame = plot_frame(columns, rows, limits, high, "um", "/rev")
+    frame = plot_frame(columns, rows, limits, high, picture.unit, "/rev")
 
     def column_of(order: int) -> int:
         return int(frame.to_dots([order], [0.0])[0][0]) // DOTS_ACROSS + frame.left
@@ -84,7 +89,10 @@ def _series(picture: SpectrumPicture, bars: Bars, place: int) -> list[Series]:
     orders = np.arange(LOWEST_ORDER, picture.highest + 1) + beside
     gaps = np.full(orders.size, np.nan)
     x = np.column_stack([orders, orders, gaps]).ravel()
-    y = np.column_stack([np.zeros(orders.size), np.minimum(values, picture.top_um), gaps]).ravel()
+    y = (
+        np.column_stack([np.zeros(orders.size), np.minimum(values, picture.top_um), gaps]).ravel()
+        / picture.unit_um
+    )
     return [Series(x=x, y=y, token=bars.token, dashed=bars.thin)]
 
 

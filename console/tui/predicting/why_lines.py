@@ -111,12 +111,12 @@ def _band_lines(work: Work, seen: Underway, strategy: Strategy, text: Catalogue,
     span = span_of(work, seen, strategy)
     if span is None or seen.job.lobe_error_source == NO_LOBE:
         return wrapped(text("preview_page.no_band"), width, Token.DIM)
-    low, high = (f"{each:.1f}" for each in span)
+    low, high = (text.units.figure(each, "um", 1) for each in span)
     rows = wrapped(text("preview_page.why_band", low=low, high=high, strategy=strategy.value), width, Token.STRONG)
     found = sorted(_reasons(work, seen, strategy, text), key=lambda each: -1.0 if each[0] is None else each[0])
     for um, words in reversed(found):
-        value = NOTHING if um is None else f"{um:.2f}"
-        rows += hanging(dim(f"{value:>{_VALUE_CELLS - 4}} um "), words, width)
+        value = NOTHING if um is None else text.units.figure(um, "um", 2)
+        rows += hanging(dim(f"{value:>{_VALUE_CELLS - 4}} {text.units.unit('um')} "), words, width)
     combined = "combined_learned" if _is_learned(work) else "combined"
     return [*rows, *wrapped(text(f"preview_page.{combined}"), width, Token.DIM)]
 
@@ -155,7 +155,7 @@ def _response_lines(response: ServoResponse, frequency_hz: float, text: Catalogu
         "name": printable(response.name, 60),
         "low": f"{response.lowest_hz:g}",
         "high": f"{response.highest_hz:g}",
-        "amplitude": f"{response.amplitude_um or 0.0:.0f}",
+        "amplitude": text.units.figure(response.amplitude_um or 0.0, "um", 0),
         "percent": percent,
     }
     return wrapped(text("preview_page.inverts_identified", **facts), width)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from console.text.catalogue import Catalogue
+from console.text.units import Units
 from console.tui.lines import NOTHING, Line, dim, hanging, line, wrapped
 from console.tui.plot.run_chart_view import ChartPicture, Level
 from console.tui.records.job_chart import Figure, JobChart, NoClaim
@@ -13,21 +14,24 @@ from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, LEAS
 MOST_NAMED = 8  # parts beyond the limits that are named
 
 
-def chart_picture(chart: JobChart) -> ChartPicture:
-    """Return the chart as it is drawn; a limit below 0 of what cannot be below is left out."""
-    begins = float(chart.numbers[chart.begins]) if chart.numbers else 0.0
+def chart_picture(chart: JobChart, units: Units) -> ChartPicture:
+    """Return the chart as it is drawn, in these units; a limit below 0 of what cannot be below is left out."""
+    size, begins = units.size("um"), float(chart.numbers[chart.begins]) if chart.numbers else 0.0
     levels = [
-        Level(value=value, name="tol", token=Token.WARNING)
+        Level(value=value / size, name="tol", token=Token.WARNING)
         for value in (chart.lower_um, chart.upper_um)
         if value is not None
     ]
     if chart.limits is not None:
         found = chart.limits
         if chart.figure is not Figure.RONT or found.lower > 0.0:
-            levels.append(Level(value=found.lower, name="LCL", token=Token.DIM, begins=begins, dashed=True))
-        levels.append(Level(value=found.upper, name="UCL", token=Token.DIM, begins=begins, dashed=True))
-        levels.append(Level(value=found.mean, name="avg", token=Token.RING, begins=begins))
-    return ChartPicture(numbers=chart.numbers, values=chart.values_um, beyond=chart.beyond, levels=levels)
+            levels.append(Level(value=found.lower / size, name="LCL", token=Token.DIM, begins=begins, dashed=True))
+        levels.append(Level(value=found.upper / size, name="UCL", token=Token.DIM, begins=begins, dashed=True))
+        levels.append(Level(value=found.mean / size, name="avg", token=Token.RING, begins=begins))
+    values = [each / size for each in chart.values_um]
+    return ChartPicture(
+        numbers=chart.numbers, values=values, beyond=chart.beyond, levels=levels, unit=units.unit("um")
+    )
 
 
 def chart_title(chart: JobChart, text: Catalogue) -> str:
@@ -58,7 +62,8 @@ def _limit_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
     if limits is None:
         few = text("records_page.chart.no_limits", count=chart.alike, least=LEAST_CHART)
         return wrapped(few, width)
-    facts = {"mean": f"{limits.mean:.2f}", "lower": f"{limits.lower:.2f}", "upper": f"{limits.upper:.2f}"}
+    found = {"mean": limits.mean, "lower": limits.lower, "upper": limits.upper}
+    facts = {name: text.units.figure(value, "um", 2) for name, value in found.items()}
     if chart.figure is Figure.RONT and limits.lower <= 0.0:
         facts["lower"] = "0"
     lines = wrapped(text("records_page.chart.limits", **facts), width)
@@ -98,7 +103,8 @@ def _lobe_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
         few = text("records_page.chart.no_trend", least=LEAST_TREND)
         return wrapped(few, width, Token.DIM)
     rising = "rising" if found.per_part > 0.0 else "falling"
-    facts = {"slope": f"{found.per_part:+.3f}", "half": f"{found.half_width:.3f}", "count": found.parts}
+    slope, half = text.units.figure(found.per_part, "um", 3, "+"), text.units.figure(found.half_width, "um", 3)
+    facts = {"slope": slope, "half": half, "count": found.parts}
     said = text(f"records_page.chart.{rising if found.significant else 'steady'}", **facts)
     return wrapped(said, width, Token.WARNING if found.significant and found.per_part > 0.0 else Token.TEXT)
 

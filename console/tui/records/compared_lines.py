@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from console.text.catalogue import Catalogue
@@ -58,12 +58,12 @@ def pair_caption(pair: Pair, um_per_division: float, text: Catalogue, width: int
     rows = []
     for run, key in zip(pair.sides, (BEFORE_KEY, AFTER_KEY), strict=True):
         part = run.product
-        ront = NOTHING if part is None else f"{part.ront_um:.2f} um"
+        ront = NOTHING if part is None else text.units.show(part.ront_um, "um", 2)
         token = Token.BEFORE if run is pair.marked else Token.AFTER
         rows.append(
             ranged(line((key, token), f" {local(run.story.row.started)}"), line((f" {ront}", token)), width)
         )
-    scale = text("inspect_page.scale", value=f"{um_per_division:g}")
+    scale = text("inspect_page.scale", value=text.units.short(um_per_division, "um"))
     untied = any(run.trace is not None and run.trace.jaw_1_deg is None for run in pair.sides)
     note = text("records_page.not_turned") if untied else text("records_page.turned")
     return [*rows, ranged(line(dim(note)), line(dim(" " + scale)), width)]
@@ -89,31 +89,35 @@ def _rows(pair: Pair, text: Catalogue) -> list[tuple[str, tuple[str, str]]]:
 
 
 def _values(run: OpenedRun, text: Catalogue) -> dict[str, str]:
-    row, part, job = run.story.row, run.product, run.job
-    values = {"um": local(row.started)[5:], text("records_page.job"): printable(row.job)}
+    row, part, job, units = run.story.row, run.product, run.job, text.units
+    values = {units.unit("um"): local(row.started)[5:], text("records_page.job"): printable(row.job)}
     if part is not None:
-        values["RONt"] = f"{part.ront_um:.2f} {_MARKS[part.passed]}"
+        values["RONt"] = f"{units.figure(part.ront_um, 'um', 2)} {_MARKS[part.passed]}"
         for name in ("RONp", "RONv", "RONq"):
-            values[name] = _shown(part.data.get(f"{name}_um"), ".2f")
+            values[name] = _shown(part.data.get(f"{name}_um"), lambda value: units.figure(value, "um", 2))
         if part.diameter_mm is not None:
-            values["D mm"] = f"{part.diameter_mm:.3f}"
+            values[f"D {units.unit('mm')}"] = units.figure(part.diameter_mm, "mm", 3)
         harmonics = {text("inspect_page.harmonic", n=n): um_pp for n, um_pp in jaw_harmonics(part, run)}
-        values |= {name: f"{um_pp:.2f}" for name, um_pp in harmonics.items()}
+        values |= {name: units.figure(um_pp, "um", 2) for name, um_pp in harmonics.items()}
     values[text("records_page.ended")] = text(f"records_page.how.{row.ended.how}")
     values[text("records_page.made")] = made_of(row, text)
-    values[text("records_page.force_n")] = _shown(run.story.setup.get("force_n"), ".1f")
-    values[f"{text('records_page.jaw')} °"] = _shown(run.story.setup.get("jaw_1_deg"), ".1f")
+    values[text("records_page.force_n")] = _shown(run.story.setup.get("force_n"), _one)
+    values[f"{text('records_page.jaw')} °"] = _shown(run.story.setup.get("jaw_1_deg"), _one)
     if job is not None:
         values["rpm"] = f"{job.spindle_speed_rpm:.0f}"
-        values[text("records_page.depth_mm")] = f"{job.depth_of_cut_mm:.3f}"
+        values[text("records_page.depth_mm")] = units.figure(job.depth_of_cut_mm, "mm", 3)
     values[text("records_page.of.alarms")] = str(len(run.story.alarms))
     values[text("records_page.machine")] = printable(row.machine)
     values[text("records_page.operator")] = printable(row.operator or NOTHING)
     return values
 
 
-def _shown(value: object, form: str) -> str:
+def _one(value: float) -> str:
+    return f"{value:.1f}"
+
+
+def _shown(value: object, form: Callable[[float], str]) -> str:
     try:
-        return format(number(value), form)
+        return form(number(value))
     except (TypeError, ValueError):
         return NOTHING

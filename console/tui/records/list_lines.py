@@ -8,6 +8,7 @@ from datetime import datetime
 
 from console.session.data.run_reader import MODEL, How, RunRow
 from console.text.catalogue import Catalogue
+from console.text.units import Units
 from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, name_in, to_the_right, wrapped
 from console.tui.records.listing import Listing, Wanted
 from console.tui.theme import Token
@@ -40,12 +41,12 @@ def local(date: datetime) -> str:
     return NOTHING if date.year < 2 else date.astimezone().strftime("%Y-%m-%d %H:%M")
 
 
-def judged(row: RunRow) -> Piece:
+def judged(row: RunRow, units: Units) -> Piece:
     """Return RONt of a run with the mark of its verdict."""
     if row.ront_um is None:
         return to_the_right(f"{NOTHING}  ", _RONT), Token.DIM
     mark, token = {True: ("✓", Token.TEXT), False: ("✗", Token.WARNING), None: ("·", Token.DIM)}[row.passed]
-    return to_the_right(f"{row.ront_um:.2f} {mark}", _RONT), token
+    return to_the_right(f"{units.figure(row.ront_um, 'um', 2)} {mark}", _RONT), token
 
 
 def title_words(wanted: Wanted, listing: Listing | None, text: Catalogue, *, everywhere: bool) -> str:
@@ -70,7 +71,10 @@ def run_lines(runs: RunList, text: Catalogue, width: int, height: int, *, everyw
     columns = _columns(width, everywhere=everywhere)
     name_width = max(width - 3 - _TIME - _RONT - _HOW - _SIM - sum(cells for _, cells in columns), 1)
     head = [fitted(f"   {text('records_page.time')}", 3 + _TIME), fitted(text("records_page.job"), name_width)]
-    head += [to_the_right("RONt um  ", _RONT + 1), fitted(text("records_page.ended"), _HOW + _SIM - 1)]
+    head += [
+        to_the_right(f"RONt {text.units.unit('um')}".ljust(9), _RONT + 1),
+        fitted(text("records_page.ended"), _HOW + _SIM - 1),
+    ]
     head += [fitted(text(f"records_page.{name}"), cells) for name, cells in columns]
     rows = [_row(runs, place, columns, name_width, text) for place in visible(runs, max(height - 1, 1))]
     return [line(dim("".join(head))), *rows][: max(height, 0)]
@@ -125,15 +129,15 @@ def _row(runs: RunList, place: int, columns: Sequence[tuple[str, int]], name_wid
     )
     pieces: list[Piece] = [
         (f"{mark}{fitted(local(row.started), _TIME)}{name}", Token.TEXT),
-        judged(row),
+        judged(row, text.units),
         (" " + fitted(text(f"records_page.how.{how}"), _HOW - 1), ended_token),
         (fitted(text("sim") if row.simulated else "", _SIM), Token.DIM),
-        *((fitted(_value(row, name, cells - 1), cells), Token.DIM) for name, cells in columns),
+        *((fitted(_value(row, name, cells - 1, text), cells), Token.DIM) for name, cells in columns),
     ]
     return ((("".join(piece for piece, _ in pieces)), Token.SELECTED),) if chosen else tuple(pieces)
 
 
-def _value(row: RunRow, column: str, cells: int) -> str:
+def _value(row: RunRow, column: str, cells: int, text: Catalogue) -> str:
     match column:
         case "machine":
             return name_in(printable(row.machine), cells)
@@ -144,4 +148,4 @@ def _value(row: RunRow, column: str, cells: int) -> str:
         case "version":
             return NOTHING if row.compensation in (None, MODEL) else str(row.compensation)
         case _:
-            return NOTHING if row.diameter_mm is None else f"{row.diameter_mm:.3f}"
+            return NOTHING if row.diameter_mm is None else text.units.figure(row.diameter_mm, "mm", 3)

@@ -171,7 +171,7 @@ class RecordsPanels:
         others = [(each, Token.BEFORE, True) for each in run.traces if not each.part.product]
         polar, marks = polar_of([*others, (run.trace, Token.AFTER, False)])
         panel.set_class(not polar, "-plain")
-        panel.polar.show(polar, marks=marks)
+        panel.polar.show(polar, marks=marks, unit_um=text.units.size("um"))
         entitle(panel.left, text("inspect_page.roundness", figures=evaluated_words(run, text)))
         scale = panel.polar.scale_um_per_division
         panel.caption.show(trace_caption(run, scale, text, max(panel.caption.size.width, 1)))
@@ -182,7 +182,7 @@ class RecordsPanels:
         text, panel = self._text, self._run
         polar, marks = polar_of([(pair.marked.trace, Token.BEFORE, True), (pair.other.trace, Token.AFTER, False)])
         panel.set_class(not polar, "-plain")
-        panel.polar.show(polar, marks=marks)
+        panel.polar.show(polar, marks=marks, unit_um=text.units.size("um"))
         entitle(panel.left, text("records_page.both"))
         scale = panel.polar.scale_um_per_division
         panel.caption.show(pair_caption(pair, scale, text, max(panel.caption.size.width, 1)))
@@ -196,7 +196,7 @@ class RecordsPanels:
             return 0
         time_s = telemetry.column("time_s")
         for view, name, unit in ((self._error, "tool_error_um", "um"), (self._speed, "speed_rpm", "rpm")):
-            values = telemetry.column(name)
+            values = telemetry.column(name) / text.units.size(unit)
             known = values[np.isfinite(values)]
             limits = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
             entitle(view, text(f"records_page.{name}", part=telemetry.part or run.story.row.strategy))
@@ -205,7 +205,7 @@ class RecordsPanels:
                     series=(Series(x=time_s, y=values, token=Token.AFTER),),
                     x_limits=(0.0, max(float(time_s[-1]), 1.0)),
                     y_limits=nice_limits(*limits),
-                    y_unit=unit,
+                    y_unit=text.units.unit(unit),
                     x_unit=" s",
                 )
             )
@@ -215,7 +215,7 @@ class RecordsPanels:
         text = self._text
         entitle(self._view, chart_title(chart, text))
         self._view.visible = bool(chart.values_um)
-        self._view.show(chart_picture(chart))
+        self._view.show(chart_picture(chart, text.units))
         lines = self._lines(chart, self._claims, lambda width: chart_lines(chart, text, width))
         return self._scroll(self._claims, lines, top, text("records_page.chart.title"))
 
@@ -276,12 +276,14 @@ def trace_caption(run: OpenedRun, um_per_division: float, text: Catalogue, width
         part = each.part
         key, token = (AFTER_KEY, Token.AFTER) if part.product else (BEFORE_KEY, Token.BEFORE)
         name = f" {printable(part.part, 20) or text('records_page.trace')}"
-        rows.append(ranged(line((key, token), name), line((f" {part.ront_um:.2f} um", token)), width))
+        rows.append(
+            ranged(line((key, token), name), line((f" {text.units.show(part.ront_um, 'um', 2)}", token)), width)
+        )
     trace = run.trace
     jaw = text("inspect_page.jaw_unknown")
     if trace is not None and trace.jaw_1_deg is not None:
         jaw = text("inspect_page.jaw", angle=f"{trace.jaw_1_deg:.1f}")
-    scale = text("inspect_page.scale", value=f"{um_per_division:g}")
+    scale = text("inspect_page.scale", value=text.units.short(um_per_division, "um"))
     return [*rows[-2:], ranged(line(dim(jaw)), line(dim(" " + scale)), width)]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
@@ -56,16 +56,19 @@ def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 
 def verdict(part: RecordedPart, text: Catalogue) -> list[Line]:
     """Return RONt of a part against its tolerance, and its diameter where that has one, as they were judged."""
-    facts = {"value": f"{part.ront_um:.2f}", "limit": NOTHING}
+    facts = {"value": text.units.figure(part.ront_um, "um", 2), "limit": NOTHING}
     if part.tolerance_um is not None:
-        facts["limit"] = f"{part.tolerance_um:.2f}"
+        facts["limit"] = text.units.figure(part.tolerance_um, "um", 2)
     if part.passed is None:
         return [line((text("records_page.not_judged", **facts), Token.TEXT))]
     round_enough = part.passed if part.tolerance_um is None else part.ront_um <= part.tolerance_um
     lines = [_judged("", facts, passes=round_enough, text=text)]
     allowed_um, nominal_mm = part.diameter_tolerance_um, part.nominal_diameter_mm
     if part.diameter_mm is not None and nominal_mm is not None and allowed_um is not None:
-        facts = {"value": f"{part.diameter_mm:.3f}", "limit": f"{allowed_um:g}"}
+        facts = {
+            "value": text.units.figure(part.diameter_mm, "mm", 3),
+            "limit": text.units.short(allowed_um, "um"),
+        }
         inside = 1000.0 * abs(part.diameter_mm - nominal_mm) <= allowed_um
         lines.append(_judged("diameter_", facts, passes=inside, text=text))
     return lines
@@ -146,7 +149,7 @@ def _figure_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     rows = [_fact(name, value, width) for name, value in figures(part, run, text)]
     for other in run.story.parts:
         if not other.product:
-            rows.append(_fact(f"RONt {printable(other.part, 10)}", f"{other.ront_um:.2f} um", width))
+            rows.append(_fact(f"RONt {printable(other.part, 10)}", text.units.show(other.ront_um, "um", 2), width))
     if part.trace_name:
         rows.append(_fact(text("records_page.trace"), printable(part.trace_name, 40), width))
     return rows
@@ -154,22 +157,24 @@ def _figure_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 
 def figures(part: RecordedPart, run: OpenedRun, text: Catalogue) -> list[tuple[str, str]]:
     """Return the figures of a part with their names, as they were evaluated."""
-    rows = [("RONt", f"{part.ront_um:.2f} um")]
+    rows = [("RONt", text.units.show(part.ront_um, "um", 2))]
     for name in ("RONp", "RONv", "RONq"):
         value = _number(part.data.get(f"{name}_um"))
         if value is not None:
-            rows.append((name, f"{value:.2f} um"))
+            rows.append((name, text.units.show(value, "um", 2)))
     if part.diameter_mm is not None:
-        rows.append((text("records_page.diameter"), f"{part.diameter_mm:.3f} mm"))
+        rows.append((text("records_page.diameter"), text.units.show(part.diameter_mm, "mm", 3)))
         if part.nominal_diameter_mm is not None:
             off_um = 1000.0 * (part.diameter_mm - part.nominal_diameter_mm)
             allowed_um = part.diameter_tolerance_um
-            judged = "" if allowed_um is None else f" (± {allowed_um:g})"
-            rows.append((text("records_page.off_nominal"), f"{off_um:+.1f} um{judged}"))
+            judged = "" if allowed_um is None else f" (± {text.units.short(allowed_um, 'um')})"
+            rows.append((text("records_page.off_nominal"), f"{text.units.show(off_um, 'um', 1, '+')}{judged}"))
     of_jaws = jaw_harmonics(part, run)
-    rows += [(text("inspect_page.harmonic", n=n), f"{um_pp:.2f} um p-p") for n, um_pp in of_jaws]
+    rows += [
+        (text("inspect_page.harmonic", n=n), f"{text.units.show(um_pp, 'um', 2)} p-p") for n, um_pp in of_jaws
+    ]
     if not of_jaws and part.lobe_um_pp is not None:
-        rows.append((text("records_page.lobe"), f"{part.lobe_um_pp:.2f} um p-p"))
+        rows.append((text("records_page.lobe"), f"{text.units.show(part.lobe_um_pp, 'um', 2)} p-p"))
     return rows
 
 
@@ -188,9 +193,13 @@ def jaw_harmonics(part: RecordedPart, run: OpenedRun) -> list[tuple[int, float]]
 def _setup_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     setup = run.story.setup
     rows = (
-        ("force", _with_unit(setup, "force_n", "{:.1f} N"), setup.get("clamped_at")),
-        ("jaw", _with_unit(setup, "jaw_1_deg", "{:.2f}°"), setup.get("jaw_1_at")),
-        ("radius", _with_unit(setup, "zero_radius_mm", "R {:.3f} mm"), setup.get("touch_off_at")),
+        ("force", _with_unit(setup, "force_n", lambda value: f"{value:.1f} N"), setup.get("clamped_at")),
+        ("jaw", _with_unit(setup, "jaw_1_deg", lambda value: f"{value:.2f}°"), setup.get("jaw_1_at")),
+        (
+            "radius",
+            _with_unit(setup, "zero_radius_mm", lambda value: f"R {text.units.show(value, 'mm', 3)}"),
+            setup.get("touch_off_at"),
+        ),
     )
     lines = []
     for name, value, at in rows:
@@ -218,7 +227,7 @@ def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     if isinstance(proposed, dict):
         if proposed.get("version") is not None:
             left = _number(proposed.get("expected_ront_um"))
-            expected = NOTHING if left is None else f"{left:.2f}"
+            expected = NOTHING if left is None else text.units.figure(left, "um", 2)
             version = printable(str(proposed["version"]), 10)
             lines += wrapped(text("records_page.proposed", version=version, expected=expected), width)
         reasons = proposed.get("reasons")
@@ -259,9 +268,9 @@ def _software_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     return [each for row in said if row for each in wrapped(printable(row), width, Token.DIM)]
 
 
-def _with_unit(setup: Mapping[str, Any], key: str, form: str) -> str:
+def _with_unit(setup: Mapping[str, Any], key: str, form: Callable[[float], str]) -> str:
     value = _number(setup.get(key))
-    return "" if value is None else form.format(value)
+    return "" if value is None else form(value)
 
 
 def _number(value: object) -> float | None:

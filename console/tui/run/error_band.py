@@ -68,24 +68,32 @@ def error_band(cut: CutProgress) -> ErrorBand | None:
     return ErrorBand(angle_deg=centres, mean_um=mean, spread_um=spread)
 
 
-def band_series(cut: CutProgress, band: ErrorBand | None) -> tuple[tuple[Series, ...], tuple[float, float]]:
-    """Return mean and edges of the band, before they are known the samples, with the limits of their axis in um.
+def band_series(
+    cut: CutProgress, band: ErrorBand | None, unit_um: float = 1.0
+) -> tuple[tuple[Series, ...], tuple[float, float]]:
+    """Return mean and edges of the band, before they are known the samples, with the limits of their axis.
+
+    Both are in units of `unit_um`.
 
     Without compensation nothing is judged, and there is no series.
     """
     if not cut.judged:
-        return (), (-LEAST_LIMIT_UM, LEAST_LIMIT_UM)
+        return (), (-LEAST_LIMIT_UM / unit_um, LEAST_LIMIT_UM / unit_um)
     if band is None:
         most = float(np.max(np.abs(cut.errors_um), initial=LEAST_LIMIT_UM))
-        samples = Series(x=cut.angles_deg, y=cut.errors_um, token=Token.AFTER, dots=True)
-        return (samples,), nice_limits(-most, most)
+        samples = Series(x=cut.angles_deg, y=cut.errors_um / unit_um, token=Token.AFTER, dots=True)
+        return (samples,), nice_limits(-most / unit_um, most / unit_um)
     angle, mean, spread = _closed(band)
     most = max(float(np.abs(mean).max() + spread.max()), LEAST_LIMIT_UM)
     edges = [
-        Series(x=angle, y=mean + side * spread, token=Token.DIM, dashed=True)  # told apart without colour
+        Series(
+            x=angle, y=(mean + side * spread) / unit_um, token=Token.DIM, dashed=True
+        )  # told apart without colour
         for side in (1.0, -1.0)
     ]
-    return (*edges, Series(x=angle, y=mean, token=Token.AFTER)), nice_limits(-most, most)
+    return (*edges, Series(x=angle, y=mean / unit_um, token=Token.AFTER)), nice_limits(
+        -most / unit_um, most / unit_um
+    )
 
 
 def _closed(band: ErrorBand) -> tuple[Floats, Floats, Floats]:

@@ -42,7 +42,7 @@ def hold_rows(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     """Return where the cut was held and what that may leave on the part; how long the program still waits."""
     if not cut.holds_mm:
         return []
-    places = ", ".join(f"{place_mm:.1f}" for place_mm in cut.holds_mm)
+    places = ", ".join(text.units.figure(place_mm, "mm", 1) for place_mm in cut.holds_mm)
     rows = wrapped(text("run_page.hold_mark", z=places), width, Token.WARNING)
     if cut.held_left_s is not None:
         rows = [*wrapped(text("run_page.hold_left", left=_minutes(cut.held_left_s)), width), *rows]
@@ -74,8 +74,8 @@ def phase_rows(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
 def to_go_line(text: Catalogue, cut: CutProgress, width: int) -> Line:
     """Return how far the axes have to go."""
     words = "  ".join(
-        f"{text(f'run_page.axis.{each.axis}')} {each.left:.{2 if each.left < FINE_BELOW else 1}f}"
-        f" {UNITS.get(each.axis, 'mm')}"
+        f"{text(f'run_page.axis.{each.axis}')} "
+        f"{text.units.show(each.left, UNITS.get(each.axis, 'mm'), 2 if each.left < FINE_BELOW else 1)}"
         for each in cut.to_go
     )
     return fact(text("run_page.to_go"), words or NOTHING, width, label_width=LABEL_WIDTH)
@@ -93,5 +93,9 @@ def _place(text: Catalogue, cut: CutProgress) -> tuple[Line, str]:
 
 def band_line(text: Catalogue, band: ErrorBand, width: int) -> Line:
     """Return what of the tool error repeats from turn to turn, and what does not."""
-    words = text("run_page.band", mean=f"{band.repeats_um:.2f}", spread=f"{band.random_um:.2f}")
+    words = text(
+        "run_page.band",
+        mean=text.units.figure(band.repeats_um, "um", 2),
+        spread=text.units.figure(band.random_um, "um", 2),
+    )
     return line((fitted(words, width).rstrip(), Token.TEXT))

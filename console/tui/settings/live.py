@@ -20,6 +20,7 @@ class LiveLook:
     def __init__(self, palette: Palette, appearance: Appearance) -> None:
         self.mono = palette is MONO
         self.text = LiveCatalogue(appearance.language)
+        self.text.measure(appearance.units)
         self.palette: dict[Token, Style] = dict(palette)
         self.filters: tuple[LineFilter, ...] = ()
         self._paint(appearance)
@@ -38,6 +39,7 @@ class LiveLook:
         """Take over another appearance."""
         if appearance.language != self.text.language:
             self.text.speak(appearance.language)
+        self.text.measure(appearance.units)
         self._paint(appearance)
 
     def _paint(self, appearance: Appearance) -> None:

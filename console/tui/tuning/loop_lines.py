@@ -150,7 +150,7 @@ def _response_words(seen: SeenResponse, text: Catalogue) -> str:
     band = NONE
     if points:
         low, high = (pick(point.frequency_hz for point in points) for pick in (min, max))
-        band = f"{low:g}…{high:g} Hz, {max(point.amplitude_um for point in points):.0f} um"
+        band = f"{low:g}…{high:g} Hz, {text.units.show(max(point.amplitude_um for point in points), 'um', 0)}"
     fits = text("tune_page.fits") if not seen.problems else text("tune_page.other", key=_first_key(seen))
     return f"{date}  {found.path:<8} {band}  {fits}"
 
