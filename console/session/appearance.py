@@ -14,7 +14,14 @@ from console.text.units import UNITS
 THEMES = ("dark", "light", "contrast", "16-colour", "colour-blind")
 GLYPHS = ("unicode", "ascii")
 SWITCH = ("off", "on")
-CHOICES = {"theme": THEMES, "glyphs": GLYPHS, "calm": SWITCH, "mouse": SWITCH, "units": UNITS, "bell": ("on", "off")}
+CHOICES = {
+    "theme": THEMES,
+    "glyphs": GLYPHS,
+    "calm": SWITCH,
+    "mouse": SWITCH,
+    "units": UNITS,
+    "bell": ("on", "off"),
+}
 """The allowed values of each setting, its built-in one first. `language` has those of the catalogues."""
 
 KEYS_CAP_CHARACTERS = 1000

@@ -9,22 +9,36 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 
 from drivers.controller import Controller
+from drivers.cutting.plan import CutPlan
 from drivers.errors import ControllerError, LinkError, LinkTimeoutError, RefusedError
 from drivers.lathe.commands import Sending
 from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.base import is_gone
 from drivers.pmac.programs.hold import HELD_SEGMENTS, HOLD, HOLD_STATE, MOST_HELD_S, SEGMENTS_A_TURN
+from drivers.pmac.programs.pvt import OUT_SPEED_MM_S
 from drivers.pmac.programs.setup import TURNS_CUT
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 __all__ = ["MOST_HELD_S", "NOT_HELD", "FeedHold", "HoldLedger", "HoldState"]
 
 REPORT_TIMEOUT_S = 0.1  # less than what a poll may take: watchdog and polls come first
 TURNS_BACK = 2.0
-"""Turns after a hold that are not judged: the program reports its moves before they are made, and in the first
-turn on uncut material the chip is not yet full, so that the tool is deflected less, as at the start of a cut.
+"""Turns after a hold that are not judged at least: the program reports its moves before they are made, and in the
+first turn on uncut material the chip is not yet full, so that the tool is deflected less.
 """
+
+
+def turns_back(plan: CutPlan, machine: MachineProfile) -> float:
+    """Return the turns after a hold that are not judged: `TURNS_BACK`, and those of the taper.
+
+    The tool left while the carriage ran on, and so cut less and less of the chip: from that place on, for as many
+    turns as its way out took, it finds less than a full chip again.
+    """
+    tool, setup = machine.tool, plan.setup
+    way_mm = (plan.checked.highest[tool.motor] - setup.retracted) * tool.count_um / 1000.0
+    return TURNS_BACK + 1.5 * way_mm / OUT_SPEED_MM_S * plan.spindle_speed_rpm / 60.0
 
 
 class HoldState(IntEnum):
@@ -119,10 +133,10 @@ class HoldLedger:
     held, `turns` the turns of the spindle in that time, which are whole.
     """
 
-    def __init__(self, counts_per_turn: float) -> None:
+    def __init__(self, counts_per_turn: float, turns_back: float = TURNS_BACK) -> None:
         self.turns = 0
         self.held_s = 0.0
-        self._per_turn = counts_per_turn
+        self._per_turn, self._turns_back = counts_per_turn, turns_back
         self._before: Snapshot | None = None
         self._until: float | None = None
         self._shift_s = 0.0
@@ -131,7 +145,7 @@ class HoldLedger:
         """Return a poll as it would have been without any hold; None of one that does not belong to the cut."""
         before = self._before
         if report.active:
-            self._until = snapshot.spindle.position + TURNS_BACK * self._per_turn
+            self._until = snapshot.spindle.position + self._turns_back * self._per_turn
             return None
         if self._until is not None:
             if abs(snapshot.spindle.position) < abs(self._until):

@@ -17,7 +17,7 @@ from console.session.cut.interlocks import SPEED_BAND, START_BAND_COUNTS, at_spe
 from console.session.cut.recording import Recorder, Unrecorded
 from console.session.cut.telemetry import CutFigures, Telemetry
 from console.session.errors import SessionError, refuse
-from drivers.cutting.feed_hold import MOST_HELD_S, HoldLedger
+from drivers.cutting.feed_hold import MOST_HELD_S, HoldLedger, turns_back
 from drivers.cutting.guarding import CutLength, cut_guard, end_problems, further_held
 from drivers.cutting.live_trim import untrimmed
 from drivers.cutting.override import PaceLedger
@@ -188,7 +188,8 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
     """
     telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
     length, path = CutLength(plan, lathe.machine), PathSeen(plan, lathe.machine)
-    guard, ledger = cut_guard(plan, lathe.machine), HoldLedger(lathe.machine.spindle.counts_per_rev)
+    guard = cut_guard(plan, lathe.machine)
+    ledger = HoldLedger(lathe.machine.spindle.counts_per_rev, turns_back(plan, lathe.machine))
     guard.expected_percent, pace = lathe.program.override.expected, PaceLedger(plan.setup.carriage_face)
 
     def polled(snapshot: Snapshot) -> None:
@@ -196,13 +197,14 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
         lathe.program.live_trim.read()
         paced = snapshot if plan.strategy.traits.spindle_time else pace.see(snapshot)
         unheld = ledger.see(paced, lathe.program.hold.report)
+        if not lathe.program.hold.report.active:
+            length.see(snapshot)
         if unheld is None:
             guard.further = {AxisName.SPINDLE: math.inf}
         elif ledger.turns:
             guard.further = further_held(plan, lathe.machine, ledger.turns)
         if unheld is not None:
             telemetry.see(unheld, holding=lathe.program.held)
-            length.see(unheld)
             if not lathe.program.held:  # while retracting, the tool is on no path of a turn
                 path.see(untrimmed(unheld, plan, lathe.machine, lathe.program.live_trim.applied))
         see(snapshot)
@@ -210,6 +212,15 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
     lathe.program.start(plan.program.number, plan.setup.retracted, plan.target.lobes)
     lathe.program.follow(polled, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, guard)
     lathe.program.put_back()
+    _refuse_another(lathe, plan, length, path)
+    figures = telemetry.figures()
+    if figures is None:
+        return None
+    return replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm)
+
+
+def _refuse_another(lathe: Lathe, plan: CutPlan, length: CutLength, path: PathSeen) -> None:
+    """Refuse a cut that has ended and is not the planned one, with `NotAsPlannedError`."""
     end = lathe.program.end()
     if not end.finished:  # a program that was ended in mid-turn no longer reports its turns
         end = replace(end, turns=length.turns)
@@ -220,10 +231,6 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
     changed = (*early, *trimmed, *_changes(lathe, plan, ended=True), *lathe.verify())
     if problems := changed or tuple(path.problems()):
         raise NotAsPlannedError(*problems, turns=end.turns)
-    figures = telemetry.figures()
-    if figures is None:
-        return None
-    return replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm)
 
 
 def _refuse_changed(context: CutContext, plan: CutPlan) -> None:
