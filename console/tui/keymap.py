@@ -309,7 +309,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="scope.channel", keys=("n", "ㅜ"), shown="n"),
     Action(id="scope.angle", keys=("v", "ㅍ"), shown="v"),
     Action(id="scope.keep", keys=("x", "ㅌ"), shown="x", once=True),
-    Action(id="scope.list", keys=("o", "ㅐ"), shown="o"),
+    Action(id="scope.list", keys=("o", "ㅐ"), shown="o", row=""),
 )
 
 READING = (

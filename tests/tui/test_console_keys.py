@@ -17,6 +17,7 @@ from console.session.station.state import Activity, Armed, StationState, StopSta
 from console.tui.app import ConsoleApp
 from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys
+from console.tui.align.jog_presses import SURE_S
 from console.tui.keymap import ACTIONS, DIGITS, PageName
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.standing import Standing
@@ -69,6 +70,8 @@ def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float
                 control.at(100.0 + after_s)
                 await pilot.press(key)
                 await pilot.pause()
+            control.at(control.now_s() + SURE_S)  # a press that may be a terminal's repeat is decided then
+            app.tick()
 
     asyncio.run(run())
     assert app.fault is None
