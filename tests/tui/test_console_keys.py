@@ -14,10 +14,10 @@ from console.session.cut.alignment import Alignment
 from console.session.data.kept_files import jobs_folder
 from console.session.station.commands import Command, Home
 from console.session.station.state import Activity, Armed, StationState, StopState
+from console.tui.align.jog_presses import SURE_S
 from console.tui.app import ConsoleApp
 from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys
-from console.tui.align.jog_presses import SURE_S
 from console.tui.keymap import ACTIONS, DIGITS, PageName
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.standing import Standing
