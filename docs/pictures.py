@@ -27,6 +27,7 @@ from console.tui.keymap import PageName
 from tests.terminal import Terminal
 from tests.terminal_screen import Cell
 from tests.trainee import Trainee, console
+from tests.tui.calibrate_stage import WRENCH
 
 FOLDER = Path(__file__).with_name("pictures")
 COLUMNS, ROWS = 100, 30
@@ -52,18 +53,6 @@ FURTHER = {
 """Pages that are looked at after the cut, each with a text that it shows when it has its figures."""
 
 MACHINE = "lee-2001-lathe"
-WRENCH = """torque_n_m;force_n
-10;3741
-10;3902
-20;7488
-20;7610
-30;11252
-30;11420
-40;15177
-40;14903
-50;18801
-50;19020
-"""
 
 
 def photograph(terminal: Terminal, folder: Path) -> None:

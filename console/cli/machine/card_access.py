@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from console.cli.library import link_address, profile_of
 from console.cli.output import tell
+from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 from drivers.clock import Clock, RealClock
+from drivers.lathe.ownership import Ownership
 from drivers.lathe.stop import StopPath
 from drivers.link.address import SimulatedAddress
 from drivers.link.base import Link
@@ -92,3 +94,16 @@ def _simulated(machine: LoadedMachine) -> Iterator[Link]:
             yield link
     finally:
         process.close()
+
+
+def with_control(card: Card, work: Callable[[], object]) -> None:
+    """Do work with control of the machine; a signal ends the command after control is released."""
+    interruption = Interruption()
+    interruption.install()
+    ownership = Ownership(card.client)
+    with interruption.holding():
+        try:
+            ownership.claim()
+            work()
+        finally:
+            ownership.release()

@@ -6,19 +6,17 @@ from argparse import Namespace
 from pathlib import Path
 
 from console.cli.library import data_of, refuse_unsigned
-from console.cli.machine.card_access import Card, card_fields, card_line
+from console.cli.machine.card_access import Card, card_fields, card_line, with_control
 from console.cli.machine.check_report import check_fields, check_lines, summary_line
 from console.cli.machine.doctor_checks import signature_checks
 from console.cli.output import show
 from console.session.data.controller_backups import backup_path, compare_backup, write_backup
 from console.session.data.kept_files import make_folder
-from console.session.signals import Interruption
 from console.session.trial.explained import trial_checks
 from console.text.catalogue import Catalogue
 from drivers.commissioning.gains import Write, apply, gain_writes, refuse_unready
 from drivers.commissioning.judged import Judged
 from drivers.commissioning.verification import in_order, read_of_machine, verify
-from drivers.lathe.ownership import Ownership
 from profiles.files import printable
 from profiles.findings import Severity, worst
 
@@ -76,7 +74,7 @@ def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
         refuse_unready(client, client.dialect)
         make_folder(backup.parent)
         write_backup(client, client.dialect, backup, private=True)
-        _apply_whole(card, writes)
+        with_control(card, lambda: apply(card.client, card.client.dialect, writes))
     show(
         options,
         lambda: {
@@ -88,19 +86,6 @@ def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
         lambda: [card_line(card, text), *_applied(writes, backup, text)],
     )
     return 0
-
-
-def _apply_whole(card: Card, writes: tuple[Write, ...]) -> None:
-    """Write everything with control of the machine; a signal ends the command after control is released."""
-    interruption = Interruption()
-    interruption.install()
-    ownership = Ownership(card.client)
-    with interruption.holding():
-        try:
-            ownership.claim()
-            apply(card.client, card.client.dialect, writes)
-        finally:
-            ownership.release()
 
 
 def _applied(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) -> list[str]:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable
 from dataclasses import asdict
 
 from console.cli.library import data_of, refuse_unsigned
-from console.cli.machine.card_access import Card, card_fields, card_line
+from console.cli.machine.card_access import Card, card_fields, card_line, with_control
 from console.cli.output import show
 from console.session.errors import SessionError
-from console.session.signals import Interruption
 from console.session.trial.proposal import present_loop
 from console.session.trial.standing import StandingTrial, listed
 from console.session.trial.trial import TrialPlace, apply_trial, revert_trial, standing_trial
 from console.text.catalogue import Catalogue
-from drivers.lathe.ownership import Ownership
 from profiles.axis.gain_proposal import GainProposal, proposed_gains, scaled_gains
 from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.problem import Problem
@@ -37,7 +34,7 @@ def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
     if not options.yes:
         return _told(options, card, text, found, standing_trial(place, settle=False), [text("tune.dry_run")])
     settings = {name: float(value) for name, value in found.settings.items()}
-    _with_control(card, lambda: apply_trial(place, settings, found.present))
+    with_control(card, lambda: apply_trial(place, settings, found.present))
     trial = standing_trial(place, settle=True)
     return _told(options, card, text, None, trial, [text("tune.applied", gains=listed(tuple(settings.items())))])
 
@@ -49,7 +46,7 @@ def _revert(options: Namespace, card: Card, text: Catalogue) -> int:
         raise SessionError(Problem(code="trial.none", key=card.machine.name))
     if not options.yes:
         return _told(options, card, text, None, trial, [text("tune.dry_run")])
-    _with_control(card, lambda: revert_trial(place))
+    with_control(card, lambda: revert_trial(place))
     return _told(options, card, text, None, None, [text("tune.reverted", gains=listed(trial.before))])
 
 
@@ -74,19 +71,6 @@ def _proposal(options: Namespace, place: TrialPlace) -> GainProposal | None:
         limit = f"{LEAST_FACTOR:g}..{MOST_FACTOR:g}"
         raise SessionError(Problem(code="trial.range", key="--factor", value=f"{factor:g}", limit=limit))
     return scaled_gains(here, loop, factor, loop_margins(loop))
-
-
-def _with_control(card: Card, work: Callable[[], None]) -> None:
-    """Write with control of the machine; a signal ends the command after control is released."""
-    interruption = Interruption()
-    interruption.install()
-    ownership = Ownership(card.client)
-    with interruption.holding():
-        try:
-            ownership.claim()
-            work()
-        finally:
-            ownership.release()
 
 
 def _told(

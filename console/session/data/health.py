@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.session.data.kept_files import file_error, folder_name, keep, kept
+from console.session.data.kept_files import folder_name, keep, kept, numbered_files
 from drivers.identification.health_result import HealthResult, as_table, from_table
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
@@ -28,7 +28,7 @@ class KeptHealth:
 def store(data: Path, result: HealthResult) -> Path:
     """Keep a test in the data folder, and return its file; ProfileError as `keep`."""
     folder = data / FOLDER / folder_name(result.origin.machine)
-    number = max((_number(file) for file in _files(folder)), default=0)
+    number = max((number for number, _ in numbered_files(folder, _NUMBER)), default=0)
     for tried in range(1, _TRIES + 1):
         path = folder / f"health-{number + tried:06d}.json"
         try:
@@ -43,8 +43,7 @@ def store(data: Path, result: HealthResult) -> Path:
 def kept_tests(data: Path, machine: str, most: int) -> tuple[KeptHealth, ...]:
     """Return the newest tests of a machine, the newest first, at most so many; ProfileError `file.unreadable`."""
     folder = data / FOLDER / folder_name(machine)
-    files = sorted(_files(folder), key=_number, reverse=True)
-    return tuple(_read(file) for file in files[:most])
+    return tuple(_read(file) for _, file in numbered_files(folder, _NUMBER)[:most])
 
 
 def _read(file: Path) -> KeptHealth:
@@ -53,17 +52,3 @@ def _read(file: Path) -> KeptHealth:
         return KeptHealth(file=file, result=from_table(kept(file, "health.file"), where))
     except ProfileError as error:
         return KeptHealth(file=file, result=None, problems=tuple(error.problems))
-
-
-def _files(folder: Path) -> list[Path]:
-    try:
-        return [file for file in folder.iterdir() if _NUMBER.fullmatch(file.name)]
-    except (FileNotFoundError, NotADirectoryError):  # it is made with the first test
-        return []
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
-
-
-def _number(file: Path) -> int:
-    found = _NUMBER.fullmatch(file.name)
-    return 0 if found is None else int(found[1])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -131,3 +132,17 @@ def ahead_problems(code: str, dates: Iterable[str], *, key: str, where: str = ""
 def _parsed(date: str) -> datetime:
     found = datetime.fromisoformat(date)
     return found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
+
+
+def numbered_files(folder: Path, pattern: re.Pattern[str]) -> list[tuple[int, Path]]:
+    """Return the files whose whole name matches, by the number in it, the highest first; none without a folder.
+
+    Raises ProfileError: `file.unreadable`, the folder cannot be read.
+    """
+    try:
+        found = [(pattern.fullmatch(file.name), file) for file in folder.iterdir()]
+    except (FileNotFoundError, NotADirectoryError):  # it is made with the first file
+        return []
+    except OSError as error:
+        raise file_error("file.unreadable", folder, error) from error
+    return sorted(((int(match[1]), file) for match, file in found if match is not None), reverse=True)

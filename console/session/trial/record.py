@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from console.session.data.kept_files import file_error, folder_name, keep, kept, utc_now
+from console.session.data.kept_files import folder_name, keep, kept, numbered_files, utc_now
 from console.session.operator import operator_name
 from drivers.link.address import without_options
 from profiles.files import printable, write_atomically
@@ -58,7 +58,8 @@ class TrialRecord:
 def file_of_new(data: Path, machine: str) -> Path:
     """Return the file for the next trial of a machine."""
     folder = data / FOLDER / folder_name(machine)
-    return folder / f"trial-{max((_number(file) for file in _files(folder)), default=0) + 1:06d}.json"
+    newest = max((number for number, _ in numbered_files(folder, _NUMBER)), default=0)
+    return folder / f"trial-{newest + 1:06d}.json"
 
 
 def write_new(file: Path, record: TrialRecord) -> None:
@@ -78,7 +79,7 @@ def open_trial(data: Path, machine: str, address: str, *, simulated: bool) -> tu
     Raises ProfileError: `trial.file`, `schema.unsupported`, `file.unreadable`.
     """
     folder = data / FOLDER / folder_name(machine)
-    for file in sorted(_files(folder), key=_number, reverse=True):
+    for _, file in numbered_files(folder, _NUMBER):
         record = read(file)
         here = simulated or record.address == without_options(address)
         if record.machine == machine and record.simulated == simulated and here:
@@ -99,17 +100,3 @@ def _judge(record: TrialRecord) -> None:
     for value in (*record.before.values(), *record.proposed.values()):
         if not (float(value).is_integer() and abs(value) <= MOST_SETTING):
             raise ValueError(f"{value:g}")
-
-
-def _files(folder: Path) -> list[Path]:
-    try:
-        return [file for file in folder.iterdir() if _NUMBER.fullmatch(file.name)]
-    except (FileNotFoundError, NotADirectoryError):  # it is made with the first trial
-        return []
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
-
-
-def _number(file: Path) -> int:
-    found = _NUMBER.fullmatch(file.name)
-    return 0 if found is None else int(found[1])
