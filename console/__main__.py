@@ -30,6 +30,7 @@ PLOTTED = {"reproduce": "console.tui.plot.paper_figures", "replay": "console.tui
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return the exit code: 0 done, 1 refused or failed, 2 wrong usage."""
     text: Catalogue | None = None
+    gc.disable()  # what is imported and read at first stays; looking for garbage in it takes a sixth of the time
     try:
         for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
             if getattr(sys, name) is None:  # closed by the caller: no other file may take its number
@@ -45,6 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _flushed(_run(words, text, configuration), text)
     except KeyboardInterrupt as interrupted:
         return _interrupted(interrupted, text)
+    finally:
+        gc.enable()
 
 
 def _run(words: list[str], text: Catalogue, configuration: Configuration) -> int:
@@ -88,10 +91,8 @@ def _dispatch(words: list[str], text: Catalogue, configuration: Configuration) -
         print(f"console: {text('usage.no_command', limit=' | '.join(COMMANDS))}", file=sys.stderr)
         return WRONG_USAGE
     modules = PLOTTED if getattr(options, "plot", False) else COMMANDS
-    gc.disable()  # an import leaves next to nothing behind; looking for it takes a tenth of the imports
-    try:
-        command = import_module(modules.get(options.command, SCREEN))
-    finally:
+    command = import_module(modules.get(options.command, SCREEN))
+    if options.command is not None:  # the screens collect garbage from their first picture on
         gc.enable()
     code: int = command.main(options, text)
     return code

@@ -13,7 +13,6 @@ import errno
 import fcntl
 import os
 import re
-import secrets
 import stat
 import tomllib
 from collections.abc import Iterator
@@ -139,7 +138,9 @@ def written_atomically(path: Path, *, overwrite: bool, private: bool = False) ->
     temporary: Path | None = None
     try:
         target = path.resolve()
-        beside = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
+        from secrets import token_hex  # with all of its cryptography it is slow to import
+
+        beside = target.with_name(f".{target.name}.{token_hex(4)}.tmp")
         existing = _mode_of_existing(target)
         remove_left(target.parent, target.name)
         rights = rights_in(target.parent)

@@ -6,7 +6,6 @@ not a truth value, 2.7 not a whole number, "1e3" not a number, and neither are i
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
@@ -25,6 +24,8 @@ DEPTH_CAP = 40  # far deeper than any of our files: deeper nesting would fail in
 
 def from_json(content: str | bytes) -> Any:
     """Parse a JSON text. Raises `ValueError`: it is none, or nested too deeply."""
+    import json  # not for the first page
+
     try:
         found = json.loads(content)
     except RecursionError:

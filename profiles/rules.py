@@ -37,6 +37,7 @@ from __future__ import annotations
 import math
 
 from profiles.chucking.advice import force_span, wall_stress_mpa
+from profiles.chucking.force import force_as_measured
 from profiles.chucking.grip import (
     MOST_GRIP_LOSS,
     centrifugal_loss_n,
@@ -47,7 +48,7 @@ from profiles.chucking.grip import (
 )
 from profiles.findings import Finding, Severity, judged, refusals
 from profiles.job import NO_LOBE, Job
-from profiles.lobe.lobe_conditions import any_stated, force_as_found, lobe_differences, lobe_unstated
+from profiles.lobe.lobe_conditions import any_stated, lobe_differences, lobe_unstated
 from profiles.machine import Carriage, MachineProfile, ToolAxis
 from profiles.materials import material_or_none, unknown_material
 from profiles.problem import Problem
@@ -56,7 +57,6 @@ from profiles.problem import Problem
 IMPOSSIBLE = ("rule.wall_over_radius", "rule.depth_over_wall", "rule.grip_margin")
 # Of the wall left where the tool is deepest. A thinner one yields to the chip, not to the jaws.
 LEAST_WALL_MM = 0.2
-SAME_FORCE = 0.005  # relative difference at which two chucking forces are still the same setting of the wrench
 
 
 def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -77,18 +77,6 @@ def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
         *lobe_as_found(job, machine),
         *_chatter(job, machine, (*of_part, *of_grip)),
     )
-
-
-def same_force(one_n: float, other_n: float) -> bool:
-    """Whether two chucking forces are the same setting of the wrench."""
-    return abs(one_n - other_n) <= SAME_FORCE * max(one_n, other_n)
-
-
-def force_as_measured(job: Job) -> Finding:
-    """Return whether the part is held as when its lobe error was found: the error depends on the force."""
-    value, limit = f"{job.chucking_force_n:.6g} N", f"{job.error_force_n:.6g} N"
-    problem = Problem(code="rule.force_differs", key="chucking_force_n", value=value, limit=limit)
-    return judged(force_as_found(job), problem, Severity.WARNING)
 
 
 def lobe_as_found(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:

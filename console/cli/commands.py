@@ -41,6 +41,9 @@ COMMANDS = {
     "replay": "console.cli.machine.replay",
 }
 
+COMMON = ("json", "data", "lang")
+"""Options of every command and of every action of one."""
+
 SHOWS_CONFIGURATION = "config"
 """The command that shows also a configuration which every other one refuses."""
 
@@ -54,9 +57,10 @@ def build(text: Catalogue) -> Parser:
     parser.add_argument("--sim", action="store_true", help=text("help.screen"))
     add_shared(parser, text, "machine", *LINK, "data", *PLANT, "lang", absent=None)
     title = text("help.commands")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title=title, parser_class=Parser)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title=title, parser_class=_CommandParser)
     for name, module in COMMANDS.items():
-        _command(commands, name, name, text).module = module
+        described = text(f"help.{name}.long")
+        commands.add_parser(name, help=text(f"help.{name}"), description=described).module = module
     return parser
 
 
@@ -65,11 +69,30 @@ def add_actions(parser: Parser, command: str, names: Iterable[str], text: Catalo
     actions = parser.add_subparsers(
         dest="action", metavar="ACTION", title=text(f"help.{command}.actions"), required=True, parser_class=Parser
     )
-    return {name: _command(actions, name, f"{command}.{name}", text) for name in names}
+    return {name: _action(actions, name, f"{command}.{name}", text) for name in names}
 
 
-def _command(commands: Any, name: str, key: str, text: Catalogue) -> Parser:
-    """Return the parser of a command with the common options; its help is under `key`."""
-    parser: Parser = commands.add_parser(name, help=text(f"help.{key}"), description=text(f"help.{key}.long"))
-    add_shared(parser, text, "json", "data", "lang")
+def _action(actions: Any, name: str, key: str, text: Catalogue) -> Parser:
+    """Return the parser of an action with the common options; its help is under `key`."""
+    parser: Parser = actions.add_parser(name, help=text(f"help.{key}"), description=text(f"help.{key}.long"))
+    add_shared(parser, text, *COMMON)
     return parser
+
+
+class _CommandParser(Parser):
+    """Parser of a command with the common options, made when it is first asked for anything.
+
+    A call has one command; the screens have none, and their first picture waits for the command line.
+    """
+
+    def __init__(self, **facts: Any) -> None:
+        self._facts: dict[str, Any] | None = facts
+
+    def __getattr__(self, name: str) -> Any:
+        facts = self.__dict__.get("_facts")
+        if facts is None:
+            raise AttributeError(name)
+        self._facts = None
+        super().__init__(**facts)
+        add_shared(self, self.text, *COMMON)
+        return getattr(self, name)

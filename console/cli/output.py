@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping
@@ -69,6 +68,8 @@ def harmonics_of(source: Any) -> dict[str, Any]:
 
 def print_json(value: Mapping[str, object]) -> None:
     """Print one JSON object. Numbers are not rounded; there is no NaN in JSON, so none may be in `value`."""
+    import json  # not for the screens
+
     shown = json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2)
     # JSON has its own escapes for what the stream would replace, such as an undecodable file name.
     if encodable(escaped(shown), sys.stdout.encoding) != shown:

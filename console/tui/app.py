@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from textual import events
 from textual.app import ComposeResult
@@ -14,8 +15,7 @@ from textual.driver import Driver
 
 from console.session.appearance import Appearance
 from console.session.configuration import Configuration
-from console.session.station.commands import Control
-from console.session.station.session_log import SessionLog
+from console.session.station.history.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.alarms.bell import Bell
@@ -55,6 +55,9 @@ from console.tui.ui_context import UiContext, View
 from profiles.files import printable
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
+
+if TYPE_CHECKING:
+    from console.session.station.commands import Control  # not for the first paint
 
 TICK_S = 0.1
 

@@ -14,7 +14,6 @@ from rich.cells import cell_len
 
 from console.session.appearance import OwnKeys
 from console.session.station.alarms import Alarm, Priority, foremost, unseen
-from console.session.station.holding import is_paused
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
@@ -73,7 +72,7 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     attention = state.activity in (Activity.STOPPED, Activity.LOST, Activity.STOPPING)
     token = Token.WARNING if attention else Token.STRONG if state.moving else Token.TEXT
     activity = text(f"activity.{state.activity}")
-    if is_paused(state):
+    if state.paused:
         activity = text("frame.paused")
     elif state.activity is Activity.CUTTING and state.cut is not None and state.cut.synchronisation is not None:
         activity = f"{activity} · {text(f'frame.sync.{state.cut.synchronisation}')}"

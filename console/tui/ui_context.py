@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from console.session.appearance import Appearance
 from console.session.configuration import Configuration
-from console.session.station.commands import Control
-from console.session.station.session_log import SessionLog
+from console.session.station.history.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
@@ -21,6 +21,9 @@ from console.tui.theme import Palette
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
+
+if TYPE_CHECKING:
+    from console.session.station.commands import Control  # not for the first paint
 
 Moment = tuple[Activity, bool, bool]
 """Activity of the machine, whether a cut is armed, whether a stop is in force: what most answers refer to."""

@@ -24,7 +24,8 @@ from drivers.lathe.motion import Motion
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.polling import POLL_TIMEOUT_S, Poller
 from drivers.lathe.signature import read_signature, sign
-from drivers.lathe.snapshot import AxisName, Snapshot, SnapshotItems, driven_axes
+from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
+from drivers.lathe.snapshot_items import SnapshotItems
 from drivers.lathe.standing import NOBODY, Signature, Standing
 from drivers.lathe.standstill import prove_rest
 from drivers.lathe.stop import StopPath

@@ -12,7 +12,8 @@ from drivers.controller import Controller
 from drivers.errors import DriverError, LinkError
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.ownership import Ownership
-from drivers.lathe.snapshot import Snapshot, SnapshotItems
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.snapshot_items import SnapshotItems
 from drivers.lathe.stop import StopPath
 from drivers.link.base import is_gone
 from drivers.pmac.program_constants import ConstantsWatch

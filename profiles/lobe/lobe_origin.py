@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from profiles.chucking.grip import centrifugal_loss_n
-from profiles.findings import refusals
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_conditions import CONDITIONS, NAMES, kept_condition
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
-from profiles.rules import IMPOSSIBLE, check
 
 MODEL = "model"
 _VALUES = ("lobe_error_um_pp", "lobe_phase_deg", "lobe_error_source", "lobe_past_jaw_deg")
@@ -40,9 +37,12 @@ def with_modelled_lobe(job: Job, machine: MachineProfile) -> Job:
 
     Raises `ProfileError`: `rule.material_unknown`, or the rules by which the part cannot be held or cut at all.
     """
-    # The model loads numerics, which the first page does without.
+    # The model loads numerics, and the rules models of their own, which the first page does without.
+    from profiles.chucking.grip import centrifugal_loss_n
     from profiles.chucking.held_part import held_part
+    from profiles.findings import refusals
     from profiles.lobe.cut_error import cut_error
+    from profiles.rules import IMPOSSIBLE, check
 
     bare = without_lobe(job)
     broken = [f.problem for f in refusals(check(bare, machine)) if f.problem.code in IMPOSSIBLE]

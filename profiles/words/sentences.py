@@ -31,7 +31,8 @@ class _Facts(Protocol):
     def facts(self) -> str: ...
 
 
-_PLAIN = re.compile(r'"([^"\\]+)" = "([^"\\]*)"')
+_LINES = re.compile(r'^"([^"\\\n]+)" = "([^"\\\n]*)"$|^([^#\n].*)', re.MULTILINE)
+"""Key and text of a plain entry, or a line that is none, without empty lines and comments."""
 
 SINGULAR = ".one"  # ends the key of a singular, beside that of its plural; a language without singulars has none
 
@@ -121,17 +122,13 @@ def entries_of(text: str) -> dict[str, str]:
 
     The first picture waits for some thousand of them.
     """
-    entries: dict[str, str] = {}
-    for line in text.split("\n"):
-        if line == "" or line.startswith("#"):
-            continue
-        plain = _PLAIN.fullmatch(line)
-        if plain is not None:
-            entries[plain[1]] = plain[2]
-        elif line.startswith('"') and '"""' not in line:  # with an escape, or a comment behind it
-            entries |= tomllib.loads(line)
-        else:
-            return tomllib.loads(text)
+    found = _LINES.findall(text)
+    entries: dict[str, str] = {key: sentence for key, sentence, _ in found if key}
+    others = [line for _, _, line in found if line]
+    if any('"""' in line or not line.startswith('"') for line in others):
+        return tomllib.loads(text)
+    if others:  # with an escape, or a comment behind it
+        entries |= tomllib.loads("\n".join(others))
     return entries
 
 

@@ -2,6 +2,7 @@
 
 import ast
 import statistics
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +17,7 @@ LONGEST_TEST_FILE = 500
 LARGEST_MEDIAN = 150
 LONGEST_FUNCTION = 40
 LONGEST_TEST = 60
+MOST_MODULES = 25
 VAGUE_NAMES = ("utils", "util", "helpers", "helper", "manager", "managers", "misc", "common")
 
 
@@ -77,6 +79,12 @@ def test_no_function_is_too_long(tree: str) -> None:
         if length > limit
     ]
     assert long == []
+
+
+def test_no_folder_is_crowded() -> None:
+    folders = Counter(path.parent for path in python_files(*PACKAGES) if path.name != "__init__.py")
+    crowded = {str(folder.relative_to(ROOT)): count for folder, count in folders.items() if count > MOST_MODULES}
+    assert crowded == {}
 
 
 def test_no_module_hides_behind_a_vague_name() -> None:

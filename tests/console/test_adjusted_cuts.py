@@ -25,7 +25,6 @@ from console.session.station.commands import (
     Retract,
     Start,
 )
-from console.session.station.holding import is_paused
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
 from console.session.station.state import Activity, MeasuredPart, StationState
 from drivers.cutting.bounds import Adjustable
@@ -255,7 +254,7 @@ def test_a_changed_cut_is_held_and_resumed_as_any(floor: Floor, commands: tuple[
         cut = floor.state.cut
         if cut is not None and cut.held_left_s is not None:
             left_s.append(cut.held_left_s)
-        return is_paused(floor.state)
+        return floor.state.paused
 
     def resume() -> None:
         assert not floor.station.post(commands[0])

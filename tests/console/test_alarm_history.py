@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import datetime, timedelta
 
-from console.session.station.alarm_history import (
+from console.session.station.alarms import Alarms, Priority, acknowledged, cleared, raised
+from console.session.station.history.alarm_history import (
     PAST_MOST,
     RAISES_MOST,
     AlarmHistory,
@@ -14,7 +15,6 @@ from console.session.station.alarm_history import (
     Instant,
     followed,
 )
-from console.session.station.alarms import Alarms, Priority, acknowledged, cleared, raised
 from profiles.problem import Problem
 
 NOON = datetime(2026, 1, 2, 12, 0, 0)

@@ -16,7 +16,7 @@ from console.text.catalogue import load
 from drivers.errors import RefusedError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.client import PmacClient
-from drivers.simulator.plant.collision import CollisionKind
+from drivers.simulator.plant.collision_kind import CollisionKind
 from profiles.store import load_machine
 from tests.console.floor import Floor, experiment_1, open_floor
 from tests.drivers.test_collisions import printed_program

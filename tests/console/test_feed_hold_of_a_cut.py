@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from console.session.station.commands import Command, EndCut, HoldFeed, Measure, Recover, ResumeFeed, Start
-from console.session.station.holding import is_paused
 from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import Activity, StationState
 from drivers.cutting.planning import Strategy
@@ -41,7 +40,7 @@ def held(floor: Floor, then: Callable[[], None], strategy: Strategy = Strategy.P
     since: list[float] = []
 
     def long_held(_: object) -> bool:
-        if is_paused(floor.state):
+        if floor.state.paused:
             since.append(floor.sim.now_s())
         return bool(since) and floor.sim.now_s() > since[0] + 0.5
 
@@ -81,7 +80,7 @@ def test_one_turn_after_the_other_may_be_cut(aligned: Floor) -> None:
 
     def next_turn(_: object) -> None:
         cut = aligned.state.cut
-        if cut is None or not is_paused(aligned.state) or (turns and cut.turn < turns[-1] + 0.5):
+        if cut is None or not aligned.state.paused or (turns and cut.turn < turns[-1] + 0.5):
             return
         turns.append(cut.turn)
         order(aligned, ResumeFeed(one_turn=len(turns) < 3))

@@ -15,11 +15,11 @@ from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.collision import (
     Clamped,
     Collision,
-    CollisionKind,
     CollisionWatch,
     Track,
     clamped,
 )
+from drivers.simulator.plant.collision_kind import CollisionKind
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import Bench, JobMaker, TrueBenchMaker

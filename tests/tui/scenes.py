@@ -27,11 +27,11 @@ from console.session.data.made_parts import MadeWith
 from console.session.data.record_file import FILE_NAME
 from console.session.learning.learning_steps import taught_by
 from console.session.learning.part_learning import PartLearning
-from console.session.station.alarm_history import Instant
 from console.session.station.alarms import FAULT, Alarms, Priority, cleared, raised
 from console.session.station.alarms import seen as seen_alarms
+from console.session.station.history.alarm_history import Instant
+from console.session.station.history.session_log import SessionLog, command_entry, with_state
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
-from console.session.station.session_log import SessionLog, command_entry, with_state
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited
 from console.text.catalogue import load

@@ -29,7 +29,7 @@ from console.tui.keymap import LISTS, PageName, actions_of, help_lines
 from console.tui.lines import line, plain, width_of
 from console.tui.theme import Token
 from drivers.lathe.snapshot import FAULT_FLAGS, AxisName, AxisState, Snapshot
-from drivers.simulator.plant.collision import CollisionKind
+from drivers.simulator.plant.collision_kind import CollisionKind
 from profiles.machine import SAFETY_DEVICES
 from profiles.problem import Problem
 from profiles.store import load_machine

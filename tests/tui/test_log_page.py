@@ -9,7 +9,7 @@ from pathlib import Path
 from textual.pilot import Pilot
 
 from console.session.station.commands import Home, Jog
-from console.session.station.session_log import LOG_MOST, LogKind
+from console.session.station.history.session_log import LOG_MOST, LogKind
 from console.session.station.state import Activity, StopState
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName

@@ -15,7 +15,7 @@ from textual.pilot import Pilot
 
 from console.session.appearance import GLYPHS, THEMES, Appearance
 from console.session.configuration import Configuration, Origin, Setting, read_configuration
-from console.session.station.session_log import SessionLog
+from console.session.station.history.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp

@@ -18,11 +18,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from profiles.chucking.force import force_as_measured, same_force
 from profiles.findings import Severity
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.rules import force_as_measured, same_force
 
 _BLANK = {"jaws": "", "material": "", "diameter_mm": "mm", "wall_thickness_mm": "mm", "overhang_mm": "mm"}
 """Properties of a clamping besides its force, with their units."""

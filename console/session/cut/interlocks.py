@@ -10,11 +10,12 @@ from drivers.cutting.traits import AngleZero
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, Snapshot
+from profiles.chucking.force import force_as_measured
 from profiles.findings import Severity, refusals
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.rules import check, force_as_measured, lobe_as_found
+from profiles.rules import check, lobe_as_found
 
 SPEED_BAND = 0.02
 """Allowed speed error of a spindle not driven by the controller: the servo is inverted for the job's speed."""

@@ -14,10 +14,10 @@ from itertools import pairwise
 from console.session.flight.notes import Kind
 from console.session.flight.recorded_forms import Moment
 from console.session.flight.recording import Recording
-from console.session.station.alarm_history import Instant
 from console.session.station.alarms import Alarm, Priority
 from console.session.station.commands import Command
-from console.session.station.session_log import SessionLog, command_entry, with_state
+from console.session.station.history.alarm_history import Instant
+from console.session.station.history.session_log import SessionLog, command_entry, with_state
 from console.session.station.state import StationState
 from profiles.problem import Problem
 

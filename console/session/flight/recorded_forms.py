@@ -95,10 +95,12 @@ def names() -> Mapping[str, Any]:
     from console.session.data.made_parts import MadeWith
     from console.session.learning.calibrating import PartLobe
     from console.session.learning.part_learning import PartLearning
+    from console.session.station.link.lost_link import LostLink
     from console.session.station.progress import CutProgress
     from console.session.trial.standing import StandingTrial
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_loop import ToolLoop
+    from drivers.simulator.plant.workshop_view import WorkshopView
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
     from profiles.traces import Trace
@@ -115,5 +117,7 @@ def names() -> Mapping[str, Any]:
         Trace,
         ToolLoop,
         StandingTrial,
+        LostLink,
+        WorkshopView,
     )
     return {**{each.__name__: each for each in found}, "CutPlan": RecordedPlan}

@@ -11,22 +11,22 @@ from typing import TYPE_CHECKING
 
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
-from console.session.station.link.lost_link import LostLink
 from drivers.cutting.bounds import UNCHANGEABLE, Bounds
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import NOBODY, Signature, Standing
-from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from console.session.data.made_parts import MadeWith
     from console.session.learning.calibrating import PartLobe
     from console.session.learning.part_learning import PartLearning
+    from console.session.station.link.lost_link import LostLink
     from console.session.station.progress import CutProgress
     from console.session.trial.standing import StandingTrial
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_loop import ToolLoop
+    from drivers.simulator.plant.workshop_view import WorkshopView
     from profiles.job import Job
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
@@ -72,6 +72,8 @@ MOVING = frozenset(
 
 IDLE = frozenset({Activity.READY, Activity.STOPPED, Activity.LOST})
 """Activities in which the link thread accepts a command."""
+
+PAUSED = "paused"  # of `CutStage`, which is not there for the first page
 
 STALE_S = 1.0  # a state older than this is no longer current
 
@@ -226,6 +228,12 @@ class StationState:
     def seen_moving(self) -> bool:
         """Whether something moved in the last poll, whoever moves it."""
         return self.moving or (self.snapshot is not None and self.snapshot.moving)
+
+    @property
+    def paused(self) -> bool:
+        """Whether a cut is held now, with its tool out, so that it can be resumed."""
+        cut = self.cut if self.activity is Activity.CUTTING else None
+        return cut is not None and cut.stage == PAUSED and not cut.holding
 
     @property
     def controls(self) -> bool:

@@ -19,6 +19,7 @@ from console.session.cut.alignment import observed
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import killed_or_refused
 from console.session.errors import SessionError, fault_problem
+from console.session.station.adjusting.holding import hold_refusal
 from console.session.station.adjusting.refusals import adjust_refusal
 from console.session.station.alarms import OF_A_CUT, Priority, seen
 from console.session.station.armed_watch import watch_armed
@@ -38,7 +39,6 @@ from console.session.station.commands import (
 )
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
-from console.session.station.holding import hold_refusal
 from console.session.station.link.holding import HolderWatch
 from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from console.session.station.alarm_history import (
+from console.session.station.history.alarm_history import (
     FLOOD_S,
     HOUR_S,
     RAISES_MOST,

@@ -8,8 +8,8 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from console.session.passing_control import PassingControl
-from console.session.station.alarm_history import Instant
-from console.session.station.session_log import LogEntry, SessionLog, command_entry, with_state
+from console.session.station.history.alarm_history import Instant
+from console.session.station.history.session_log import LogEntry, SessionLog, command_entry, with_state
 from console.session.station.state import StationState
 from profiles.problem import Problem
 

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from textual.app import App
 from textual.driver import Driver
 from textual.filter import LineFilter
+from textual.theme import Theme
 
 from console.session.appearance import Appearance
 from console.tui.settings.live import LiveLook
 from console.tui.terminal.key_releases import KeyReleases
-from console.tui.theme import Palette
+from console.tui.theme import DARK_THEME, Palette
 
 
 class DressedApp(App[None]):
@@ -21,12 +22,17 @@ class DressedApp(App[None]):
         self.look = LiveLook(palette, appearance)
         # Without colour, Textual must know before it chooses its filters to use the terminal's own colours.
         super().__init__(driver_class=driver_class, ansi_color=True if self.look.mono else None)
-        self._wear(appearance)
+        theme = self._registered(appearance)
+        if theme is DARK_THEME:  # the style sheet is not read yet: like this it is read once, not once more
+            self.set_reactive(App.theme, theme.name)
+            self.stylesheet.set_variables(self.get_css_variables())
+        else:
+            self.theme = theme.name
 
     def dress(self, appearance: Appearance) -> None:
         """Draw everything anew in another appearance."""
         self.look.change(appearance)
-        self._wear(appearance)
+        self.theme = self._registered(appearance).name
         for widget in (self.screen, *self.screen.query()):
             widget.notify_style_update()
             widget.refresh()
@@ -49,8 +55,8 @@ class DressedApp(App[None]):
         releases: KeyReleases | None = getattr(self._driver, "releases", None)
         return releases
 
-    def _wear(self, appearance: Appearance) -> None:
+    def _registered(self, appearance: Appearance) -> Theme:
         theme = self.look.theme(appearance)
         if theme.name not in self.available_themes:
             self.register_theme(theme)
-        self.theme = theme.name
+        return theme

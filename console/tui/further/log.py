@@ -8,7 +8,7 @@ from pathlib import Path
 
 from textual.widgets import Input
 
-from console.session.station.session_log import LogEntry, SessionLog
+from console.session.station.history.session_log import LogEntry, SessionLog
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, line, wrapped

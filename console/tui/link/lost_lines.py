@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from console.session.station.link.lost_link import LostLink, Validity
+from typing import TYPE_CHECKING
+
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, hanging, line
 from console.tui.theme import Token
+
+if TYPE_CHECKING:
+    from console.session.station.link.lost_link import LostLink, Validity  # not for the first paint
 
 NONE = "–"
 SHORT_S = 10.0  # losses shorter than this are shown in tenths

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from console.session.station.session_log import LogEntry, LogKind, SessionLog
+from console.session.station.history.session_log import LogEntry, LogKind, SessionLog
 from console.text.catalogue import Catalogue
 from console.tui.alarms.alarm_lines import clock
 from console.tui.lines import Line, dim, fitted, hanging, wrapped

@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 
 from console.session.data.kept_files import make_folder
-from console.session.station.session_log import LogEntry, SessionLog
+from console.session.station.history.session_log import LogEntry, SessionLog
 from console.text.catalogue import Catalogue
 from console.text.escaping import escaped_line
 from console.tui.log.log_lines import entry_words

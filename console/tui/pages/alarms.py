@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from textual.widget import Widget
 
-from console.session.station.alarm_history import AlarmEntry, AlarmHistory, AlarmState
+from console.session.station.history.alarm_history import AlarmEntry, AlarmHistory, AlarmState
 from console.tui.alarms.alarm_lines import (
     alarm_lines,
     all_lines,

@@ -9,6 +9,7 @@ from textual.containers import Horizontal, Vertical
 
 from console.session.cut.alignment import JawAngle
 from console.session.cut.compensated import with_news
+from console.session.station.adjusting.holding import hold_refusal
 from console.session.station.commands import (
     Adjust,
     Arm,
@@ -20,7 +21,6 @@ from console.session.station.commands import (
     Retract,
     Start,
 )
-from console.session.station.holding import hold_refusal, is_paused
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress
 from console.session.station.state import Activity
@@ -114,7 +114,7 @@ class RunPage(Page):
         self._take_news()
         phase = phase_of(view.state)
         self.set_class(phase is Phase.CUTTING, "-live")
-        self.set_class(is_paused(view.state), "-paused")
+        self.set_class(view.state.paused, "-paused")
         roomy = self.size.height >= LEAST_POLAR_ROWS
         if roomy != self.has_class("-roomy"):
             self._drawn = None  # a hidden plot has missed what was drawn
@@ -179,7 +179,7 @@ class RunPage(Page):
         """Return the command of a key, if it has one; F6 starts what is armed, or resumes what is held."""
         match action:
             case "run.start":
-                return ResumeFeed() if is_paused(self.ui.control.state) else Start()
+                return ResumeFeed() if self.ui.control.state.paused else Start()
             case "run.feed_hold":
                 return HoldFeed()
             case "run.one_turn":
@@ -200,7 +200,7 @@ class RunPage(Page):
             case "run.arm" if state.armed is None:
                 checked = run_lines.checks(state, view.work, machine)
                 return refusal(state, action) or run_lines.failing(checked)
-            case "run.start" if is_paused(state):
+            case "run.start" if state.paused:
                 return ()
             case "run.feed_hold" | "run.one_turn":
                 command = HoldFeed() if action == "run.feed_hold" else ResumeFeed(one_turn=True)

@@ -13,7 +13,7 @@ from textual import events
 from console.session.appearance import Appearance
 from console.session.flight.playback import Playback, ReplayControl
 from console.session.flight.recorded_forms import RecordedWork
-from console.session.station.session_log import SessionLog
+from console.session.station.history.session_log import SessionLog
 from console.session.station.state import StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue

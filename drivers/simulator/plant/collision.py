@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import NamedTuple
 
+from drivers.simulator.plant.collision_kind import CollisionKind
 from profiles.job import Job
 
 TOUCH_MM = 0.05  # depth of the tip in a standing part up to which it is a mere touch that marks, not a crash
@@ -19,27 +19,6 @@ STANDS_TURNS = 1e-5  # a spindle that turns less than this in a servo cycle stan
 
 
 BACK_TURNS = 0.05  # permitted backward rotation in the cut: after a hard stop a servo comes back by 6 deg
-
-
-class CollisionKind(StrEnum):
-    """Kinds of collision."""
-
-    STANDING_PART = "standing_part"
-    """The tip entered the clamped surface while the spindle stood."""
-    END_FACE = "end_face"
-    """The tip entered material along Z faster than any feed."""
-    TOO_DEEP = "too_deep"
-    """The tip went deeper than the tool permits."""
-    THROUGH_WALL = "through_wall"
-    """The tip broke through the wall into the bore."""
-    JAWS = "jaws"
-    """The tip went beyond the jaw faces, within the outer radius of the jaws."""
-    INFEED = "infeed"
-    """The tip went deeper than its cut, by more per turn than the tool permits."""
-    REVERSE = "reverse"
-    """The tip was in material while the spindle turned backwards."""
-    END_OF_TRAVEL = "end_of_travel"
-    """The tool or the carriage hit the end of its travel."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

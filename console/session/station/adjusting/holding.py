@@ -6,12 +6,7 @@ from console.session.station.commands import HoldFeed, ResumeFeed
 from console.session.station.state import Activity, StationState
 from profiles.problem import Problem
 
-IN_PART, PAUSED = "cut", "paused"  # of `CutStage`: what it imports is not there for the first page
-
-
-def is_paused(state: StationState) -> bool:
-    """Whether a cut is held now, with its tool out, so that it can be resumed."""
-    return hold_refusal(ResumeFeed(), state) is None
+IN_PART = "cut"  # of `CutStage`: what it imports is not there for the first page
 
 
 def hold_refusal(command: HoldFeed | ResumeFeed, state: StationState) -> Problem | None:
@@ -20,7 +15,7 @@ def hold_refusal(command: HoldFeed | ResumeFeed, state: StationState) -> Problem
     if state.activity is not Activity.CUTTING or cut is None:
         return Problem(code="session.nothing_to_hold")
     if isinstance(command, ResumeFeed):
-        return None if cut.stage == PAUSED and not cut.holding else Problem(code="cut.not_held")
+        return None if state.paused else Problem(code="cut.not_held")
     if cut.hold_from_mm is None:
         return Problem(code="cut.no_hold")
     if cut.holding:

@@ -10,7 +10,7 @@ from datetime import datetime
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from console.session.station.alarm_history import AlarmHistory, Change, Instant, followed
+from console.session.station.history.alarm_history import AlarmHistory, Change, Instant, followed
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
