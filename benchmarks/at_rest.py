@@ -16,8 +16,9 @@ from collections.abc import Sequence
 from benchmarks.first_paint import commands
 from benchmarks.measure import extent, print_table
 from console.text.catalogue import load
-from console.tui.keymap import ACTIONS, DIGITS, PageName
+from console.tui.keymap import PageName
 from tests.terminal import Terminal
+from tests.tui.scenes import keys_to
 
 SIZES = ((80, 24), (160, 48))[: extent(2, 1)]
 WATCHED_S = extent(10.0, 1.0)
@@ -25,14 +26,6 @@ SETTLED_S = extent(4.0, 2.0)  # a page that was just shown still computes
 WITHIN_S = 20.0
 MOST_BYTES_PER_S = 200.0
 PAGES = tuple(PageName)[: extent(len(PageName), 2)]
-
-
-def keys_to(page: PageName) -> tuple[str, ...]:
-    """Return the keys that show a page."""
-    if page in DIGITS:
-        return (DIGITS[page],)
-    letter = next(action.keys[0] for action in ACTIONS if action.id == f"more.{page}")
-    return DIGITS[PageName.MORE], letter
 
 
 def bytes_per_s(command: Sequence[str], columns: int, rows: int) -> dict[PageName, float]:

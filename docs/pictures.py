@@ -22,12 +22,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-from benchmarks.at_rest import keys_to
 from console.tui.keymap import PageName
 from tests.terminal import Terminal
 from tests.terminal_screen import Cell
 from tests.trainee import Trainee, console
 from tests.tui.calibrate_stage import WRENCH
+from tests.tui.scenes import keys_to
 
 FOLDER = Path(__file__).with_name("pictures")
 COLUMNS, ROWS = 100, 30

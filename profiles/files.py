@@ -157,7 +157,7 @@ def written_atomically(path: Path, *, overwrite: bool, private: bool = False) ->
             os.fsync(file.fileno())
             # Not closed earlier: its lock shows that a writer is active.
             _move(temporary, target, overwrite=overwrite)
-        _synchronise_folder(target.parent)
+        synchronise_folder(target.parent)
     except FileExistsError as error:
         raise refused("file.exists", where=where) from error
     except (OSError, ValueError, RuntimeError) as error:  # RuntimeError: a loop of symbolic links
@@ -269,7 +269,8 @@ def _move(temporary: Path, target: Path, *, overwrite: bool) -> None:
     os.replace(temporary, target)
 
 
-def _synchronise_folder(folder: Path) -> None:
+def synchronise_folder(folder: Path) -> None:
+    """Have the names in a folder written to the disk. Raises OSError."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)

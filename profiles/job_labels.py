@@ -7,7 +7,6 @@ that hash, and a note must not take them away.
 from __future__ import annotations
 
 import hashlib
-import json
 import re
 from collections.abc import Sequence
 
@@ -48,4 +47,6 @@ def with_labels(content: bytes, note: str, tags: Sequence[str]) -> bytes:
 
 def _spelled(text: str) -> str:
     """Return a text of printable characters as TOML writes it, which is as JSON does."""
+    import json  # not for the first page
+
     return json.dumps(text, ensure_ascii=False)

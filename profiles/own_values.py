@@ -65,6 +65,14 @@ def number(value: object) -> float:
     return found
 
 
+def number_or_none(value: object) -> float | None:
+    """Return a finite number as a float, None of anything else."""
+    try:
+        return number(value)
+    except (TypeError, ValueError):
+        return None
+
+
 def positive(value: object) -> float:
     """Return a finite number above 0. Raises as `number`."""
     found = number(value)

@@ -15,6 +15,7 @@ from console.__main__ import main
 from profiles.lobe.lobe_conditions import CONDITIONS
 from tests.branching import in_a_copy
 from tests.compact import save_compact
+from tests.console.floor import Floor, set_up_once
 
 
 @dataclass(frozen=True)
@@ -114,3 +115,9 @@ def job_file(tmp_path: Path) -> Callable[..., Path]:
 def close(data_folder: Path) -> tuple[str, str]:
     """What has a part cut on the bundled lathe with everything close together: no test here is about its ways."""
     return save_compact(data_folder / "trilobe")
+
+
+@pytest.fixture
+def aligned(tmp_path: Path, in_copies: None) -> Floor:
+    """A floor on which everything is set up, in a copy of this process."""
+    return set_up_once(tmp_path)

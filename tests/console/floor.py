@@ -22,6 +22,7 @@ from console.session.station.commands import (
 )
 from console.session.station.context import StationContext
 from console.session.station.owning import Owning
+from console.session.station.progress import CutStage
 from console.session.station.state import StationState
 from console.session.station.station import Station
 from drivers.cutting.planning import Strategy
@@ -167,3 +168,20 @@ def set_up_once(records: Path, plant: str = "mounted", seed: int = 1) -> Floor:
     shutil.rmtree(floor.context.records)
     floor.context.records.mkdir()
     return floor
+
+
+def codes(state: StationState) -> list[str]:
+    """The alarms of a state."""
+    return [alarm.problem.code for alarm in state.alarms]
+
+
+def in_turn(floor: Floor, turn: float) -> bool:
+    """Whether the tool is in the part, beyond this turn of the cut."""
+    cut = floor.state.cut
+    return cut is not None and cut.stage is CutStage.CUT and cut.turn > turn
+
+
+def order(floor: Floor, *commands: Command) -> None:
+    """Press keys; each must be taken."""
+    for command in commands:
+        assert floor.station.post(command), floor.state.refusals

@@ -26,14 +26,14 @@ from console.session.station.commands import (
     Start,
 )
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
-from console.session.station.state import Activity, MeasuredPart, StationState
+from console.session.station.state import Activity, MeasuredPart
 from drivers.cutting.bounds import Adjustable
 from drivers.cutting.planning import Strategy
 from drivers.errors import LinkError
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
-from tests.console.floor import Floor, experiment_1, set_up_once
+from tests.console.floor import Floor, codes, experiment_1, in_turn, order, set_up_once
 
 FASTER = Adjust(what=Adjustable.OVERRIDE, steps=1)
 SLOWER = Adjust(what=Adjustable.OVERRIDE, steps=-1)
@@ -46,23 +46,9 @@ def floor(tmp_path: Path, in_copies: None) -> Floor:
     return set_up_once(tmp_path)
 
 
-def codes(state: StationState) -> list[str]:
-    return [alarm.problem.code for alarm in state.alarms]
-
-
-def in_turn(floor: Floor, turn: float) -> bool:
-    cut = floor.state.cut
-    return cut is not None and cut.stage is CutStage.CUT and cut.turn > turn
-
-
 def cut_of(floor: Floor) -> CutProgress:
     assert floor.state.cut is not None
     return floor.state.cut
-
-
-def order(floor: Floor, *commands: Command) -> None:
-    for command in commands:
-        assert floor.station.post(command), floor.state.refusals
 
 
 def press(floor: Floor, turn: float, *commands: Command) -> None:

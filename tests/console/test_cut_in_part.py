@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from console.session.stages import Stage
@@ -11,14 +9,9 @@ from console.session.station.commands import ConfirmClamping, DisableDrives, End
 from console.session.station.progress import CutStage
 from console.session.station.state import StationState
 from drivers.lathe.snapshot import AxisName
-from tests.console.floor import Floor, experiment_1, set_up_once
+from tests.console.floor import Floor, experiment_1
 
 JOB = experiment_1()
-
-
-@pytest.fixture
-def aligned(tmp_path: Path, in_copies: None) -> Floor:
-    return set_up_once(tmp_path)
 
 
 def in_the_part(floor: Floor) -> bool:

@@ -15,21 +15,7 @@ from console.session.station.state import Activity, StationState
 from drivers.cutting.planning import Strategy
 from drivers.errors import LinkError
 from profiles.problem import Problem
-from tests.console.floor import Floor, experiment_1, open_floor, set_up_once
-
-
-@pytest.fixture
-def aligned(tmp_path: Path, in_copies: None) -> Floor:
-    return set_up_once(tmp_path)
-
-
-def codes(state: StationState) -> list[str]:
-    return [alarm.problem.code for alarm in state.alarms]
-
-
-def in_turn(floor: Floor, turn: float) -> bool:
-    cut = floor.state.cut
-    return cut is not None and cut.stage is CutStage.CUT and cut.turn > turn
+from tests.console.floor import Floor, codes, experiment_1, in_turn, open_floor, order
 
 
 def held(floor: Floor, then: Callable[[], None], strategy: Strategy = Strategy.PVT) -> StationState:
@@ -46,10 +32,6 @@ def held(floor: Floor, then: Callable[[], None], strategy: Strategy = Strategy.P
 
     floor.when(long_held, then)
     return floor.do(Start())
-
-
-def order(floor: Floor, command: Command) -> None:
-    assert floor.station.post(command), floor.state.refusals
 
 
 @pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE])

@@ -34,7 +34,7 @@ from console.session.station.commands import Acknowledge, DisableDrives, EndCut,
 from profiles.problem import Problem
 from profiles.store import load_job
 from profiles.traces import parse_trace
-from tests.console.floor import Floor, experiment_1, set_up_once
+from tests.console.floor import Floor, experiment_1
 
 RUN = {
     **dict.fromkeys(("software", "job_sha256", "machine_sha256", "strategy", "program"), ""),
@@ -66,11 +66,6 @@ def part(um: float, **changes: Any) -> PartRecord:
 
 def codes(error: pytest.ExceptionInfo[SessionError]) -> list[str]:
     return [problem.code for problem in error.value.problems]
-
-
-@pytest.fixture
-def aligned(tmp_path: Path, in_copies: None) -> Floor:
-    return set_up_once(tmp_path)
 
 
 def test_a_cut_on_the_screens_is_told_in_full(aligned: Floor) -> None:

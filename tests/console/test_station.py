@@ -30,17 +30,12 @@ from drivers.errors import LinkError
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from profiles.problem import Problem
-from tests.console.floor import LOGGED, Floor, experiment_1, open_floor, set_up_once
+from tests.console.floor import LOGGED, Floor, experiment_1, in_turn, open_floor
 
 
 @pytest.fixture
 def floor(tmp_path: Path) -> Floor:
     return open_floor(tmp_path)
-
-
-@pytest.fixture
-def aligned(tmp_path: Path, in_copies: None) -> Floor:
-    return set_up_once(tmp_path)
 
 
 def codes(state: StationState) -> list[str]:
@@ -49,11 +44,6 @@ def codes(state: StationState) -> list[str]:
 
 def hold(floor: Floor) -> None:
     assert floor.station.post(EndCut())
-
-
-def in_the_part(floor: Floor, turn: float = 20.0) -> bool:
-    cut = floor.state.cut
-    return cut is not None and cut.stage is CutStage.CUT and cut.turn > turn
 
 
 def test_an_aligned_part_comes_out_round(aligned: Floor) -> None:
@@ -129,7 +119,7 @@ def test_what_is_changed_by_another_host_disarms_at_once(aligned: Floor, line: s
 def test_a_stop_in_mid_cut_and_the_way_back(aligned: Floor) -> None:
     job = experiment_1()
     aligned.arm(job)
-    aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.stop("space"))
+    aligned.when(lambda _: in_turn(aligned, 20.0), lambda: aligned.stop.stop("space"))
     state = aligned.do(Start())
     assert state.activity is Activity.STOPPED and state.stop is not None
     assert state.stop.reason == "space" and state.stop.rest_s is not None
@@ -156,7 +146,7 @@ def test_a_stop_in_mid_cut_says_where_it_marked_the_part(floor: Floor) -> None:
     floor.set_up(job)
     floor.arm(job)
     half_done = 1.0 / job.feed_mm_per_rev - 0.6
-    floor.when(lambda _: in_the_part(floor, half_done), lambda: floor.stop.stop("space"))
+    floor.when(lambda _: in_turn(floor, half_done), lambda: floor.stop.stop("space"))
     state = floor.do(Start())
     assert state.stop is not None and state.stop.of_cut and state.snapshot is not None
     # The face is 30 mm before the jaws at 40 mm; the carriage has 1000 counts a mm.
@@ -177,7 +167,7 @@ def test_a_stop_in_mid_cut_says_where_it_marked_the_part(floor: Floor) -> None:
 
 def test_a_hold_and_a_stop_beside_the_part_leave_no_mark(aligned: Floor) -> None:
     aligned.arm(experiment_1())
-    aligned.when(lambda _: in_the_part(aligned), lambda: hold(aligned))
+    aligned.when(lambda _: in_turn(aligned, 20.0), lambda: hold(aligned))
     assert aligned.do(Start()).marks_mm == ()
     aligned.arm(experiment_1())
     aligned.when(lambda s: s.program_running, lambda: aligned.stop.stop("space"))
@@ -187,7 +177,7 @@ def test_a_hold_and_a_stop_beside_the_part_leave_no_mark(aligned: Floor) -> None
 
 def test_another_stop_belongs_to_what_the_first_one_ended(aligned: Floor) -> None:
     aligned.arm(experiment_1())
-    aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.stop("space"))
+    aligned.when(lambda _: in_turn(aligned, 20.0), lambda: aligned.stop.stop("space"))
     first = aligned.do(Start())
     aligned.stop.stop("escape")
     again = aligned.idle()
@@ -205,7 +195,7 @@ def test_another_stop_belongs_to_what_the_first_one_ended(aligned: Floor) -> Non
 def test_proven_rest_and_a_turning_spindle_do_not_stand_side_by_side(aligned: Floor) -> None:
     """The speed is told over the last second; the way to rest is no part of it once rest is proven."""
     aligned.arm(experiment_1())
-    aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.stop("space"))
+    aligned.when(lambda _: in_turn(aligned, 20.0), lambda: aligned.stop.stop("space"))
     speeds: list[float | None] = []
     aligned.looks.append(lambda _: speeds.append(aligned.state.spindle_rpm))
     state = aligned.do(Start())
@@ -241,7 +231,7 @@ def test_a_measured_part_is_not_in_the_chuck_any_more(aligned: Floor) -> None:
 
 def test_a_hold_leaves_whole_turns_and_the_tool_out(aligned: Floor) -> None:
     aligned.arm(experiment_1())
-    aligned.when(lambda _: in_the_part(aligned), lambda: hold(aligned))
+    aligned.when(lambda _: in_turn(aligned, 20.0), lambda: hold(aligned))
     state = aligned.do(Start())
     assert state.activity is Activity.READY and state.refusals == () and state.stop is None
     assert state.cut is not None and state.cut.stage is CutStage.HELD and not state.cut_done
@@ -341,7 +331,7 @@ def test_an_axis_fault_stops_everything(aligned: Floor) -> None:
     def trip() -> None:
         aligned.sim.controller.motors[1].fatal_error = True
 
-    aligned.when(lambda _: in_the_part(aligned), trip)
+    aligned.when(lambda _: in_turn(aligned, 20.0), trip)
     state = aligned.do(Start())
     assert state.stop is not None and not state.cut_done
     assert "machine.fault" in [alarm.problem.code for alarm in state.alarms]
@@ -379,9 +369,9 @@ def test_any_other_order_takes_the_arming_back(aligned: Floor) -> None:
     assert codes(aligned.do(Start())) == ["session.not_armed"]
 
 
-def test_with_another_job_on_the_screen_the_tool_is_still_in_the_part(aligned: Floor) -> None:
+def test_with_another_job_on_the_screen_the_tool_is_still_in_turn(aligned: Floor) -> None:
     aligned.arm(experiment_1())
-    aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.stop("space"))
+    aligned.when(lambda _: in_turn(aligned, 20.0), lambda: aligned.stop.stop("space"))
     aligned.do(Start())
     aligned.do(Recover())
     aligned.do(DisableDrives())
@@ -420,7 +410,7 @@ def test_drives_are_switched_on_all_or_none(floor: Floor, monkeypatch: pytest.Mo
 
 def test_hands_wait_for_a_spindle_that_runs_out(aligned: Floor) -> None:
     aligned.arm(experiment_1())
-    aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.kill("f9"))
+    aligned.when(lambda _: in_turn(aligned, 20.0), lambda: aligned.stop.kill("f9"))
     state = aligned.do(Start())
     assert state.stop is not None and state.stop.killed
     assert state.stop.rest_s is not None and state.stop.rest_s - state.stop.sent_s > 5.0
@@ -428,7 +418,7 @@ def test_hands_wait_for_a_spindle_that_runs_out(aligned: Floor) -> None:
 
 def test_what_a_hold_leaves_is_not_counted_as_tool_error(aligned: Floor) -> None:
     aligned.arm(experiment_1())
-    aligned.when(lambda _: in_the_part(aligned), lambda: hold(aligned))
+    aligned.when(lambda _: in_turn(aligned, 20.0), lambda: hold(aligned))
     cut = aligned.do(Start()).cut
     assert cut is not None and cut.figures is not None
     assert cut.figures.tool_error_um < 3.0 and cut.tool_error_peak_um < 3.0
@@ -469,7 +459,7 @@ def test_of_a_machine_that_is_lost_in_motion_nothing_is_known_but_it_may_move(
         raise LinkError(Problem(code="link.lost", value="unplugged"))
 
     aligned.arm(experiment_1())
-    aligned.when(lambda _: in_the_part(aligned), unplug)
+    aligned.when(lambda _: in_turn(aligned, 20.0), unplug)
     state = aligned.do(Start())
     assert state.activity is Activity.LOST
     assert state.may_move and not state.moving and state.is_stale(state.at_s)

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from console.session.station.commands import Jog, Recover
 from console.session.station.state import Activity
 from drivers.lathe.snapshot import AxisName
-from tests.console.floor import Floor, experiment_1, set_up_once
-
-
-@pytest.fixture
-def aligned(tmp_path: Path, in_copies: None) -> Floor:
-    return set_up_once(tmp_path)
+from tests.console.floor import Floor, experiment_1
 
 
 @pytest.mark.parametrize("key", ["space", "escape", "f12"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -152,3 +153,11 @@ class CutFloor:
         recorder = Recorder(target.axis)
         target.axis = recorder
         return recorder
+
+
+def until(floor: CutFloor, condition: Callable[[], bool]) -> None:
+    """Let time pass in steps of 2 ms."""
+    end_s = floor.card.sim.now_s() + 20.0
+    while not condition():
+        assert floor.card.sim.now_s() < end_s
+        floor.card.sim.wait(0.002)

@@ -17,7 +17,7 @@ from drivers.pmac.heartbeat.plc import Policy, set_up_lines
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from profiles.compensations.path import target_path
 from tests.drivers.close_together import machine as machine
-from tests.drivers.cut_floor import CutFloor, Floats, Track, of_family, with_inverter
+from tests.drivers.cut_floor import CutFloor, Floats, Track, of_family, until, with_inverter
 
 if TYPE_CHECKING:
     from profiles.job import Job
@@ -62,14 +62,6 @@ def ready(experiment: JobMaker, machine: MachineProfile, strategy: Strategy, rpm
     floor = CutFloor(job, machine, strategy)
     floor.start()
     return floor
-
-
-def until(floor: CutFloor, condition: Callable[[], bool]) -> None:
-    """Let time pass in steps of 2 ms."""
-    end_s = floor.card.sim.now_s() + 20.0
-    while not condition():
-        assert floor.card.sim.now_s() < end_s
-        floor.card.sim.wait(0.002)
 
 
 def to_the_middle(floor: CutFloor, turns_before: float = 1.0) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,18 +14,11 @@ from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.programs.live_trim import live_trim_line
 from profiles.compensations.path import LobedPath, PathHarmonic, target_path
 from tests.drivers.close_together import machine as machine
-from tests.drivers.cut_floor import CutFloor, of_family
+from tests.drivers.cut_floor import CutFloor, of_family, until
 
 if TYPE_CHECKING:
     from profiles.machine import MachineProfile
     from tests.drivers.conftest import JobMaker
-
-
-def until(floor: CutFloor, condition: Callable[[], bool]) -> None:
-    end_s = floor.card.sim.now_s() + 20.0
-    while not condition():
-        assert floor.card.sim.now_s() < end_s
-        floor.card.sim.wait(0.002)
 
 
 def in_part(experiment: JobMaker, machine: MachineProfile, rpm: float = 1000.0) -> CutFloor:

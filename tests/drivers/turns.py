@@ -5,37 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from threading import Semaphore, Thread
 
-from drivers.link.base import Link, StopWay
+from drivers.link.base import Link
+from drivers.link.passing import PassingLink
 
 TIMEOUT_S = 20.0
 
 
-class TurnLink:
+class TurnLink(PassingLink):
     """A link whose lines wait for their turn. All that happens between two lines of one host happens at once."""
 
-    stop_way = StopWay.DIRECT
-    checks_bytes = True
-
     def __init__(self, link: Link) -> None:
-        self.address = link.address
+        super().__init__(link)
         self.gated = self.over = False
-        self._link = link
         self._may_go, self._waits = Semaphore(0), Semaphore(0)
 
     def send(self, data: bytes) -> None:
         if self.gated and data.endswith(b"\r"):
             self._waits.release()
             assert self._may_go.acquire(timeout=TIMEOUT_S)
-        self._link.send(data)
-
-    def send_urgent(self, data: bytes) -> None:
-        self._link.send_urgent(data)
-
-    def receive(self, timeout_s: float) -> bytes:
-        return self._link.receive(timeout_s)
-
-    def close(self) -> None:
-        self._link.close()
+        super().send(data)
 
     def next_line(self) -> None:
         """Let one line out, and wait until its host has come to the next one, or to its end."""

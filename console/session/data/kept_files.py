@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -45,6 +44,8 @@ def file_error(code: str, path: Path, error: OSError) -> ProfileError:
 def keep(path: Path, table: Mapping[str, Any]) -> None:
     """Write a new file, creating its folder; ProfileError `file.exists`, `file.not_writable`."""
     make_folder(path.parent)
+    import json  # not for the first page
+
     content = json.dumps(table, ensure_ascii=False, allow_nan=False, indent=2)
     write_atomically(path, f"{content}\n".encode(), overwrite=False, private=True)
 

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from console.session.data.backup_format import Manifest
 from console.session.data.backup_reading import Member, checked, members, refusal
-from profiles.files import make_private_folder, printable
+from profiles.files import make_private_folder, printable, synchronise_folder
 from profiles.folder_rights import may_be_ours, rights_in
 
 SPARE_BYTES = 1_000_000
@@ -127,9 +127,9 @@ def _settle(stage: Path, data: Path) -> None:
             os.chown(os.path.join(folder, name), owner.st_uid, -1)
         if os.geteuid() == 0:
             os.chown(folder, owner.st_uid, -1)
-        _synchronise(Path(folder))
+        synchronise_folder(Path(folder))
     os.rename(stage, data)
-    _synchronise(data.parent)
+    synchronise_folder(data.parent)
 
 
 def _remove_left(data: Path) -> None:
@@ -146,11 +146,3 @@ def _remove_left(data: Path) -> None:
                     shutil.rmtree(path)
             finally:
                 os.close(descriptor)
-
-
-def _synchronise(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

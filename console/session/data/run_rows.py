@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
-from profiles.own_values import from_json, number
+from profiles.own_values import from_json, number_or_none
 
 MODEL = "none"
 """Name of the compensation where nothing learned was used."""
@@ -212,10 +212,10 @@ def _ending(ends: list[Event]) -> Ending:
     kinds = [kind for kind, _ in ends]
     whole = next((table_of(data) for kind, data in ends if kind in COMPLETE), None)
     if whole is not None:
-        return Ending(how=How.DONE, turn=_number(whole.get("turn")))
+        return Ending(how=How.DONE, turn=number_or_none(whole.get("turn")))
     for kind, data in ends:
         event = table_of(data)
-        turn, reason = _number(event.get("turn", event.get("turns"))), str(event.get("reason", ""))
+        turn, reason = number_or_none(event.get("turn", event.get("turns"))), str(event.get("reason", ""))
         if kind == "held":
             return Ending(how=How.HELD, turn=turn)
         if kind == "ended_early":
@@ -237,10 +237,3 @@ def table_of(data: str) -> dict[str, Any]:
     except (ValueError, TypeError):
         return {}
     return found if isinstance(found, dict) else {}
-
-
-def _number(value: object) -> float | None:
-    try:
-        return number(value)
-    except (TypeError, ValueError):
-        return None

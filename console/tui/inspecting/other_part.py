@@ -10,7 +10,7 @@ from console.session.station.state import MeasuredPart
 from console.tui.records.beside import Beside, Problems
 from console.tui.records.opened_run import traced
 from profiles.files import printable
-from profiles.own_values import number
+from profiles.own_values import number_or_none
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.traces import Trace
@@ -73,7 +73,7 @@ def other_part(data: Path, point: PartPoint) -> OtherPart:
     if found is None:
         raise ProfileError(Problem(code="inspect.no_trace", key=printable(point.run_id, 8)))
     values, turn = found.part.data, found.turn
-    radius_mm, upr = _number(values.get("radius_mm")), _number(values.get("filter_upr"))
+    radius_mm, upr = number_or_none(values.get("radius_mm")), number_or_none(values.get("filter_upr"))
     state = str(values.get("state", "unknown"))
     judged = evaluate(
         turn.angle_deg,
@@ -83,10 +83,3 @@ def other_part(data: Path, point: PartPoint) -> OtherPart:
         radius_mm=radius_mm,
     )
     return OtherPart(point=point, turn=turn, judged=judged, jaw_1_deg=found.jaw_1_deg, radius_mm=radius_mm)
-
-
-def _number(value: object) -> float | None:
-    try:
-        return None if value is None else number(value)
-    except (TypeError, ValueError):
-        return None

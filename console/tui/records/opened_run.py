@@ -16,7 +16,7 @@ from console.session.data.run_story import POLLED
 from console.session.learning.imported import on_the_spindle, one_turn
 from profiles.arrays import Floats
 from profiles.job import Job, job_from_table
-from profiles.own_values import number
+from profiles.own_values import number_or_none
 from profiles.problem import Problem, ProblemError, ProfileError
 from profiles.roundness import centred_profile
 from profiles.store import LoadedMachine, list_jobs, load_job
@@ -133,18 +133,11 @@ def _traced(part: RecordedPart, setup: Mapping[str, Any]) -> Iterator[RecordedTr
         trace = replace(trace, meta=MappingProxyType({**trace.meta, **given}))
     header, _ = header_of(trace.meta)
     turn = one_turn(trace, header)
-    jaw_1_deg = _number(part.data.get("jaw_1_deg", setup.get("jaw_1_deg"))) if header.phase_known else None
+    jaw_1_deg = number_or_none(part.data.get("jaw_1_deg", setup.get("jaw_1_deg"))) if header.phase_known else None
     if jaw_1_deg is not None:
         turn = on_the_spindle(turn, header, jaw_1_deg)
-    profile_um = centred_profile(turn.angle_deg, turn.deviation_um, _number(part.data.get("filter_upr")))
+    profile_um = centred_profile(turn.angle_deg, turn.deviation_um, number_or_none(part.data.get("filter_upr")))
     yield RecordedTrace(part=part, turn=turn, angle_deg=turn.angle_deg, profile_um=profile_um, jaw_1_deg=jaw_1_deg)
-
-
-def _number(value: object) -> float | None:
-    try:
-        return None if value is None else number(value)
-    except (TypeError, ValueError):
-        return None
 
 
 def _job_now(data: Path, found: RunStory) -> JobNow:

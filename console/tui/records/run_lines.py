@@ -17,7 +17,7 @@ from console.tui.records.list_lines import local
 from console.tui.records.opened_run import JobNow, OpenedRun
 from console.tui.theme import Token
 from profiles.files import printable
-from profiles.own_values import number
+from profiles.own_values import number_or_none
 from profiles.problem import Problem
 
 _LABEL = 15
@@ -159,7 +159,7 @@ def figures(part: RecordedPart, run: OpenedRun, text: Catalogue) -> list[tuple[s
     """Return the figures of a part with their names, as they were evaluated."""
     rows = [("RONt", text.units.show(part.ront_um, "um", 2))]
     for name in ("RONp", "RONv", "RONq"):
-        value = _number(part.data.get(f"{name}_um"))
+        value = number_or_none(part.data.get(f"{name}_um"))
         if value is not None:
             rows.append((name, text.units.show(value, "um", 2)))
     if part.diameter_mm is not None:
@@ -184,7 +184,7 @@ def jaw_harmonics(part: RecordedPart, run: OpenedRun) -> list[tuple[int, float]]
     wanted = [] if run.job is None else [run.job.jaws * multiple for multiple in range(1, FRONT_MULTIPLES + 1)]
     for each in listed if isinstance(listed, list) else []:
         n = each.get("n") if isinstance(each, dict) else None
-        amplitude_um = _number(each.get("amplitude_um")) if isinstance(each, dict) else None
+        amplitude_um = number_or_none(each.get("amplitude_um")) if isinstance(each, dict) else None
         if isinstance(n, int) and n in wanted and amplitude_um is not None:
             found.append((n, 2.0 * amplitude_um))
     return found
@@ -226,7 +226,7 @@ def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     proposed = None if run.product is None else run.product.data.get("learning")
     if isinstance(proposed, dict):
         if proposed.get("version") is not None:
-            left = _number(proposed.get("expected_ront_um"))
+            left = number_or_none(proposed.get("expected_ront_um"))
             expected = NOTHING if left is None else text.units.figure(left, "um", 2)
             version = printable(str(proposed["version"]), 10)
             lines += wrapped(text("records_page.proposed", version=version, expected=expected), width)
@@ -269,15 +269,8 @@ def _software_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 
 
 def _with_unit(setup: Mapping[str, Any], key: str, form: Callable[[float], str]) -> str:
-    value = _number(setup.get(key))
+    value = number_or_none(setup.get(key))
     return "" if value is None else form(value)
-
-
-def _number(value: object) -> float | None:
-    try:
-        return None if value is None else number(value)
-    except (TypeError, ValueError):
-        return None
 
 
 def _clock(date: datetime) -> str:
