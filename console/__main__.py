@@ -92,7 +92,7 @@ def _dispatch(words: list[str], text: Catalogue, configuration: Configuration) -
         return WRONG_USAGE
     modules = PLOTTED if getattr(options, "plot", False) else COMMANDS
     command = import_module(modules.get(options.command, SCREEN))
-    if options.command is not None:  # the screens collect garbage from their first picture on
+    if options.command is not None:  # the screens collect from their first picture on
         gc.enable()
     code: int = command.main(options, text)
     return code

@@ -132,6 +132,7 @@ class ConsoleApp(ListeningApp):
         self.call_after_refresh(self._first_paint)
 
     def _first_paint(self) -> None:
+        self._collector.begin()
         self.tick()  # the size of the page is known now
         self.call_after_refresh(self._begin)
 

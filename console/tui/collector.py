@@ -1,4 +1,4 @@
-"""Garbage collection that spares the stop."""
+"""Garbage collection that spares the first picture and the stop."""
 
 from __future__ import annotations
 
@@ -10,6 +10,10 @@ class Collector:
 
     def __init__(self) -> None:
         self._spared = False
+
+    def begin(self) -> None:
+        """Collect from now on: the first picture is there, up to which `console.__main__` has switched it off."""
+        gc.enable()
 
     def spare(self, may_move: bool) -> None:
         """Take notice of whether something may move."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import math
 import os
 import signal
@@ -118,7 +117,6 @@ def _recorded(
     text, appearance, configuration = looks
 
     def begin() -> None:
-        gc.enable()  # until now there was none: see `console.__main__`
         link.open()
         control.recorder = _recorder(control, app, machine, data, inbox)
         control.recorder.start()
