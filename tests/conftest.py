@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 from tests.remembered import FOLDER, remember
 
@@ -21,7 +22,11 @@ EXPLORE = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("explore", EXPLORE)
 # What is the same in each run is seen by its first examples or not at all; the many are for exploring.
 settings.register_profile("steady", EXPLORE, derandomize=True, database=None, max_examples=30)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
+settings.load_profile(PROFILE := os.environ.get("HYPOTHESIS_PROFILE", "steady"))
+if PROFILE == "steady":
+    # Each process would read all of our modules for the numbers in them: a second, and several in a new clone. What
+    # is tried would then also depend on what this process has imported before.
+    providers._get_local_constants = lambda: providers._local_constants
 
 # The tests start some hundreds of programs, and each worker imports all of the tests: without kept bytecode each
 # of them compiles all of its modules anew. The workers and the programs take this from the environment.

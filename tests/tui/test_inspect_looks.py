@@ -28,10 +28,10 @@ from profiles.metrology.circles import CIRCLES
 from profiles.traces import Trace
 from tests.tui import records_stage
 from tests.tui.page_stage import PageScene, play_on
-from tests.tui.scenes import AFTER, part, signed, taught
+from tests.tui.scenes import AFTER, part, signed, taught, taught_part
 from tests.tui.stage import LANGUAGES
 
-PART = taught(part(Strategy.CAM, (*AFTER, (30, 0.4, 5.0), (100, 0.3, 5.0))))
+PART = taught_part((*AFTER, (30, 0.4, 5.0), (100, 0.3, 5.0)))
 PLAIN = part(Strategy.NONE, ((3, 27.1, 14.3), (2, 1.31, 67.0)))
 MEASURED = StationState(activity=Activity.READY, measured=PART, uncompensated=PLAIN)
 ROOMS = ((80, 18), (160, 42))
