@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from collections import Counter
 from collections.abc import Generator
 from pathlib import Path
 
@@ -24,8 +25,8 @@ settings.register_profile("explore", EXPLORE)
 settings.register_profile("steady", EXPLORE, derandomize=True, database=None, max_examples=30)
 settings.load_profile(PROFILE := os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 if PROFILE == "steady":
-    # Each process would read all of our modules for the numbers in them: a second, and several in a new clone. What
-    # is tried would then also depend on what this process has imported before.
+    # Each process would read all of our modules for the numbers in them: a second, and several in a new clone.
+    # What is tried would then also depend on what this process has imported before.
     providers._get_local_constants = lambda: providers._local_constants
 
 # The tests start some hundreds of programs, and each worker imports all of the tests: without kept bytecode each
@@ -82,12 +83,14 @@ SYSTEM_UNTIL = 0.8
 """Share of the rest behind which no test at a real terminal begins: a long one must not be the last."""
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Spread the tests at real terminals, which mostly wait, among those that calculate.
 
     The longest come first, then those that share what their file has started, which stay together. Where all tests
     are run, those marked `long` are left out; a file or a name of them, or `-m long`, runs them.
     """
+    _mark_further_cases(items)
     if config.stash[ALL_BUT_LONG]:
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("long")])
         items[:] = [item for item in items if not item.get_closest_marker("long")]
@@ -100,6 +103,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     places = [(SYSTEM_UNTIL * (i + 0.5) / len(alone), item) for i, item in enumerate(alone)]
     places += [((i + 0.5) / len(busy), item) for i, item in enumerate(busy)]
     items[:] = [*longest, *together, *(item for _, item in sorted(places, key=lambda place: place[0]))]
+
+
+def _mark_further_cases(items: list[pytest.Item]) -> None:
+    """Mark as `long` the cases of a test behind the `first` so many."""
+    cases: Counter[str] = Counter()
+    for item in items:
+        marker = item.get_closest_marker("first")
+        if marker is not None:
+            test = item.nodeid.partition("[")[0]
+            cases[test] += 1
+            if cases[test] > marker.args[0]:
+                item.add_marker("long")
 
 
 def _takes_long(item: pytest.Item) -> bool:

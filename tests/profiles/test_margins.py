@@ -67,6 +67,7 @@ def test_the_opened_loop_and_its_stability_are_those_of_another_program(name: st
     assert is_stable(loop) is bool((np.abs(poles) < 1.0 - 1e-9).all()) is (name != "unstable")
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", [name for name in LOOPS if name != "unstable"])
 def test_the_margins_are_those_of_another_program(name: str) -> None:
     import control

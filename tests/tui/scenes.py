@@ -263,7 +263,7 @@ def taught(part: MeasuredPart) -> MeasuredPart:
 
 @cache
 def taught_part(harmonics: tuple[tuple[int, float, float], ...] = AFTER) -> MeasuredPart:
-    """The part with these harmonics and what it teaches, found once: several modules name it when they are read."""
+    """The part with these harmonics and what it teaches, found once: some modules name it when they are read."""
     return taught(part(Strategy.CAM, harmonics))
 
 

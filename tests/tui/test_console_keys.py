@@ -235,6 +235,7 @@ def test_escape_stops_with_a_list_open_where_something_may_move(
     assert pressed(tmp_path, now, PageName.ALIGN, *presses).control.stops == ["escape"]
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("key", DIGITS.values())
 def test_while_a_part_is_cut_every_page_may_be_looked_at(key: str, tmp_path: Path) -> None:
     console = pressed(tmp_path, run_stage.cutting(), PageName.RUN, (0.0, key))

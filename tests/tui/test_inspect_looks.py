@@ -211,6 +211,7 @@ def test_the_spectrum_has_a_bar_for_each_order_and_names_those_of_the_jaws() -> 
     assert "↑" in rows[1], "one is higher than the plot"
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", ROOMS)
 def test_h_shows_the_spectrum_with_every_harmonic(room: tuple[int, int], language: str, tmp_path: Path) -> None:
@@ -245,6 +246,7 @@ def recorded(data: Path) -> None:
     records_stage.run(data, 8.0, machine="another", kind="part")
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", ROOMS)
 def test_another_part_of_the_job_lies_beside_this_one_on_one_scale(

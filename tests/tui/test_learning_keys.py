@@ -129,6 +129,7 @@ def test_what_must_not_be_kept_is_not(work: Work, state: StationState, code: str
     play_on(OnInspect, play, tmp_path, work=work, state=state)
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize(
     ("measured", "key"),

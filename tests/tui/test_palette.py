@@ -376,6 +376,7 @@ def test_a_scanner_neither_opens_the_palette_nor_takes_anything_in_it(
 # How it looks --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("language", "size"), [("en", (80, 24)), ("ko", (80, 24)), ("en", (160, 48))])
 def test_it_fits_with_the_reason_of_the_selected_action_in_full(
     language: str, size: tuple[int, int], tmp_path: Path

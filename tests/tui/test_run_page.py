@@ -38,6 +38,7 @@ from tests.tui.run_stage import (
 from tests.tui.stage import LANGUAGES, SIZES, experiment
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("size", [*SIZES, (60, 18)])
 def test_no_row_is_wider_than_the_terminal(size: tuple[int, int], language: str) -> None:

@@ -141,6 +141,7 @@ def test_a_response_of_another_loop_says_why_and_a_broken_file_is_told(tmp_path:
     play_on(TuneScene, scene, tmp_path, state=STATE, size=(160, 42))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_plots_and_texts_are_beside_each_other_where_there_is_room_else_by_a_key(
     language: str, tmp_path: Path
@@ -278,6 +279,7 @@ def test_the_trend_has_the_newest_first_and_one_beside_model_and_last(
     play_on(TuneScene, scene, tmp_path, state=STATE, size=size)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("language", "size"), [("en", (80, 18)), ("ko", (80, 18)), ("en", (160, 42))])
 def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written(
     language: str, size: tuple[int, int], tmp_path: Path
