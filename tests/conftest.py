@@ -8,11 +8,13 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from collections import Counter
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 from tests.remembered import FOLDER, remember
 
@@ -21,7 +23,11 @@ EXPLORE = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("explore", EXPLORE)
 # What is the same in each run is seen by its first examples or not at all; the many are for exploring.
 settings.register_profile("steady", EXPLORE, derandomize=True, database=None, max_examples=30)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
+settings.load_profile(PROFILE := os.environ.get("HYPOTHESIS_PROFILE", "steady"))
+if PROFILE == "steady":
+    # Each process would read all of our modules for the numbers in them: a second, and several in a new clone.
+    # What is tried would then also depend on what this process has imported before.
+    providers._get_local_constants = lambda: providers._local_constants
 
 # The tests start some hundreds of programs, and each worker imports all of the tests: without kept bytecode each
 # of them compiles all of its modules anew. The workers and the programs take this from the environment.
@@ -77,12 +83,14 @@ SYSTEM_UNTIL = 0.8
 """Share of the rest behind which no test at a real terminal begins: a long one must not be the last."""
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Spread the tests at real terminals, which mostly wait, among those that calculate.
 
     The longest come first, then those that share what their file has started, which stay together. Where all tests
     are run, those marked `long` are left out; a file or a name of them, or `-m long`, runs them.
     """
+    _mark_further_cases(items)
     if config.stash[ALL_BUT_LONG]:
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("long")])
         items[:] = [item for item in items if not item.get_closest_marker("long")]
@@ -95,6 +103,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     places = [(SYSTEM_UNTIL * (i + 0.5) / len(alone), item) for i, item in enumerate(alone)]
     places += [((i + 0.5) / len(busy), item) for i, item in enumerate(busy)]
     items[:] = [*longest, *together, *(item for _, item in sorted(places, key=lambda place: place[0]))]
+
+
+def _mark_further_cases(items: list[pytest.Item]) -> None:
+    """Mark as `long` the cases of a test behind the `first` so many."""
+    cases: Counter[str] = Counter()
+    for item in items:
+        marker = item.get_closest_marker("first")
+        if marker is not None:
+            test = item.nodeid.partition("[")[0]
+            cases[test] += 1
+            if cases[test] > marker.args[0]:
+                item.add_marker("long")
 
 
 def _takes_long(item: pytest.Item) -> bool:

@@ -63,14 +63,14 @@ _summarise = servo._summary
 
 def stop_record_once(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:
     """Measure a simulated machine as the function of that name does."""
-    record = _once((dialect.name, machine), lambda: _measure(machine, dialect, now))
+    record = once((dialect.name, machine), lambda: _measure(machine, dialect, now))
     return replace(record, measured_at=now)
 
 
 @cache
 def summary_once(numerator: tuple[float, ...], denominator: tuple[float, ...]) -> servo.Eq9Summary:
     """Summarise the loop of a tool as the function of that name does, which imports more than all else."""
-    return _once((numerator, denominator), lambda: _summarise(numerator, denominator))
+    return once((numerator, denominator), lambda: _summarise(numerator, denominator))
 
 
 def remember(*, programs: bool = False) -> None:
@@ -79,7 +79,7 @@ def remember(*, programs: bool = False) -> None:
     `programs` are remembered for other processes as well, which pays where each process plans a few.
     """
     global _find
-    _find = _once if programs else _in_this_process
+    _find = once if programs else _in_this_process
     drivers.cutting.planning.run_through = run_through_once  # type: ignore[attr-defined]
     stop_records.simulated_record = stop_record_once
     servo._summary = summary_once
@@ -92,7 +92,7 @@ def _in_this_process(asked: Hashable, make: Callable[[], Found]) -> Found:
 _find = _in_this_process
 
 
-def _once(asked: Hashable, make: Callable[[], Found]) -> Found:
+def once(asked: Hashable, make: Callable[[], Found]) -> Found:
     """Return what another process of this run has found, or find it."""
     if FOLDER not in os.environ:
         return make()

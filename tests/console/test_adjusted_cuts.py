@@ -231,6 +231,7 @@ def test_a_link_that_is_lost_under_an_override_stays_in_its_band(
     assert percent(floor) == 99.0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("commands", [(SLOWER, SLOWER, SLOWER), (MORE, LATER)])
 def test_a_changed_cut_is_held_and_resumed_as_any(floor: Floor, commands: tuple[Command, ...]) -> None:
     found: list[str] = []

@@ -149,6 +149,7 @@ def test_rounding_does_not_unfold_what_repeats(console: Console, program: Callab
     assert max(int(found[1]) for row in asked if (found := re.search(r"x (\d+) ", row))) > 500
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("job", "strategy"),
     [

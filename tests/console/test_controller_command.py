@@ -145,6 +145,7 @@ def test_doctor_writes_nothing_without_prove(console: Console, card: Commissione
     assert [line for line in written if not allowed.fullmatch(line.strip("\x18\n "))] == []
 
 
+@pytest.mark.first(1)
 def test_doctor_proves_when_asked_and_a_simulated_machine_leaves_no_record(
     console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, data_folder: Path
 ) -> None:
@@ -216,6 +217,7 @@ def test_a_machine_of_another_console_is_not_proven(
     assert card.client.numbers("P1000") == (77.0,)
 
 
+@pytest.mark.first(1)
 def test_backup_then_diff(console: Console, card: Commissioned, tmp_path: Path) -> None:
     file = str(tmp_path / "card.pmac")
     assert console("controller", "backup", file).code == 0

@@ -34,6 +34,7 @@ def held(floor: Floor, then: Callable[[], None], strategy: Strategy = Strategy.P
     return floor.do(Start())
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE])
 def test_a_held_cut_is_as_good_as_any(aligned: Floor, strategy: Strategy) -> None:
     seen: list[CutProgress] = []
@@ -139,6 +140,7 @@ def test_the_record_has_the_hold_and_who_asked(aligned: Floor) -> None:
     assert kinds == ["started", "feed_hold", "resumed", "held_at", "cut"]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("seed", "strategy"), [(11, Strategy.PVT), (2, Strategy.CAM)])
 def test_a_held_cut_is_not_called_disturbed_on_a_lathe_that_gives_way(
     tmp_path: Path, seed: int, strategy: Strategy

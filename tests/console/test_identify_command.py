@@ -60,6 +60,7 @@ def typed(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", terminal)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("strategy", "language"), [("pvt", "en"), ("cam", "ko"), ("timebase", "en")])
 def test_the_table_is_printed_and_kept(console: Console, data_folder: Path, strategy: str, language: str) -> None:
     said = console("identify", "--sim", "--strategy", strategy, "--lang", language, *SHORT)

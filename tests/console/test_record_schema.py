@@ -146,6 +146,7 @@ def test_a_console_of_schema_1_that_has_the_file_open_meanwhile_writes_on(tmp_pa
     assert runs(tmp_path)[1].ended.how is How.OPEN
 
 
+@pytest.mark.first(5)
 @pytest.mark.parametrize("statement", range(1, 40, 3))
 def test_a_kill_in_the_middle_of_a_migration_leaves_schema_1_or_2(tmp_path: Path, statement: int) -> None:
     path = write_schema_1(tmp_path)

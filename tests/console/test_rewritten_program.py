@@ -48,6 +48,7 @@ def test_the_screens_refuse_it_before_anything_moves(
     assert [axis.commanded for axis in floor.lathe.snapshot().axes] == [axis.commanded for axis in before.axes]
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("step", [Step.ALIGN, Step.ARM])
 @pytest.mark.parametrize(("line", "code"), REWRITES)
 def test_console_run_refuses_it_and_leaves_the_machine_at_rest(line: str, code: str, step: Step) -> None:

@@ -89,6 +89,7 @@ def swing_of_the_iron(positions: Floats) -> float:
     return 100.0 * float(np.ptp(means)) / float(steps.mean())
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("strategy", "share", "per_turn"),
     [

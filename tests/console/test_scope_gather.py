@@ -133,6 +133,7 @@ def test_a_level_is_found_in_the_samples_and_time_counts_from_there(floor: Floor
     assert shown_mm_s[place] > 1.0 >= shown_mm_s[place - 1] and record.times_s[0] < 0.0
 
 
+@pytest.mark.first(1)
 def test_a_cut_starts_the_record_and_is_not_disturbed_by_it(floor: Floor) -> None:
     job = experiment_1()
     floor.set_up(job)

@@ -96,6 +96,7 @@ def told_in(seen: Sequence[CutProgress], *stages: CutStage) -> list[Synchronisat
     return [told for told, _ in groupby(each.synchronisation for each in seen if each.stage in stages)]
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("strategy", "before", "inside"),
     [

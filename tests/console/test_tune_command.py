@@ -21,6 +21,7 @@ def stands(card: Commissioned) -> list[float]:
     return [settings[int(name[1:])] for name in NAMES]
 
 
+@pytest.mark.first(1)
 @on_one
 @pytest.mark.parametrize("language", ["en", "ko"])
 def test_gains_are_shown_applied_explained_and_taken_back(

@@ -121,6 +121,7 @@ def test_a_trip_with_the_tool_in_the_part_says_that_it_cannot_be_retracted(
     assert not any(motor.enabled for motor in simulated.controller.motors.values())
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("friction_n", "trips"), [(6.0, False), (8.0, True)])
 def test_a_tool_that_sticks_says_how_far_it_was_behind_and_what_friction_does_that(
     friction_n: float, trips: bool

@@ -36,6 +36,7 @@ def added_um(floor: CutFloor, spindle: Floats) -> Floats:
     return np.array([table.correction(float(place), row) for place in seen]) * 0.2
 
 
+@pytest.mark.first(1)
 @FAMILIES
 def test_the_wave_that_is_asked_for_is_added_smoothly_and_gone_when_the_tool_is_out(
     machine: MachineProfile, experiment: JobMaker, family: str

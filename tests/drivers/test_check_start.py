@@ -74,6 +74,7 @@ def test_positions_are_read() -> None:
     assert read_start("x=240000, Y=-0.5,Z=+.25") == {"X": 240_000, "Y": -0.5, "Z": 0.25}
 
 
+@pytest.mark.first(5)
 @pytest.mark.parametrize("name", ["lee-2001-experiment-1", "lee-2001-experiment-2"])
 @pytest.mark.parametrize("strategy", list(Strategy))
 def test_the_programs_of_the_project_have_no_fault_where_they_start(

@@ -37,6 +37,7 @@ def proofs(card: Commissioned) -> dict[str, Check]:
     return {check.code: check for check in proven.checks}
 
 
+@pytest.mark.first(1)
 def test_everything_holds_with_the_numbers_of_the_family_and_the_card_is_as_before(
     machine: MachineProfile,
 ) -> None:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 BY_THE_SPINDLE = pytest.mark.parametrize("strategy", [Strategy.CAM, Strategy.TIMEBASE])
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("strategy", "jaws", "phase_deg", "rpm", "error_um"),
     [
@@ -60,6 +61,7 @@ def test_a_spindle_with_inertia_that_lags_in_its_loop_costs_nothing(
     assert floor.measured().ront_um < 0.3
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("strategy", "left_um", "within_um"),
     [(Strategy.PVT, 2.07, 0.1), (Strategy.CAM, 0.99, 0.25), (Strategy.TIMEBASE, 0.99, 0.25)],

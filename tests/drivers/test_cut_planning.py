@@ -81,6 +81,7 @@ def deviation_in_um(moves: list[CheckedMove], plan: CutPlan, job: Job, machine: 
     return np.asarray((tool - plan.setup.surface) * 0.2 - path)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("jaws", "rpm", "phase_deg", "error_um", "length_mm"),
     [

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tests.drivers.conftest import JobMaker
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("family", "number"), [("pmac", 1), ("turbo", 2)])
 def test_it_leaves_less_than_a_micrometre_and_the_card_as_it_was(
     machine: MachineProfile, experiment: JobMaker, family: str, number: int
@@ -82,6 +83,7 @@ def test_the_motion_waits_for_the_index_and_the_cut_for_the_speed(
     assert speeds == pytest.approx(np.full_like(speeds, 10_000 / 60.0), rel=1e-6)
 
 
+@pytest.mark.first(1)
 @FAMILIES
 def test_a_conventional_spindle_is_the_clock_as_well(
     machine: MachineProfile, experiment: JobMaker, family: str

@@ -26,6 +26,7 @@ def checked(stand: Stand, **changes: float) -> HealthResult:
     return check_health(stand.rig, HealthRequest(**changes), stand.origin, DATE)
 
 
+@pytest.mark.first(1)
 def test_the_nominal_tool_is_as_its_model_and_everything_is_as_before(machine: MachineProfile) -> None:
     stand = ready(machine)
     before = read_configuration(stand.rig.client, stand.rig.dialect, whole_card(stand.rig.dialect))

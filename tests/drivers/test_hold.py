@@ -105,6 +105,7 @@ def is_left_in_order(found: Run) -> bool:
     return abs(out_um) < 2.0 and found.last.at_rest and found.last.homed and found.last.loops_closed
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize(
     ("machine", "strategy", "rpm", "hold_s"),
     [

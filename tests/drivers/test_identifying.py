@@ -64,6 +64,7 @@ def late(response: complex, frequency_hz: float, cycles: int) -> complex:
     return response * cmath.exp(-2j * math.pi * frequency_hz * CYCLE_S * cycles)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize(
     ("machine", "path", "cycles", "how", "frequencies_hz"),
     [

@@ -77,6 +77,7 @@ def test_another_chuck_lobe_phase_and_speed_do_what_they_say(
     assert next(h.phase_deg for h in result.harmonics if h.n == 4) == pytest.approx(33.0, abs=0.1)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("jaws", "phase_deg", "rpm"), [(3, 47.0, 1000.0), (4, 33.0, 640.0), (6, -100.0, 377.0)])
 def test_the_inverse_leaves_less_than_a_micrometre_whatever_the_chuck(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, jaws: int, phase_deg: float, rpm: float

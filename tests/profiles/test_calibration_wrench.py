@@ -57,6 +57,7 @@ def test_a_scroll_chuck_is_a_line_through_the_origin() -> None:
     assert (fit.outliers, fit.misses, fit.intercept_n) == ((), False, 0.0)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("affine", "grows", "torque"),
     [(False, False, TORQUE), (False, True, TORQUE[::2]), (True, False, TORQUE[::2]), (True, True, TORQUE)],

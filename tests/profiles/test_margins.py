@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 import pytest
 
@@ -17,6 +17,9 @@ from profiles.axis.step_figures import error_figures, modelled, step_figures
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from profiles.store import load_machine
+
+if TYPE_CHECKING:  # its import takes longer than these tests, in each process that collects them
+    import control
 
 MACHINE = load_machine("lee-2001-lathe").machine
 
@@ -38,6 +41,8 @@ LOOPS = {
 
 def opened_by_control(loop: SampledLoop) -> control.TransferFunction:
     """The opened loop from textbook parts, by another program: hold, one period of delay, backward differences."""
+    import control
+
     a, b, period_s = loop.plant.acceleration_per_v, loop.plant.damping_per_s, loop.period_s
     plant = control.c2d(control.ss(control.TransferFunction([a], [1.0, b, 0.0])), period_s, method="zoh")
     gains = loop.gains
@@ -51,6 +56,8 @@ def opened_by_control(loop: SampledLoop) -> control.TransferFunction:
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_the_opened_loop_and_its_stability_are_those_of_another_program(name: str) -> None:
+    import control
+
     loop = LOOPS[name]
     other = opened_by_control(loop)
     hz = np.array([0.5, 5.0, 50.0, 400.0, 1000.0])
@@ -60,8 +67,11 @@ def test_the_opened_loop_and_its_stability_are_those_of_another_program(name: st
     assert is_stable(loop) is bool((np.abs(poles) < 1.0 - 1e-9).all()) is (name != "unstable")
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", [name for name in LOOPS if name != "unstable"])
 def test_the_margins_are_those_of_another_program(name: str) -> None:
+    import control
+
     loop = LOOPS[name]
     found = loop_margins(loop)
     # Not by the roots of its polynomials: there it finds a crossing at 12 Hz, where |L| is 3.2.
@@ -106,6 +116,8 @@ def test_the_delay_margin_is_that_of_the_loop_in_steps_of_time() -> None:
 
 def swings(loop: SampledLoop, delay: int) -> float:
     """How much a disturbance has grown from the first to the second half of a long time."""
+    import control
+
     plant = control.c2d(
         control.ss(
             control.TransferFunction([loop.plant.acceleration_per_v], [1.0, loop.plant.damping_per_s, 0.0])

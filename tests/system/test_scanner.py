@@ -36,6 +36,7 @@ def types(trainee: Trainee, *pieces: str) -> None:
     time.sleep(QUIET_S)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("pieces", [(f"job:{OTHER}\r",), (f"JOB:{OTHER[:3]}", f"{OTHER[3:]}\r\n")])
 def test_a_code_opens_its_job_and_no_other_does_anything(tmp_path: Path, pieces: tuple[str, ...]) -> None:
     with at_a_console(tmp_path) as trainee:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,14 @@ from console.session.cut.alignment import Alignment
 from console.session.cut.telemetry import CutFigures, Phase, SpindleRipple
 from console.session.data.made_parts import MadeWith
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
-from console.session.station.state import Activity, StationState, StopState, TouchedBlank
+from console.session.station.state import Activity, Armed, StationState, StopState, TouchedBlank
 from console.session.work import Work
 from console.tui.pages.run import RunPage
 from console.tui.ui_context import View
+from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.snapshot import Snapshot
 from profiles.machine import SAFETY_DEVICES
+from tests.remembered import once
 from tests.tui.machine_states import ON, REST, aligned, look_at
 from tests.tui.page_stage import shown_on
 from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, experiment, grid, ui_for
@@ -100,6 +102,14 @@ def stopped(**changes: Any) -> StationState:
     """After a stop that ended a cut."""
     known: dict[str, Any] = {"reason": "space", "killed": False, "sent_s": 98.0, "rest_s": 99.3, "of_cut": True}
     return state(activity=Activity.STOPPED, cut=cut(), stop=StopState(**{**known, **changes}))
+
+
+@cache
+def armed() -> Armed:
+    """Experiment 1 armed by cubics, 8.4 s before it ends; its plan is found once for all processes."""
+    work = experiment()
+    plan = once("armed plan", lambda: plan_cut(work.job, work.machine.machine, Strategy.PVT))
+    return Armed(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=VALID, until_s=108.4, made=MADE)
 
 
 CUT_IN_PART: dict[str, Any] = {"touched": TouchedBlank(to_mm=4.21, of_mm=8.0), "marks_mm": (4.23,)}

@@ -133,7 +133,7 @@ def scene_of(page: PageName) -> Scene:
             side = DirectSide(lathe().machine)
             return Scene(page=page, state=machine(Activity.READY), work=signed(), keys=("right",), side=side)
         case PageName.INSPECT:
-            after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
+            after, before = taught_part(), part(Strategy.NONE, BEFORE)
             state = replace(machine(Activity.READY), alignment=ALIGNED, measured=after, uncompensated=before)
             return Scene(page=page, state=state, work=signed())
 
@@ -259,6 +259,12 @@ def taught(part: MeasuredPart) -> MeasuredPart:
         trace, work.loaded, work.machine, Path("/nowhere"), made, gain=None, robust=False, date=CLOCK.isoformat()
     )
     return replace(part, learning=PartLearning(made=made, taught=found))
+
+
+@cache
+def taught_part(harmonics: tuple[tuple[int, float, float], ...] = AFTER) -> MeasuredPart:
+    """The part with these harmonics and what it teaches, found once: some modules name it when they are read."""
+    return taught(part(Strategy.CAM, harmonics))
 
 
 @cache

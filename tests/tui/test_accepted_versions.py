@@ -25,10 +25,10 @@ from drivers.cutting.planning import Strategy
 from profiles.compensations.learned import LearnedCompensation, as_table, expected_part, from_table
 from tests.tui import run_stage
 from tests.tui.page_stage import PageScene, play_on, shown_on
-from tests.tui.scenes import AFTER, fixed_world, part, previewed, signed, taught
+from tests.tui.scenes import fixed_world, previewed, signed, taught_part
 from tests.tui.stage import EXPERIMENT, LANGUAGES
 
-PART = taught(part(Strategy.CAM, AFTER))
+PART = taught_part()
 READY = StationState(activity=Activity.READY)
 
 

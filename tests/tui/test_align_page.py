@@ -48,6 +48,7 @@ STATES = {
 }
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("size", [*SIZES, (60, 18)])
 def test_no_row_is_wider_than_the_terminal(size: tuple[int, int], language: str) -> None:

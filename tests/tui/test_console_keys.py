@@ -13,13 +13,12 @@ from textual.widgets import Input
 from console.session.cut.alignment import Alignment
 from console.session.data.kept_files import jobs_folder
 from console.session.station.commands import Command, Home
-from console.session.station.state import Activity, Armed, StationState, StopState
+from console.session.station.state import Activity, StationState, StopState
 from console.tui.align.jog_presses import SURE_S
 from console.tui.app import ConsoleApp
 from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys
 from console.tui.keymap import ACTIONS, DIGITS, PageName
-from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
@@ -28,19 +27,6 @@ from tests.tui.stage import FixedControl, experiment
 
 HOMING = align_stage.state(Alignment(settings=(), clamping=CLAMPED, drives_on=True))
 LEFT = run_stage.state(snapshot=run_stage.look(tool=run_stage.SURFACE_COUNTS), cut=run_stage.cut())
-
-
-def armed() -> Armed:
-    work = experiment()
-    plan = plan_cut(work.job, work.machine.machine, Strategy.PVT)
-    return Armed(
-        job=work.job,
-        strategy=Strategy.PVT,
-        plan=plan,
-        alignment=run_stage.VALID,
-        until_s=108.4,
-        made=run_stage.MADE,
-    )
 
 
 class Console:
@@ -108,7 +94,7 @@ def test_a_key_that_is_held_down_orders_once(key: str, page: PageName, tmp_path:
     now = {
         "f4": HOMING,
         "f5": run_stage.state(),
-        "f6": run_stage.state(armed=armed()),
+        "f6": run_stage.state(armed=run_stage.armed()),
         "f7": run_stage.cutting(),
         "f8": LEFT,
     }[key]
@@ -151,7 +137,7 @@ def test_an_answer_goes_with_the_state_that_it_speaks_of(
     ui = console.app.ui
     ui.forget_stale_answer(replace(console.control.state, at_s=101.0))
     assert console.said == [code]
-    changes = {"armed": armed()} if "armed" in later else later
+    changes = {"armed": run_stage.armed()} if "armed" in later else later
     ui.forget_stale_answer(replace(console.control.state, **changes))
     assert console.said == []
 
@@ -165,7 +151,7 @@ def test_nothing_is_armed_does_not_stay_beside_armed(tmp_path: Path) -> None:
     async def run() -> None:
         async with played(app, scene, (80, 24)) as pilot:
             await pilot.press("f6")
-            for now in (run_stage.state(), run_stage.state(armed=armed())):
+            for now in (run_stage.state(), run_stage.state(armed=run_stage.armed())):
                 control.state = now
                 app.tick()
                 await pilot.pause()
@@ -249,6 +235,7 @@ def test_escape_stops_with_a_list_open_where_something_may_move(
     assert pressed(tmp_path, now, PageName.ALIGN, *presses).control.stops == ["escape"]
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("key", DIGITS.values())
 def test_while_a_part_is_cut_every_page_may_be_looked_at(key: str, tmp_path: Path) -> None:
     console = pressed(tmp_path, run_stage.cutting(), PageName.RUN, (0.0, key))

@@ -94,6 +94,7 @@ def test_it_says_who_answers_and_what_its_bits_mean(family: str, tmp_path: Path)
     play(tmp_path, scene, family=family)
 
 
+@pytest.mark.first(1)
 @FAMILIES
 def test_watched_items_are_kept_and_followed(family: str, tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
@@ -125,6 +126,7 @@ def test_a_damaged_table_is_reported_and_left_alone(tmp_path: Path) -> None:
     assert "something else" in path.read_text(encoding="utf-8")
 
 
+@pytest.mark.first(1)
 @FAMILIES
 def test_the_terminal_shows_queries_and_refuses_motion_with_the_page_that_does_it(
     family: str, tmp_path: Path
@@ -163,6 +165,7 @@ def test_the_terminal_is_paused_and_scrolled(tmp_path: Path) -> None:
     play(tmp_path, scene)
 
 
+@pytest.mark.first(1)
 @FAMILIES
 def test_a_backup_is_written_compared_and_verified(family: str, tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:

@@ -31,8 +31,16 @@ WORD_DOT_WORD = re.compile(r"[a-z_]+(?:\.[a-z0-9_]+)+")
 
 Size = tuple[int, int]
 PICTURES = [(page, size, language) for page in PageName for size in SIZES for language in LANGUAGES]
+BETWEEN = SIZES[1]
+"""What is whole at the smallest size and at the largest is seldom wrong here: these pictures are `long`."""
+
 all_pictures = pytest.mark.parametrize(
-    ("page", "size", "language"), PICTURES, ids=[f"{p}-{w}x{h}-{lang}" for p, (w, h), lang in PICTURES]
+    ("page", "size", "language"),
+    [
+        pytest.param(page, size, language, id=f"{page}-{size[0]}x{size[1]}-{language}", marks=marks)
+        for page, size, language in PICTURES
+        for marks in ((pytest.mark.long,) if size == BETWEEN else (),)
+    ],
 )
 
 

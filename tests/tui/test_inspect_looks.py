@@ -28,10 +28,10 @@ from profiles.metrology.circles import CIRCLES
 from profiles.traces import Trace
 from tests.tui import records_stage
 from tests.tui.page_stage import PageScene, play_on
-from tests.tui.scenes import AFTER, part, signed, taught
+from tests.tui.scenes import AFTER, part, signed, taught, taught_part
 from tests.tui.stage import LANGUAGES
 
-PART = taught(part(Strategy.CAM, (*AFTER, (30, 0.4, 5.0), (100, 0.3, 5.0))))
+PART = taught_part((*AFTER, (30, 0.4, 5.0), (100, 0.3, 5.0)))
 PLAIN = part(Strategy.NONE, ((3, 27.1, 14.3), (2, 1.31, 67.0)))
 MEASURED = StationState(activity=Activity.READY, measured=PART, uncompensated=PLAIN)
 ROOMS = ((80, 18), (160, 42))
@@ -211,6 +211,7 @@ def test_the_spectrum_has_a_bar_for_each_order_and_names_those_of_the_jaws() -> 
     assert "↑" in rows[1], "one is higher than the plot"
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", ROOMS)
 def test_h_shows_the_spectrum_with_every_harmonic(room: tuple[int, int], language: str, tmp_path: Path) -> None:
@@ -245,6 +246,7 @@ def recorded(data: Path) -> None:
     records_stage.run(data, 8.0, machine="another", kind="part")
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", ROOMS)
 def test_another_part_of_the_job_lies_beside_this_one_on_one_scale(

@@ -100,6 +100,7 @@ def test_a_machine_without_a_gauge_is_not_said_to_measure() -> None:
     assert "measures it" not in outside and "no gauge" in outside
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", [*ROOMS, SMALLEST_ROOM])
 def test_the_page_holds_both_parts_and_the_verdict(room: tuple[int, int], language: str) -> None:
@@ -113,6 +114,7 @@ def test_the_page_holds_both_parts_and_the_verdict(room: tuple[int, int], langua
     assert load(language)("state.free") in text
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", ROOMS)
 def test_what_a_stop_may_have_left_is_told_with_the_verdict(room: tuple[int, int], language: str) -> None:
@@ -351,6 +353,7 @@ def test_a_failed_part_is_not_only_coloured() -> None:
     assert plain([fail]).startswith("✗ FAIL")
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", [*ROOMS, SMALLEST_ROOM])
 def test_the_diameter_and_the_tool_offset_are_beside_the_roundness(room: tuple[int, int], language: str) -> None:

@@ -31,10 +31,10 @@ from profiles.compensations.learned import LearnedCompensation
 from profiles.problem import Problem
 from tests.tui import run_stage
 from tests.tui.page_stage import PageScene, play_on, shown_on
-from tests.tui.scenes import AFTER, part, previewed, signed, taught
+from tests.tui.scenes import previewed, signed, taught_part
 from tests.tui.stage import LANGUAGES
 
-PART = taught(part(Strategy.CAM, AFTER))
+PART = taught_part()
 """One that was cut with `cam`, by the model."""
 
 MEASURED = StationState(activity=Activity.READY, measured=PART)
@@ -129,6 +129,7 @@ def test_what_must_not_be_kept_is_not(work: Work, state: StationState, code: str
     play_on(OnInspect, play, tmp_path, work=work, state=state)
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize(
     ("measured", "key"),

@@ -53,6 +53,7 @@ def one_word(text: str) -> str:
     return "".join(text.split())
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("size", [(60, 18), (80, 24), (160, 48)])
 @pytest.mark.parametrize("page", [PageName.JOBS, PageName.RUN])
@@ -72,6 +73,7 @@ def test_a_stop_that_failed_is_said_in_full_beside_the_stop_key(
     play(at(page, UNDELIVERED), act, tmp_path, size=size, language=language)
 
 
+@pytest.mark.first(5)
 @pytest.mark.parametrize("page", PageName)
 def test_an_answer_takes_lines_from_the_page_and_gives_them_back(page: PageName, tmp_path: Path) -> None:
     text = load("ko")

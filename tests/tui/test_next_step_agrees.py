@@ -18,18 +18,17 @@ from console.tui.pages.inspect import InspectPage
 from console.tui.pages.learn_lines import learn_lines
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.run import RunPage
-from drivers.cutting.planning import Strategy
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.compensations.learned import ExpectedPart
 from profiles.findings import Finding, Severity
 from profiles.problem import Problem
 from tests.tui import align_stage, run_stage
 from tests.tui.page_stage import Shown, shown_on
-from tests.tui.scenes import AFTER, part, previewed, signed, taught
+from tests.tui.scenes import previewed, signed, taught_part
 from tests.tui.stage import LANGUAGES
 
 EN = load("en")
-PART = taught(part(Strategy.CAM, AFTER))
+PART = taught_part()
 """A part with 1.8 um of lobe left, of which two clampings may differ by 11.55 um."""
 
 

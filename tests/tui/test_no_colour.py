@@ -68,8 +68,10 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 OTHERWISE = (PageName.SETTINGS,)  # it says that NO_COLOR fixes the colours
-PICTURES = [(page, size, "en") for page in PageName for size in (SIZES[0], SIZES[-1])] + [
-    (PageName.RUN, SIZES[0], "ko")
+PICTURES = [
+    *((page, SIZES[0], "en") for page in PageName),
+    (PageName.RUN, SIZES[0], "ko"),
+    *(pytest.param(page, SIZES[-1], "en", marks=pytest.mark.long) for page in PageName),
 ]
 
 

@@ -31,7 +31,6 @@ from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON, REST
 from tests.tui.scenes import Scene, application, fill, played, rows_of, scene_of, settle
 from tests.tui.stage import LANGUAGES, FixedControl, experiment
-from tests.tui.test_console_keys import armed
 
 Play = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
 STOP = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.4)
@@ -77,7 +76,7 @@ STATES: dict[str, tuple[StationState, Work | None]] = {
     "jaw 1": (align_stage.state(), experiment()),
     "aligned": (run_stage.state(), experiment()),
     "edited": (run_stage.state(), edited(experiment(), "chucking_force_n", "1400")),
-    "armed": (run_stage.state(armed=armed()), experiment()),
+    "armed": (run_stage.state(armed=run_stage.armed()), experiment()),
     "arming": (run_stage.state(activity=Activity.ARMING), experiment()),
     "stopped": (run_stage.state(activity=Activity.STOPPED, stop=STOP), experiment()),
     "observing": (align_stage.state(standing=Standing.OUSTED, holder=7), experiment()),
@@ -377,6 +376,7 @@ def test_a_scanner_neither_opens_the_palette_nor_takes_anything_in_it(
 # How it looks --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("language", "size"), [("en", (80, 24)), ("ko", (80, 24)), ("en", (160, 48))])
 def test_it_fits_with_the_reason_of_the_selected_action_in_full(
     language: str, size: tuple[int, int], tmp_path: Path

@@ -149,6 +149,7 @@ def test_what_cannot_be_planned_is_said_and_the_rest_is_shown() -> None:
     assert "1 ms" in text
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", [*ROOMS, SMALLEST_ROOM])
 def test_every_strategy_with_what_it_leaves_is_on_the_page(room: tuple[int, int], language: str) -> None:

@@ -102,6 +102,7 @@ def a_cut(data: Path) -> FlightBench:
     return bench
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("page", LIVE)
 @at_once
 async def test_a_page_is_as_it_was(page: PageName, tmp_path: Path) -> None:
@@ -122,6 +123,7 @@ async def test_a_page_is_as_it_was(page: PageName, tmp_path: Path) -> None:
             assert rows_of(app)[0].startswith(" REPLAY ")
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("language", LANGUAGES)
 @at_once
 async def test_backward_shows_what_forward_showed(language: str, tmp_path: Path) -> None:
@@ -181,6 +183,7 @@ async def test_it_plays_at_any_speed_and_follows_the_page(tmp_path: Path) -> Non
         assert app.playback.at_s == pytest.approx(BEGAN_S + 3.0)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("language", LANGUAGES)
 @at_once
 async def test_no_key_of_the_machine_does_anything_and_each_says_why(language: str, tmp_path: Path) -> None:
@@ -217,6 +220,7 @@ async def test_no_key_of_the_machine_does_anything_and_each_says_why(language: s
         assert text.problem(Problem(code="flight.is_recording"))[:40] not in rows_of(app)[1]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("language", "palette"), [("en", MONO), ("ko", COLOUR)], ids=LANGUAGES)
 @at_once
 async def test_the_badge_the_time_and_the_keys_are_always_there(

@@ -11,23 +11,23 @@ from console.session.cut.alignment import JawAngle
 from console.session.cut.telemetry import Phase, SpindleRipple
 from console.session.station.commands import Arm, Disarm, EndCut, Start
 from console.session.station.progress import CutStage
-from console.session.station.state import Activity, Armed, StationState
+from console.session.station.state import Activity, StationState
 from console.session.work import edited, with_strategy
 from console.text.catalogue import load
 from console.tui.lines import plain
 from console.tui.pages.cut_lines import bar, gauge, mean_error_um
 from console.tui.pages.run import RunPage
 from console.tui.pages.run_lines import input_lines
-from drivers.cutting.planning import Strategy, plan_cut
+from drivers.cutting.planning import Strategy
 from tests.tui.machine_states import ON
 from tests.tui.page_stage import shown_in_turn, too_wide
 from tests.tui.run_stage import (
     FIGURES,
     GUARDS,
-    MADE,
     OFF,
     STATES,
     VALID,
+    armed,
     cut,
     cutting,
     look,
@@ -38,13 +38,7 @@ from tests.tui.run_stage import (
 from tests.tui.stage import LANGUAGES, SIZES, experiment
 
 
-@pytest.fixture(scope="module")
-def armed() -> Armed:
-    work = experiment()
-    plan = plan_cut(work.job, work.machine.machine, Strategy.PVT)
-    return Armed(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=VALID, until_s=108.4, made=MADE)
-
-
+@pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("size", [*SIZES, (60, 18)])
 def test_no_row_is_wider_than_the_terminal(size: tuple[int, int], language: str) -> None:
@@ -121,8 +115,8 @@ def test_without_a_job_there_is_nothing_to_arm() -> None:
     assert (page.orders, page.said) == ([], ["screen.nothing_to_cut"])
 
 
-def test_armed_says_what_moves_first_and_how_long_it_holds(armed: Armed) -> None:
-    page = shown(state(armed=armed), size=(100, 30))
+def test_armed_says_what_moves_first_and_how_long_it_holds() -> None:
+    page = shown(state(armed=armed()), size=(100, 30))
     assert "ARMED" in page.text
     assert "F6 starts within 9 s" in page.words
     assert "tool out, carriage to Z 169.3 mm, spindle to its start" in page.words
@@ -130,15 +124,15 @@ def test_armed_says_what_moves_first_and_how_long_it_holds(armed: Armed) -> None
     assert "F6" in page.next_step
 
 
-def test_f6_starts_only_what_is_armed(armed: Armed) -> None:
-    assert shown(state(armed=armed), "run.start").orders == [Start()]
+def test_f6_starts_only_what_is_armed() -> None:
+    assert shown(state(armed=armed()), "run.start").orders == [Start()]
     assert shown(state(), "run.start").said == ["screen.not_armed"]
-    late = replace(armed, until_s=99.0)
+    late = replace(armed(), until_s=99.0)
     assert shown(state(armed=late), "run.start").said == ["screen.not_armed"]
 
 
-def test_f5_takes_the_arming_back(armed: Armed) -> None:
-    assert shown(state(armed=armed), "run.arm").orders == [Disarm()]
+def test_f5_takes_the_arming_back() -> None:
+    assert shown(state(armed=armed()), "run.arm").orders == [Disarm()]
 
 
 def test_the_cut_shows_its_values_with_units() -> None:
@@ -308,10 +302,10 @@ def test_without_compensation_nothing_is_judged() -> None:
     assert "1.41" not in end.text
 
 
-def test_the_summary_is_of_what_was_armed(armed: Armed) -> None:
+def test_the_summary_is_of_what_was_armed() -> None:
     moved = replace(VALID, jaw=JawAngle(angle_deg=99.0, jaws=3, at="09:59"), touch_off=None)
     other = with_strategy(edited(experiment(), "chucking_force_n", "700"), "none")
-    page = shown(state(moved, armed=armed), work=other, size=(100, 30))
+    page = shown(state(moved, armed=armed()), work=other, size=(100, 30))
     for value in ("1314 N", "pvt", "12.60 °", "R 76.000 mm"):
         assert value in page.text
     for value in ("700 N", "99.00 °", "none, tool", other.loaded.sha256[:6]):
@@ -319,12 +313,12 @@ def test_the_summary_is_of_what_was_armed(armed: Armed) -> None:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_all_that_moves_is_read_at_80_columns(armed: Armed, language: str) -> None:
+def test_all_that_moves_is_read_at_80_columns(language: str) -> None:
     """Carriage: 169.3 mm of its way; tool: 48 mm in from its zero at 76 mm."""
-    page = shown(state(armed=armed), language=language)
+    page = shown(state(armed=armed()), language=language)
     for value in ("Z 169.3 mm", "R 28.000 mm", "1000 rpm"):
         assert value in page.words
-    assert armed.plan.tool_start == 240_000.0
+    assert armed().plan.tool_start == 240_000.0
 
 
 @pytest.mark.parametrize(("flags", "mark"), [(ON, "✓ no fault"), (OFF, "○ no fault")])

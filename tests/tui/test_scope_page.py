@@ -61,6 +61,7 @@ def gathers(stage: Stage) -> bool:
     return bool(page._errand.running)  # type: ignore[attr-defined]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("family", ["pmac", "turbo"])
 def test_g_gathers_and_x_keeps_what_is_opened_again_in_si_units(family: str, tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:

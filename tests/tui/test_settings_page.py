@@ -28,7 +28,6 @@ from console.tui.theme import COLOUR, MONO, Palette
 from tests.tui import run_stage
 from tests.tui.scenes import Scene, application, fill, fixed_world, keys_to, played, rows_of, scene_of, settle
 from tests.tui.stage import LANGUAGES, FixedControl, experiment
-from tests.tui.test_console_keys import armed
 from tests.tui.test_frame_rows import frame
 from tests.tui.test_nothing_is_cut import filled, problems
 
@@ -91,6 +90,7 @@ async def every_page(app: ConsoleApp, pilot: Pilot[None]) -> dict[PageName, tupl
 CHANGED = [Appearance(language="ko", theme="light", glyphs="ascii"), Appearance(theme="16-colour")]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("target", CHANGED, ids=["ko-light-ascii", "16-colour"])
 def test_after_a_change_every_page_looks_as_if_the_console_had_been_started_so(
     target: Appearance, tmp_path: Path
@@ -142,7 +142,7 @@ def test_the_keys_step_through_the_values_and_each_is_kept(
 
 REFUSED = {
     "moving": (run_stage.state(activity=Activity.CUTTING, cut=run_stage.cut()), "screen.settings_moving"),
-    "armed": (run_stage.state(armed=armed()), "screen.settings_armed"),
+    "armed": (run_stage.state(armed=run_stage.armed()), "screen.settings_armed"),
 }
 
 

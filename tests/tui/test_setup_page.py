@@ -45,6 +45,7 @@ class Stage(PageScene):
 play = partial(play_on, Stage)
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("size", ROOMS)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_the_values_stand_in_the_room_with_their_units(

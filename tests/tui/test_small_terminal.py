@@ -82,6 +82,7 @@ def test_space_stops_there(tmp_path: Path) -> None:
 WITH_KEYS = (PageName.ALIGN, PageName.RUN, PageName.INSPECT)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("page", WITH_KEYS)
 def test_no_other_key_does_anything_and_growing_again_brings_the_page_back(page: PageName, tmp_path: Path) -> None:
     keys = [action.keys[0] for action in actions_of(page)]
@@ -123,6 +124,7 @@ def test_the_console_can_be_left_there(size: Size, tmp_path: Path) -> None:
     assert play(PageName.INSPECT, act, tmp_path).return_code == 0
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("page", sorted({*PageName} - {*WITH_KEYS}))
 def test_growing_again_brings_the_page_back(page: PageName, tmp_path: Path) -> None:
     async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
@@ -146,6 +148,7 @@ def test_a_console_that_begins_too_small_can_grow(size: Size, tmp_path: Path) ->
     play(PageName.JOBS, act, tmp_path, size=size)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "page",
     [

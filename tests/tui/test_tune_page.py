@@ -25,11 +25,10 @@ from drivers.cutting.strategy import Strategy
 from drivers.identification.tool_loop import ToolLoop
 from drivers.lathe.snapshot import AxisState, Snapshot
 from drivers.lathe.standing import Standing
-from tests.tui import tune_stage
+from tests.tui import run_stage, tune_stage
 from tests.tui.machine_states import ON, REST
 from tests.tui.page_stage import PageScene, play_on
 from tests.tui.stage import LANGUAGES, lathe
-from tests.tui.test_console_keys import armed
 
 AT_REST = Snapshot(
     asked_s=100.0,
@@ -96,7 +95,7 @@ def test_the_controller_is_asked_when_the_page_is_shown_but_not_where_that_would
     asked: dict[str, tuple[list[Command], list[str]]] = {}
     states = {
         "ready": STATE,
-        "armed": replace(STATE, armed=armed()),
+        "armed": replace(STATE, armed=run_stage.armed()),
         "cutting": replace(STATE, activity=Activity.CUTTING),
         "observing": replace(STATE, standing=Standing.OUSTED, holder=7),
         "lost": replace(STATE, activity=Activity.LOST),
@@ -142,6 +141,7 @@ def test_a_response_of_another_loop_says_why_and_a_broken_file_is_told(tmp_path:
     play_on(TuneScene, scene, tmp_path, state=STATE, size=(160, 42))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_plots_and_texts_are_beside_each_other_where_there_is_room_else_by_a_key(
     language: str, tmp_path: Path
@@ -214,7 +214,7 @@ def test_what_was_armed_is_not_started_late_nor_after_anything_has_changed(tmp_p
             "another key": (SET_UP, 101.0, ("tune.down",)),
             "lost control": (replace(SET_UP, standing=Standing.OUSTED, holder=7), 101.0, ()),
             "drives off": (STATE, 101.0, ()),
-            "a cut armed": (replace(SET_UP, armed=armed()), 101.0, ()),
+            "a cut armed": (replace(SET_UP, armed=run_stage.armed()), 101.0, ()),
         }
         started = {}
         for name, (state, at_s, keys) in changes.items():
@@ -242,7 +242,7 @@ def test_what_was_armed_is_not_started_late_nor_after_anything_has_changed(tmp_p
     ("state", "code"),
     [
         (STATE, "alignment.drives_off"),
-        (replace(SET_UP, armed=armed()), "screen.tune_cut_armed"),
+        (replace(SET_UP, armed=run_stage.armed()), "screen.tune_cut_armed"),
         (replace(SET_UP, standing=Standing.OUSTED, holder=7), "screen.observes"),
         (replace(SET_UP, activity=Activity.CUTTING), "screen.in_motion"),
     ],
@@ -279,6 +279,7 @@ def test_the_trend_has_the_newest_first_and_one_beside_model_and_last(
     play_on(TuneScene, scene, tmp_path, state=STATE, size=size)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("language", "size"), [("en", (80, 18)), ("ko", (80, 18)), ("en", (160, 42))])
 def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written(
     language: str, size: tuple[int, int], tmp_path: Path
@@ -372,7 +373,7 @@ def test_gains_are_not_written_where_that_is_not_safe(tmp_path: Path) -> None:
     states = {
         "screen.tune_drives_on": replace(STATE, snapshot=on, trial=on_trial()),
         "screen.observes": replace(STATE, standing=Standing.OUSTED, holder=7),
-        "screen.tune_gains_armed": replace(STATE, armed=armed()),
+        "screen.tune_gains_armed": replace(STATE, armed=run_stage.armed()),
         "screen.tune_unread": replace(STATE, tool_loop=None),
         "trial.none": STATE,
     }
