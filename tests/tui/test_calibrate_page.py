@@ -13,6 +13,7 @@ from console.__main__ import main
 from console.session.data.calibrated_chuck import calibrated
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
+from console.text.units import METRIC, Units
 from console.tui.calibrating.chuck_facts import ChuckFacts, kept_facts
 from console.tui.calibrating.kept_list import Standing, kept_list
 from console.tui.further.calibrate import CalibratePage
@@ -270,3 +271,26 @@ def test_in_motion_nothing_is_fitted_before_scipy_is_there(
         assert "377.57" in stage.words
 
     play_on(CalibrateScene, scene, tmp_path, state=MOVING, size=(100, 24))
+
+
+def test_in_inches_a_point_keeps_what_was_not_typed_again(tmp_path: Path) -> None:
+    """52 mm are 2.0472… in: the digits of the entry round it, Enter on them does not."""
+
+    async def scene(stage: CalibrateScene) -> None:
+        stage.ui.text._measure_in(Units("inch"))
+        await stage.show()
+        await stage.act_on("calibrate.kind", "calibrate.new")
+        await stage.enter("206", "1314", "200", "0", "2.047244094488189", "1.2", "100")
+        began = []
+        for typed in ("", "", "30", "", "", "200"):
+            entry = stage.page._all.entry  # type: ignore[attr-defined]
+            began.append(entry.value)
+            await stage.enter(typed or entry.value)
+        draft = stage.page._draft  # type: ignore[attr-defined]
+        assert began == ["1314", "200", "", "2.0472", "1.2", ""]
+        assert draft.rows[1][3:] == (draft.rows[0][3], draft.rows[0][4], 5.08)
+
+    try:
+        play_on(CalibrateScene, scene, tmp_path)
+    finally:
+        load("en")._measure_in(METRIC)  # one catalogue for all tests of a process

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from console.text.catalogue import Catalogue
+from console.text.units import Units
 from console.tui.calibrating.chuck_facts import ChuckFacts
 from console.tui.calibrating.draft import Draft
 from console.tui.calibrating.kept_list import KeptCalibration, Standing
@@ -14,6 +15,7 @@ from console.tui.theme import Token
 from console.tui.tuning.problem_lines import problem_lines
 from profiles.calibration.table import COLUMNS, MeasuredTable
 from profiles.calibration.wrench import WrenchFit
+from profiles.fields import Field
 from profiles.files import printable
 
 LABEL_WIDTH = 32
@@ -95,12 +97,13 @@ def _fit_rows(facts: ChuckFacts, text: Catalogue) -> list[tuple[str, str]]:
 def _lobe_lines(lobe: dict[str, Any], kept: KeptCalibration, text: Catalogue, width: int) -> list[Line]:
     """Return the lobe that a job has taken from a part."""
     assert kept.kept is not None  # one without numbers has no lobe
-    rows = [("error", "error_um_pp", "error_ci_um_pp", "um p-p"), ("phase", "crest_deg", "crest_ci_deg", "deg")]
+    rows = [("error", "error_um_pp", "error_ci_um_pp", "um"), ("phase", "crest_deg", "crest_ci_deg", "deg")]
     room, lines = min(width, WIDEST), list[Line]()
     for label, key, ci, unit in rows:
         value, half = lobe.get(key), lobe.get(ci)
         if isinstance(value, float) and isinstance(half, float):
-            lines.append(_valued(text(f"calibrate.{label}"), f"{value:.2f} ± {half:.2f} {unit}", room))
+            shown = f"{text.units.figure(value, unit, 2)} ± {text.units.show(half, unit, 2)}"
+            lines.append(_valued(text(f"calibrate.{label}"), shown + (" p-p" if unit == "um" else ""), room))
     past = lobe.get("past_jaw_deg")
     if isinstance(past, float):
         lines.append(_valued(text("calibrate.past_jaw"), f"{past:.2f} deg", room))
@@ -118,7 +121,7 @@ def _valued(label: str, value: str, width: int) -> Line:
 
 def point_lines(facts: ChuckFacts, draft: Draft | None, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the points, the newest at the end always in sight, each with what the fit leaves of it."""
-    names, rows = _point_table(facts, draft)
+    names, rows = _point_table(facts, draft, text.units)
     if not rows:
         return wrapped(text("calibrate_page.no_points"), width, Token.DIM)
     cells = max(min(width // max(len(names), 1), 14), 4)
@@ -140,40 +143,44 @@ def point_lines(facts: ChuckFacts, draft: Draft | None, text: Catalogue, width: 
     ]
 
 
-def _point_table(facts: ChuckFacts, draft: Draft | None) -> tuple[list[str], list[list[str]]]:
+def _point_table(facts: ChuckFacts, draft: Draft | None, units: Units) -> tuple[list[str], list[list[str]]]:
     measured = facts.measured
     if measured is None:
         if draft is None:
             return [], []
-        return [_short(f.key) for f in draft.fields], [[f"{value:g}" for value in row] for row in draft.rows]
-    keys = [field.key for field in COLUMNS[measured.kind]]
-    columns = [[f"{float(value):g}" for value in measured.columns[key]] for key in keys]
-    names = [_short(key) for key in keys]
+        rows = [
+            [units.short(value, field.unit) for value, field in zip(row, draft.fields, strict=True)]
+            for row in draft.rows
+        ]
+        return [_short(field, units) for field in draft.fields], rows
+    fields = COLUMNS[measured.kind]
+    columns = [[units.short(float(value), each.unit) for value in measured.columns[each.key]] for each in fields]
+    names = [_short(each, units) for each in fields]
     if facts.fit is not None:
-        names, columns = [*names, "res"], [*columns, _left(facts, measured)]
+        names, columns = [*names, "res"], [*columns, _left(facts, measured, units)]
     return names, [list(row) for row in zip(*columns, strict=True)]
 
 
-def _left(facts: ChuckFacts, measured: MeasuredTable) -> list[str]:
+def _left(facts: ChuckFacts, measured: MeasuredTable, units: Units) -> list[str]:
     fit = facts.fit
     if isinstance(fit, WrenchFit):
         torque, force = measured.columns["torque_n_m"], measured.columns["force_n"]
         return [f"{value:+.1f}" for value in force - fit.intercept_n - fit.slope_n_per_n_m * torque]
     assert fit is not None  # ensured by the caller
     left = measured.columns["deflection_um"] - fit.deflections_um(measured.columns)
-    return [f"{value:+.3f}" for value in left]
+    return [units.figure(value, "um", 3, "+") for value in left.tolist()]
 
 
-def _short(key: str) -> str:
+def _short(field: Field, units: Units) -> str:
     """Return the heading of a column: quantity and unit."""
     short = {
-        "torque_n_m": "Tq N m",
-        "force_n": "F N",
-        "chucking_force_n": "Fc N",
-        "load_n": "P N",
-        "angle_deg": "deg",
-        "diameter_mm": "d mm",
-        "overhang_mm": "a mm",
-        "deflection_um": "u um",
+        "torque_n_m": "Tq",
+        "force_n": "F",
+        "chucking_force_n": "Fc",
+        "load_n": "P",
+        "angle_deg": "",
+        "diameter_mm": "d",
+        "overhang_mm": "a",
+        "deflection_um": "u",
     }
-    return short[key]
+    return f"{short[field.key]} {units.unit(field.unit)}".strip()

@@ -8,7 +8,9 @@ from pathlib import Path
 
 from console.session.data.calibrations import FOLDER
 from console.session.data.kept_files import folder_name, make_folder, utc_now
+from console.session.typed_length import stored_length
 from console.session.work import entered_number
+from console.text.units import METRIC, Units
 from profiles.calibration.table import CAP_BYTES, COLUMNS, CalibrationKind, MeasuredTable, parse_table
 from profiles.fields import Field, fault
 from profiles.files import printable, read_regular_file, write_atomically
@@ -85,13 +87,17 @@ def written(draft: Draft, data: Path, machine: str) -> Path:
     return path
 
 
-def value_of(text: str, field: Field) -> float:
-    """Parse an entry. Raises ProfileError: `value.ambiguous`; `calibration.not_number`, `.out_of_range`."""
-    value = entered_number(text, field)
+def value_of(text: str, field: Field, units: Units = METRIC) -> float:
+    """Parse an entry, a length in the unit in which it is asked for, and return it in the unit of the field.
+
+    Raises ProfileError: `value.ambiguous`; `calibration.not_number`, `.out_of_range`.
+    """
+    value = entered_number(stored_length(text, field.key, field.limit, field.unit, units), field)
+    typed = text if units.unit(field.unit) == field.unit else f"{text} {units.unit(field.unit)}"
     if isinstance(value, str):
         raise ProfileError(_refused("calibration.not_number", text, field))
     if fault(field, float(value)):
-        raise ProfileError(_refused("calibration.out_of_range", text, field))
+        raise ProfileError(_refused("calibration.out_of_range", typed, field))
     return float(value)
 
 

@@ -11,12 +11,16 @@ _PATH_CAP_CHARACTERS = 1000
 
 
 class CalibrateEntry(Input):
-    """One line; hidden while nothing is typed. `asked` is the value that is entered, None for a path."""
+    """One line; hidden while nothing is typed.
+
+    `asked` is the value that is entered, None for a path; `began` the text with which it was opened.
+    """
 
     def __init__(self) -> None:
         super().__init__(id="calibrate-entry", compact=True, select_on_focus=False)
         self.cursor_blink = False
         self.asked: Field | None = None
+        self.began = ""
 
     @property
     def is_open(self) -> bool:
@@ -25,7 +29,7 @@ class CalibrateEntry(Input):
 
     def open(self, asked: Field | None, value: str = "") -> None:
         """Begin with this text, marked so that typing replaces it; the next characters are for the entry."""
-        self.asked = asked
+        self.asked, self.began = asked, value
         self.max_length = _PATH_CAP_CHARACTERS if asked is None else _NUMBER_CAP_CHARACTERS
         self.value = value
         self.select_all()

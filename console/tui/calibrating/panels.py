@@ -115,7 +115,7 @@ class CalibratePanels(Horizontal):
             self.fit_sheet.show(clipped(lines, size.height, text("panel.more")), titles[0])
             rows = point_lines(facts, draft, text, max(points.width, 1), points.height)
             self.points.show(rows, titles[1])
-        of_fit, of_residuals = pictures(facts)
+        of_fit, of_residuals = pictures(facts, text.units)
         self.plot.show(of_fit)
         self.residual.show(of_residuals)
         entitle(self.plot, text("calibrate_page.plot"))

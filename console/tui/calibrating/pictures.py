@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from console.text.units import METRIC, Units
 from console.tui.calibrating.chuck_facts import ChuckFacts
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Mark, Series, TracePicture
@@ -17,12 +18,12 @@ _CURVE = 60
 Pictures = tuple[TracePicture, TracePicture]
 
 
-def pictures(facts: ChuckFacts) -> Pictures:
+def pictures(facts: ChuckFacts, units: Units = METRIC) -> Pictures:
     """Return the fit, and the residuals; empty ones where there is nothing to draw."""
     if isinstance(facts.fit, WrenchFit):
         return _wrench(facts.fit, facts)
     if isinstance(facts.fit, DeflectionFit) and facts.measured is not None:
-        return _deflection(facts.fit, facts)
+        return _deflection(facts.fit, facts, units)
     return TracePicture(), TracePicture()
 
 
@@ -55,20 +56,22 @@ def _wrench(fit: WrenchFit, facts: ChuckFacts) -> Pictures:
     return of_fit, _residuals(x, left, fit.outliers, "N", "N m", x_limits)
 
 
-def _deflection(fit: DeflectionFit, facts: ChuckFacts) -> Pictures:
+def _deflection(fit: DeflectionFit, facts: ChuckFacts, units: Units) -> Pictures:
     """Measured deflection over the fitted one; on the line they are the same."""
     assert facts.measured is not None  # ensured by the caller
-    modelled, y = fit.deflections_um(facts.measured.columns), facts.measured.columns["deflection_um"]
+    size, unit = units.size("um"), units.unit("um")
+    modelled = floats(fit.deflections_um(facts.measured.columns) / size)
+    y = floats(facts.measured.columns["deflection_um"] / size)
     limits = nice_limits(0.0, float(max(modelled.max(), y.max())))
     of_fit = TracePicture(
         series=[Series(x=limits, y=limits, token=Token.AFTER)],
         x_limits=limits,
         y_limits=limits,
-        y_unit="um",
-        x_unit="um",
+        y_unit=unit,
+        x_unit=unit,
         marks=_marks(modelled, y, fit.outliers),
     )
-    return of_fit, _residuals(modelled, floats(y - modelled), fit.outliers, "um", "um", limits)
+    return of_fit, _residuals(modelled, floats(y - modelled), fit.outliers, unit, unit, limits)
 
 
 def _residuals(

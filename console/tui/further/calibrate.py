@@ -228,8 +228,15 @@ class CalibratePage(Page):
         assert draft is not None  # made when the entry began
         asked: Field = MODULUS if draft.wants_modulus else draft.fields[len(self._partial)]
         same = draft.rows and asked is not MODULUS and asked.key not in AGAIN
-        words = self.ui.text("calibrate_page.value", key=asked.key, unit=asked.unit, number=len(draft.rows) + 1)
-        self._all.ask(asked, f"{draft.rows[-1][len(self._partial)]:g}" if same else "", words)
+        units = self.ui.text.units
+        words = self.ui.text(
+            "calibrate_page.value",
+            name=self.ui.text(f"calibrate_page.of.{asked.key}"),
+            unit=units.unit(asked.unit),
+            number=len(draft.rows) + 1,
+        )
+        before = units.short(draft.rows[-1][len(self._partial)], asked.unit) if same else ""
+        self._all.ask(asked, before, words)
 
     def _take(self) -> None:
         """Take a value, and ask for the next one; an empty one ends the entry."""
@@ -242,7 +249,9 @@ class CalibratePage(Page):
             self._end_entry()
             self._change(draft)
         elif draft is not None:
-            value = value_of(words, asked)
+            unchanged = words == entry.began  # the value of the point before, which its digits here may round
+            before = draft.rows[-1][len(self._partial)] if unchanged else None
+            value = value_of(words, asked, self.ui.text.units) if before is None else before
             if asked is MODULUS:
                 self._change(replace(draft, modulus_gpa=value))
             else:

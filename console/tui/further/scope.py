@@ -135,7 +135,7 @@ class ScopePage(Page):
         return True
 
     def _change(self, by: int) -> None:
-        after = changed(self._setup, self._row, by)
+        after = changed(self._setup, self._row, by, self.ui.text.units)
         if after is not None:
             self._setup = after
 
@@ -251,7 +251,7 @@ class ScopePage(Page):
         words = [channel_words(each, text) for each in reversed(sight.drawn)]
         over = text("scope_page.over_angle" if sight.averages is not None else "scope_page.over_time")
         entitle(self._plot, ", ".join(words), over)
-        self._plot.show(picture(sight, (self._cursors[0], self._cursors[1])))
+        self._plot.show(picture(sight, (self._cursors[0], self._cursors[1]), text.units))
         rows = self._readings(sight, max(self._read.size.width, 1))
         self._read.show(rows, text("scope_page.readings"), sight.record.taken)
 

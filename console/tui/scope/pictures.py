@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.text.catalogue import Catalogue
+from console.text.units import METRIC, Units
 from console.tui.lines import NOTHING, Line, dim, fitted, line, to_the_right
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Series, TracePicture
@@ -22,7 +23,7 @@ Floats = NDArray[np.float64]
 DEGREES = 57.29577951308232
 _TOKENS = (Token.AFTER, Token.COMMAND, Token.BEFORE, Token.WANTED)
 _NUMBER = 10
-_FORMS = {"mm": "{:.4f}", "um": "{:.3f}", "deg": "{:.2f}"}
+_DECIMALS = {"mm": 4, "um": 3, "deg": 2}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,19 +71,21 @@ def averaged(record: Record) -> dict[Channel, TurnAverage] | None:
     return found or None
 
 
-def picture(sight: Sight, cursors: tuple[int, int]) -> TracePicture:
+def picture(sight: Sight, cursors: tuple[int, int], units: Units = METRIC) -> TracePicture:
     """Return the channels with the cursors; over the angle also mean plus and minus two standard deviations."""
+    unit = display_of(sight.chosen)[0]
+    size = units.size(unit)  # all that is drawn has the unit of the chosen channel
     series: list[Series] = []
     axis = sight.axis
     bounds: list[float] = []
     if sight.averages is not None:
         each = sight.averages[sight.chosen]
         for side in (-2.0, 2.0):
-            edge = each.mean + side * np.nan_to_num(each.spread)
+            edge = (each.mean + side * np.nan_to_num(each.spread)) / size
             series.append(Series(x=axis, y=edge, token=Token.DIM, dots=True))
             bounds += [float(np.nanmin(edge)), float(np.nanmax(edge))]
     for place, channel in enumerate(sight.drawn):
-        values = sight.shown(channel)
+        values = sight.shown(channel) / size
         token = _TOKENS[0] if channel == sight.chosen else _TOKENS[1 + place % 3]
         series.append(Series(x=axis, y=values, token=token, dashed=channel != sight.chosen))
         bounds += [float(np.nanmin(values)), float(np.nanmax(values))]
@@ -91,12 +94,11 @@ def picture(sight: Sight, cursors: tuple[int, int]) -> TracePicture:
         at = float(axis[cursor])
         series.insert(0, Series(x=(at, at), y=limits, token=Token.MARK))
     ends = (0.0, 360.0) if sight.averages is not None else (float(axis[0]), float(axis[-1]))
-    unit = display_of(sight.chosen)[0]
     return TracePicture(
         series=tuple(series),
         x_limits=ends,
         y_limits=limits,
-        y_unit=unit,
+        y_unit=units.unit(unit),
         x_unit="deg" if sight.averages is not None else "s",
     )
 
@@ -114,14 +116,16 @@ def reading_lines(sight: Sight, cursors: tuple[int, int], active: int, text: Cat
             continue
         values = [float(sight.shown(channel)[cursor]) for cursor in cursors]
         unit = display_of(channel)[0]
-        label = short_words(channel, unit, text)
+        label = short_words(channel, text.units.unit(unit), text)
         token = Token.STRONG if channel == sight.chosen else Token.TEXT
-        rows.append(_numbers(label, unit, [*values, values[1] - values[0]], name, token))
+        cells = [_shown(value, unit, text.units) for value in (*values, values[1] - values[0])]
+        rows.append(line((fitted(label, name), token), *((to_the_right(cell, _NUMBER), token) for cell in cells)))
     if sight.averages is not None:
         each = sight.averages[sight.chosen]
         spread = float(each.spread[cursors[active]])
-        said = NOTHING if np.isnan(spread) else f"{spread:.4g}"
-        words = text("scope_page.spread", value=said, unit=display_of(sight.chosen)[0], turns=f"{each.turns:.1f}")
+        unit = display_of(sight.chosen)[0]
+        said = NOTHING if np.isnan(spread) else f"{spread / text.units.size(unit):.4g}"
+        words = text("scope_page.spread", value=said, unit=text.units.unit(unit), turns=f"{each.turns:.1f}")
         rows.append(line(dim(words)))
     return rows
 
@@ -132,7 +136,8 @@ def _row(label: str, ends: list[float], name: int, over_angle: bool) -> Line:
     return line(dim(fitted(label, name)), *(to_the_right(each, _NUMBER) for each in shown))
 
 
-def _numbers(label: str, unit: str, values: list[float], name: int, token: Token) -> Line:
-    form = _FORMS.get(unit, "{:.5g}")
-    cells = [to_the_right(NOTHING if np.isnan(each) else form.format(each), _NUMBER) for each in values]
-    return line((fitted(label, name), token), *((cell, token) for cell in cells))
+def _shown(value: float, unit: str, units: Units) -> str:
+    if np.isnan(value):
+        return NOTHING
+    decimals = _DECIMALS.get(unit)
+    return f"{value / units.size(unit):.5g}" if decimals is None else units.figure(value, unit, decimals)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from console.text.catalogue import Catalogue
+from console.text.units import METRIC, Units
 from console.tui.lines import Line, dim, fitted, line
 from console.tui.theme import Token
 from drivers.beside.scope_setup import (
@@ -25,11 +26,12 @@ _Value = TypeVar("_Value")
 SETTINGS = ("period", "length", "trigger", "level_of", "level")
 ROWS = (*CHANNELS, *SETTINGS)
 LABEL = 10
-_LEVEL_STEPS = 50  # of the step of a level: 1, 2, 5 by its unit
 _STEP = {"um": 1.0, "mm": 0.1, "mm/s": 0.1, "deg": 1.0, "rpm": 10.0, "V": 0.1}
+_INCH_STEP = {"um": 50.0, "mm": 0.005, "mm/s": 0.005}
+"""Steps of a level, in the unit in which it is shown: round numbers in either system."""
 
 
-def changed(setup: ScopeSetup, row: int, by: int) -> ScopeSetup | None:
+def changed(setup: ScopeSetup, row: int, by: int, units: Units = METRIC) -> ScopeSetup | None:
     """Return the set-up after a key on a row; None where it would have no channel, or too many."""
     chosen = ROWS[row]
     if isinstance(chosen, Channel):
@@ -44,8 +46,13 @@ def changed(setup: ScopeSetup, row: int, by: int) -> ScopeSetup | None:
         case "level_of":
             return replace(setup, level_of=_next(setup.channels, setup.level_of, by, around=True), level=0.0)
         case _:
-            step = _STEP[display_of(setup.level_of)[0]]
-            return replace(setup, level=round(setup.level + by * step, 6))
+            return replace(setup, level=round(setup.level + by * _level_step(setup.level_of, units), 6))
+
+
+def _level_step(channel: Channel, units: Units) -> float:
+    unit = display_of(channel)[0]
+    shown = _INCH_STEP.get(unit, _STEP[unit]) if units.is_inch else _STEP[unit]
+    return shown * units.size(unit)
 
 
 def _toggled(setup: ScopeSetup, channel: Channel) -> ScopeSetup | None:
@@ -105,4 +112,5 @@ def _words(setup: ScopeSetup, setting: str, cycle_ms: float, text: Catalogue) ->
         return "–"
     if setting == "level_of":
         return channel_words(setup.level_of, text)
-    return f"{setup.level:g} {display_of(setup.level_of)[0]}"
+    unit = display_of(setup.level_of)[0]
+    return f"{text.units.short(setup.level, unit)} {text.units.unit(unit)}"

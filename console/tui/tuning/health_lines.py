@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from console.session.data.health import KeptHealth
 from console.text.catalogue import Catalogue
+from console.text.units import METRIC, Units
 from console.tui.lines import Line, dim, fitted, hanging, line, to_the_right, wrapped
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Series, TracePicture
@@ -18,6 +19,7 @@ NOTHING = "–"
 DATE = len("2001-11-30 14:05")
 TREND = ("rise_ms", "overshoot_percent", "settling_ms", "rms_um", "sine_gain", "sine_phase_deg")
 VALUE_WIDTH, LABEL_WIDTH = 10, 24
+CARRIAGE_WAY_MM = 50.0  # of an identification along the carriage, about
 
 
 def trend_lines(
@@ -40,7 +42,7 @@ def _trend_row(test: KeptHealth, text: Catalogue) -> str:
     if test.result is None:
         return f"{printable(test.file.name, 30)}  {text('tune_page.unreadable')}"
     found = figures_of(test.result)
-    values = (f"{found[key]:.4g}" if key in found else NOTHING for key in TREND)
+    values = (_figure(found, key, text) for key in TREND)
     date = printable(test.result.date.replace("T", " ")[:DATE])
     return fitted(date, DATE) + "".join(to_the_right(value, VALUE_WIDTH) for value in values)
 
@@ -59,7 +61,7 @@ def figure_lines(test: KeptHealth | None, before: HealthResult | None, text: Cat
     )
     lines: list[Line] = [line(dim(" " * label + heads))]
     for key in FIGURES:
-        own, *others = (f"{each[key]:.4g}" if key in each else NOTHING for each in (found, model, last))
+        own, *others = (_figure(each, key, text) for each in (found, model, last))
         lines.append(
             line(
                 dim(fitted(text(f"health.{key}"), label)),
@@ -73,6 +75,12 @@ def figure_lines(test: KeptHealth | None, before: HealthResult | None, text: Cat
     return [*lines, legend]
 
 
+def _figure(figures: Mapping[str, float], key: str, text: Catalogue) -> str:
+    """Return a figure in the unit that its label names; a dash where it was not measured."""
+    size = text.units.size("um") if key.endswith("_um") else 1.0
+    return f"{figures[key] / size:.4g}" if key in figures else NOTHING
+
+
 def other_gain_lines(test: KeptHealth, stated: Mapping[str, float], text: Catalogue, width: int) -> list[Line]:
     """Return which gains of a test are not those of the profile, with those in brackets; nothing where none."""
     gains = {} if test.result is None else test.result.origin.gains
@@ -83,22 +91,29 @@ def other_gain_lines(test: KeptHealth, stated: Mapping[str, float], text: Catalo
     return hanging(("! ", Token.WARNING), shown, width) if names else []
 
 
-def step_picture(test: HealthResult | None, before: HealthResult | None) -> TracePicture:
+def step_picture(test: HealthResult | None, before: HealthResult | None, units: Units = METRIC) -> TracePicture:
     """Return the step: commanded, measured, and of the test before."""
     if test is None or not test.times_ms:
         return TracePicture()
-    series = [Series(x=test.times_ms, y=test.reference_um, token=Token.COMMAND, dashed=True)]
+    size = units.size("um")
+
+    def trace(tested: HealthResult, values_um: Sequence[float], token: Token, *, dashed: bool = False) -> Series:
+        return Series(x=tested.times_ms, y=[each / size for each in values_um], token=token, dashed=dashed)
+
+    series = [trace(test, test.reference_um, Token.COMMAND, dashed=True)]
     if before is not None and before.step_um == test.step_um:
-        series.append(Series(x=before.times_ms, y=before.position_um, token=Token.DIM, dashed=True))
-    series.append(Series(x=test.times_ms, y=test.position_um, token=Token.AFTER))
+        series.append(trace(before, before.position_um, Token.DIM, dashed=True))
+    series.append(trace(test, test.position_um, Token.AFTER))
     low = min(*test.position_um, *test.reference_um)
     high = max(*test.position_um, *test.reference_um)
     limits = (test.times_ms[0], test.times_ms[-1])
-    return TracePicture(series=series, x_limits=limits, y_limits=nice_limits(low, high), y_unit="um", x_unit="ms")
+    y_limits = nice_limits(low / size, high / size)
+    return TracePicture(series=series, x_limits=limits, y_limits=y_limits, y_unit=units.unit("um"), x_unit="ms")
 
 
 def armed_lines(kind: str, text: Catalogue, width: int, *, step_um: float, left_s: float) -> list[Line]:
     """Return what F6 will move, and how long it may still be pressed."""
-    lines = hanging(("! ", Token.WARNING), text(f"tune_page.will.{kind}", step=f"{step_um:g}"), width)
+    step, way = text.units.show(step_um, "um", 0), text.units.show(CARRIAGE_WAY_MM, "mm", 0)
+    lines = hanging(("! ", Token.WARNING), text(f"tune_page.will.{kind}", step=step, way=way), width)
     lines += hanging(dim("  "), text("tune_page.will.stop"), width)
     return [*lines, *hanging(("▶ ", Token.ACTION), text("tune_page.will.start", seconds=f"{left_s:.0f}"), width)]

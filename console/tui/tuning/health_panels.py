@@ -65,7 +65,7 @@ class HealthPanels(Vertical):
             lines = [line(dim(text("tune_page.computing")))]
         title = "tune_page.armed" if armed else "tune_page.figures"
         self.figures.show(clipped(lines, size.height, text("panel.more")), text(title))
-        self.step.show(step_picture(None if test is None else test.result, before))
+        self.step.show(step_picture(None if test is None else test.result, before, text.units))
         entitle(self.step, text("tune_page.step"))
         trend = self.trend.size
         self.trend.show(trend_lines(kept, selected, text, trend.width, trend.height), text("tune_page.trend"))

@@ -93,7 +93,8 @@ def gain_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
     lines: list[Line] = []
     if facts.read is not None:
         lines += _packed([f"{name} {value:g}" for name, value in facts.read.gains.items()], width, Token.TEXT)
-    return lines + _packed([f"{text(f'tune_page.{key}')} {value}" for key, value in rows], width, Token.DIM)
+    lines += _packed([f"{text(f'tune_page.{key}')} {value}" for key, value in rows], width, Token.DIM)
+    return lines + (hanging(dim("  "), text("tune_page.metric"), width, Token.DIM) if text.units.is_inch else [])
 
 
 def _packed(items: Sequence[str], width: int, token: Token) -> list[Line]:
