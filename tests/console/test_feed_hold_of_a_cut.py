@@ -18,11 +18,13 @@ from profiles.problem import Problem
 from tests.console.floor import Floor, codes, experiment_1, in_turn, open_floor, order
 
 
-def held(floor: Floor, then: Callable[[], None], strategy: Strategy = Strategy.PVT) -> StationState:
+def held(
+    floor: Floor, then: Callable[[], None], strategy: Strategy = Strategy.PVT, turn: float = 10.0
+) -> StationState:
     """Arm and start a cut, hold it in its tenth turn, and do something half a second after it is held."""
     floor.arm(experiment_1(), strategy)
     assert floor.state.armed is not None, floor.state.refusals
-    floor.when(lambda _: in_turn(floor, 10.0), lambda: order(floor, HoldFeed()))
+    floor.when(lambda _: in_turn(floor, turn), lambda: order(floor, HoldFeed()))
     since: list[float] = []
 
     def long_held(_: object) -> bool:
@@ -153,3 +155,15 @@ def test_a_held_cut_is_not_called_disturbed_on_a_lathe_that_gives_way(
     floor.set_up(experiment_1())
     state = held(floor, lambda: order(floor, ResumeFeed()), strategy)
     assert state.cut_done and codes(state) == []
+
+
+def test_a_hold_in_the_last_turn_comes_too_late_and_raises_no_alarm(tmp_path: Path) -> None:
+    """The cut is done: the spindle that comes to rest then is no spindle that stands in the part."""
+    floor = open_floor(tmp_path, 6, "realistic")
+    floor.set_up(experiment_1())
+    seen: list[CutProgress] = []
+    floor.looks.append(lambda _: seen.append(floor.state.cut) if floor.state.cut else None)
+    state = held(floor, lambda: order(floor, ResumeFeed()), Strategy.CAM, 28.0)
+    assert any(moment.hold.asked for moment in seen)
+    assert state.cut_done and codes(state) == []
+    assert next(moment.turn for moment in seen if moment.stage is CutStage.RETRACT) == 30.0

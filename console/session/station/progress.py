@@ -192,14 +192,13 @@ class CutWatch:
     ) -> CutProgress:
         """Take a poll and return the progress at that moment, including the spindle speed."""
         self._adjusted, self._pace = adjusted, adjusted.override_percent / REAL_TIME
-        if hold.state is HoldState.HELD:  # by the controller: the turns of a hold for one turn are not polled
+        # A hold that is asked for in the last turn comes too late: the tool goes out as at the end of any cut.
+        ends = hold.cut_turns >= self._plan.setup.whole_turns
+        if ends or hold.state is HoldState.HELD:  # by its report: the turns of a hold for one turn are not polled
             fed_mm = (hold.cut_turns - self._plan.setup.turns_clear) * self._job.feed_mm_per_rev
             self._reached_mm = max(self._reached_mm, fed_mm)
-        if (
-            self._away.see(snapshot, hold, self._reached_mm, self._pace)
-            and stage is CutStage.RUN_UP
-            and not holding
-        ):
+        away = self._away.see(snapshot, hold, self._reached_mm, self._pace)
+        if away and stage is CutStage.RUN_UP and not (holding or ends):
             stage = CutStage.PAUSED if hold.state is HoldState.HELD else CutStage.CUT
         moment = self._judged_moment(snapshot, stage, holding, speed_rpm)
         return replace(
