@@ -178,7 +178,11 @@ class Sheet(Widget, can_focus=False):
             if old != new:
                 first, end = changed(old, new)
                 regions.append(Region(first, row, end - first, 1))
-        if regions:
+        # A row beyond the present height has its place only after the next layout: until then it would be painted
+        # over the widget below, and a wide character there that straddles its end would lose its other half.
+        if any(region.y >= self.size.height for region in regions):
+            self.refresh()
+        elif regions:
             self.refresh(*regions)
 
     def render_line(self, y: int) -> Strip:
