@@ -41,7 +41,7 @@ class TwoRows(App[None]):
 
 
 def test_a_message_that_gets_longer_cuts_no_wide_character_below_it() -> None:
-    async def lengthen(pilot: Pilot[None]) -> None:
+    async def lengthen(pilot: Pilot[object]) -> None:
         message, stop = pilot.app.query_one("#message", Sheet), pilot.app.query_one("#stop", Sheet)
         message.show([(("3", Token.TEXT),)])
         stop.show([((" " * 33 + "정지 중", Token.TEXT),)])
