@@ -272,6 +272,7 @@ class ConsoleApp(ListeningApp):
             clock=self._local_time(),
             now_s=view.now_s,
             job="" if view.work is None else printable(view.work.job.name),
+            jobs=self.ui.jobs,
             own=self.ui.appearance.keys,
             silent=self.ui.appearance.bell == "off",
             client=self.ui.terminal.client,

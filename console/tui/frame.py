@@ -18,7 +18,20 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
 from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, actions_of, written_key
-from console.tui.lines import BLANK, Line, clipped, dim, hanging, line, name_in, plain, ranged, width_of, wrapped
+from console.tui.lines import (
+    BLANK,
+    Line,
+    clipped,
+    dim,
+    hanging,
+    line,
+    name_among,
+    name_in,
+    plain,
+    ranged,
+    width_of,
+    wrapped,
+)
 from console.tui.link.holder_lines import observing, onlookers, place
 from console.tui.link.lost_lines import is_watched, lost_step
 from console.tui.pages.fields import named
@@ -38,6 +51,7 @@ _FIRST_SERVED = ("stop", "alarm", "next")  # rows that may have several lines, i
 class Frame:
     """Input of the rows. `said` answers the last key; `clock` is local, `now_s` machine time.
 
+    `job` is the open one, `jobs` are all saved ones: where it is shortened it looks like none of them.
     `own` are keys of the operator's own. `silent`: no alarm rings. `client` is where a terminal comes from that is
     not at this computer. `badge` is shown before everything else: what is shown is not a machine.
     """
@@ -52,6 +66,7 @@ class Frame:
     clock: datetime
     now_s: float
     job: str = ""
+    jobs: tuple[str, ...] = ()
     own: OwnKeys = dataclasses.field(default_factory=dict)
     badge: str = ""
     silent: bool = False
@@ -86,20 +101,21 @@ def state_row(frame: Frame, width: int) -> list[Line]:
         dim(f"   {frame.clock:%H:%M} "),
     )
     room = width - width_of((*head, *right)) - cell_len(activity) - 1
-    machine, job = _names(state.machine, frame.job, room)
+    machine, job = _names(state.machine, frame, room)
     names = [(f"{name} · ", token) for name, token in ((machine, Token.DIM), (job, Token.STRONG)) if name]
     return [ranged((*head, *names, (activity, token)), right, width)]
 
 
-def _names(machine: str, job: str, room: int) -> tuple[str, str]:
+def _names(machine: str, frame: Frame, room: int) -> tuple[str, str]:
     """Return the names of the machine and of the job in `room` cells, each with its dot."""
+    job = frame.job
     if not job:
         return name_in(machine, max(room - DOT, 1)), ""
     for_machine = min(cell_len(machine), max(room - cell_len(job) - 2 * DOT, LEAST_MACHINE))
     for_job = room - for_machine - 2 * DOT
     if for_job < LEAST_JOB:  # the machine is in the title of the terminal as well
-        return "", name_in(job, max(room - DOT, 1), tail_fraction=0.6)
-    return name_in(machine, for_machine), name_in(job, for_job, tail_fraction=0.6)
+        return "", name_among(job, frame.jobs, max(room - DOT, 1), tail_fraction=0.6)
+    return name_in(machine, for_machine), name_among(job, frame.jobs, for_job, tail_fraction=0.6)
 
 
 def _observes(state: StationState) -> bool:

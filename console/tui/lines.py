@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import zip_longest
+from functools import lru_cache
+from itertools import combinations_with_replacement, zip_longest
 
 from rich.cells import cell_len, set_cell_size
 from rich.segment import Segment
@@ -18,6 +19,7 @@ from console.tui.theme import Palette, Token
 Piece = tuple[str, Token]
 Line = tuple[Piece, ...]
 BLANK: Line = ()
+_LEAST_HEAD, _LEAST_AMONG = 6, 14  # cells before the ellipsis, and of a name that is told apart from others
 NOTHING = "–"  # placeholder where there is no value, or none that may be judged
 
 
@@ -52,8 +54,67 @@ def name_in(name: str, width: int, *, tail_fraction: float = 0.5) -> str:
         return name
     if width < 4:
         return fitted(name, max(width, 0)).rstrip()
-    tail = _head(name[::-1], int((width - 1) * tail_fraction))[::-1]
-    return _head(name, width - 1 - cell_len(tail)) + "…" + tail
+    return "…".join(_ends(name, width, tail_fraction))
+
+
+@lru_cache(maxsize=256)
+def name_among(name: str, others: tuple[str, ...], width: int, *, tail_fraction: float = 0.5) -> str:
+    """Return a name as `name_in` does, but for one that would then look like another of `others`.
+
+    Of that the end begins where it differs, or pieces from there are shown in its middle.
+    """
+    if cell_len(name) <= width or width < _LEAST_AMONG:
+        return name_in(name, width, tail_fraction=tail_fraction)
+    shown = head, tail = _ends(name, width, tail_fraction)
+    similar = [each for each in others if each != name and each.startswith(head[:4]) and each.endswith(tail[-1])]
+    starts = sorted({_alike(name, each) for each in similar})
+    forms: list[tuple[str, ...]] = [
+        shown,
+        *(_with(name, pair, width) for pair in combinations_with_replacement(starts, 2)),
+    ]
+    # The first form that no other name can have, or of those that the fewest can the one with most pieces.
+    counted = [(_number_with(similar, form), form) for form in forms]
+    return "…".join(min(counted, key=lambda each: (each[0], -len(each[1]) if each[0] else 0))[1])
+
+
+def _with(name: str, starts: tuple[int, int], width: int) -> tuple[str, ...]:
+    """Return a form of a name in `width` cells that has what begins at two places, or at one that is both."""
+    end = name[starts[0] :]
+    if cell_len(end) <= width - _LEAST_HEAD:
+        return _head(name, width - 1 - cell_len(end)), end
+    places = sorted({*starts})
+    room = width - 1 - len(places)
+    pieces = [_head(name[place:], room // (len(places) + 2)) for place in places]
+    first = _head(name, (room - sum(map(cell_len, pieces))) // 2)[: places[0]]
+    return first, *pieces, _tail(name, room - cell_len("".join((first, *pieces))))
+
+
+def _ends(name: str, width: int, tail_fraction: float) -> tuple[str, str]:
+    """Return what is left of a name without its middle, in `width` cells with an ellipsis between."""
+    tail = _tail(name, int((width - 1) * tail_fraction))
+    return _head(name, width - 1 - cell_len(tail)), tail
+
+
+def _alike(name: str, other: str) -> int:
+    """Return how many characters two names have in common at their beginning."""
+    return next(
+        (place for place, pair in enumerate(zip(name, other, strict=False)) if pair[0] != pair[1]), len(other)
+    )
+
+
+def _tail(name: str, width: int) -> str:
+    return _head(name[::-1], width)[::-1]
+
+
+def _number_with(names: Sequence[str], pieces: Sequence[str]) -> int:
+    """Return how many names could be shortened to these pieces."""
+    first, *between, last = pieces
+    alike = (
+        each[len(first) : len(each) - len(last)]
+        for each in names
+        if each.startswith(first) and each.endswith(last)
+    )
+    return sum(all(piece in middle for piece in between) for middle in alike)
 
 
 def to_the_right(text: str, width: int) -> str:
@@ -178,7 +239,11 @@ class Sheet(Widget, can_focus=False):
             if old != new:
                 first, end = changed(old, new)
                 regions.append(Region(first, row, end - first, 1))
-        if regions:
+        # A row beyond the present height has its place only after the next layout: until then it would be painted
+        # over the widget below, and a wide character there that straddles its end would lose its other half.
+        if any(region.y >= self.size.height for region in regions):
+            self.refresh()
+        elif regions:
             self.refresh(*regions)
 
     def render_line(self, y: int) -> Strip:

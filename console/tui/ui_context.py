@@ -51,7 +51,7 @@ class UiContext:
     rest between two of them. `log` is that of this session, up to the last tick. `appearance` is what the operator
     has set, and `appear` sets another; `configuration` says where a setting comes from. `stroke` is what the
     terminal says of the last key, and `releases` what is known of its reports, both None where it has none.
-    `terminal` says where it is.
+    `terminal` says where it is. `jobs` are the names of all saved jobs, as the page Jobs has read them.
     """
 
     text: Catalogue
@@ -63,6 +63,7 @@ class UiContext:
     work: Work | None = None
     draft: Work | None = None
     copying: bool = False
+    jobs: tuple[str, ...] = ()
     jog: str | None = None
     queued: bool = False
     log: SessionLog = field(default_factory=SessionLog)

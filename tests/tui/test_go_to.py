@@ -134,4 +134,6 @@ def test_what_moves_shows_how_long_it_still_takes() -> None:
     assert "MOVING, 4 s left" in shown(going).text
     homing = align_stage.state(VALID, activity=Activity.HOMING, snapshot=look(ON | {"home_search"}))
     assert "HOMING X" in shown(homing).text
+    searching = replace(homing, ends_s=180.4, ends_at_most=True)
+    assert "HOMING X, at most 80 s" in shown(searching).text
     assert "left" not in shown(align_stage.state(VALID, ends_s=104.2)).text.split("Jog, step")[0]

@@ -15,6 +15,7 @@ from console.tui.lines import (
     fitted,
     hanging,
     line,
+    name_among,
     name_in,
     plain,
     ranged,
@@ -53,6 +54,30 @@ def test_a_long_name_keeps_its_beginning_and_its_end(text: str, width: int) -> N
 
 def test_names_of_a_family_stay_apart() -> None:
     assert name_in("lee-2001-experiment-1", 16) != name_in("lee-2001-experiment-2", 16)
+
+
+ALIKE = tuple(
+    f"customer-4711-{size}bearing-ring-outer-{side}-side-op20-jaws-3-rev-{letter}"
+    for size in ("", "very-long-")
+    for side in ("left", "right")
+    for letter in "ab"
+)
+
+
+def test_long_names_that_differ_anywhere_are_told_apart() -> None:
+    for width in (28, 32, 46):
+        shown = [name_among(name, ALIKE, width) for name in ALIKE]
+        assert len(set(shown)) == len(ALIKE), (width, shown)
+        assert all(cell_len(each) <= width for each in shown)
+
+
+@given(words, st.lists(words, max_size=4).map(tuple), st.integers(1, 40))
+def test_a_name_among_others_fits_and_is_itself_where_there_is_room(
+    name: str, others: tuple[str, ...], width: int
+) -> None:
+    short = name_among(name, others, width)
+    assert cell_len(short) <= width
+    assert short == name or cell_len(name) > width
 
 
 @given(lines_, words, st.integers(30, 90))

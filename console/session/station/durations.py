@@ -29,16 +29,25 @@ def approach_s(machine: MachineProfile, now: Snapshot, over_counts: float, clear
 
 
 def home_s(machine: MachineProfile, now: Snapshot) -> float | None:
-    """Return about how long homing takes where it is known how far the zeros are; else None. No less than it."""
-    if not now.homed:
-        return None
+    """Return the longest that homing takes: from where the axes are, or over all their travel where nothing says.
+
+    None for an axis without a homing speed.
+    """
+    tool, carriage = machine.tool, machine.carriage
+    whole_mm = {
+        AxisName.TOOL: tool.travel_max_mm - tool.travel_min_mm,
+        AxisName.CARRIAGE: carriage.travel_max_mm - carriage.travel_min_mm,
+    }
     total_s = 0.0
     for axis in driven_axes(machine):
         settings = settings_of(machine, axis)
         if not settings.home_speed:
             return None
-        from_zero = now.axis(axis).position / settings.counts_per_unit
         if axis is AxisName.SPINDLE:  # at most a turn to its next index, whichever way it searches
             from_zero = HOME_TURN_DEG
+        elif now.homed:
+            from_zero = now.axis(axis).position / settings.counts_per_unit
+        else:
+            from_zero = whole_mm[axis]
         total_s += abs(from_zero / settings.home_speed) + 2.0 * settings.home_braking_s
     return total_s

@@ -104,7 +104,8 @@ def home(context: StationContext, _: commands.Home) -> None:
     """Home all axes."""
     require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
     ends_s = home_s(context.machine, context.lathe.snapshot())
-    context.tell(ends_s=None if ends_s is None else context.clock.now_s() + ends_s)
+    latest_s = None if ends_s is None else context.clock.now_s() + ends_s
+    context.tell(ends_s=latest_s, ends_at_most=not context.lathe.snapshot().homed)
     context.lathe.home()
 
 

@@ -178,7 +178,8 @@ class StationState:
     cut at all, as of the last time its settings were read. `standing` is this console's role at the
     machine, `holder` the number of the console that controls it, `held_by` who that is as far as it has said so,
     `onlookers` how many others of this data folder look on while this one controls. `jogs` counts the jogs that
-    ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known.
+    ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known,
+    `ends_at_most` whether it may end long before.
     `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
     read last, `tested` the name of the file with the last test of the tool. `trial` are gains that were applied on
     trial, as the controller had them when it was compared last.
@@ -205,6 +206,7 @@ class StationState:
     stops: int = 0
     jogs: int = 0
     ends_s: float | None = None
+    ends_at_most: bool = False
     lost_link: LostLink | None = None
     loading_until_s: float | None = None
     armed: Armed | None = None

@@ -267,7 +267,7 @@ class Station:
         if not isinstance(command, Start):
             context.tell(armed=None)  # what was read in the summary may have changed
         shown = activity if context.state.stop is None else context.state.activity
-        context.tell(refusals=(), ends_s=None, activity=shown)
+        context.tell(refusals=(), ends_s=None, ends_at_most=False, activity=shown)
 
         def worked() -> None:
             work(context, command)

@@ -95,4 +95,7 @@ def moving_words(text: Catalogue, state: StationState, now_s: float) -> str:
     if homing:
         words = text("align_page.homing", axis=text(f"align_page.letter.{homing[0]}"))
     left_s = time_left_s(state, now_s)
-    return words if left_s is None else text("align_page.moving_left", what=words, left=f"{left_s:.0f} s")
+    if left_s is None:
+        return words
+    known = "align_page.moving_at_most" if state.ends_at_most else "align_page.moving_left"
+    return text(known, what=words, left=f"{left_s:.0f} s")

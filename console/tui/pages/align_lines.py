@@ -144,8 +144,10 @@ def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int)
     if state.is_stale(now_s):
         return ((fitted("! " + text("align_page.stale", age=f"{age_s:.0f} s"), width), Token.WARNING),)
     drives = ("! " + text("align_page.drives_partly"), Token.WARNING)
-    if state.snapshot.loops_closed or state.snapshot.loops_open:
-        drives = dim(text("align_page.drives_on" if state.snapshot.loops_closed else "align_page.drives_off"))
+    if state.snapshot.loops_closed:  # in motion the room is for how long it takes
+        drives = dim(text("align_page.drives_moving" if state.seen_moving else "align_page.drives_on"))
+    elif state.snapshot.loops_open:
+        drives = dim(text("align_page.drives_off"))
     moving = dim(text("align_page.at_rest"))
     if state.seen_moving:
         moving = moving_words(text, state, now_s), Token.STRONG

@@ -279,7 +279,9 @@ class JobsPage(Page):
         elif target is None and work is not None:
             target = work.loaded.path
         results = last_results(self.ui.data, simulated=self._simulated)
-        shelf.fill(list_jobs(jobs_folder(self.ui.data)), results, target)
+        listed = list_jobs(jobs_folder(self.ui.data))
+        self.ui.jobs = tuple(printable(each.name) for each in listed)
+        shelf.fill(listed, results, target)
         self._fresh, self._shown = True, None
 
     def _open(self, *, copying: bool) -> None:
@@ -353,18 +355,19 @@ class JobsPage(Page):
         work, shelf = self.ui.work, self._shelf
         sizes = self._table.size, self._summary.size
         opened_now = None if work is None else (work.loaded.path, work.edited)
-        shown = (shelf.entries, shelf.selected, self._title, self._entry.typing, opened_now, sizes)
+        reading = self.ui.text("jobs_page.reading") if shelf.is_reading else ""
+        shown = (shelf.entries, shelf.selected, self._title, reading, self._entry.typing, opened_now, sizes)
         if shown == self._shown:
             return
         self._shown, jobs, entry, text = shown, self._jobs, shelf.entry, self.ui.text
         edited = work is not None and entry is not None and work.edited and work.loaded.path == entry.path
-        size, hidden = self._summary.size, hidden_words(jobs, text, self._table.size.height)
+        size, hidden = self._summary.size, reading or hidden_words(jobs, text, self._table.size.height)
         rows = table_lines(jobs, text, *self._table.size)
         if not jobs.entries and (self._importing or shelf.words):
             rows = wrapped(text("jobs_page.no_imports" if self._importing else "jobs_page.no_match"), size.width)
         if self._entry.typing is not Typing.NOTHING:
             rows = [BLANK, *(rows[1:] if jobs.entries else rows)]
-        self._table.show(rows, name_in(self._title, max(self._table.size.width - 4, 1), tail_fraction=0.3), hidden)
+        self._table.show(rows, name_in(self._title, max(self._table.size.width - 4, 1), tail_fraction=0.5), hidden)
         rows = summary_lines(jobs, text, *size, edited=edited)
         if entry is not None and not isinstance(shelf.load(entry), LoadedJob):  # it cannot be used
             rows = clipped(rows, size.height, text("panel.more"))
@@ -379,8 +382,7 @@ class JobsPage(Page):
         if shelf.words:
             title = text("jobs_page.title_found", count=len(shelf.entries), all=len(shelf.all))
         words = f"/{printable(shelf.words)}" if shelf.words else ""
-        parts = (title, words, text(f"jobs_page.sorted.{shelf.order}"))
-        return " · ".join(filter(None, (*parts, text("jobs_page.reading") if shelf.is_reading else "")))
+        return " · ".join(filter(None, (title, words, text(f"jobs_page.sorted.{shelf.order}"))))
 
     def _next_words(self, state: StationState) -> str:
         text, entry, typing = self.ui.text, self._shelf.entry, self._entry.typing

@@ -13,7 +13,7 @@ from console.session.data.history import LastResult, LastResults
 from console.text.catalogue import Catalogue
 from console.text.lobe import lobe_number
 from console.text.units import Units
-from console.tui.lines import BLANK, NOTHING, Line, dim, fact, fitted, hanging, line, name_in, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, dim, fact, fitted, hanging, line, name_among, wrapped
 from console.tui.pages.fields import provenance
 from console.tui.theme import Token
 from drivers.cutting.strategy import UNCOMPENSATED
@@ -58,7 +58,8 @@ def table_lines(jobs: JobList, text: Catalogue, width: int, height: int) -> list
     name_width = max(width - 2 - sum(cells for _, cells in columns), 1)
     header = fitted("  " + text("jobs_page.name"), name_width + 2)
     header += "".join(_right(text(f"jobs_page.{name}"), cells) for name, cells in columns)
-    rows = [_row(jobs, place, columns, name_width, text) for place in visible(jobs, height)]
+    seen = visible(jobs, height)
+    rows = [_row(jobs, place, seen, columns, name_width, text) for place in seen]
     return [(dim(header),), *rows][: max(height, 0)]
 
 
@@ -138,11 +139,14 @@ def _columns(width: int) -> list[tuple[str, int]]:
     return columns
 
 
-def _row(jobs: JobList, place: int, columns: Sequence[tuple[str, int]], name_width: int, text: Catalogue) -> Line:
+def _row(
+    jobs: JobList, place: int, seen: range, columns: Sequence[tuple[str, int]], name_width: int, text: Catalogue
+) -> Line:
     entry, chosen = jobs.entries[place], place == jobs.selected
     loaded = jobs.load(entry)
     marks = ("▸" if chosen else " ") + (OPEN if entry.path == jobs.open_path else " ")
-    name = fitted(marks + name_in(printable(entry.name), name_width), name_width + 2)
+    others = tuple(printable(jobs.entries[each].name) for each in seen)
+    name = fitted(marks + name_among(printable(entry.name), others, name_width), name_width + 2)
     if not isinstance(loaded, LoadedJob):
         reason = _right("✗ " + text("jobs_page.unreadable"), sum(cells for _, cells in columns))
         return ((name + reason, Token.SELECTED),) if chosen else line(name, (reason, Token.WARNING))

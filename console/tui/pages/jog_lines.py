@@ -16,7 +16,7 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.align.hold_run import Overrun
 from console.tui.align.travel_lines import moving_words, speed_line, travel_lines
-from console.tui.lines import BLANK, Line, Piece, dim, first_fitting, line, ranged, to_the_right, wrapped
+from console.tui.lines import BLANK, Line, Piece, dim, first_fitting, line, ranged, to_the_right, width_of, wrapped
 from console.tui.plot.canvas import BrailleCanvas
 from console.tui.plot.cell_view import Cells
 from console.tui.theme import Token
@@ -93,7 +93,10 @@ def _enable_line(text: Catalogue, jog: JogView, width: int) -> Line:
         right = line(" ", ("✓ ", Token.OK), text("align_page.made", count=jog.made))
     left = dim("○ " + text("align_page.jog_off"))
     if jog.left_s is not None:
-        left = "● " + text("align_page.jog_on", left=f"{math.ceil(jog.left_s)} s"), Token.STRONG
+        on = text("align_page.jog_on", left=f"{math.ceil(jog.left_s)} s")
+        if width_of((*line("● " + on), *right)) > width:  # its time begins anew when the motion ends
+            on = text("align_page.jog_moving")
+        left = "● " + on, Token.STRONG
     return ranged((left,), right, width)
 
 
