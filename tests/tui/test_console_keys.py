@@ -12,13 +12,14 @@ from textual.widgets import Input
 
 from console.session.cut.alignment import Alignment
 from console.session.data.kept_files import jobs_folder
-from console.session.station.commands import Command, Home
+from console.session.station.commands import Adjust, Command, Home
 from console.session.station.state import Activity, StationState, StopState
 from console.tui.align.jog_presses import SURE_S
 from console.tui.app import ConsoleApp
 from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys
 from console.tui.keymap import ACTIONS, DIGITS, PageName
+from drivers.cutting.bounds import Adjusted, Bounds
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
@@ -73,7 +74,7 @@ def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
         "inspect": ("accept", "revert", "offset"),
         "jobs": ("delete",),
         "scope": ("gather", "keep"),
-        "run": ("arm", "start", "feed_hold", "one_turn", "hold", "more", "less", "retract"),
+        "run": ("arm", "start", "feed_hold", "one_turn", "hold", "retract"),
         "tune": ("arm", "start", "apply", "revert"),
     }
     assert once == {"take_over"} | {f"{page}.{key}" for page, keys in once_of_page.items() for key in keys}
@@ -100,6 +101,22 @@ def test_a_key_that_is_held_down_orders_once(key: str, page: PageName, tmp_path:
     }[key]
     console = pressed(tmp_path, now, page, (0.0, key), (0.5, key), (1.0, key))
     assert (len(console.orders), console.said) == (1, ["screen.key_repeats"])
+
+
+def test_every_press_of_plus_changes_the_cut_by_a_step_and_a_held_one_by_one(tmp_path: Path) -> None:
+    cutting = run_stage.cutting(adjusted=Adjusted(bounds=Bounds(low_percent=95, high_percent=105)))
+
+    def steps(*presses: tuple[float, str]) -> list[int]:
+        console = pressed(tmp_path, cutting, PageName.RUN, *presses)
+        return [order.steps for order in console.orders if isinstance(order, Adjust)]
+
+    assert steps((0.0, "+"), (0.3, "+"), (0.6, "+")) == [1, 1, 1]
+    assert steps((0.0, "+"), (0.3, "-"), (0.6, "+")) == [1, -1, 1]
+    # The first repeat of a held key comes late; as soon as the next is there, neither was a press.
+    assert steps((0.0, "-"), (0.5, "-"), *((0.53 + 0.03 * n, "-") for n in range(20))) == [-1]
+    # A press whose meaning is not decided yet is dropped by a stop, and by any other key.
+    assert steps((0.0, "+"), (0.3, "+"), (0.35, "space")) == [1]
+    assert steps((0.0, "+"), (0.3, "+"), (0.35, "c")) == [1]
 
 
 def test_a_held_f4_does_not_go_from_step_to_step(tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ from console.tui.pages.run_next import Phase, in_part, next_word, phase_of
 from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, stale, stop_lines
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TracePicture, TraceView
+from console.tui.run.adjust_keys import AdjustKeys
 from console.tui.run.adjust_lines import adjust_in_full, adjust_line, adjust_reasons, allowed, armed_bounds
 from console.tui.run.error_band import band_series, error_band
 from console.tui.run.moment_lines import moment_in_full, moment_lines
@@ -48,6 +49,7 @@ from profiles.problem import Problem
 FULL_TURN_DEG = (0.0, 360.0)
 WIDEST_FACT = 56  # columns in which a label and its value are still read together
 LEAST_WIDTH = 10  # a narrower panel has not got its size yet: a text in it would be broken by letters
+_ADJUSTS = {"run.more": 1, "run.less": -1}  # steps by a press
 LEAST_POLAR_ROWS = 24  # rows of the page from which there is room for the polar plot below the other one
 
 
@@ -105,7 +107,7 @@ class RunPage(Page):
         self._view: View | None = None
         self._waits_for_room = False
         self._asked = False
-        self._adjusts = Adjustable.OVERRIDE
+        self._adjusts, self._adjust_keys = Adjustable.OVERRIDE, AdjustKeys()
         self._errors.border_title = ui.text("run_page.errors")
 
     def show(self, view: View) -> None:
@@ -113,6 +115,7 @@ class RunPage(Page):
         self._view = view
         self._take_news()
         phase = phase_of(view.state)
+        self._adjust(self._adjust_keys.due(self.ui.control.now_s()))
         self.set_class(phase is Phase.CUTTING, "-live")
         self.set_class(view.state.paused, "-paused")
         roomy = self.size.height >= LEAST_POLAR_ROWS
@@ -126,6 +129,12 @@ class RunPage(Page):
     def leave(self) -> None:
         """Mark the versions for a new check: others may learn meanwhile."""
         self._asked = False
+        self._adjust_keys.forget()
+
+    def heard(self, action: str | None) -> None:
+        """Drop a press that waits, at any key but those that change the cut."""
+        if action not in _ADJUSTS:
+            self._adjust_keys.forget()
 
     def _take_news(self) -> None:
         """Check once, when the page is shown again, whether a newer version was accepted meanwhile."""
@@ -168,8 +177,9 @@ class RunPage(Page):
         """Perform the action of a key, or show why not."""
         if action == "run.arm":
             self._arm()
-            return
-        if action == "run.choose" and not self.ui.answers(self.why_not(action, self.ui.view)):
+        elif action in _ADJUSTS:
+            self._press_adjust(action)
+        elif action == "run.choose" and not self.ui.answers(self.why_not(action, self.ui.view)):
             self._choose()
         command = self._command(action)
         if command is not None and not self.ui.answers(self.why_not(action, self.ui.view)):
@@ -188,10 +198,22 @@ class RunPage(Page):
                 return EndCut()
             case "run.retract":
                 return Retract()
-            case "run.more" | "run.less":
-                return self._adjustment(action)
             case _:
                 return None
+
+    def _press_adjust(self, action: str) -> None:
+        """Take a press of a key that changes the cut; that it is no repeat may be known a moment later only."""
+        self._adjust(self._adjust_keys.press(action, self.ui.stroke, self.ui.control.now_s()))
+        if self._adjust_keys.held:
+            self.ui.say("screen.key_repeats")
+
+    def _adjust(self, actions: list[str]) -> None:
+        """Command the steps of some presses, unless something is against them: then none that waits is made."""
+        for action in actions:
+            if self.ui.answers(self.why_not(action, self.ui.view)):
+                self._adjust_keys.forget()
+            else:
+                self.ui.control.post(self._adjustment(action))
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why nothing can be armed, started, ended or retracted now."""
@@ -223,7 +245,7 @@ class RunPage(Page):
         return ()
 
     def _adjustment(self, action: str) -> Adjust:
-        return Adjust(what=self._adjusts, steps={"run.more": 1, "run.less": -1}.get(action, 0))
+        return Adjust(what=self._adjusts, steps=_ADJUSTS.get(action, 0))
 
     def _choose(self) -> None:
         """Let + and - change the next one of what this cut allows."""
