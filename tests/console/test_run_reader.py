@@ -29,7 +29,7 @@ from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError
 from console.session.learning.learning_record import record_accepted
 from console.session.learning.part_learning import accept
-from console.session.station.alarms import Priority
+from console.session.station.alarms import Priority, acknowledged
 from console.session.station.commands import Acknowledge, DisableDrives, EndCut, Measure, Start
 from profiles.problem import Problem
 from profiles.store import load_job
@@ -206,6 +206,18 @@ def test_a_cut_does_not_wait_for_a_disk_that_takes_its_time(
     aligned.do(Measure())
     (row,) = runs(aligned.context.records)
     assert story(aligned.context.records, row.run_id).complete and aligned.state.alarms == ()
+
+
+def test_an_alarm_that_was_over_before_the_run_is_not_in_its_record(aligned: Floor) -> None:
+    context = aligned.context
+    for code in ("cut.out_of_phase", "record.incomplete"):
+        context.alarm(Problem(code=code))
+    context.end_alarms("cut.out_of_phase")
+    aligned.arm(experiment_1())
+    context.change_alarms(acknowledged)
+    context.end_record()
+    (row,) = runs(context.records)
+    assert [alarm.problem.code for alarm in story(context.records, row.run_id).alarms] == ["record.incomplete"]
 
 
 def test_without_free_space_nothing_is_armed(aligned: Floor, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -152,10 +152,10 @@ class StationContext:
         return any(alarm.active and alarm.problem.code == code for alarm in self._state.alarms)
 
     def open_record(self, record: RunRecord) -> None:
-        """Record from now on, beginning with the alarms that are active."""
+        """Record from now on, beginning with the alarms that are active; one that is over belongs to another run."""
         with self._lock:
             self.record = record
-            for kind, data in alarm_events((), self._state.alarms):
+            for kind, data in alarm_events((), tuple(alarm for alarm in self._state.alarms if alarm.active)):
                 record.log.event(kind, data)
 
     def log_command(self, command: Command) -> None:
