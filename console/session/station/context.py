@@ -155,7 +155,8 @@ class StationContext:
         """Record from now on, beginning with the alarms that are active; one that is over belongs to another run."""
         with self._lock:
             self.record = record
-            for kind, data in alarm_events((), tuple(alarm for alarm in self._state.alarms if alarm.active)):
+            standing = tuple(alarm for alarm in self._state.alarms if alarm.active)
+            for kind, data in alarm_events((), standing):
                 record.log.event(kind, data)
 
     def log_command(self, command: Command) -> None:
