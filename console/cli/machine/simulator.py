@@ -27,7 +27,7 @@ SLOWEST, FASTEST = 0.01, 100.0
 """Times real time."""
 
 WITHOUT_CHANCE = (DEFAULT_PLANT, "paper")
-SET_UP_BY_HAND = ("mounted", "realistic")
+SET_UP_BY_HAND = ("mounted", "steady", "easy", "realistic", "hard")
 """Plants whose chuck is at any angle and must be aligned; the others, and files, are as specified."""
 
 
