@@ -37,9 +37,10 @@ class TrueParameters:
     has reached its peak current. `home_radius_mm` is the radius of the tool tip at the end of its travel,
     `jaw_face_mm` the Z position of the jaw faces, `wiper_land_mm` the length of the tool's flat along Z.
     `damping_n_s_per_m` includes all friction of the tool; `coulomb_friction_n` is the dry part of that (see
-    `viscous_n_s_per_m`). A commutation that is `commutation_error_deg` off leaves the cosine of the thrust. The
-    scale of the tool reads up to `scale_error_um` wrong, once in each `scale_period_um`, and with a noise of
-    `encoder_noise_um` (rms, Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`.
+    `viscous_n_s_per_m`), which builds up over `presliding_um` (see `Presliding`), or at once. A commutation that
+    is `commutation_error_deg` off leaves the cosine of the thrust. The scale of the tool reads up to
+    `scale_error_um` wrong, once in each `scale_period_um`, and with a noise of `encoder_noise_um` (rms,
+    Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`.
 
     The cut deflects the tool with `passive_fraction` of the main cutting force, with `edge_n_per_mm` along the
     edge on a chip of no thickness (`profiles.cutting.cutting_force`); 0 is a cut without force on the tool.
@@ -100,6 +101,7 @@ class TrueParameters:
     carriage_ends_mm: tuple[float, float] | None = None
     belt_ratio: float = 1.0
     coulomb_friction_n: float = 0.0
+    presliding_um: float = 0.0
     current_lag_s: float = 0.0
     encoder_noise_um: float = 0.0
     passive_fraction: float = 0.0
