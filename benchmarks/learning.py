@@ -111,9 +111,9 @@ def main() -> None:
         off = Path(folder) / "off.toml"
         off.write_text(OFF, encoding="utf-8")
         kinds = (
-            Kind(name="realistic", words=("--plant", "realistic"), first_um=5.0),
+            Kind(name="steady", words=("--plant", "steady"), first_um=5.0),
             Kind(name="gain 10 %, force 5 % off", words=("--plant", str(off)), first_um=6.0),
-            Kind(name="clamping sd 5 %", words=("--plant", "realistic", "--clamping-sd", "5"), first_um=5.0),
+            Kind(name="clamping sd 5 %", words=("--plant", "steady", "--clamping-sd", "5"), first_um=5.0),
         )
         rows = [
             row(kind, job, list(pool.map(partial(run, job, kind.words), range(1, seeds + 1))))

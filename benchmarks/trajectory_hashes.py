@@ -280,7 +280,7 @@ def _limits(plant: str) -> Scene:
 
 def _cut(strategy: Strategy, plant: str, family: str = "pmac", beat: bool = False) -> Scene:
     outside = strategy in (Strategy.CAM, Strategy.TIMEBASE)
-    scene = Scene(plant, family, drive="inverter" if outside and plant == "realistic" else "servo")
+    scene = Scene(plant, family, drive="inverter" if outside and plant == "steady" else "servo")
     if beat:
         scene.load_heartbeat()
     scene.cut(strategy)
@@ -327,7 +327,7 @@ def _gathering(plant: str, period: int) -> Scene:
 
 
 def _heartbeat(family: str) -> Scene:
-    scene = Scene("realistic", family)
+    scene = Scene("steady", family)
     scene.load_heartbeat()
     timer = watchdog.watchdog_timer(scene.dialect).name
     scene.cut(Strategy.PVT, 1.0)
@@ -343,7 +343,7 @@ def _heartbeat(family: str) -> Scene:
 def _random(seed: int) -> Scene:
     """Random lines, control characters and faults at random times."""
     random = Random(seed)
-    scene = Scene(("ideal", "bare", "realistic")[seed % 3], ("pmac", "turbo")[seed // 3 % 2])
+    scene = Scene(("ideal", "bare", "steady")[seed % 3], ("pmac", "turbo")[seed // 3 % 2])
     scene.say(*PROGRAM)
     if seed % 4 == 0:
         scene.load_heartbeat()
@@ -373,7 +373,7 @@ def _random(seed: int) -> Scene:
 
 def scenarios() -> Iterator[tuple[str, Callable[[], Scene]]]:
     """Yield the scenarios by name."""
-    for plant in ("ideal", "bare", "realistic"):
+    for plant in ("ideal", "bare", "steady"):
         for family in ("pmac", "turbo"):
             yield f"jogs {plant} {family}", lambda p=plant, f=family: _homing_and_jogs(p, f)  # type: ignore[misc]
         yield f"limits {plant}", lambda p=plant: _limits(p)  # type: ignore[misc]
@@ -385,7 +385,7 @@ def scenarios() -> Iterator[tuple[str, Callable[[], Scene]]]:
     for strategy in (Strategy.CAM, Strategy.PVT):
         yield (
             f"cut {strategy} realistic turbo beat",
-            lambda s=strategy: _cut(s, "realistic", "turbo", beat=True),  # type: ignore[misc]
+            lambda s=strategy: _cut(s, "steady", "turbo", beat=True),  # type: ignore[misc]
         )
     for family in ("pmac", "turbo"):
         yield f"heartbeat {family}", lambda f=family: _heartbeat(f)  # type: ignore[misc]

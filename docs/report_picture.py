@@ -54,7 +54,7 @@ def main(arguments: Sequence[str]) -> None:
     picture = Path(arguments[0]) if arguments else PICTURE
     with tempfile.TemporaryDirectory() as folder:
         data, report, both = (Path(folder) / name for name in ("data", "report.html", "both.html"))
-        cut = ("--sim", "--yes", "--plant", "realistic", "--strategy", "cam", "--learn", "2")
+        cut = ("--sim", "--yes", "--plant", "steady", "--strategy", "cam", "--learn", "2")
         console("run", JOB, *cut, "--data", str(data))
         console("report", "--data", str(data), "--output", str(report))
         both.write_text(beside_each_other(report.read_text(encoding="utf-8")), encoding="utf-8")

@@ -85,7 +85,7 @@ def simulated_address(options: Namespace, machine: MachineProfile) -> SimulatedA
     """Return the simulated lathe that --plant, --seed and --clamping-sd describe, None without these."""
     if not plant_given(options):
         return None
-    plant, sd_percent = options.plant or SimulatedAddress().plant, options.clamping_sd or 0.0
+    plant, sd_percent = options.plant or SimulatedAddress().plant, options.clamping_sd
     from drivers.simulator.plant.presets import plant_named
 
     plant_named(plant, machine, options.seed, sd_percent)
@@ -105,7 +105,7 @@ def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParam
     plant = options.plant or DEFAULT_PLANT
     if plant == MOUNTED:
         raise SessionError(Problem(code="session.nobody_aligns", key="--plant", value=plant))
-    return plant_named(plant, machine, options.seed, options.clamping_sd or 0.0)
+    return plant_named(plant, machine, options.seed, options.clamping_sd)
 
 
 def named(problems: Iterable[Problem], where: str) -> tuple[Problem, ...]:

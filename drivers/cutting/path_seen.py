@@ -27,6 +27,10 @@ TIMES_USUAL = 12.0  # times the median deviation: stands out even where tool and
 LATE = 1.5  # a poll that took this many times the usual was interrupted: its values are not of one instant
 LEAST_POLLS = 16
 POLLS_A_TERM = 6
+ENTRY_TURNS = (
+    3.0,
+    12.0,
+)  # over which a tool yields that has just met the part: its guides give way, its loop follows
 LAST_TURN = 0.15  # fraction of the last turn that is left out: after it the tool retracts
 SWEEPS = 20
 
@@ -74,16 +78,29 @@ class PathSeen:
         # Only a cut that follows the lobe has reached its path when the feed begins.
         for among in (clear, in_part) if self._plan.strategy.traits.inverts else (in_part,):
             if among.sum() >= LEAST_POLLS:
-                yield from self._tool(rows[among, 1], turns[among], rows[among, 3])
+                entry = ENTRY_TURNS if among is in_part else ()
+                yield from self._tool(rows[among, 1], turns[among], rows[among, 3], entry)
 
-    def _tool(self, tool: Floats, turns: Floats, carriage: Floats) -> Iterator[Problem]:
-        """Model the tool path of a turn: any once-per-turn motion, and the lobe; it may grow along the cut."""
+    def _tool(self, tool: Floats, turns: Floats, carriage: Floats, entry: tuple[float, ...]) -> Iterator[Problem]:
+        """Model the tool path of a turn: the lobe, which may grow along the cut, and what a blank makes of it.
+
+        An `entry` into the part decays over so many turns.
+        """
         plan, target = self._plan, self._plan.target
         past_mm = (carriage - plan.setup.carriage_middle) / self._machine.carriage.counts_per_mm
         infeed_um = (tool - plan.setup.surface) * self._machine.tool.count_um
         off_um = infeed_um - target.at_um(360.0 * turns, past_mm)
-        orders = (target.lobes, 2 * target.lobes, 3 * target.lobes, 1)
-        columns = harmonic_columns(2.0 * np.pi * turns, orders, past_mm)
+        angle_rad, lobes = 2.0 * np.pi * turns, target.lobes
+        further = [order for order in dict.fromkeys((2 * lobes, 3 * lobes, 1, 2)) if order != lobes]
+        decays = [np.exp((turns[0] - turns) / over) for over in entry]
+        # In the order in which they are given up where there are few polls.
+        columns = np.column_stack(
+            [
+                harmonic_columns(angle_rad, (lobes,), past_mm),
+                *decays,
+                harmonic_columns(angle_rad, further)[:, 1:],
+            ]
+        )
         left, found = _left(off_um, columns[:, : max(4, len(turns) // POLLS_A_TERM)])
         left_um, lobe_um = np.abs(left), float(np.hypot(*found[harmonic_slice(0, trends=1)]))
         most_um = MOST_OF_LOBE * target.amplitude_um + LEAST_TOOL_UM

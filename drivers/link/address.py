@@ -69,12 +69,13 @@ class SimulatedAddress:
     """The simulated lathe of the machine profile, in this process.
 
     Set up by hand, with the simulated hardware of `plant` (a name or a file). Random effects use `seed`, and the
-    chucking force varies from clamping to clamping with a standard deviation of `clamping_sd_percent`.
+    chucking force varies from clamping to clamping with a standard deviation of `clamping_sd_percent`, of the
+    plant's own with None.
     """
 
     plant: str = "mounted"
     seed: int | None = None
-    clamping_sd_percent: float = 0.0
+    clamping_sd_percent: float | None = None
 
     def __str__(self) -> str:
         return "sim:"

@@ -151,7 +151,7 @@ def test_a_held_cut_is_not_called_disturbed_on_a_lathe_that_gives_way(
 
     Nor is a cut outside its plan that ends at another segment than planned: of `cam` one is 48 degrees here.
     """
-    floor = open_floor(tmp_path, seed, "realistic")
+    floor = open_floor(tmp_path, seed, "steady")
     floor.set_up(experiment_1())
     state = held(floor, lambda: order(floor, ResumeFeed()), strategy)
     assert state.cut_done and codes(state) == []
@@ -159,7 +159,7 @@ def test_a_held_cut_is_not_called_disturbed_on_a_lathe_that_gives_way(
 
 def test_a_hold_in_the_last_turn_comes_too_late_and_raises_no_alarm(tmp_path: Path) -> None:
     """The cut is done: the spindle that comes to rest then is no spindle that stands in the part."""
-    floor = open_floor(tmp_path, 6, "realistic")
+    floor = open_floor(tmp_path, 6, "steady")
     floor.set_up(experiment_1())
     seen: list[CutProgress] = []
     floor.looks.append(lambda _: seen.append(floor.state.cut) if floor.state.cut else None)

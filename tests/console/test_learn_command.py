@@ -22,7 +22,7 @@ from tests.system.lathe_sites import compact_text
 Console = Callable[..., Any]
 JobFile = Callable[..., Path]
 
-SOFT = ("--plant", "realistic", "--seed", "11")
+SOFT = ("--plant", "steady", "--seed", "11")
 PLAIN = ("--sim", "--json")
 
 

@@ -82,7 +82,7 @@ class Shop:
 
 
 def opened_shop(data: Path, job: LoadedJob, machine: LoadedMachine, turned_deg: float = 0.0) -> Shop:
-    floor = open_floor(data, SEED, "realistic", machine, turned_deg)
+    floor = open_floor(data, SEED, "steady", machine, turned_deg)
     floor.set_up(job.job)
     return Shop(floor=floor, job=job, machine=machine, data=data)
 

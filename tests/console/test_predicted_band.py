@@ -40,7 +40,7 @@ def band_of(job: Job, strategy: Strategy = Strategy.CAM) -> Band:
 def test_the_first_part_of_a_lathe_with_dry_guides_is_within_the_band_of_the_model() -> None:
     """3 N of the plant `realistic` hold a thin ring's tool so that 23 of 28 um are left."""
     job = short("thin-ring-3-jaws")
-    bench = connected(MACHINE, true=plant_named("realistic", MACHINE, 3))
+    bench = connected(MACHINE, true=plant_named("steady", MACHINE, 3))
     bench.homed(job)
     asked = program_of(Asked(job=job, machine=MACHINE, strategy=Strategy.CAM)).plan
     bench.cut(asked)  # type: ignore[arg-type]

@@ -102,7 +102,7 @@ def test_a_cut_tells_the_swing_of_its_spindle(
     tmp_path: Path, in_copies: None, strategy: Strategy, share: float, per_turn: int
 ) -> None:
     """By every servo cycle of the iron in the part, on a lathe that is not what its profile says."""
-    floor, job = set_up_once(tmp_path, "realistic"), experiment_1(2.0)
+    floor, job = set_up_once(tmp_path, "steady"), experiment_1(2.0)
     motor = floor.sim.controller.motors[2]
     spindle = cast("Spindle", motor.axis)
     spindle.speed_ripple, spindle.ripple_per_turn = share, per_turn

@@ -33,8 +33,8 @@ def test_nothing_said_is_the_lathe_of_every_day() -> None:
 
 
 def test_a_plant_a_seed_and_a_spread_are_handed_on() -> None:
-    asked = told("--plant", "realistic", "--seed", "7", "--clamping-sd", "2.5")
-    assert asked == SimulatedAddress(plant="realistic", seed=7, clamping_sd_percent=2.5)
+    asked = told("--plant", "steady", "--seed", "7", "--clamping-sd", "2.5")
+    assert asked == SimulatedAddress(plant="steady", seed=7, clamping_sd_percent=2.5)
     assert told("--seed", "7") == SimulatedAddress(seed=7)
 
 
@@ -51,7 +51,7 @@ def test_a_run_that_nobody_aligns_is_on_a_lathe_that_needs_no_alignment() -> Non
     assert plant() is None
     assert plant("--seed", "1") == replace(nominal, seed=1)
     assert plant("--seed", "1", "--clamping-sd", "3") == replace(nominal, seed=1, clamping_force_spread=0.03)
-    real = plant("--plant", "realistic", "--seed", "1")
+    real = plant("--plant", "steady", "--seed", "1")
     assert real is not None
     assert (real.jaw_1_deg, real.home_radius_mm) == (None, nominal.home_radius_mm)
 
@@ -63,7 +63,7 @@ def test_a_run_on_a_lathe_that_somebody_has_to_align_is_refused_with_what_to_do(
     words = ("run", "lee-2001-experiment-1", "--sim", "--plant", "mounted", "--seed", "1", "--lang", language)
     said = console(*words)
     assert (said.code, said.out) == (1, "")
-    assert all(word in said.err for word in ("console --sim --plant mounted", "ideal", "realistic"))
+    assert all(word in said.err for word in ("console --sim --plant mounted", "ideal", "steady"))
 
 
 def test_how_the_simulated_lathe_is_says_nothing_of_a_real_one(console: Console) -> None:

@@ -161,7 +161,7 @@ def test_without_a_word_the_lathe_is_as_its_profile_says(console: Console, lathe
     assert [jaw_1_deg(lathe) for lathe in lathes] == [124.42, 124.42]
 
 
-@pytest.mark.parametrize("plant", ["mounted", "realistic"])
+@pytest.mark.parametrize("plant", ["mounted", "steady"])
 def test_chance_is_drawn_from_the_seed(console: Console, lathes: list[SimulatedLathe], plant: str) -> None:
     for words in (("--seed", "7"), ("--seed", "7"), ("--seed", "8"), (), ()):
         assert console("simulator", *TCP, "--plant", plant, *words).code == 0
@@ -221,5 +221,5 @@ def test_a_seed_for_a_lathe_without_chance_is_refused(
 ) -> None:
     said = console("simulator", *TCP, "--seed", "7", "--lang", language)
     assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
-    assert all(word in said.err for word in ("--seed", "--plant", "mounted", "realistic"))
+    assert all(word in said.err for word in ("--seed", "--plant", "mounted", "steady"))
     assert lathes == []

@@ -37,7 +37,7 @@ class Outside:
 
     def __init__(self, data: Path, job: LoadedJob, machine: LoadedMachine) -> None:
         self.data, self.job, self.machine = data, job, machine
-        self.floor: Floor = open_floor(data, SEED, "realistic", machine)
+        self.floor: Floor = open_floor(data, SEED, "steady", machine)
         self.floor.set_up(job.job)
         self.floor.context.shop = None
         self.floor.context.tell(simulated=False)
@@ -186,7 +186,7 @@ def test_a_part_cut_before_the_console_was_restarted_is_judged_by_the_record(out
     outside.cut()
     path = outside.gauge(**STATED)
     before = outside.taken(path)
-    again = open_floor(outside.data, SEED, "realistic", outside.machine)
+    again = open_floor(outside.data, SEED, "steady", outside.machine)
     again.context.shop = None
     again.context.tell(simulated=False)
     state = again.do(outside.order(path))

@@ -49,7 +49,7 @@ def aligned(plant: str, folder: Path, data: Path, job: LoadedJob) -> Floor:
 
 @pytest.fixture
 def floor(tmp_path: Path, data_folder: Path, job: LoadedJob) -> Floor:
-    return aligned("realistic", tmp_path, data_folder, job)
+    return aligned("steady", tmp_path, data_folder, job)
 
 
 @pytest.fixture

@@ -178,7 +178,7 @@ def told(seed: int) -> list[Any]:
     """All that can be seen of a lathe to which random things happen at random times."""
     random = Random(seed)
     machine, dialect = compact_machine().machine, DIALECTS[("pmac", "turbo")[seed % 2]]
-    plant = ("ideal", "realistic")[seed // 2 % 2]
+    plant = ("ideal", "steady")[seed // 2 % 2]
     sim = SimulatedLathe(machine, plant_named(plant, machine, 7, mounted_by_hand=seed % 5 > 0), dialect)
     host, seen = sim.connect(), list[Any]()
     run_block = sim.controller.run_block
@@ -219,7 +219,7 @@ def told(seed: int) -> list[Any]:
 def cut_under_load() -> list[Any]:
     """A realistic lathe whose tool is led by its spindle, in material, with its registers gathered."""
     machine, seen = compact_machine().machine, list[Any]()
-    sim = SimulatedLathe(machine, plant_named("realistic", machine, 7, mounted_by_hand=True))
+    sim = SimulatedLathe(machine, plant_named("steady", machine, 7, mounted_by_hand=True))
     job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.5)
     sim.mount(job)
     host, (tool, _, carriage) = sim.connect(), (sim.controller.motors[number] for number in (1, 2, 3))
@@ -259,7 +259,7 @@ def test_a_cut_under_load_is_the_same_at_any_speed(slowly: Callable[[], None]) -
 
 def test_far_outside_only_the_ends_of_a_path_are_exact() -> None:
     machine = compact_machine().machine
-    true = plant_named("realistic", machine, 7)
+    true = plant_named("steady", machine, 7)
     path = tip_path.TipPath(machine, true, RadialError(1.2, Random(1)))
     blocks = [([37.0 * k + n for n in range(11)], [40.0 * n for n in range(11)], [0.0] * 11) for k in range(4)]
     exact = [radius for block in blocks for radius in path.track(block, 0.0).radius_mm]

@@ -32,8 +32,12 @@ def told(
     turns: float = 0.0,
     noise_um: float = 0.5,
     within_s: tuple[float, float] = (1.5, 1.7),
+    entry_um: float = 0.0,
 ) -> list[str]:
-    """What is told of a cut that is off by so much for 0.2 s, 1.5 s behind its beginning; `share` of its lobe."""
+    """What is told of a cut that is off by so much for 0.2 s, 1.5 s behind its beginning; `share` of its lobe.
+
+    The part pushes the tool off by `entry_um` where it begins, and the loop takes that back over four turns.
+    """
     setup, chance = plan().setup, np.random.default_rng(1)
     seen = PathSeen(plan(), MACHINE)
     for number in range(int(setup.whole_turns * TURN_S / POLL_S)):
@@ -42,6 +46,9 @@ def told(
         turn = at_s / TURN_S + off * turns
         z = setup.carriage_start + turn * setup.carriage_per_turn + off * feed_mm * MACHINE.carriage.counts_per_mm
         target_um = plan().target.mean_um + share * (plan().target.at_um(360.0 * turn) - plan().target.mean_um)
+        met = setup.carriage_face - 0.5 * MACHINE.tool.wiper_land_mm * MACHINE.carriage.counts_per_mm
+        into_turns = (z - met) / setup.carriage_per_turn
+        target_um -= entry_um * np.exp(-into_turns / 4.0) * (into_turns > 0.0)
         infeed_um = target_um + off * tool_um + chance.normal(0.0, noise_um)
         places = (setup.surface + infeed_um / MACHINE.tool.count_um, turn * setup.counts_per_turn, z)
         tool, spindle, carriage = (
@@ -75,6 +82,11 @@ def test_a_lobe_that_a_weak_amplifier_makes_smaller_is_no_reason() -> None:
 def test_a_tool_that_friction_holds_where_the_feed_begins_has_a_turn_in_air_to_follow() -> None:
     assert told(-35.0, within_s=(0.0, TURN_S)) == []
     assert told(-35.0, within_s=(1.5 * TURN_S, 3.0 * TURN_S)) == ["tool"]
+
+
+def test_a_tool_that_yields_where_the_part_begins_is_no_reason() -> None:
+    assert told(entry_um=25.0) == []
+    assert told(20.0, entry_um=25.0) == ["tool"]
 
 
 def test_a_moment_in_which_the_tool_was_deeper_is_told() -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from drivers.simulator.plant.tip_load import ALUMINIUM, Stock, TipGeometry, TipLoad
+from drivers.simulator.plant.tip_load import ALUMINIUM, CELLS, Stock, TipGeometry, TipLoad
 from profiles.cutting import cutting_force
 from profiles.materials import material_named
 
@@ -45,17 +45,21 @@ class Cutting:
         self.load = TipLoad(geometry, None, push_per_n=2.0)
         self.tool, self.spindle, self.carriage = Axis(), Axis(), Axis()
         self.load.watch(self.tool, self.spindle, self.carriage)
-        self.load.clamp(
-            Stock(
-                radius_mm=RADIUS_MM,
-                ends_mm=(170.0, 200.0),
-                material=ALUMINIUM,
-                fraction=share,
-                edge_n_per_mm=edge_n_per_mm,
-            )
+        self.stock = Stock(
+            surface_mm=(RADIUS_MM,) * CELLS,
+            ends_mm=(170.0, 200.0),
+            material=ALUMINIUM,
+            fraction=share,
+            edge_n_per_mm=edge_n_per_mm,
         )
+        self.load.clamp(self.stock)
         self.turn_step = 1000.0 / 60.0 * CYCLE_S
         self.feed_mm = feed_mm
+
+    def clamp(self, form_mm: Depth) -> None:
+        """Clamp another blank, whose surface is this much further out at a turn of the spindle."""
+        surface_mm = tuple(RADIUS_MM + form_mm((cell + 0.5) / CELLS) for cell in range(CELLS))
+        self.load.clamp(replace(self.stock, surface_mm=surface_mm))
 
     def passes(self, depth_mm: Depth, turns: float, z_mm: float = 170.0) -> tuple[np.ndarray, np.ndarray]:
         """Turn so far from a place on; return turns and forces (N) of every cycle in which the edge is inside."""

@@ -252,7 +252,7 @@ def test_the_same_seed_is_the_same_lathe_and_clampings_are_identical_unless_aske
     machine: MachineProfile, experiment: JobMaker
 ) -> None:
     def lobes(sd_percent: float, seed: int) -> list[float]:
-        lathe = SimulatedLathe(machine, plant_named("realistic", machine, seed, sd_percent))
+        lathe = SimulatedLathe(machine, plant_named("steady", machine, seed, sd_percent))
         found = []
         for _ in range(20):
             lathe.mount(experiment(1))
@@ -265,14 +265,14 @@ def test_the_same_seed_is_the_same_lathe_and_clampings_are_identical_unless_aske
 
 
 def test_the_pinned_lathe_is_off_by_what_was_pinned(machine: MachineProfile) -> None:
-    nominal, true = ideal(machine), plant_named("realistic", machine, 1)
+    nominal, true = ideal(machine), plant_named("steady", machine, 1)
     assert true.moving_mass_kg / nominal.moving_mass_kg == pytest.approx(1.05)
     assert (true.coulomb_friction_n, true.current_lag_s, true.encoder_noise_um) == (3.0, 0.0002, 0.3)
     assert true.viscous_n_s_per_m == pytest.approx(201.6 - 38.2, abs=0.05)
     assert (true.speed_ripple, true.radial_error_um_pp, true.passive_fraction) == (0.002, 1.2, 0.4)
     # What a machine run knows: where the tip is, and jaw 1.
     assert (true.home_radius_mm, true.jaw_1_deg, true.clamping_force_spread) == (76.0, None, 0.0)
-    by_hand = plant_named("realistic", machine, 1, mounted_by_hand=True)
+    by_hand = plant_named("steady", machine, 1, mounted_by_hand=True)
     assert by_hand.jaw_1_deg is not None and by_hand.home_radius_mm != 76.0
     assert (by_hand.moving_mass_kg, by_hand.ideal_spindle) == (true.moving_mass_kg, False)
 
@@ -349,7 +349,9 @@ def test_a_plant_file_that_cannot_be_is_refused(
 
 
 def test_an_unknown_plant_is_refused_with_those_that_there_are(machine: MachineProfile) -> None:
-    with pytest.raises(ProfileError, match=r"plant.unknown.*ideal \| mounted \| paper \| realistic"):
+    with pytest.raises(
+        ProfileError, match=r"plant.unknown.*ideal \| mounted \| paper \| steady \| easy \| realistic \| hard"
+    ):
         plant_named("new", machine)
 
 
@@ -384,7 +386,7 @@ def test_a_realistic_lathe_positions_and_makes_a_part(
 ) -> None:
     """3.0 N of passive force are up to 35 um of size that a plain cut loses; the lobe is that of the clamping."""
     job = replace(experiment(1), cut_length_mm=2.0)
-    bench = bench_with(plant_named("realistic", machine, 2))
+    bench = bench_with(plant_named("steady", machine, 2))
     bench.homed(job)
     bench.cut(plan_cut(job, machine, Strategy.NONE))
     assert bench.sim.collisions == ()
@@ -415,7 +417,7 @@ def test_learning_on_iron_that_is_off_goes_as_was_calculated(machine: MachinePro
     """Simulated apart from this code: mass +10 % and gain -10 %; mass +5 %, 3 N and the noise of the scale."""
     off = replace(ideal(machine), moving_mass_kg=1.1 * 4.74, force_n_per_v=0.9 * 624.025)
     assert learnt_um(machine, off, 4) == pytest.approx([9.08, 1.51, 0.24, 0.04], abs=0.08)
-    pinned = plant_named("realistic", machine, 1)
+    pinned = plant_named("steady", machine, 1)
     assert learnt_um(machine, replace(pinned, current_lag_s=0.0), 3) == pytest.approx([12.4, 0.31, 0.03], abs=0.6)
     # With the lag of the current, too, what is left is a tenth of the first pass, and then next to nothing.
     first, second, third = learnt_um(machine, pinned, 3)

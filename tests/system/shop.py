@@ -76,7 +76,7 @@ class Shop:
         self.machine = load_machine(str(self.profile)).machine
         self.data = data
         # The chuck was mounted nearly as it should be: to jog far is not the subject.
-        true = plant_named("realistic", self.machine, SEED, mounted_by_hand=True)
+        true = plant_named("steady", self.machine, SEED, mounted_by_hand=True)
         tip_mm = self.machine.tool.home_radius_mm + 0.02
         self.true = replace(true, jaw_1_deg=1.3, home_radius_mm=tip_mm)
         self.lathe = SimulatedLathe(self.machine, self.true)

@@ -27,7 +27,7 @@ SLOWEST, FASTEST = 0.01, 100.0
 """Times real time."""
 
 WITHOUT_CHANCE = (DEFAULT_PLANT, "paper")
-SET_UP_BY_HAND = ("mounted", "realistic")
+SET_UP_BY_HAND = ("mounted", "steady", "easy", "realistic", "hard")
 """Plants whose chuck is at any angle and must be aligned; the others, and files, are as specified."""
 
 
@@ -68,7 +68,7 @@ def main(options: Namespace, text: Catalogue) -> int:
             print(text("simulator.ready", machine=machine.name, address=address))
         sys.stdout.flush()
 
-    plant, sd_percent = options.plant or DEFAULT_PLANT, options.clamping_sd or 0.0
+    plant, sd_percent = options.plant or DEFAULT_PLANT, options.clamping_sd
     true = plant_named(plant, machine, options.seed, sd_percent, mounted_by_hand=plant in SET_UP_BY_HAND)
     family = FAMILIES[options.dialect or machine.controller.family]
     lathe = SimulatedLathe(machine, true, family, Path(options.saved) if options.saved else None)

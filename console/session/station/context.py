@@ -152,7 +152,7 @@ class StationContext:
         return any(alarm.active and alarm.problem.code == code for alarm in self._state.alarms)
 
     def open_record(self, record: RunRecord) -> None:
-        """Record from now on, beginning with the alarms that are active; one that is over belongs to another run."""
+        """Record from now on, beginning with the alarms that are active: one that is over is of another run."""
         with self._lock:
             self.record = record
             standing = tuple(alarm for alarm in self._state.alarms if alarm.active)

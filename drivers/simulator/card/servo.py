@@ -8,6 +8,7 @@ from math import copysign
 
 from drivers.simulator.plant.axis import EncoderAxis, Ends, Scale
 from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide
+from drivers.simulator.plant.presliding import Presliding
 from drivers.simulator.plant.tip_load import TipLoad
 
 ROUNDS = 1.5 * 2.0**52  # a number plus this, less this, is rounded half to even as by `round`: see `FARTHEST`
@@ -57,7 +58,7 @@ class ServoAxis(EncoderAxis):
         ends: Ends | None = None,
         scale: Scale | None = None,
         lag_s: float = 0.0,
-        load: TipLoad | None = None,
+        load: TipLoad | Presliding | None = None,
     ) -> None:
         """Take `lag_s`, the current's time constant, `scale`, the encoder, and `load`, an additional force."""
         super().__init__(origin)
@@ -294,7 +295,7 @@ class ServoAxis(EncoderAxis):
         state = self._x, v, self.output_bits, self._integral, self._reading, self._command, self._command_step
         return state == before and not self._command_step and commands.count(commands[0]) == len(commands)
 
-    def _begin_load(self) -> TipLoad | None:
+    def _begin_load(self) -> TipLoad | Presliding | None:
         """Begin a block of the load; None where there is none in this block."""
         load = self._load
         if load is None:

@@ -55,7 +55,7 @@ class SimulatorProcess:
         *,
         seed: int | None = None,
         plant: str = "mounted",
-        clamping_sd_percent: float = 0.0,
+        clamping_sd_percent: float | None = None,
     ) -> SimulatorProcess:
         """Start a simulator of the machine profile in a file and wait until it accepts connections.
 
@@ -66,7 +66,7 @@ class SimulatorProcess:
         """
         plant = os.path.abspath(plant) if plant.endswith(".toml") else plant
         arguments = ["--machine", os.path.abspath(machine_path), "--plant", plant]
-        arguments += ["--clamping-sd", repr(clamping_sd_percent)] if clamping_sd_percent else []
+        arguments += ["--clamping-sd", repr(clamping_sd_percent)] if clamping_sd_percent is not None else []
         arguments += [] if seed is None else ["--seed", str(seed)]
         child: _Child | None = None
         try:

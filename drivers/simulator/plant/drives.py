@@ -12,6 +12,7 @@ from drivers.simulator.card.servo import ServoAxis, ServoGains
 from drivers.simulator.plant.axis import Axis, IdealAxis, NoisyScale, Scale, ends_at
 from drivers.simulator.plant.driven_mass import linear_motor, rotary_motor
 from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
+from drivers.simulator.plant.presliding import Presliding
 from drivers.simulator.plant.spindle import RadialError, Spindle
 from drivers.simulator.plant.tip_load import TipGeometry, TipLoad
 from drivers.simulator.plant.true_parameters import TrueParameters
@@ -88,14 +89,21 @@ def _tool(
         force_n_per_bit=true.thrust_n_per_v * volt_per_bit,
         peak_output_bits=math.floor(true.peak_command_v / volt_per_bit),
         counts_per_m=tool.counts_per_mm * 1000.0,
-        friction_n=true.coulomb_friction_n,
+        friction_n=0.0 if true.presliding_um else true.coulomb_friction_n,
     )
     start_counts = true.tool_start_mm * tool.counts_per_mm
     ends = ends_at(true.tool_ends_mm, tool.counts_per_mm)
     noise_counts = true.encoder_noise_um / 1000.0 * tool.counts_per_mm
     scale = NoisyScale(noise_counts, true.chance("encoder").randrange(2**32)) if noise_counts else Scale()
     gains, lag_s = _gains(tool.motor, setting), true.current_lag_s
-    return ServoAxis(slide, gains, _cycle_s(machine), start_counts, ends, scale, lag_s, load)
+    loads = _presliding(machine, true, load) if true.presliding_um and true.coulomb_friction_n else load
+    return ServoAxis(slide, gains, _cycle_s(machine), start_counts, ends, scale, lag_s, loads)
+
+
+def _presliding(machine: MachineProfile, true: TrueParameters, cut: TipLoad | None) -> Presliding:
+    per_mm = machine.tool.counts_per_mm
+    limit = 1000.0 * per_mm * true.coulomb_friction_n / true.moving_mass_kg
+    return Presliding(limit, true.presliding_um / 1000.0 * per_mm, cut)
 
 
 def _load(machine: MachineProfile, true: TrueParameters, wander: RadialError | None) -> TipLoad:

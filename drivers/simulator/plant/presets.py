@@ -1,8 +1,9 @@
 """Named plants: files of the differences between a lathe's true values and its machine profile.
 
-A plant is bundled (`ideal`, `paper`, `realistic`), `mounted` (the ideal one, set up by hand), or a file with the
-same keys, whose path ends in `.toml`. Keys may be in any tables; factors apply to the values of the profile. A
-mass, damping or thrust of the tool may be given as a value, instead of a factor.
+A plant is bundled, `mounted` (the ideal one, set up by hand), or a file with the same keys, whose path ends in
+`.toml`. Keys may be in any tables; factors apply to the values of the profile. A mass, damping or thrust of the
+tool may be given as a value, instead of a factor. A file may begin from a bundled one (`like`), and its table
+`[spread]` has the standard deviations of keys from lathe to lathe: which one it is, the seed says.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from pathlib import Path
 from random import Random, SystemRandom
 from typing import Any
 
+from drivers.simulator.plant.spreads import drawn, spread_fields
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal, set_up_by_hand
 from profiles.fields import Field, Kind, flatten, read_fields, schema_problem, spelled
 from profiles.files import printable, read_toml
@@ -21,7 +23,8 @@ from profiles.problem import Problem, ProfileError
 
 _FOLDER = Path(__file__).parent / "presets"
 MOUNTED = "mounted"
-PLANTS = ("ideal", MOUNTED, "paper", "realistic")  # the names of the plants
+BUNDLED = ("ideal", "paper", "steady", "easy", "realistic", "hard")
+PLANTS = ("ideal", MOUNTED, *BUNDLED[1:])  # the names of the plants
 SEEDS = 2**32
 
 INSTEAD_OF = {"mass_kg": "mass_factor", "thrust_n_per_v": "thrust_factor"}
@@ -43,12 +46,14 @@ def _amount(key: str, table: str, unit: str, at_most: float) -> Field:
 PLANT_FIELDS = (
     Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
     Field(key="source", kind=Kind.TEXT, default=""),
+    Field(key="like", kind=Kind.CHOICE, default="ideal", choices=BUNDLED),
     _factor("mass_factor", "tool"),
     _factor("thrust_factor", "tool"),
     _itself("mass_kg", "kg", 1000.0),
     _itself("damping_n_s_per_m", "N s/m", 100_000.0),
     _itself("thrust_n_per_v", "N/V", 100_000.0),
     _amount("coulomb_friction_n", "tool", "N", 100.0),
+    _amount("presliding_um", "tool", "um", 1000.0),
     _amount("current_lag_ms", "tool", "ms", 10.0),
     _amount("encoder_noise_um", "tool", "um", 10.0),
     Field(key="commutation_error_deg", table="tool", unit="deg", default=0.0, at_least=-180.0, at_most=180.0),
@@ -64,29 +69,41 @@ PLANT_FIELDS = (
     Field(
         key="lobe_growth_percent_per_mm", table="chuck", unit="%/mm", at_least=-20.0, at_most=20.0, optional=True
     ),
+    Field(key="lobe_turned_deg", table="chuck", unit="deg", default=0.0, at_least=-180.0, at_most=180.0),
+    _amount("overtone_factor", "chuck", "", 10.0),
+    _amount("clamping_sd_percent", "chuck", "%", 50.0),
     Field(key="jaw_offset_deg", table="chuck", unit="deg", default=0.0, at_least=-360.0, at_most=360.0),
     _amount("jaw_1_harder", "chuck", "", 1.0),
+    _amount("oval_um_pp", "blank", "um", 500.0),
+    _amount("run_out_um", "blank", "um", 500.0),
+    Field(key="drift_um", table="warm-up", unit="um", default=0.0, at_least=-200.0, at_most=200.0),
+    Field(key="drift_parts", table="warm-up", default=5.0, above=0.0, at_most=1000.0),
     _amount("passive_force_share", "cut", "", 5.0),
     _amount("edge_force_n_per_mm", "cut", "N/mm", 100.0),
     _amount("eccentricity_um", "gauge", "um", 1000.0),
     _amount("noise_um", "gauge", "um", 10.0),
+    _amount("mark_sd_deg", "gauge", "deg", 20.0),
     Field(key="start_mark", kind=Kind.CHOICE, table="gauge", default="known", choices=("known", "unknown")),
 )
 """Every key of a plant with its limits."""
+
+SPREAD = "spread"
+SPREAD_FIELDS = spread_fields(PLANT_FIELDS)
 
 
 def plant_named(
     name_or_path: str,
     machine: MachineProfile,
     seed: int | None = None,
-    clamping_sd_percent: float = 0.0,
+    clamping_sd_percent: float | None = None,
     mounted_by_hand: bool = False,
 ) -> TrueParameters:
     """Return the true parameters of a plant on a machine.
 
-    Random effects use `seed`, and differ each time without one. `clamping_sd_percent` is the standard deviation of
-    the chucking force from clamping to clamping; 0 makes all clampings identical. Set up by hand, the chuck is at
-    any angle and the tip near its nominal radius, and the spindle has its inertia.
+    Random effects use `seed`, and differ each time without one. `clamping_sd_percent` is the standard deviation
+    of the chucking force from clamping to clamping, whatever the plant says; 0 makes all clampings identical.
+    Set up by hand, the chuck is at any angle and the tip near its nominal radius, and the spindle has its
+    inertia.
 
     Raises:
         ProfileError: `plant.unknown`, no such name; those of a file that cannot be read or has wrong keys;
@@ -94,36 +111,64 @@ def plant_named(
             more than all damping.
     """
     by_hand = mounted_by_hand or name_or_path == MOUNTED
-    values, where = _values("ideal" if name_or_path == MOUNTED else name_or_path)
-    drawn = SystemRandom().randrange(SEEDS) if seed is None else seed
-    true_position = _with_friction(_changed(ideal(machine), values), values["coulomb_friction_n"], where)
-    true_position = replace(true_position, seed=drawn, clamping_force_spread=clamping_sd_percent / 100.0)
-    return set_up_by_hand(true_position, machine, Random(drawn)) if by_hand else true_position
+    number = SystemRandom().randrange(SEEDS) if seed is None else seed
+    values, where = _values("ideal" if name_or_path == MOUNTED else name_or_path, number)
+    true = replace(
+        _with_friction(_changed(ideal(machine), values), values["coulomb_friction_n"], where), seed=number
+    )
+    if clamping_sd_percent is not None:
+        true = replace(true, clamping_force_spread=clamping_sd_percent / 100.0)
+    return set_up_by_hand(true, machine, Random(number)) if by_hand else true
 
 
-def _values(name_or_path: str) -> tuple[Mapping[str, Any], str]:
+def _values(name_or_path: str, seed: int) -> tuple[Mapping[str, Any], str]:
     """Return the values of a plant, and its file as it is named in problems."""
-    if name_or_path.endswith(".toml"):
-        path = Path(name_or_path)
-    elif name_or_path in PLANTS:
-        path = _FOLDER / f"{name_or_path}.toml"
-    else:
-        limit = " | ".join((*PLANTS, "FILE.toml"))
-        raise ProfileError(Problem(code="plant.unknown", value=spelled(name_or_path), limit=limit))
+    path = _path_of(name_or_path)
     where = printable(str(path))
-    _, table = read_toml(path)
-    leaves, problems = flatten(table, where=where)
-    if refusal := schema_problem(leaves, where=where):
-        raise ProfileError(refusal)
-    values, found = read_fields(PLANT_FIELDS, leaves, where=where)
+    leaves, sd = _leaves(path)
+    values, problems = read_fields(PLANT_FIELDS, leaves, where=where)
+    widths, found = read_fields(SPREAD_FIELDS, sd, where=where, prefix=f"{SPREAD}.")
     found += [
         Problem(code="key.instead_of", where=where, key=key, value=factor)
         for key, factor in INSTEAD_OF.items()
         if key in leaves and factor in leaves
     ]
+    found += [
+        Problem(code="plant.spread_of_nothing", where=where, key=f"{SPREAD}.{key}", value=key)
+        for key, width in widths.items()
+        if width and values.get(key, 0.0) is None
+    ]
     if problems or found:
         raise ProfileError(*problems, *found)
-    return values, where
+    return drawn(values, widths, PLANT_FIELDS, seed), where
+
+
+def _path_of(name_or_path: str) -> Path:
+    if name_or_path.endswith(".toml"):
+        return Path(name_or_path)
+    if name_or_path in BUNDLED:
+        return _FOLDER / f"{name_or_path}.toml"
+    limit = " | ".join((*PLANTS, "FILE.toml"))
+    raise ProfileError(Problem(code="plant.unknown", value=spelled(name_or_path), limit=limit))
+
+
+def _leaves(path: Path) -> tuple[dict[str, object], dict[str, object]]:
+    """Return the keys of a plant and its standard deviations, on top of those of the plant that it is `like`."""
+    where = printable(str(path))
+    _, table = read_toml(path)
+    spread = table.pop(SPREAD, {})
+    leaves, problems = flatten(table, where=where)
+    if refusal := schema_problem(leaves, where=where):
+        raise ProfileError(refusal)
+    sd, found = flatten(spread, where=where) if isinstance(spread, dict) else ({SPREAD: spread}, [])
+    if problems or found:
+        raise ProfileError(*problems, *found)
+    like = leaves.get("like")
+    if like not in BUNDLED or like == path.stem:
+        return leaves, sd
+    before, sd_before = _leaves(_path_of(str(like)))
+    given = {factor for key, factor in INSTEAD_OF.items() if key in leaves}
+    return {**{k: v for k, v in before.items() if k not in given}, **leaves}, {**sd_before, **sd}
 
 
 def _with_friction(true: TrueParameters, friction_n: float, where: str) -> TrueParameters:
@@ -144,6 +189,7 @@ def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParamete
         moving_mass_kg=values["mass_kg"] or values["mass_factor"] * nominal.moving_mass_kg,
         damping_n_s_per_m=values["damping_n_s_per_m"] or nominal.damping_n_s_per_m,
         force_n_per_v=values["thrust_n_per_v"] or values["thrust_factor"] * nominal.force_n_per_v,
+        presliding_um=values["presliding_um"],
         current_lag_s=values["current_lag_ms"] / 1000.0,
         encoder_noise_um=values["encoder_noise_um"],
         commutation_error_deg=values["commutation_error_deg"],
@@ -156,6 +202,14 @@ def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParamete
         lobe_um_pp=values["lobe_error_um_pp"],
         lobe_force_n=values["lobe_force_n"],
         lobe_past_jaw_deg=values["lobe_past_jaw_deg"],
+        lobe_turned_deg=values["lobe_turned_deg"],
+        overtone_factor=values["overtone_factor"],
+        clamping_force_spread=values["clamping_sd_percent"] / 100.0,
+        blank_oval_um_pp=values["oval_um_pp"],
+        blank_run_out_um=values["run_out_um"],
+        drift_um=values["drift_um"],
+        drift_parts=values["drift_parts"],
+        gauge_mark_sd_deg=values["mark_sd_deg"],
         lobe_growth_per_mm=None if growth_percent is None else growth_percent / 100.0,
         jaw_offset_deg=values["jaw_offset_deg"],
         jaw_1_harder=values["jaw_1_harder"],

@@ -62,13 +62,18 @@ class TipGeometry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stock:
-    """A clamped blank: `ends_mm` is its range along Z, `fraction` the passive force over the main one."""
+    """A clamped blank: `ends_mm` is its range along Z, `fraction` the passive force over the main one.
 
-    radius_mm: float
+    `surface_mm` is its radius in `CELLS` places from the spindle index, `drifted_mm` how much further in the
+    machine has brought the tip since it was cold.
+    """
+
+    surface_mm: tuple[float, ...]
     ends_mm: tuple[float, float]
     material: Material
     fraction: float
     edge_n_per_mm: float
+    drifted_mm: float = 0.0
 
     def passive_n_per_mm(self, feed_mm_per_turn: float) -> float:
         """Return the force on the tool per mm of depth, N: a `fraction` of the main one; none without feed."""
@@ -92,6 +97,7 @@ class TipLoad:
         self._push_per_n = push_per_n
         self._motors: tuple[Moving, Moving, Moving] | None = None
         self._stock: Stock | None = None
+        self._home_mm = geometry.home_radius_mm
         self._rings: dict[int, list[float]] = {}
         self._ring: int | None = None
         self._surface: list[float] = []
@@ -124,6 +130,8 @@ class TipLoad:
     def clamp(self, stock: Stock | None) -> None:
         """Clamp a blank, or remove it."""
         self._stock, self._ring, self._cell = stock, None, None
+        if stock is not None:
+            self._home_mm = self._geometry.home_radius_mm - stock.drifted_mm
         self._rings.clear()
 
     def begin(self) -> None:
@@ -163,7 +171,7 @@ class TipLoad:
             return 0.0
         turns = self._turns
         self._turns = turns + self._turn_step
-        tip_mm = self._geometry.home_radius_mm - place / self._geometry.tool_counts_per_mm
+        tip_mm = self._home_mm - place / self._geometry.tool_counts_per_mm
         if self._wander is not None:
             tip_mm -= self._wander.at_mm(turns)
         cell = int(turns * CELLS // 1.0)
@@ -188,7 +196,7 @@ class TipLoad:
             self._rings[self._ring] = self._fresh
         self._ring = ring
         if ring is not None:
-            self._surface = self._rings.get(ring) or [stock.radius_mm] * CELLS
+            self._surface = self._rings.get(ring) or list(stock.surface_mm)
             self._fresh = list(self._surface)
 
 

@@ -29,6 +29,7 @@ class TipPath:
 
     def __init__(self, machine: MachineProfile, true: TrueParameters, wander: RadialError | None) -> None:
         self._true = true
+        self.drifted_mm = 0.0  # how much further in the machine has brought the tip since it was cold
         self._wander = wander
         self._cycle_ms = machine.controller.servo_period_ms
         self._turns_per_count = 1.0 / (machine.spindle.counts_per_rev * true.belt_ratio)
@@ -36,6 +37,10 @@ class TipPath:
         self._mm_per_tool_count = 1.0 / machine.tool.counts_per_mm
         most_wander_mm = wander.most_mm if wander is not None else 0.0
         self._most_off_mm = most_wander_mm + abs(true.scale_error_um) / 1000.0 + ROUNDING_MM
+
+    @property
+    def _home_mm(self) -> float:
+        return self._true.home_radius_mm - self.drifted_mm
 
     def track(self, block: Block, end_ms: float) -> Track:
         """Return the path in a block of servo cycles."""
@@ -50,14 +55,14 @@ class TipPath:
 
     def tips_mm(self, counts: Sequence[float]) -> list[float]:
         """Return the radius of the tool tip at a reading of the tool's scale."""
-        true, per_mm, home_mm = self._true, self._mm_per_tool_count, self._true.home_radius_mm
+        true, per_mm, home_mm = self._true, self._mm_per_tool_count, self._home_mm
         if not true.scale_error_um:
             return [home_mm - x * per_mm for x in counts]
         return [home_mm - x * per_mm - true.scale_wrong_mm(x * per_mm) for x in counts]
 
     def least_radius_mm(self, tool: Sequence[float]) -> float:
         """Return a radius that is not above that of the tip anywhere in a block."""
-        return self._true.home_radius_mm - max(tool) * self._mm_per_tool_count - self._most_off_mm
+        return self._home_mm - max(tool) * self._mm_per_tool_count - self._most_off_mm
 
     def most_z_mm(self, carriage: Sequence[float]) -> float:
         """Return the largest Z in a block."""
@@ -76,7 +81,7 @@ class TipPath:
         if self._true.scale_error_um:
             radius_mm = np.array(self.tips_mm(tool.tolist()))
         else:
-            radius_mm = self._true.home_radius_mm - tool * self._mm_per_tool_count
+            radius_mm = self._home_mm - tool * self._mm_per_tool_count
         if self._wander is not None:
             far = float(radius_mm.min()) - self._wander.most_mm - FAR_MM > outside_mm and len(tool) > 2 * OVERLAP
             exact = (slice(OVERLAP), slice(-OVERLAP, None)) if far else (slice(None),)

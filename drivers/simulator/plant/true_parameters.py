@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 from random import Random
 
-from drivers.simulator.plant.workpiece import Blank
+from drivers.simulator.plant.workpiece import ROUND, Blank, Form
 from profiles.chucking.grip import loss_n
 from profiles.job import Job
 from profiles.machine import Carriage, MachineProfile, ToolAxis
@@ -37,9 +37,10 @@ class TrueParameters:
     has reached its peak current. `home_radius_mm` is the radius of the tool tip at the end of its travel,
     `jaw_face_mm` the Z position of the jaw faces, `wiper_land_mm` the length of the tool's flat along Z.
     `damping_n_s_per_m` includes all friction of the tool; `coulomb_friction_n` is the dry part of that (see
-    `viscous_n_s_per_m`). A commutation that is `commutation_error_deg` off leaves the cosine of the thrust. The
-    scale of the tool reads up to `scale_error_um` wrong, once in each `scale_period_um`, and with a noise of
-    `encoder_noise_um` (rms, Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`.
+    `viscous_n_s_per_m`), which builds up over `presliding_um` (see `Presliding`), or at once. A commutation that
+    is `commutation_error_deg` off leaves the cosine of the thrust. The scale of the tool reads up to
+    `scale_error_um` wrong, once in each `scale_period_um`, and with a noise of `encoder_noise_um` (rms,
+    Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`.
 
     The cut deflects the tool with `passive_fraction` of the main cutting force, with `edge_n_per_mm` along the
     edge on a chip of no thickness (`profiles.cutting.cutting_force`); 0 is a cut without force on the tool.
@@ -51,7 +52,12 @@ class TrueParameters:
     it is in proportion to the force that holds the part at speed, which is less than at rest by the centrifugal
     force of the jaws, each with `jaw_mass_radius_kg_m` of mass times radius. It is high where its job says, or
     `lobe_past_jaw_deg` past the jaws. Jaw 1 presses by the fraction `jaw_1_harder` more than the mean of all jaws.
-    Each clamping has its own force, with a standard deviation of the fraction `clamping_force_spread`.
+    Each clamping has its own force, with a standard deviation of the fraction `clamping_force_spread`. The lobe is
+    turned by `lobe_turned_deg` past where it would be, and has `overtone_factor` of the ring's second harmonic.
+
+    Blanks have an oval of `blank_oval_um_pp` on the radius and run out by `blank_run_out_um` (full indicator
+    movement), at angles of their own. From clamping to clamping the machine warms up: it brings the tip further
+    in, by `drift_um` in the end, of which 1 - exp(-n / `drift_parts`) after n parts.
 
     The lobe grows by the fraction `lobe_growth_per_mm` with each mm past the middle of the cut, towards the jaws;
     None is the job's value.
@@ -61,8 +67,9 @@ class TrueParameters:
     `ramp_rpm_per_s` are of an inverter. Its speed oscillates by the fraction `speed_ripple` about its mean,
     `ripple_per_turn` times a turn, and its axis wanders by `radial_error_um_pp` (peak to peak, see `RadialError`).
 
-    On the gauge a part sits up to `gauge_eccentricity_um` off the axis, each point has a noise of `gauge_noise_um`
-    (rms), and where no mark is known the trace begins at a random angle.
+    On the gauge a part sits up to `gauge_eccentricity_um` off the axis, each point has a noise of
+    `gauge_noise_um` (rms), and where no mark is known the trace begins at a random angle. A known mark is found
+    again with a standard deviation of `gauge_mark_sd_deg`, since the part is put on the gauge by hand.
 
     `seed` determines all random effects: the noises, the forces of clampings, the phases of ripple and wander.
 
@@ -94,6 +101,7 @@ class TrueParameters:
     carriage_ends_mm: tuple[float, float] | None = None
     belt_ratio: float = 1.0
     coulomb_friction_n: float = 0.0
+    presliding_um: float = 0.0
     current_lag_s: float = 0.0
     encoder_noise_um: float = 0.0
     passive_fraction: float = 0.0
@@ -108,6 +116,12 @@ class TrueParameters:
     lobe_um_pp: float | None = None
     lobe_force_n: float | None = None
     lobe_past_jaw_deg: float | None = None
+    lobe_turned_deg: float = 0.0
+    overtone_factor: float = 0.0
+    blank_oval_um_pp: float = 0.0
+    blank_run_out_um: float = 0.0
+    drift_um: float = 0.0
+    drift_parts: float = 5.0
     lobe_growth_per_mm: float | None = None
     jaw_offset_deg: float = 0.0
     jaw_1_deg: float | None = None
@@ -116,6 +130,7 @@ class TrueParameters:
     gauge_eccentricity_um: float = 0.0
     gauge_noise_um: float = 0.0
     gauge_mark_known: bool = True
+    gauge_mark_sd_deg: float = 0.0
     seed: int = 0
     tool_start_mm: float = 1.0
     carriage_start_mm: float = 2.0
@@ -166,7 +181,8 @@ class TrueParameters:
             lobe_um_pp=lobe_um_pp,
             jaws=job.jaws,
             jaw_1_deg=said_deg if self.jaw_1_deg is None else self.jaw_1_deg,
-            lobe_past_jaw_deg=past_deg or 0.0,
+            lobe_past_jaw_deg=(past_deg or 0.0) + self.lobe_turned_deg,
+            overtone=self.overtone_factor * ring_overtone(job.jaws),
             shift_um=jaws.shift_um,
             oval_um=jaws.oval_fraction * 0.5 * lobe_um_pp,
         )
@@ -184,6 +200,21 @@ class TrueParameters:
     def _held_n(self, jaws: int, force_n: float, spindle_speed_rpm: float) -> float:
         """Return the remaining chucking force at speed, N over all jaws; below 0 nothing holds the part."""
         return force_n - loss_n(jaws * self.jaw_mass_radius_kg_m, spindle_speed_rpm)
+
+    def form(self, random: Random) -> Form:
+        """Draw the shape of the next blank's surface: its angles are any."""
+        if not self.blank_oval_um_pp and not self.blank_run_out_um:
+            return ROUND
+        return Form(
+            oval_um=0.5 * self.blank_oval_um_pp,
+            oval_turns=random.random(),
+            off_um=0.5 * self.blank_run_out_um,
+            off_turns=random.random(),
+        )
+
+    def drifted_mm(self, parts: int) -> float:
+        """Return how much further in the warm machine has brought the tip after so many parts."""
+        return self.drift_um / 1000.0 * -math.expm1(-parts / self.drift_parts)
 
     def growth_per_mm(self, job: Job) -> float:
         """Return the fraction by which the lobe of a job grows with each mm towards the jaws."""
@@ -263,6 +294,15 @@ class Jaws:
         unbalanced_n = self.force_n / self.count * self.first_harder * self.count / (self.count - 1)
         stiffness = JAW_STIFFNESS_N_PER_UM * (self.count if self.count == OVAL else self.count / 2.0)
         return unbalanced_n / stiffness
+
+
+def ring_overtone(jaws: int) -> float:
+    """Return the harmonic of order 2N over the lobe of a ring under N equal radial loads: 0.052 of three jaws.
+
+    Both are highest at the jaws: a load bends a ring n times a turn by 1 / (n^2 - 1)^2 of it, and all multiples
+    of N have the same phase.
+    """
+    return ((jaws**2 - 1) / ((2 * jaws) ** 2 - 1)) ** 2
 
 
 def _lobe_ratio(now_n: float, then_n: float) -> float:

@@ -28,13 +28,43 @@ EDGE_MM = 1e-6  # rounding of Z: a feed of exactly the land per turn must leave 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Form:
+    """Deviations of a blank's surface on the radius, highest at these turns of the spindle from its index.
+
+    `oval_um` is the amplitude of its second harmonic, `off_um` how far its surface is off the axis: half of the
+    full indicator movement.
+    """
+
+    oval_um: float = 0.0
+    oval_turns: float = 0.0
+    off_um: float = 0.0
+    off_turns: float = 0.0
+
+    @property
+    def most_mm(self) -> float:
+        """A deviation that no point exceeds."""
+        return (self.oval_um + self.off_um) / 1000.0
+
+    def at_mm(self, turns: float | Floats) -> Floats:
+        """Return how much further out the surface is."""
+        angle = 2.0 * math.pi * np.asarray(turns, dtype=np.float64)
+        oval = self.oval_um * np.cos(2.0 * (angle - 2.0 * math.pi * self.oval_turns))
+        off = self.off_um * np.cos(angle - 2.0 * math.pi * self.off_turns)
+        return np.asarray((oval + off) / 1000.0, dtype=np.float64)
+
+
+ROUND = Form()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Blank:
     """The true shape of a clamped blank that was turned round before (see `TrueParameters.blank`).
 
     `lobe_um_pp` is the spring-back of the free part, high at the jaws or `lobe_past_jaw_deg` past them, and
     `jaw_1_deg` the spindle angle of jaw 1. Unequal jaws add `oval_um` twice a turn and `shift_um` once, both
     amplitudes that are highest at jaw 1. All of it is that at the Z `middle_mm`; the lobe grows by the fraction
-    `growth_per_mm` with each mm from there towards the jaws.
+    `growth_per_mm` with each mm from there towards the jaws, and its second harmonic, the fraction `overtone` of
+    it, with it. `form` is the shape of the surface that was never cut.
     """
 
     radius_mm: float
@@ -46,14 +76,26 @@ class Blank:
     oval_um: float = 0.0
     growth_per_mm: float = 0.0
     middle_mm: float = 0.0
+    overtone: float = 0.0
+    form: Form = ROUND
+
+    @property
+    def most_radius_mm(self) -> float:
+        """A radius that no point of the surface exceeds."""
+        return self.radius_mm + self.form.most_mm
+
+    def radius_at_mm(self, turns: float) -> float:
+        """Return the clamped radius before any cut, `turns` of the spindle from its index."""
+        return self.radius_mm + (float(self.form.at_mm(turns)) if self.form is not ROUND else 0.0)
 
     def spring_back_um(self, angle_deg: Floats, z_mm: float) -> Floats:
         """Return how much further out the released surface is than the clamped one, at a Z of the machine."""
         past_jaw = np.radians(angle_deg - self.jaw_1_deg)
         grown = 1.0 + self.growth_per_mm * (z_mm - self.middle_mm)
-        lobe = (
-            grown * 0.5 * self.lobe_um_pp * np.cos(self.jaws * (past_jaw - math.radians(self.lobe_past_jaw_deg)))
-        )
+        phase = self.jaws * (past_jaw - math.radians(self.lobe_past_jaw_deg))
+        lobe = grown * 0.5 * self.lobe_um_pp * np.cos(phase)
+        if self.overtone:
+            lobe = lobe + self.overtone * grown * 0.5 * self.lobe_um_pp * np.cos(2.0 * phase)
         uneven = self.oval_um * np.cos(2.0 * past_jaw) + self.shift_um * np.cos(past_jaw)
         return np.asarray(lobe + uneven, dtype=np.float64)
 
@@ -69,6 +111,10 @@ class Workpiece:
         self._rough_length_mm = max(land_mm, ROUGH_LENGTH_MM)
         self._rough_mm: dict[int, Floats] = {}
         self._radius_mm = np.full((len(self._sections_mm), ANGLES), blank.radius_mm)
+        self._rough_blank_mm = np.full(ROUGH_PLACES, blank.radius_mm)
+        if blank.form is not ROUND:
+            self._radius_mm += blank.form.at_mm(np.arange(ANGLES) / ANGLES)
+            self._rough_blank_mm += blank.form.at_mm((np.arange(ROUGH_PLACES) + 0.5) / ROUGH_PLACES)
         self._tail: Floats = np.empty((3, 0))
 
     def cut(
@@ -105,12 +151,12 @@ class Workpiece:
         """
         rough_mm = self._rough_mm.get(math.floor(z_mm / self._rough_length_mm))
         if rough_mm is None:
-            return self.blank.radius_mm
+            return self.blank.radius_at_mm(turns)
         return float(rough_mm[math.floor(turns * ROUGH_PLACES) % ROUGH_PLACES])
 
     def _turn_down(self, samples: Floats) -> None:
         """Lower the rough surface to the tool at every sample in which the spindle turned."""
-        cutting = (np.diff(samples[1], prepend=samples[1, :1]) > 0.0) & (samples[0] < self.blank.radius_mm)
+        cutting = (np.diff(samples[1], prepend=samples[1, :1]) > 0.0) & (samples[0] < self.blank.most_radius_mm)
         if not cutting.any():
             return
         radius_mm, turns, z_mm = samples[:, cutting]
@@ -119,7 +165,7 @@ class Workpiece:
         for length in np.unique(lengths).tolist():
             here = lengths == length
             if length not in self._rough_mm:
-                self._rough_mm[length] = np.full(ROUGH_PLACES, self.blank.radius_mm)
+                self._rough_mm[length] = self._rough_blank_mm.copy()
             np.minimum.at(self._rough_mm[length], places[here], radius_mm[here])
 
     def _pass(self, surface_mm: Floats, samples: Floats, section_mm: float) -> None:

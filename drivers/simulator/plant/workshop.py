@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from drivers.simulator.plant.collision import CollisionWatch, Track, clamped
 from drivers.simulator.plant.drives import Drives
-from drivers.simulator.plant.tip_load import Stock, cutting_torque_n_m, material_of
+from drivers.simulator.plant.tip_load import CELLS, Stock, cutting_torque_n_m, material_of
 from drivers.simulator.plant.tip_path import Block, TipPath
 from drivers.simulator.plant.true_parameters import TrueParameters
-from drivers.simulator.plant.workpiece import ANGLES, CHUNK, Workpiece
+from drivers.simulator.plant.workpiece import ANGLES, CHUNK, Blank, Workpiece
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_origin import with_modelled_lobe
@@ -30,17 +30,22 @@ LEAST_TIMES = 2  # how often a block that repeats itself is processed
 Floats = NDArray[np.float64]
 
 
+FREE = "free"  # off the lathe, and put on the gauge by hand
+
+
 class Gauge:
     """A roundness gauge: each time the part sits slightly off the axis, and each point has its noise.
 
-    Deviations are um, positive outwards, at 3600 angles from the spindle index, in the direction in which the cut
-    turned. Without a known start mark the trace begins at a random angle.
+    Deviations are um, positive outwards, at 3600 angles from the spindle index, in the direction in which the
+    cut turned. Without a known start mark the trace begins at a random angle; a known one is set by hand, so
+    that it is found again with a standard deviation.
     """
 
     def __init__(self, true: TrueParameters) -> None:
         self._eccentricity_um = true.gauge_eccentricity_um
         self._noise_um = true.gauge_noise_um
         self._mark_known = true.gauge_mark_known
+        self._mark_sd_deg = true.gauge_mark_sd_deg
         self._chance = true.chance("gauge")
         self._generator = np.random.default_rng(self._chance.randrange(2**32))
 
@@ -55,6 +60,8 @@ class Gauge:
             read_um = read_um + self._generator.normal(0.0, self._noise_um, ANGLES)
         if not self._mark_known:
             read_um = np.roll(read_um, self._chance.randrange(ANGLES))
+        elif self._mark_sd_deg and state == FREE:
+            read_um = np.roll(read_um, round(self._chance.gauss(0.0, self._mark_sd_deg) * ANGLES / 360.0))
         meta = {
             "state": state,
             "simulated": "yes",
@@ -82,7 +89,8 @@ class SimulatedWorkshop:
         self._passed: Block | None = None
         self._gauge = Gauge(true)
         self._turns_per_count = 1.0 / (machine.spindle.counts_per_rev * true.belt_ratio)
-        self._clampings = true.chance("clampings")
+        self._clampings, self._blanks = true.chance("clampings"), true.chance("blanks")
+        self._parts = 0  # clamped since the machine was cold
         self.watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
         self._part: Workpiece | None = None
         self._released: Workpiece | None = None
@@ -102,24 +110,33 @@ class SimulatedWorkshop:
         middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm
         growth_per_mm = true.growth_per_mm(job)
         blank = replace(
-            true.blank(job, true.force_factor(self._clampings)), middle_mm=middle_mm, growth_per_mm=growth_per_mm
+            true.blank(job, true.force_factor(self._clampings)),
+            middle_mm=middle_mm,
+            growth_per_mm=growth_per_mm,
+            form=true.form(self._blanks),
         )
+        self._path.drifted_mm = true.drifted_mm(self._parts)
+        self._parts += 1
         self._past_middle_mm = tuple(fraction * job.cut_length_mm for fraction in SECTIONS)
         sections_mm = [middle_mm + past_mm for past_mm in self._past_middle_mm]
         self._part = Workpiece(blank, sections_mm, true.wiper_land_mm)
         self._nominal_radius_mm = job.finished_radius_mm
         self._torque_n_m = cutting_torque_n_m(job)
-        self.watch.clamp(clamped(job, true.jaw_face_mm), self._surface_mm)
+        there = replace(clamped(job, true.jaw_face_mm), radius_mm=blank.most_radius_mm)
+        self.watch.clamp(there, self._surface_mm)
         if self._load is not None:
-            self._load.clamp(
-                Stock(
-                    radius_mm=blank.radius_mm,
-                    ends_mm=(self._free_end_mm, true.jaw_face_mm),
-                    material=material_of(job),
-                    fraction=true.passive_fraction,
-                    edge_n_per_mm=true.edge_n_per_mm,
-                )
-            )
+            self._load.clamp(self._stock(blank, job))
+
+    def _stock(self, blank: Blank, job: Job) -> Stock:
+        true = self._true
+        return Stock(
+            surface_mm=tuple(blank.radius_at_mm((cell + 0.5) / CELLS) for cell in range(CELLS)),
+            ends_mm=(self._free_end_mm, true.jaw_face_mm),
+            material=material_of(job),
+            fraction=true.passive_fraction,
+            edge_n_per_mm=true.edge_n_per_mm,
+            drifted_mm=self._path.drifted_mm,
+        )
 
     def measure(self, past_middle_mm: float = 0.0) -> Trace:
         """Release the part and measure its trace; repeatable until another is clamped.
@@ -142,7 +159,7 @@ class SimulatedWorkshop:
             if self._load is not None:
                 self._load.clamp(None)
         _, free_um = part.released_um(section, self._nominal_radius_mm)
-        return self._gauge.trace(free_um, self._nominal_radius_mm, "free")
+        return self._gauge.trace(free_um, self._nominal_radius_mm, FREE)
 
     def _section_at(self, past_middle_mm: float) -> int:
         for section, there_mm in enumerate(self._past_middle_mm):
@@ -224,13 +241,13 @@ class SimulatedWorkshop:
     def _load_spindle(self, track: Track) -> None:
         assert self._inverter is not None and self._part is not None
         in_part = self._free_end_mm <= track.z_mm[-1] <= self._true.jaw_face_mm
-        cutting = in_part and track.radius_mm[-1] < self._part.blank.radius_mm
+        cutting = in_part and track.radius_mm[-1] < self._part.blank.most_radius_mm
         self._inverter.load_n_m = self._torque_n_m if cutting else 0.0
 
     def _settle(self) -> None:
         """Cut along the pending path."""
         if self._part is not None and self._pending:
-            self._part.cut(*self._path.samples(self._pending, self._part.blank.radius_mm))
+            self._part.cut(*self._path.samples(self._pending, self._part.blank.most_radius_mm))
         self._pending, self._count = [], 0
 
     def _surface_mm(self, turns: float, z_mm: float) -> float:
