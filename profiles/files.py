@@ -72,7 +72,7 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     Raises `ProfileError`: `file.not_toml`, with line (`key`), column (`value`) and the text of the line (`limit`);
     `file.key_twice`, a key or table that was stated before, found at that line.
     """
-    text = content.decode("utf-8-sig", "replace")
+    text = content.decode("utf-8-sig", "backslashreplace")
     lines, code = text.split("\n"), "file.not_toml"
     try:
         content.decode("utf-8-sig")
