@@ -15,7 +15,7 @@ import os
 import re
 import stat
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -27,6 +27,9 @@ TOML_CAP_BYTES = 1_000_000
 # Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
 TOML_LINE_CAP_CHARACTERS = 4096
 TOML_LINE_CAP_DOTS = 100
+TOML_LINE_SHOWN = 40  # characters of a line that cannot be read
+_TOML_PLACE = re.compile(r"at line (\d+), column (\d+)")
+_STATED_TWICE = re.compile(r"Cannot (declare|overwrite|redefine|mutate)|Duplicate")
 
 _TEMPORARY = re.compile(r"\.(.+)\.[0-9a-f]{8}\.tmp", re.DOTALL)
 
@@ -66,25 +69,37 @@ def read_regular_file(path: Path, *, cap_bytes: int, area: str = "file") -> byte
 def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     """Return the table in `content` (UTF-8, with or without a byte order mark).
 
-    Raises `ProfileError` with `file.not_toml`; its limit says where and what, on one line.
+    Raises `ProfileError`: `file.not_toml`, with line (`key`), column (`value`) and the text of the line (`limit`);
+    `file.key_twice`, a key or table that was stated before, found at that line.
     """
+    text = content.decode("utf-8-sig", "backslashreplace")
+    lines, code = text.split("\n"), "file.not_toml"
     try:
-        text = content.decode("utf-8-sig")
-        for number, line in enumerate(text.split("\n"), start=1):
-            if len(line) > TOML_LINE_CAP_CHARACTERS:
-                raise ValueError(f"line {number} > {TOML_LINE_CAP_CHARACTERS} characters")
-            if line.count(".") > TOML_LINE_CAP_DOTS and not line.lstrip().startswith("#"):
-                raise ValueError(f"line {number} > {TOML_LINE_CAP_DOTS} dots")
+        content.decode("utf-8-sig")
+        for number, line in enumerate(lines, start=1):
+            dots = line.count(".") if not line.lstrip().startswith("#") else 0
+            if len(line) > TOML_LINE_CAP_CHARACTERS or dots > TOML_LINE_CAP_DOTS:
+                raise ValueError(f"at line {number}, column 1")
         return tomllib.loads(text)
     except UnicodeDecodeError as error:
         before = content[: error.start]
         row, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
-        detail = f"not UTF-8 (at line {row}, column {column})"
     except RecursionError:
-        detail = "nested too deeply"
+        row, column = max(range(len(lines)), key=lambda place: lines[place].count("[")) + 1, 1
     except ValueError as error:  # tomllib.TOMLDecodeError is one; an integer of 5000 digits is another
-        detail = str(error)
-    raise refused("file.not_toml", where=where, limit=printable(detail))
+        row, column = _toml_place(str(error), lines)
+        code = "file.key_twice" if _STATED_TWICE.match(str(error)) else code
+    shown = printable(lines[min(row, len(lines)) - 1].strip(), TOML_LINE_SHOWN)
+    raise refused(code, where=where, key=str(row), value=str(column), limit=f'"{shown}"')
+
+
+def _toml_place(reason: str, lines: Sequence[str]) -> tuple[int, int]:
+    """Return line and column, from 1, of an error of `tomllib`, which names them in English, or the end."""
+    found = _TOML_PLACE.search(reason)
+    if found is not None:
+        return int(found[1]), int(found[2])
+    written = [number for number, line in enumerate(lines, start=1) if line.strip()] or [1]
+    return written[-1], len(lines[written[-1] - 1].rstrip()) + 1
 
 
 def read_toml(path: Path) -> tuple[bytes, dict[str, Any]]:

@@ -295,9 +295,9 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="controller.backup", keys=("b", "ㅠ"), shown="b", once=True),
     Action(id="controller.diff", keys=("f", "ㄹ"), shown="f", once=True),
     Action(id="controller.cancel", keys=("c", "ㅊ"), shown="c", row=""),
-    Action(id="scope.up", keys=("up",), shown="↑", row="↑↓"),
+    Action(id="scope.up", keys=("up",), shown="↑", row=""),
     Action(id="scope.down", keys=("down",), shown="↓", row="", beside=True),
-    Action(id="scope.more", keys=("enter", "+", "="), shown="Enter +", row="+-"),
+    Action(id="scope.more", keys=("enter", "+", "="), shown="Enter +", row="↑↓+-"),
     Action(id="scope.less", keys=("-",), shown="-", row="", beside=True),
     Action(id="scope.gather", keys=("g", "ㅎ"), shown="g", once=True),
     Action(id="scope.cancel", keys=("c", "ㅊ"), shown="c"),
@@ -309,7 +309,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="scope.channel", keys=("n", "ㅜ"), shown="n"),
     Action(id="scope.angle", keys=("v", "ㅍ"), shown="v"),
     Action(id="scope.keep", keys=("x", "ㅌ"), shown="x", once=True),
-    Action(id="scope.list", keys=("o", "ㅐ"), shown="o", row=""),
+    Action(id="scope.list", keys=("o", "ㅐ"), shown="o"),
 )
 
 READING = (

@@ -90,3 +90,12 @@ class Adjusted:
 
 
 AS_PLANNED = Adjusted()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Changed:
+    """What a cut that was changed had in the end, and from where on it was, mm behind the face of the part."""
+
+    override_percent: int
+    trim: Trim
+    from_mm: float

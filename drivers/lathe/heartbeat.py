@@ -26,7 +26,14 @@ from drivers.pmac.heartbeat.arming import (
 )
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, EchoWatch, Keeper
 from drivers.pmac.heartbeat.plc import OUT_LIMIT_MS, RUN_DOWN_MS, Policy, set_up_lines
-from drivers.pmac.heartbeat.watchdog import ENDING, PERIOD_MS, cycles_of, watchdog_condition, watchdog_timer
+from drivers.pmac.heartbeat.watchdog import (
+    ENDING,
+    PERIOD_MS,
+    TAKE_OUT,
+    cycles_of,
+    watchdog_condition,
+    watchdog_timer,
+)
 from drivers.pmac.reserved import ECHO, LOST, OWNER
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -127,6 +134,13 @@ class Heartbeat:
     def is_ending(self) -> bool:
         """Query whether the controller is ending something."""
         return bool(self._client.numbers(f"P{ENDING}", timeout_s=PULSE_TIMEOUT_S, again=True)[0])
+
+    def took_out(self) -> bool:
+        """Query whether the controller had to retract a tool that had come to rest in the part.
+
+        False where the program has ended at the end of its turn and retracted it by its path.
+        """
+        return bool(self._client.numbers(f"P{TAKE_OUT}", timeout_s=PULSE_TIMEOUT_S, again=True)[0])
 
     def pause(self, seconds: float, timeout_s: float = RENEWAL_TIMEOUT_S) -> None:
         """Let time pass and renew the watchdog when it is due; waiting for an answer is part of that time.

@@ -132,6 +132,10 @@ class Lathe:
         """Query whether the controller is ending something that lost its host."""
         return self._heartbeat is not None and self._heartbeat.is_ending()
 
+    def took_out(self) -> bool:
+        """Query whether the controller had to retract a tool from the part, against its path."""
+        return self._heartbeat is None or self._heartbeat.took_out()
+
     def claim(self) -> None:
         """Claim control of the machine for this console; without ownership there is nothing to claim.
 

@@ -27,6 +27,7 @@ from profiles.traces import Trace
 INDEX = "spindle index"
 MOST_FILTERED = 0.005
 MOST_BIAS = 0.01
+FINEST_UM = 0.01  # no gauge of a workshop resolves less
 OVAL = 2  # UPR of an off-axis circle; a chuck with two jaws makes the same
 UNDECLARED = 3.0  # multiple of the noise floor above which a harmonic outside the fit is reported
 LEAST_UNDECLARED = 0.02  # and the fraction of the tolerance that its amplitude has to be for that
@@ -148,7 +149,7 @@ def _reasons(fit: LobeFit, header: TraceHeader, phase_deg: float | None) -> Iter
     if header.method not in (None, "radial"):
         yield Problem(code="lobe.method", key="method", value=header.method or "", limit="radial")
     if not fit.lobe.significant:
-        value, limit = f"{fit.lobe.amplitude_um:.3g} um", f"{fit.lobe.sd_um:.3g} um"
+        value, limit = _um(fit.lobe.amplitude_um), _um(fit.lobe.sd_um)
         yield Problem(code="lobe.not_significant", value=value, limit=limit)
     if phase_deg is None:
         yield Problem(code="lobe.phase_unknown", limit="direction, jaw_1_deg")
@@ -161,11 +162,18 @@ def _warnings(fit: LobeFit, header: TraceHeader, job: Job) -> Iterable[Problem]:
             value, limit = f"{100 * lost:.2g} %", f"{header.filter_upr:g} UPR"
             yield Problem(code="lobe.filtered", key="filter_upr", value=value, limit=limit)
     if fit.left_um > max(UNDECLARED * fit.floor_um, LEAST_UNDECLARED * job.roundness_tolerance_um):
-        value, limit = f"{fit.left_um:.3g} um", f"{fit.floor_um:.3g} um"
+        value, limit = _um(fit.left_um), _um(fit.floor_um)
         yield Problem(code="lobe.undeclared", key=str(fit.left_n), value=value, limit=limit)
     oval_um = seen_oval_um_pp(fit.harmonic(1).amplitude_um, header.radius_of(job))
     if fit.jaws == OVAL and oval_um > MOST_BIAS * fit.error_um_pp:
-        value, limit = f"{fit.harmonic(1).amplitude_um:.3g} um", f"{oval_um:.3g} um"
+        value, limit = _um(fit.harmonic(1).amplitude_um), _um(oval_um)
         yield Problem(code="lobe.off_axis", value=value, limit=limit)
     if fit.lobe.significant and fit.lobe.bias_um > MOST_BIAS * fit.lobe.amplitude_um:
-        yield Problem(code="lobe.biased", value=f"{fit.lobe.bias_um:.3g} um", limit=f"{100 * MOST_BIAS:g} %")
+        yield Problem(code="lobe.biased", value=_um(fit.lobe.bias_um), limit=f"{100 * MOST_BIAS:g} %")
+
+
+def _um(size_um: float) -> str:
+    """Return an amplitude to three digits, and to no more decimals than a gauge resolves."""
+    if size_um < FINEST_UM:
+        return f"< {FINEST_UM:g} um"
+    return f"{round(float(f'{size_um:.3g}'), 2):g} um"

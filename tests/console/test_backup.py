@@ -263,6 +263,25 @@ def test_a_flipped_bit_anywhere_in_the_file_is_found_or_harmless(data: Path, tmp
     assert refused > 50
 
 
+def test_a_damaged_byte_that_reads_as_another_schema_is_called_damage(data: Path, tmp_path: Path) -> None:
+    """The checksum of gzip is at the end of the file; of another version is what is whole and says so."""
+    file, newer = tmp_path / "b.tar.gz", tmp_path / "newer.tar.gz"
+    back_up(data, file)
+    content = gzip.decompress(file.read_bytes())
+    other = content.replace(b'"schema": 1,', b'"schema": 3,')
+    assert other != content
+    newer.write_bytes(gzip.compress(other))
+    assert refused(newer) == "schema.unsupported"
+    newer.write_bytes(gzip.compress(other)[:-8] + gzip.compress(content)[-8:])
+    assert refused(newer) == "restore.damaged"
+
+
+def refused(archive: Path) -> str:
+    with pytest.raises(ProblemError) as caught:
+        checked(archive)
+    return caught.value.problems[0].code
+
+
 def test_records_of_a_newer_console_are_refused(data: Path, tmp_path: Path) -> None:
     place = tmp_path / "place"
     place.mkdir()

@@ -74,7 +74,7 @@ REFUSED = {
     'operator = ""': ("value.blank", "operator", '""', ""),
     "schema = 2": ("schema.unsupported", "schema", "2", "1"),
     "[data]\nfolder = 1": ("value.not_text", "data", "{folder}", "<= 1024 characters, one line"),
-    "data = [": ("config.not_toml", "", "", "Invalid value (at end of document)"),
+    "data = [": ("config.not_toml", "1", "9", '"data = ["'),
 }
 
 

@@ -6,8 +6,22 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station.commands import EnableDrives, Home, Jog, Recover, TakeControl
+from console.session.station.commands import (
+    Approach,
+    Arm,
+    ConfirmClamping,
+    EnableDrives,
+    Home,
+    Jog,
+    Recover,
+    Start,
+    TakeControl,
+    TakeJaw,
+    TakeTouchOff,
+)
+from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
+from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.standing import NOBODY, Standing
 from drivers.pmac.language.syntax import VariableKind
@@ -16,6 +30,7 @@ from drivers.simulator.machine import SimulatedLathe
 from tests.compact import compact_machine
 from tests.console.cable import Cable, cabled, until_back
 from tests.console.consoles import STOP_CHARACTERS, WithStation
+from tests.console.floor import experiment_1
 
 READ_ONLY = (b"J", b"HM", b"R\r", b"J=", b"A\r", b"M70=", b"P1000=", b"P1003=", b"ENABLE", b"\x01")
 """What would move, energise, claim or renew; a control-K is not among them."""
@@ -243,3 +258,41 @@ def test_a_link_that_is_lost_at_rest_after_a_stop_comes_back_too(site: Site) -> 
     cable.mend()
     until_back(console)
     assert console.state.activity is Activity.STOPPED
+
+
+@pytest.mark.parametrize("slow", [False, True])
+def test_after_a_cut_that_lost_its_cable_only_a_tool_that_stood_in_the_part_has_marked_it(
+    site: Site, slow: bool
+) -> None:
+    """The program takes the tool out at the end of its turn; where it cannot, the controller aborts it."""
+    sim, console, cable = site
+    job = experiment_1()
+    console.do(ConfirmClamping(job=job))
+    console.do(EnableDrives())
+    console.do(Home())
+    console.do(TakeJaw())
+    console.do(Approach(job=job))
+    console.do(Jog(axis=AxisName.TOOL, distance=1.0))
+    console.do(TakeTouchOff(radius_mm=job.radius_mm))
+    assert console.refusals == []
+    console.do(Arm(job=job, job_sha256="0" * 64, strategy=Strategy.PVT))
+    assert console.state.armed is not None, console.state.refusals
+
+    def look(snapshot: Snapshot) -> None:
+        cut = console.state.cut
+        if not cable.cuts and cut is not None and cut.stage is CutStage.CUT and cut.turn > 3.0:
+            if slow:  # too slow to end its turn within the grace of the machine profile
+                other = sim.connect()
+                other.receive(b"&1%1\r")
+                sim.attend(other)
+            cable.cut()
+
+    console.looks.append(look)
+    console.station.post(Start())
+    console.station.step()
+    assert console.state.activity is Activity.LOST and len(console.state.marks_mm) == 1
+    cable.mend()
+    until_back(console)
+    state = console.state
+    assert state.stop is not None and state.stop.tool_in_part is False
+    assert (state.marks_mm != ()) == slow

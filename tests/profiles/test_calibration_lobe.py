@@ -52,6 +52,12 @@ def test_the_phase_is_brought_to_the_spindle(
     assert codes(lobe) == []
 
 
+def test_sizes_are_told_to_what_a_gauge_resolves() -> None:
+    """A trace without any scatter has a confidence limit of some nanometres, and digits of those mean nothing."""
+    (problem,) = found(92.0, INDEX, amplitude=0.0).reasons
+    assert (problem.code, problem.limit) == ("lobe.not_significant", "< 0.01 um")
+
+
 def test_a_trace_of_unknown_phase_has_an_amplitude_only() -> None:
     metas: tuple[dict[str, str], ...] = (
         {},

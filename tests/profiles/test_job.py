@@ -158,7 +158,7 @@ def test_what_is_no_toml_gives_one_problem_of_one_line(content: bytes) -> None:
         job_from_table(parse_toml(content, "a.toml"), where="a.toml")
     for problem in caught.value.problems:
         assert str(problem).isprintable()
-    assert caught.value.problems[0].code in {"file.not_toml", "key.unknown"}
+    assert caught.value.problems[0].code in {"file.not_toml", "file.key_twice", "key.unknown"}
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,30 @@ def test_a_hostile_file_neither_floods_nor_hangs(content: bytes) -> None:
 def test_a_position_is_given_for_bytes_that_are_not_utf_8() -> None:
     with pytest.raises(ProfileError) as caught:
         parse_toml(b"name = 'a'\nb = '\xb5m'\n", "a.toml")
-    assert caught.value.problems[0].limit == "not UTF-8 (at line 2, column 6)"
+    (problem,) = caught.value.problems
+    assert (problem.code, problem.key, problem.value) == ("file.not_toml", "2", "6")
+
+
+@pytest.mark.parametrize(
+    ("content", "code", "line", "column", "shown"),
+    [
+        (b"a = 1\nb = 2x\n", "file.not_toml", "2", "6", '"b = 2x"'),
+        (b"a = 1\nb = \n", "file.not_toml", "2", "5", '"b ="'),
+        (b"a = 1\nlist = [1,\n\n", "file.not_toml", "2", "11", '"list = [1,"'),
+        (b"a = 1\nb = 2\na = 3\n", "file.key_twice", "3", "6", '"a = 3"'),
+        (b"[t]\na = 1\n[t]\n", "file.key_twice", "3", "3", '"[t]"'),
+        (b"a = 1\nb = " + b"[" * 900, "file.not_toml", "2", "1", '"b = ' + "[" * 35 + '…"'),
+    ],
+)
+def test_what_cannot_be_read_is_told_by_line_and_column_and_in_no_language(
+    content: bytes, code: str, line: str, column: str, shown: str
+) -> None:
+    """The words of the parser are English: they are in no problem, whose sentence each language has of its own."""
+    with pytest.raises(ProfileError) as caught:
+        job_from_table(parse_toml(content, "a.toml"))
+    problem = caught.value.problems[0]
+    assert (problem.code, problem.key, problem.value) == (code, line, column)
+    assert problem.limit == shown
 
 
 def test_a_byte_order_mark_and_windows_line_ends_are_taken() -> None:

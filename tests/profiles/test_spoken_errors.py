@@ -1,9 +1,12 @@
 """An error speaks English by itself: what, where, value, limit and remedy, without a console."""
 
+import errno
+import os
 import subprocess
 import sys
 
 from profiles.problem import Problem, ProblemError, ProfileError
+from profiles.words.sentences import Sentences, words_of
 
 SCRIPT = """
 import sys
@@ -35,3 +38,11 @@ def test_every_problem_is_told_and_its_code_stands_in_the_traceback() -> None:
 def test_it_needs_neither_drivers_nor_console() -> None:
     done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
     assert "no-such-job" in done.stdout and done.stdout.count("\n") == 1
+
+
+def test_the_reason_of_the_operating_system_is_in_the_language_of_the_console() -> None:
+    korean = Sentences(words_of("ko"))
+    for number in (errno.EACCES, errno.ENOENT, errno.EISDIR, errno.ENOSPC, errno.EROFS, errno.ECONNREFUSED):
+        problem = Problem(code="file.unreadable", where="a.toml", value=os.strerror(number))
+        assert os.strerror(number) in str(problem)
+        assert max(os.strerror(number).split(), key=len) not in korean.problem(problem)

@@ -75,6 +75,12 @@ def test_no_row_is_wider_than_the_terminal(state: StationState, width: int, lang
             assert lines and all(width_of(each) <= width for each in lines), name
 
 
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_the_key_row_of_scope_names_what_opens_a_kept_record(language: str) -> None:
+    words = load(language)("key.scope.list")
+    assert f"o {words} " in plain(keys_row(frame(language=language, page=PageName.SCOPE), 80))
+
+
 def test_sim_is_the_first_word_on_the_screen() -> None:
     assert plain(state_row(frame(), 80)).startswith(" SIM ")
     assert "SIM" not in plain(state_row(frame(replace(READY, simulated=False)), 80))

@@ -281,6 +281,18 @@ def test_another_part_of_the_job_lies_beside_this_one_on_one_scale(
     play(scene, tmp_path, size=room, language=language)
 
 
+def test_a_single_part_is_not_counted_as_several(tmp_path: Path) -> None:
+    records_stage.run(tmp_path, 1.3, strategy="cam", compensation=2, kind="part")
+
+    async def scene(stage: OnInspect) -> None:
+        await settled(stage)
+        await stage.act("inspect.beside")
+        await settled(stage)
+        assert " 1 part " in stage.text
+
+    play(scene, tmp_path)
+
+
 def test_the_figures_of_the_other_part_are_those_of_its_record(tmp_path: Path) -> None:
     from console.session.data.run_reader import measured_parts
     from console.tui.inspecting.other_part import other_part

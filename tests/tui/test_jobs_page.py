@@ -18,9 +18,11 @@ from console.session.data.kept_files import jobs_folder
 from console.session.data.records import RunRecord
 from console.session.station.state import Activity, StationState
 from console.session.work import edited
+from console.text.catalogue import load
 from console.tui.keymap import PageName
-from console.tui.lines import width_of
+from console.tui.lines import plain, width_of
 from console.tui.pages.jobs import JobsPage
+from console.tui.pages.jobs_lines import job_lines
 from profiles.store import BUNDLED_JOBS, list_jobs, load_job
 from tests.tui.page_stage import READY, PageScene, play_on
 from tests.tui.stage import (
@@ -300,3 +302,11 @@ def test_the_page_needs_no_numerics() -> None:
     program = f"import sys, console.tui.pages.jobs\nprint([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_lobe_of_another_cut_is_whole_at_80_columns(language: str) -> None:
+    """A single digit of the force in a file makes the lobe that of another cut: 32 cells have room for it."""
+    job = replace(load_job("lee-2001-experiment-1").job, chucking_force_n=9314.0)
+    rows = plain(job_lines(job, load(language), 32))
+    assert load(language)("source.other_cut") in rows and "55.0 um" in rows and "…" not in rows

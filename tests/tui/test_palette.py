@@ -22,7 +22,7 @@ from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver, Written
 from console.tui.gate import FieldKind, HeldKeys, Situation
-from console.tui.keymap import ACTIONS, CLOSE, PALETTE, PageName, actions_of
+from console.tui.keymap import ACTIONS, CLOSE, PALETTE, PageName, actions_of, words_of
 from console.tui.pace import Pace
 from console.tui.palette_list import STOPPING, Entry, entries, found
 from console.tui.scanning.collector import Collector
@@ -403,3 +403,12 @@ def test_it_fits_with_the_reason_of_the_selected_action_in_full(
                 assert "".join(text.problem(problem).split()) in words, key
 
     play(tmp_path, scene, work=experiment(), language=language, size=size)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_key_of_each_page_says_what_that_page_is(language: str) -> None:
+    """Alone, as in Settings and in the palette; in the lists of `?` one key shares the words of another."""
+    text = load(language)
+    for page in PageName:
+        (action,) = (each for each in ACTIONS if each.id == f"page.{page}")
+        assert words_of(text, action).startswith(text(f"page.{page}")), page

@@ -18,6 +18,7 @@ from console.tui.lines import plain
 from console.tui.pages.cut_lines import bar, gauge, mean_error_um
 from console.tui.pages.run import RunPage
 from console.tui.pages.run_lines import input_lines
+from drivers.cutting.bounds import Changed, Trim
 from drivers.cutting.planning import Strategy
 from tests.tui.machine_states import ON
 from tests.tui.page_stage import shown_in_turn, too_wide
@@ -44,6 +45,35 @@ from tests.tui.stage import LANGUAGES, SIZES, experiment
 def test_no_row_is_wider_than_the_terminal(size: tuple[int, int], language: str) -> None:
     pages = shown_in_turn(RunPage, STATES, size=size, language=language)
     assert too_wide(pages, size, "run_page.") == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_titles_and_stages_are_whole_at_80_columns(language: str) -> None:
+    text = load(language)
+    stages = {
+        str(stage): cutting(stage=stage, phase=None, synchronisation=None)
+        for stage in (CutStage.POSITION, CutStage.RUN_UP, CutStage.CUT, CutStage.PAUSED, CutStage.RETRACT)
+    }
+    for page in shown_in_turn(RunPage, {**STATES, **stages}, language=language).values():
+        assert not [row for row in page.text.splitlines() if row.startswith("╭") and "…" in row]
+    for stage, page in shown_in_turn(RunPage, stages, language=language).items():
+        assert text(f"run_page.stage.{stage}") in page.text
+
+
+def test_what_was_changed_of_a_cut_is_told_when_it_has_ended() -> None:
+    """At the end the override is back at 100 %; the record keeps what the part was cut with."""
+    changed = Changed(override_percent=97, trim=Trim(gain_percent=4.0, phase_deg=-0.5), from_mm=3.14)
+    ended = cut(CutStage.DONE, figures=FIGURES)
+    page = shown(state(cut=replace(ended, changed=changed), cut_done=True))
+    assert "Changed while it cut, from Z 3.1 mm on: speed 97 %, gain +4 %, phase -0.5° at the end" in page.words
+    back = replace(changed, override_percent=100, trim=Trim())
+    assert "as planned again" in shown(state(cut=replace(ended, changed=back), cut_done=True)).words
+    assert "Changed" not in shown(state(cut=ended, cut_done=True)).text
+
+
+def test_nothing_is_said_of_a_blank_while_none_is_clamped() -> None:
+    assert "blank not cut yet" in shown(state()).text
+    assert "not cut yet" not in shown(state(replace(VALID, clamping=None))).text
 
 
 def test_before_the_start_every_condition_has_a_mark_and_a_reason() -> None:

@@ -216,3 +216,11 @@ def test_lost_means_that_nothing_is_known_any_more() -> None:
     assert page.said == ["session.lost"]
     assert shown(replace(state(), activity=Activity.LOST), "run.arm").said == ["session.lost"]
     assert "no poll has succeeded" in shown(STATES["never found"]).words
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_times_of_a_stop_are_whole_at_80_columns(language: str) -> None:
+    page = shown(stopped(taken_s=98.05, rest_s=110.3), language=language)
+    assert "12.3 s, " in page.text and "0.05 s" in page.text
+    label = load(language)("run_page.stop.rest")
+    assert f"{label} " in page.text, "a label does not touch its value"

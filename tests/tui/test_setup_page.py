@@ -323,7 +323,7 @@ def test_a_changed_condition_of_the_measured_lobe_says_so_at_its_field(
         assert below in stage.text
         await stage.act("setup.edit")
         assert below in stage.text
-        assert "another cut at" in stage.text and "measured at  " not in stage.text
+        assert "other cut at" in stage.text and "measured at  " not in stage.text
         await stage.act("setup.next")
         assert beside in stage.text
         await stage.act("setup.undo")

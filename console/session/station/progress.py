@@ -14,7 +14,7 @@ from console.session.cut import telemetry
 from console.session.cut.away import Away
 from console.session.cut.interlocks import SPEED_BAND
 from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseClock, PhaseLeft, to_the_start
-from drivers.cutting.bounds import AS_PLANNED, REAL_TIME, Adjusted
+from drivers.cutting.bounds import AS_PLANNED, REAL_TIME, Adjusted, Changed
 from drivers.cutting.feed_hold import NOT_HELD, HoldReport, HoldState
 from drivers.cutting.live_trim import trim_um
 from drivers.cutting.place import ProgramPlace
@@ -69,7 +69,8 @@ class CutProgress:
     `hold` is the feed hold, by the controller; it may be asked for from Z `hold_from_mm` on, None where the
     program cannot be held. `holds_mm` is where it was held, `held_left_s` how long the program still waits.
     `adjusted` is what was changed of the running cut. Times go with its override; error and phase are against the
-    target of the job, so that they show what a trim does; `path_phase` is that against the trimmed path.
+    target of the job, so that they show what a trim does; `path_phase` is that against the trimmed path. `changed`
+    is what was changed of a cut that has ended, None where nothing was.
     """
 
     stage: CutStage
@@ -103,6 +104,7 @@ class CutProgress:
     held_left_s: float | None = None
     adjusted: Adjusted = AS_PLANNED
     path_phase: telemetry.Phase | None = None
+    changed: Changed | None = None
 
     @property
     def in_phase(self) -> bool | None:

@@ -124,6 +124,18 @@ class Stops:
             return None
         return behind_face_mm(context.state.snapshot, context.loaded_machine.machine, clamping.overhang_mm)
 
+    def forget_mark(self) -> None:
+        """Take back the mark of the present stop: the tool has left the part by its path, and stood nowhere in it.
+
+        Where it is in the part, nothing is taken back.
+        """
+        context, stop = self._context, self._context.state.stop
+        snapshot, alignment = context.state.snapshot, context.state.alignment
+        if stop is None or stop.mark_mm is None or snapshot is None:
+            return
+        if tool_in_part(snapshot, context.loaded_machine.machine, alignment) is False:
+            context.tell(stop=replace(stop, mark_mm=None), marks_mm=context.state.marks_mm[:-1])
+
     def _rested(self, current: StopState, snapshot: Snapshot) -> None:
         context = self._context
         mark_mm = None if current.mark_mm is None else self._behind_face_mm()

@@ -97,7 +97,7 @@ class PartChooser(Sheet):
         first = min(max(self._selected - height // 2, 0), max(len(rows) - height, 0))
         count = len(self._found) if isinstance(self._found, list) else 0
         title = text("inspect_page.parts", job=printable(self._which.job, 40))
-        self.show(rows[first : first + height], title, text("inspect_page.parts_place", all=count))
+        self.show(rows[first : first + height], title, text("inspect_page.parts_place", count=count))
 
     def next_words(self) -> str:
         """Return what to do in the chooser."""

@@ -29,7 +29,7 @@ _NAME_LEAST = 16
 _NAME_IN_FULL = 30  # cells of the name beside which further columns are shown
 _FURTHER = (("measured", 12), ("chucking", 8), ("labels", 16))
 _ROWS_WITH_PARTS = 24  # rows of the summary from which it has the parts that were measured
-_LABEL = 16
+_LABEL = 15
 _SUMMARY_WIDTH = 60
 
 

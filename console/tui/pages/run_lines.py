@@ -39,6 +39,7 @@ from console.tui.lines import (
 from console.tui.pages.fields import named
 from console.tui.pages.learn_lines import chosen_words, made_words
 from console.tui.pages.stop_lines import cut_words, mark_lines
+from console.tui.run.adjust_lines import changed_lines
 from console.tui.theme import Token
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import Snapshot
@@ -70,23 +71,29 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
         Interlock(name="drives_on", problems=drives),
         Interlock(name="homed", problems=homed),
         Interlock(name="at_rest", problems=rest),
-        _blank_check(state),
+        *_blank_check(state),
         Interlock(name="program", waits=state.armed is None),
     )
 
 
-def _blank_check(state: StationState) -> Interlock:
-    """Check that the blank is uncut. A partly cut one may be cut again, by somebody who knows of it."""
+def _blank_check(state: StationState) -> Iterator[Interlock]:
+    """Check that the blank is uncut. A partly cut one may be cut again, by somebody who knows of it.
+
+    Nothing is said of a blank while none is clamped, which the alignment says.
+    """
     marks = ", ".join(f"{mark_mm:.1f}" for mark_mm in state.marks_mm)
     marked = (Problem(code="screen.part_is_marked", value=marks),) if marks else ()
-    if state.cut_done:
-        return Interlock(name="fresh_blank", problems=(Problem(code="screen.part_is_cut"),), warnings=marked)
     touched = state.touched
-    if touched is None:
-        return Interlock(name="touched_blank" if marked else "fresh_blank", warnings=marked)
-    value, limit = f"{touched.to_mm:.1f}", f"{touched.of_mm:.1f}"
-    again = Problem(code="screen.part_is_touched", value=value, limit=limit)
-    return Interlock(name="touched_blank", warnings=(again, *marked))
+    if state.cut_done:
+        yield Interlock(name="fresh_blank", problems=(Problem(code="screen.part_is_cut"),), warnings=marked)
+    elif touched is not None:
+        value, limit = f"{touched.to_mm:.1f}", f"{touched.of_mm:.1f}"
+        again = Problem(code="screen.part_is_touched", value=value, limit=limit)
+        yield Interlock(name="touched_blank", warnings=(again, *marked))
+    elif marked:
+        yield Interlock(name="touched_blank", warnings=marked)
+    elif state.alignment.clamping is not None:
+        yield Interlock(name="fresh_blank")
 
 
 def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Interlock]:
@@ -231,7 +238,9 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     label = LABEL_WIDTH + 6
     rows = [fact(text(f"run_page.figure.{key}"), value, width, label_width=label) for key, value in pairs]
     words = [row for note in notes for row in wrapped(text(f"run_page.{note}"), width, Token.DIM)]
-    return [*wrapped(text(f"run_page.{word}"), width, Token.STRONG), BLANK, *rows, BLANK, *words]
+    changed = changed_lines(text, cut.changed, width)
+    head = [*wrapped(text(f"run_page.{word}"), width, Token.STRONG), BLANK, *rows, BLANK]
+    return [*head, *changed, *words]
 
 
 def after_lines(

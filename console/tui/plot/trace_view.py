@@ -54,7 +54,12 @@ class TracePicture:
 
 
 def trace_cells(picture: TracePicture, columns: int, rows: int) -> Cells:
-    """Return the traces over their axes for a size in cells; later traces lie over earlier ones."""
+    """Return the traces over their axes for a size in cells; later traces lie over earlier ones.
+
+    Without anything to draw there are no axes either: their numbers would mean nothing.
+    """
+    if not picture.series and not picture.marks:
+        return Cells.blank(columns, rows)
     x_limits, y_limits = picture.x_limits, picture.y_limits
     frame = plot_frame(columns, rows, x_limits, y_limits, picture.y_unit, picture.x_unit, decades=picture.decades)
     cells = deepcopy(_axes(frame))

@@ -11,7 +11,7 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, fitted, line, wrapped
 from console.tui.theme import Token
-from drivers.cutting.bounds import STEPS, Adjustable, Adjusted, Bounds
+from drivers.cutting.bounds import AS_PLANNED, STEPS, Adjustable, Adjusted, Bounds, Changed
 from profiles.problem import Problem
 
 PENDING = "…"  # behind a trim that the controller has not reported to be in its path
@@ -69,6 +69,21 @@ def armed_bounds(text: Catalogue, bounds: Bounds) -> str:
         for low, high in (bounds.range_of(each),)
     ]
     return ", ".join(words) or text("run_page.adjust.none")
+
+
+def changed_lines(text: Catalogue, changed: Changed | None, width: int) -> list[Line]:
+    """Return what the operator has changed of a cut that has ended; nothing where nothing was."""
+    if changed is None:
+        return []
+    last = Adjusted(override_percent=changed.override_percent, trim=changed.trim, applied=changed.trim)
+    words = [
+        text(f"run_page.adjust.{each}", value=_shown(last, each))
+        for each in Adjustable
+        if last.value_of(each) != AS_PLANNED.value_of(each)
+    ]
+    what = ", ".join(words) or text("run_page.adjust.as_planned")
+    z = text.units.figure(changed.from_mm, "mm", 1)
+    return wrapped(text("run_page.adjust.was_changed", z=z, what=what), width, Token.WARNING)
 
 
 def _shown(adjusted: Adjusted, what: Adjustable) -> str:

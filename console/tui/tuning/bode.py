@@ -17,7 +17,7 @@ _LEAST_DB, _LEAST_DEG = -30.0, -270.0
 def bode_pictures(facts: LoopFacts, selected: Curve | None) -> tuple[TracePicture, TracePicture]:
     """Return gain in dB and phase in degrees over the frequency; what is far below the band is not shown."""
     return _picture(facts, selected, "gain_db", "dB", _LEAST_DB), _picture(
-        facts, selected, "phase_deg", "deg", _LEAST_DEG
+        facts, selected, "phase_deg", "°", _LEAST_DEG
     )
 
 

@@ -49,7 +49,7 @@ def _margins(before: LoopMargins, after: LoopMargins) -> list[tuple[str, str, st
             return {}
         values = {
             "gain_margin": (margins.gain_margin, ""),
-            "phase_margin": (margins.phase_margin_deg, " deg"),
+            "phase_margin": (margins.phase_margin_deg, "°"),
             "delay_margin": (margins.delay_margin_ms, " ms"),
             "sensitivity": (margins.sensitivity_peak, ""),
             "bandwidth": (margins.bandwidth_hz, " Hz"),

@@ -46,8 +46,8 @@ def margin_lines(margins: LoopMargins, period_ms: float, text: Catalogue, width:
         ),
         (
             "phase_margin",
-            NONE if phase is None else f"{phase:.1f} deg @ {margins.crossover_hz:.1f} Hz",
-            f">= {LEAST_PHASE_MARGIN_DEG:g} deg",
+            NONE if phase is None else f"{phase:.1f}° @ {margins.crossover_hz:.1f} Hz",
+            f">= {LEAST_PHASE_MARGIN_DEG:g}°",
             phase is not None and phase < LEAST_PHASE_MARGIN_DEG,
         ),
         ("delay_margin", delay, "", False),

@@ -79,6 +79,10 @@ def test_a_flat_trace_lies_beside_its_tick() -> None:
     assert len(drawn[0]) == 42 and " " not in drawn[0][4:]
 
 
+def test_without_data_there_are_no_axes_whose_numbers_would_mean_nothing() -> None:
+    assert "".join(trace_cells(TracePicture(y_unit="um"), 60, 20).text_rows()).split() == []
+
+
 def test_three_lobes_are_seen() -> None:
     rows = trace_cells(picture(harmonic()), 64, 12).text_rows()
     top = next(row for row in rows if any(ord(character) > 0x2800 for character in row[4:]))

@@ -8,7 +8,7 @@ from console.session.data.made_parts import MadeWith
 from console.session.station.adjusting.refusals import beyond, stepped
 from console.session.station.commands import Adjust
 from console.session.station.context import StationContext
-from drivers.cutting.bounds import REAL_TIME, UNTRIMMED, Adjustable, Adjusted, Bounds, Trim
+from drivers.cutting.bounds import REAL_TIME, UNTRIMMED, Adjustable, Adjusted, Bounds, Changed, Trim
 from drivers.cutting.cut_program import CutProgram
 from drivers.errors import RefusedError
 from profiles.problem import Problem
@@ -86,9 +86,15 @@ class Adjusting:
 
     def made(self, made: MadeWith) -> MadeWith:
         """Return how the part was made, with what was changed while it was cut."""
+        changed = self.changed
+        return made if changed is None else replace(made, changed=_words(changed))
+
+    @property
+    def changed(self) -> Changed | None:
+        """What was changed by now; None where nothing was."""
         if self.changed_mm is None:
-            return made
-        return replace(made, changed=_words(self._last, self.changed_mm))
+            return None
+        return Changed(override_percent=self._last.override_percent, trim=self._last.trim, from_mm=self.changed_mm)
 
 
 def _with(trim: Trim, what: Adjustable, value: float) -> Trim:
@@ -97,11 +103,11 @@ def _with(trim: Trim, what: Adjustable, value: float) -> Trim:
     return replace(trim, phase_deg=value)
 
 
-def _words(adjusted: Adjusted, from_mm: float) -> str:
+def _words(changed: Changed) -> str:
     """Return the last values in the notation of the record, and from where on something was changed."""
-    trim = adjusted.trim
-    last = f"override {adjusted.override_percent} %, gain {trim.gain_percent:+g} %, phase {trim.phase_deg:+g} deg"
-    return f"{last}, changed from Z {from_mm:.1f} mm on"
+    trim = changed.trim
+    last = f"override {changed.override_percent} %, gain {trim.gain_percent:+g} %, phase {trim.phase_deg:+g} deg"
+    return f"{last}, changed from Z {changed.from_mm:.1f} mm on"
 
 
 def left_behind(context: StationContext) -> float | None:

@@ -122,6 +122,7 @@ class Reconnecting:
         context, stop = self._context, self._context.lathe.stop
         try:
             ended = context.lathe.snapshot().at_rest and not context.lathe.is_ending()
+            by_its_path = ended and stop.count <= watch.stops and not context.lathe.took_out()
         except ProblemError as error:
             self._lose_again(error)
             return
@@ -129,6 +130,8 @@ class Reconnecting:
             self._observe(stop.count)
         elif ended or stop.count > watch.stops or context.clock.now_s() > watch.until_s:
             self._watch, self._stops.gone = None, False
+            if by_its_path:
+                self._stops.forget_mark()
             self._stops.settle()
             if context.state.activity is Activity.STOPPED:
                 self._judge()
