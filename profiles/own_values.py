@@ -20,16 +20,21 @@ from profiles.problem import refused
 Record = TypeVar("Record")
 
 DEPTH_CAP = 40  # far deeper than any of our files: deeper nesting would fail in Python when it is read or shown
+DAMAGED_AT = "damaged or cut short at line"
 
 
 def from_json(content: str | bytes) -> Any:
-    """Parse a JSON text. Raises `ValueError`: it is none, or nested too deeply."""
+    """Parse a JSON text. Raises `ValueError`: it is none, with the line; or nested too deeply."""
     import json  # not for the first page
 
     try:
         found = json.loads(content)
     except RecursionError:
         raise ValueError(f"> {DEPTH_CAP} levels") from None
+    except json.JSONDecodeError as error:  # its words are English and those of a programmer
+        raise ValueError(f"{DAMAGED_AT}: {error.lineno}") from error
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{DAMAGED_AT}: {1 + error.object.count(10, 0, error.start)}") from error
     level: list[Any] = [found]
     for _ in range(DEPTH_CAP):
         nested = (each for each in level if isinstance(each, dict | list))

@@ -42,6 +42,7 @@ from profiles.problem import Problem
 
 MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}
 LEAST_BODY = 4  # lines of the page that no message takes. A longer message continues in the list of messages.
+COASTING_RPM = 5.0  # above it a spindle that nothing drives is said to turn
 DOT = 3  # cells of the dot behind a name
 LEAST_MACHINE, LEAST_JOB = 8, 16  # cells that a name keeps while there is room for both
 _FIRST_SERVED = ("stop", "alarm", "next")  # rows that may have several lines, in the order in which they get them
@@ -250,6 +251,8 @@ def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> t
         return text("frame.moving"), Token.STRONG
     if state.snapshot is None:
         return text("frame.not_known"), Token.DIM
+    if state.spindle_rpm is not None and abs(state.spindle_rpm) >= COASTING_RPM:
+        return text("frame.spindle_turns", speed=f"{state.spindle_rpm:.0f}"), Token.WARNING
     return text("frame.at_rest"), Token.DIM
 
 

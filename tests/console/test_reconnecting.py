@@ -260,12 +260,8 @@ def test_a_link_that_is_lost_at_rest_after_a_stop_comes_back_too(site: Site) -> 
     assert console.state.activity is Activity.STOPPED
 
 
-@pytest.mark.parametrize("slow", [False, True])
-def test_after_a_cut_that_lost_its_cable_only_a_tool_that_stood_in_the_part_has_marked_it(
-    site: Site, slow: bool
-) -> None:
-    """The program takes the tool out at the end of its turn; where it cannot, the controller aborts it."""
-    sim, console, cable = site
+def armed(console: WithStation) -> None:
+    """Clamp, home, take jaw 1 and the touch-off wherever the axes are, and arm."""
     job = experiment_1()
     console.do(ConfirmClamping(job=job))
     console.do(EnableDrives())
@@ -277,6 +273,15 @@ def test_after_a_cut_that_lost_its_cable_only_a_tool_that_stood_in_the_part_has_
     assert console.refusals == []
     console.do(Arm(job=job, job_sha256="0" * 64, strategy=Strategy.PVT))
     assert console.state.armed is not None, console.state.refusals
+
+
+@pytest.mark.parametrize("slow", [False, True])
+def test_after_a_cut_that_lost_its_cable_only_a_tool_that_stood_in_the_part_has_marked_it(
+    site: Site, slow: bool
+) -> None:
+    """The program takes the tool out at the end of its turn; where it cannot, the controller aborts it."""
+    sim, console, cable = site
+    armed(console)
 
     def look(snapshot: Snapshot) -> None:
         cut = console.state.cut
@@ -296,3 +301,54 @@ def test_after_a_cut_that_lost_its_cable_only_a_tool_that_stood_in_the_part_has_
     state = console.state
     assert state.stop is not None and state.stop.tool_in_part is False
     assert (state.marks_mm != ()) == slow
+
+
+def test_a_stop_no_longer_says_that_the_drives_hold_once_a_reset_has_opened_them(site: Site) -> None:
+    sim, console, _ = site
+    console.do(EnableDrives())
+    console.do(Home())
+    cut_short(console)
+    stop = console.state.stop
+    assert console.state.activity is Activity.STOPPED and stop is not None and stop.can_retract
+    sim.power_cycle()
+    console.look()
+    stop = console.state.stop
+    assert console.state.activity is Activity.STOPPED and "controller.was_reset" in console.alarms
+    assert stop is not None and not stop.can_retract and stop.tool_in_part is not False
+
+
+def cut_short(console: WithStation) -> None:
+    """Stop a jog on its way."""
+
+    def look(snapshot: Snapshot) -> None:
+        if snapshot.moving:
+            console.stop.stop("space")
+
+    console.looks.append(look)
+    console.station.post(Jog(axis=AxisName.CARRIAGE, distance=5.0))
+    console.station.step()
+    console.looks.pop()
+    console.look()
+
+
+def test_a_reset_in_mid_cut_leaves_the_last_values_of_the_cut_and_its_mark(site: Site) -> None:
+    """A controller that was reset reports positions from zero on: a tool in the part would look retracted."""
+    sim, console, _ = site
+    armed(console)
+    resets: list[float] = []
+
+    def look(_: Snapshot) -> None:
+        cut = console.state.cut
+        if not resets and cut is not None and cut.stage is CutStage.CUT and cut.turn > 3.0:
+            resets.append(cut.tool_radius_mm)
+            sim.power_cycle()
+
+    console.looks.append(look)
+    console.do(Start())
+    state = console.state
+    assert "controller.was_reset" in console.alarms and state.activity is Activity.STOPPED
+    assert state.cut is not None and state.cut.stage is CutStage.CUT
+    assert state.cut.tool_radius_mm == resets[0]
+    assert state.touched is not None and state.stop is not None and state.stop.tool_in_part is None
+    (mark_mm,) = state.marks_mm
+    assert mark_mm == pytest.approx(state.cut.z_mm, abs=0.1)

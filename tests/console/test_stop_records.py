@@ -30,6 +30,7 @@ from drivers.pmac.dialect import PMAC
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 from profiles.store import load_machine
+from profiles.words.sentences import Sentences, words_of
 from tests.drivers.commissioned import Commissioned, commissioned
 
 TODAY = date(2026, 3, 1)
@@ -245,3 +246,18 @@ def test_an_entry_has_the_unit_of_its_axis(simulated: StopRecord) -> None:
         if entry.axis == "spindle":
             assert entry.speed_rpm == pytest.approx(1000.0 if entry.origin is Origin.CUT else 100.0, rel=1e-4)
     assert {e.way for e in simulated.entries} == set(Way)
+
+
+def test_a_file_that_was_cut_short_is_told_by_its_line_and_in_no_programmers_words(
+    tmp_path: Path, simulated: StopRecord
+) -> None:
+    path = store(tmp_path, MACHINE, simulated)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    line = whole[: len(whole) // 2].count(b"\n") + 1
+    with pytest.raises(ProfileError) as caught:
+        load(tmp_path, MACHINE)
+    (problem,) = caught.value.problems
+    assert problem.code == "stops.unreadable" and problem.value.endswith(f": {line}")
+    korean = Sentences(words_of("ko")).problem(problem)
+    assert f": {line}" in korean and "damaged" not in korean and "Expecting" not in korean

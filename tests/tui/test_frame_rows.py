@@ -81,6 +81,13 @@ def test_the_key_row_of_scope_names_what_opens_a_kept_record(language: str) -> N
     assert f"o {words} " in plain(keys_row(frame(language=language, page=PageName.SCOPE), 80))
 
 
+def test_an_observer_sees_that_a_spindle_coasts_although_nothing_is_commanded() -> None:
+    """A disabled spindle is at rest for its controller: no velocity is commanded."""
+    assert "at standstill" in plain(stop_row(frame(replace(READY, spindle_rpm=0.4)), 80))
+    row = plain(stop_row(frame(replace(READY, spindle_rpm=-532.2)), 80))
+    assert "spindle turning -532 rpm" in row and "standstill" not in row
+
+
 def test_sim_is_the_first_word_on_the_screen() -> None:
     assert plain(state_row(frame(), 80)).startswith(" SIM ")
     assert "SIM" not in plain(state_row(frame(replace(READY, simulated=False)), 80))

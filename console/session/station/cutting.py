@@ -203,8 +203,10 @@ class _Watched:
             context.note("feed_hold" if held else "resumed", turn=cut.turn, z_mm=cut.z_mm, turns=hold.report.turns)
 
     def publish(self, snapshot: Snapshot) -> None:
-        """Publish a status poll, in whatever wait it was made."""
+        """Publish a status poll, in whatever wait it was made; after a reset its positions mean nothing."""
         context = self._context
+        if not snapshot.homed:
+            return
         program = context.lathe.program
         speed_rpm, adjusted = context.state.spindle_rpm, self.adjusting.adjusted
         seen = self.watch.see(snapshot, self._stage, program.held, speed_rpm, program.hold.report, adjusted)

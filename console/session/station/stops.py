@@ -112,6 +112,8 @@ class Stops:
         cut = state.cut if state.activity is Activity.CUTTING else None
         in_part = cut is not None and cut.stage is CutStage.CUT and not cut.in_air
         mark_mm = self._behind_face_mm() if in_part else None
+        if cut is not None and in_part and mark_mm is None:
+            mark_mm = cut.z_mm  # as it was before a reset took the positions
         self._noted = None
         context.tell(stops=state.stops + 1, marks_mm=(*state.marks_mm, *(() if mark_mm is None else (mark_mm,))))
         of_cut = cut is not None and cut.stage in RUNNING
@@ -120,9 +122,10 @@ class Stops:
     def _behind_face_mm(self) -> float | None:
         """Return where the tool is in the clamped part, by the last poll; None where that is not known."""
         context, clamping = self._context, self._context.state.alignment.clamping
-        if context.state.snapshot is None or clamping is None:
+        snapshot = context.state.snapshot
+        if snapshot is None or clamping is None or not snapshot.homed:
             return None
-        return behind_face_mm(context.state.snapshot, context.loaded_machine.machine, clamping.overhang_mm)
+        return behind_face_mm(snapshot, context.loaded_machine.machine, clamping.overhang_mm)
 
     def forget_mark(self) -> None:
         """Take back the mark of the present stop: the tool has left the part by its path, and stood nowhere in it.
@@ -138,8 +141,9 @@ class Stops:
 
     def _rested(self, current: StopState, snapshot: Snapshot) -> None:
         context = self._context
-        mark_mm = None if current.mark_mm is None else self._behind_face_mm()
-        if mark_mm is not None:
+        mark_mm = current.mark_mm
+        if mark_mm is not None and (found_mm := self._behind_face_mm()) is not None:
+            mark_mm = found_mm
             context.tell(marks_mm=(*context.state.marks_mm[:-1], mark_mm))
         self._forget_speed()
         rest = replace(
@@ -167,7 +171,15 @@ class Stops:
             context.tell(activity=Activity.LOST)
         else:
             watch_axes(context, snapshot)
+            self._let_loose(snapshot)
             context.tell(activity=Activity.STOPPED)
+
+    def _let_loose(self, snapshot: Snapshot) -> None:
+        """Take back that the drives hold the tool, once they no longer do, as after a reset."""
+        context, stop = self._context, self._context.state.stop
+        if stop is not None and stop.can_retract and not snapshot.loops_closed:
+            in_part = tool_in_part(snapshot, context.loaded_machine.machine, context.state.alignment)
+            context.tell(stop=replace(stop, can_retract=False, tool_in_part=in_part))
 
     def _keep(self, stop: StopState, *, proven: bool, taken_after_s: float | None = None) -> None:
         """Record a stop once, and later its outcome: rest proven, drives off."""
