@@ -158,6 +158,8 @@ class ConsoleApp(ListeningApp):
             self._list.open(PAGE)
         ui.forget_stale_answer(state)
         ui.log = self.log_of(state)
+        if ui.attempt is not None:
+            ui.attempt = ui.attempt.seen(state, ui.control.now_s())
         # The link thread loads the numerics before it reads the settings; any page but the first needs them.
         loaded = state.alignment.settings is not None or self._page is not PageName.JOBS
         if ui.work is not None and loaded:

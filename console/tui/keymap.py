@@ -43,6 +43,7 @@ class PageName(StrEnum):
     MORE = "more"
     SETTINGS = "settings"
     LOG = "log"
+    TRAIN = "train"
     TUNE = "tune"
     CALIBRATE = "calibrate"
     CONTROLLER = "controller"
@@ -103,6 +104,7 @@ ACTIONS: tuple[Action, ...] = (
     ),
     Action(id="page.settings", keys=(), shown="0 s", beside=True),
     Action(id="page.log", keys=(), shown="0 l", beside=True),
+    Action(id="page.train", keys=("9",), shown="9", beside=True),
     Action(id="page.tune", keys=(), shown="0 u", beside=True),
     Action(id="page.calibrate", keys=(), shown="0 c", beside=True),
     Action(id="page.controller", keys=(), shown="0 d", beside=True),
@@ -254,6 +256,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="log.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
     Action(id="log.first", keys=("home",), shown="Home", row="", beside=True),
     Action(id="log.last", keys=("end",), shown="End", row="", beside=True),
+    Action(id="more.train", keys=("n", "ㅜ"), shown="n", row=""),
     Action(id="more.tune", keys=("u", "ㅕ"), shown="u", row=""),
     Action(id="more.calibrate", keys=("c", "ㅊ"), shown="c", row=""),
     Action(id="tune.view", keys=("v", "ㅍ"), shown="v"),

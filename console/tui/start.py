@@ -29,6 +29,7 @@ from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver
+from console.tui.keymap import PageName
 from console.tui.theme import COLOUR, COLOUR_VARIABLE, MONO
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.tracing import Tracing
@@ -38,6 +39,7 @@ from profiles.store import LoadedMachine
 if TYPE_CHECKING:
     from console.session.flight.recorder import Recorder
     from console.session.station.station import Opened
+    from console.session.training.attempt import Attempt
 
 WRONG_USAGE = 2
 QUIET_S = 2.0  # time after the end of the screen until a wait for the machine is reported
@@ -69,12 +71,17 @@ def main(options: Namespace, text: Catalogue) -> int:
     tracing = Tracing(trace, f"console {machine.machine.name}", inbox.put)
     simulated = isinstance(address, SimulatedAddress)
     requested = simulated_address(options, machine.machine)
-    if requested is not None and not simulated:
-        print(f"console: {text('usage.plant_without_sim')}", file=sys.stderr)
+    if wrong := _wrong_usage(options, requested, simulated=simulated):
+        print(f"console: {text(wrong)}", file=sys.stderr)
         return WRONG_USAGE
+    attempt = None if options.lesson is None else _begun(options.lesson, data)
+    if attempt is not None:
+        lesson = attempt.lesson
+        requested = SimulatedAddress(plant=lesson.plant, seed=lesson.seed, blind=lesson.blind)
     appearance = _appearance(options.configuration, text)
     link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
     app, control = _recorded(link, inbox, machine, data, (text, appearance, options.configuration))
+    app.ui.attempt = attempt
     ending = _Ending(link, app)
     ending.install()
     link.start()
@@ -92,6 +99,22 @@ def main(options: Namespace, text: Catalogue) -> int:
     if app.fault is not None:
         raise app.fault
     return 0 if link.rested and ending.reason is None and app.return_code in (0, None) else 1
+
+
+def _wrong_usage(options: Namespace, requested: SimulatedAddress | None, *, simulated: bool) -> str:
+    """Return the sentence about options of a simulated lathe that exclude others, "" where none do."""
+    if (requested is not None or options.lesson is not None) and not simulated:
+        return "usage.plant_without_sim"
+    return "usage.lesson_alone" if requested is not None and options.lesson is not None else ""
+
+
+def _begun(name: str, data: Path) -> Attempt:
+    """Return a try of a lesson that begins now. Raises ProfileError: it is unknown, or cannot be read."""
+    from console.session.training.attempt import Attempt
+    from console.session.training.lesson import load_lesson
+    from console.session.training.shelf import own_folder
+
+    return Attempt(lesson=load_lesson(name, own_folder(data)), began_s=time.monotonic())
 
 
 def _appearance(configuration: Configuration, text: Catalogue) -> Appearance:
@@ -120,6 +143,8 @@ def _recorded(
         link.open()
         control.recorder = _recorder(control, app, machine, data, inbox)
         control.recorder.start()
+        if app.ui.attempt is not None:
+            app.go(PageName.TRAIN)
 
     app = ConsoleApp(
         text=text,

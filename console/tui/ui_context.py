@@ -24,6 +24,7 @@ from profiles.store import LoadedMachine
 
 if TYPE_CHECKING:
     from console.session.station.commands import Control  # not for the first paint
+    from console.session.training.attempt import Attempt
 
 Moment = tuple[Activity, bool, bool]
 """Activity of the machine, whether a cut is armed, whether a stop is in force: what most answers refer to."""
@@ -48,10 +49,11 @@ class UiContext:
     `draft` is a new job that is being filled in: while it is, no job is open. `copying` asks the page Set-up for
     the name of a copy of the open job. `go` shows another page. `data` is the operator's folder. `jog` is the
     action that requested the last jog step, `queued` whether steps of it are still to be made: the machine may
-    rest between two of them. `log` is that of this session, up to the last tick. `appearance` is what the operator
-    has set, and `appear` sets another; `configuration` says where a setting comes from. `stroke` is what the
-    terminal says of the last key, and `releases` what is known of its reports, both None where it has none.
-    `terminal` says where it is. `jobs` are the names of all saved jobs, as the page Jobs has read them.
+    rest between two of them. `log` is that of this session, up to the last tick. `appearance` is what the
+    operator has set, and `appear` sets another; `configuration` says where a setting comes from. `stroke` is
+    what the terminal says of the last key, and `releases` what is known of its reports, both None where it has
+    none. `terminal` says where it is. `jobs` are the names of all saved jobs, as the page Jobs has read them.
+    `attempt` is the try of a lesson, in a session that has one.
     """
 
     text: Catalogue
@@ -66,6 +68,7 @@ class UiContext:
     jobs: tuple[str, ...] = ()
     jog: str | None = None
     queued: bool = False
+    attempt: Attempt | None = None
     log: SessionLog = field(default_factory=SessionLog)
     appearance: Appearance = field(default_factory=Appearance)
     appear: Callable[[Appearance], None] = lambda appearance: None

@@ -115,7 +115,7 @@ def scene_of(page: PageName) -> Scene:
         case PageName.ALARMS:
             alarms, log = alarmed()
             return Scene(page=page, state=replace(machine(Activity.READY), alarms=alarms), work=signed(), log=log)
-        case PageName.MORE | PageName.SETTINGS:
+        case PageName.MORE | PageName.SETTINGS | PageName.TRAIN:
             return Scene(page=page, state=machine(Activity.READY), work=signed())
         case PageName.LOG:
             alarms, log = alarmed()

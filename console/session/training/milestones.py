@@ -1,0 +1,88 @@
+"""What a lesson may ask for: things that happen at the lathe, told from two states of the station in a row.
+
+A milestone stays reached, whatever is lost again afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from console.session.stages import Stage
+from console.session.station.state import Activity, StationState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """Two states, one after the other; `stage` is that of the cut that was armed last."""
+
+    before: StationState
+    now: StationState
+    stage: Stage | None = None
+
+    def ended(self, activity: Activity) -> bool:
+        """Whether the station was busy with this, and is no longer."""
+        return self.before.activity is activity is not self.now.activity
+
+
+Reached = Callable[[Change], bool]
+
+
+def _cut(stage: Stage) -> Reached:
+    """Return whether a cut of this stage has come to its end."""
+
+    def reached(change: Change) -> bool:
+        cut, whole = change.now.cut, change.now.stop is None
+        return (
+            change.ended(Activity.CUTTING)
+            and whole
+            and change.stage is stage
+            and cut is not None
+            and cut.fraction >= 1.0
+        )
+
+    return reached
+
+
+def _by_indicator(change: Change) -> bool:
+    jaw = change.now.alignment.jaw
+    return jaw is not None and jaw.spread_deg is not None
+
+
+def _skimmed(change: Change) -> bool:
+    touch_off = change.now.alignment.touch_off
+    return touch_off is not None and touch_off.skimmed
+
+
+def _acknowledged(change: Change) -> bool:
+    new = [alarm for alarm in change.before.alarms if not alarm.acknowledged]
+    return bool(new) and all(alarm.acknowledged for alarm in change.now.alarms)
+
+
+MILESTONES: Mapping[str, Reached] = MappingProxyType(
+    {
+        "clamped": lambda change: change.now.alignment.clamping is not None,
+        "drives_on": lambda change: change.now.alignment.drives_on,
+        "homed": lambda change: change.now.alignment.homed,
+        "jaw_found": lambda change: change.now.alignment.jaw is not None,
+        "jaw_by_indicator": _by_indicator,
+        "touched_off": lambda change: change.now.alignment.touch_off is not None,
+        "skimmed": _skimmed,
+        "armed": lambda change: change.now.armed is not None,
+        "air_cut": _cut(Stage.AIR),
+        "half_cut": _cut(Stage.PARTIAL),
+        "full_cut": _cut(Stage.FULL),
+        "measured": lambda change: change.now.measured is not None,
+        "held": lambda change: change.now.paused,
+        "resumed": lambda change: change.before.paused and not change.now.paused and change.now.moving,
+        "stopped": lambda change: change.now.stop is not None,
+        "stopped_in_cut": lambda change: change.now.stop is not None and change.now.stop.of_cut,
+        "retracted": lambda change: change.ended(Activity.RETRACTING) and change.now.stop is None,
+        "recovered": lambda change: change.before.stop is not None and change.now.stop is None,
+        "link_lost": lambda change: change.now.activity is Activity.LOST or change.now.lost_link is not None,
+        "reconnected": lambda change: change.before.lost_link is not None and change.now.lost_link is None,
+        "acknowledged": _acknowledged,
+    }
+)
+"""Every milestone by the name that lessons use, in the order in which they usually come."""

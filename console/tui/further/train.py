@@ -1,0 +1,120 @@
+"""Page Train: the lesson of this session with its steps, a hint for the one that is due, and the time; or all."""
+
+from __future__ import annotations
+
+from console.session.training.attempt import Attempt
+from console.session.training.lesson import Lesson, Words
+from console.session.training.shelf import Shelved, lessons, own_folder
+from console.tui.keymap import PageName
+from console.tui.lines import BLANK, Line, Sheet, clipped, dim, line, ranged, wrapped
+from console.tui.page import Page
+from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
+
+_DONE, _CURRENT, _OPEN = "✓", "●", "○"
+
+
+class TrainPage(Page):
+    """Nothing on it moves anything."""
+
+    name_ = PageName.TRAIN
+
+    DEFAULT_CSS = """
+    TrainPage { layout: horizontal; }
+    TrainPage Sheet { border: round $secondary; border-title-color: $foreground; height: 1fr; width: 1fr;
+        padding: 0 1; }
+    TrainPage #train-hint { display: none; }
+    TrainPage.-lesson #train-hint { display: block; }
+    """
+
+    def __init__(self, ui: UiContext) -> None:
+        super().__init__(ui)
+        self._steps = Sheet(ui.palette, id="train-steps")
+        self._hint = Sheet(ui.palette, id="train-hint")
+        self.panels = (self._steps, self._hint)
+        self._shelf: tuple[Shelved, ...] | None = None
+
+    def show(self, view: View) -> None:
+        """Show how far the lesson has come, or which lessons there are."""
+        attempt = self.ui.attempt
+        self.set_class(attempt is not None, "-lesson")
+        size = self._steps.size
+        if attempt is None:
+            rows = clipped(self._list(max(size.width, 1)), size.height, self.ui.text("panel.more"))
+            self._steps.show(rows, self.ui.text("train_page.lessons"))
+            return
+        words = attempt.lesson.words[self.ui.text.language]
+        rows = clipped(
+            self._progress(attempt, words, view, max(size.width, 1)), size.height, self.ui.text("panel.more")
+        )
+        self._steps.show(rows, words.title)
+        self._hint.show(
+            self._hints(attempt, words, max(self._hint.size.width, 1)), self.ui.text("train_page.hint")
+        )
+
+    def next_step(self, view: View) -> Line:
+        """Return the step that is due."""
+        attempt, text = self.ui.attempt, self.ui.text
+        if attempt is None:
+            return line((text("train_page.next.none"), Token.ACTION))
+        if attempt.done:
+            return line((text("train_page.next.done"), Token.ACTION))
+        step = text(f"train_page.step.{attempt.lesson.steps[attempt.step]}")
+        return line((text("train_page.next.step", step=step), Token.ACTION))
+
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return the whole lesson: goal, and every hint."""
+        attempt = self.ui.attempt
+        if attempt is None:
+            return self._list(width)
+        words = attempt.lesson.words[self.ui.text.language]
+        hints = [row for hint in words.hints for row in (*wrapped(hint, width), BLANK)]
+        return [*self._progress(attempt, words, view, width), BLANK, *hints]
+
+    def _progress(self, attempt: Attempt, words: Words, view: View, width: int) -> list[Line]:
+        text = self.ui.text
+        rows: list[Line] = [*wrapped(words.goal, width), BLANK]
+        for number, name in enumerate(attempt.lesson.steps):
+            said = text(f"train_page.step.{name}")
+            if number < attempt.step:
+                at = dim(_clock(attempt.reached[number][1]))
+                rows.append(ranged(line((f"{_DONE} ", Token.OK), said), (at,), width))
+            elif number == attempt.step:
+                rows.append(line((f"{_CURRENT} {said}", Token.STRONG)))
+            else:
+                rows.append((dim(f"{_OPEN} {said}"),))
+        left_s = attempt.left_s(view.now_s)
+        known = "train_page.left" if left_s >= 0.0 else "train_page.over"
+        rows += [BLANK, line(text(known, time=_clock(abs(left_s))))]
+        facts = text("train_page.facts", stops=attempt.stops, collisions=len(attempt.met))
+        return [*rows, (dim(facts),)]
+
+    def _hints(self, attempt: Attempt, words: Words, width: int) -> list[Line]:
+        if attempt.done:
+            return wrapped(self.ui.text("train_page.done"), width)
+        return wrapped(words.hints[attempt.step], width)
+
+    def _list(self, width: int) -> list[Line]:
+        """Return all lessons, each with how it is begun; read once while the page is there."""
+        text = self.ui.text
+        if self._shelf is None:
+            self._shelf = lessons(own_folder(self.ui.data))
+        rows: list[Line] = []
+        for name, lesson in self._shelf:
+            if isinstance(lesson, Lesson):
+                minutes = dim(text("train_page.minutes", minutes=f"{lesson.minutes:g}"))
+                rows.append(ranged(line((name, Token.STRONG)), (minutes,), width))
+                rows += wrapped(lesson.words[text.language].title, width, Token.DIM)
+            else:
+                rows.append(line((name, Token.STRONG)))
+                rows += [row for problem in lesson for row in wrapped(text.problem(problem), width, Token.WARNING)]
+        return [*rows, BLANK, *wrapped(text("train_page.begin"), width)]
+
+    def leave(self) -> None:
+        """Read the lessons anew the next time."""
+        self._shelf = None
+
+
+def _clock(seconds: float) -> str:
+    """Return minutes and seconds."""
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
