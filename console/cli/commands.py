@@ -55,6 +55,7 @@ def build(text: Catalogue) -> Parser:
     parser.add_argument("--version", action="store_true", help=text("help.version"))
     parser.add_argument("--json", action="store_true", help=text("help.json"))
     parser.add_argument("--sim", action="store_true", help=text("help.screen"))
+    parser.add_argument("--blind", action="store_true", help=text("help.blind"))
     add_shared(parser, text, "machine", *LINK, "data", *PLANT, "lang", absent=None)
     title = text("help.commands")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title=title, parser_class=_CommandParser)

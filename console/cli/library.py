@@ -70,7 +70,8 @@ def refuse_unsigned(machine: MachineProfile) -> None:
 
 def plant_given(options: Namespace) -> bool:
     """Whether the command line describes the actual plant of a simulated lathe."""
-    return any(each is not None for each in (options.plant, options.seed, options.clamping_sd))
+    given = any(each is not None for each in (options.plant, options.seed, options.clamping_sd))
+    return given or options.blind
 
 
 def refused_plant(options: Namespace, command: str, text: Catalogue) -> bool:
@@ -89,7 +90,7 @@ def simulated_address(options: Namespace, machine: MachineProfile) -> SimulatedA
     from drivers.simulator.plant.presets import plant_named
 
     plant_named(plant, machine, options.seed, sd_percent)
-    return SimulatedAddress(plant=plant, seed=options.seed, clamping_sd_percent=sd_percent)
+    return SimulatedAddress(plant=plant, seed=options.seed, clamping_sd_percent=sd_percent, blind=options.blind)
 
 
 def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParameters | None:

@@ -70,12 +70,13 @@ class SimulatedAddress:
 
     Set up by hand, with the simulated hardware of `plant` (a name or a file). Random effects use `seed`, and the
     chucking force varies from clamping to clamping with a standard deviation of `clamping_sd_percent`, of the
-    plant's own with None.
+    plant's own with None. A `blind` one shows dials instead of the truth.
     """
 
     plant: str = "mounted"
     seed: int | None = None
     clamping_sd_percent: float | None = None
+    blind: bool = False
 
     def __str__(self) -> str:
         return "sim:"

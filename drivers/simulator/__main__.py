@@ -27,10 +27,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, metavar="N", help="mount chuck and tool the same way each time")
     parser.add_argument("--plant", default=MOUNTED, metavar="NAME", help="how the lathe really is")
     parser.add_argument("--clamping-sd", type=float, metavar="PERCENT", help="of the chucking force")
+    parser.add_argument("--blind", action="store_true", help="show dials instead of the truth")
     options = parser.parse_args()
     machine = load_machine(options.machine).machine
     true = plant_named(options.plant, machine, options.seed, options.clamping_sd, mounted_by_hand=True)
-    lathe = SimulatedLathe(machine, true)
+    lathe = SimulatedLathe(machine, true, blind=options.blind)
     asyncio.run(_serve(lathe, options.channel))
 
 

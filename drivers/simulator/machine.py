@@ -21,6 +21,7 @@ from drivers.simulator.faults.lines import Lines
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.hosts.program_voice import speak
 from drivers.simulator.plant.collision import Collision
+from drivers.simulator.plant.dials import ShopDials
 from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workshop import SimulatedWorkshop
@@ -40,11 +41,14 @@ class SimulatedLathe:
         true: TrueParameters | None = None,
         dialect: Dialect | None = None,
         saved: Path | None = None,
+        *,
+        blind: bool = False,
     ) -> None:
         """Set the controller up as the profile says; the machine is as `true` says, by default the same.
 
         `dialect` is the family of the controller, by default that of the profile. `saved` is the file that SAVE
-        writes; an earlier saved state in it is restored.
+        writes; an earlier saved state in it is restored. A `blind` lathe shows what can be read at it, not the
+        truth.
 
         Raises ProfileError: `file.unreadable`, there is something else in that file.
         """
@@ -75,6 +79,7 @@ class SimulatedLathe:
         self._background = Background(self.controller, self.lines)
         self.faults = FaultBoard(self._fault_target())
         self._floor = SimulatedWorkshop(machine, true, self._drives)
+        self._dials = ShopDials(true) if blind else None
         self._debt_cycles = 0.0
 
     def connect(self) -> Port:
@@ -138,7 +143,10 @@ class SimulatedLathe:
 
     def look(self) -> WorkshopView:
         """Return what an operator sees at the chuck, without counts and zeros."""
-        return self._floor.look(*(motor.true_position for motor in self._motors()))
+        places = [motor.true_position for motor in self._motors()]
+        if self._dials is None:
+            return self._floor.look(*places)
+        return self._dials.blind(self._floor.at_the_chuck(*places))
 
     @property
     def collisions(self) -> tuple[Collision, ...]:

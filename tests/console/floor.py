@@ -109,17 +109,19 @@ def open_floor(
     plant: str = "mounted",
     machine: LoadedMachine | None = None,
     turned_deg: float = 0.0,
+    *,
+    blind: bool = False,
 ) -> Floor:
     """A station on a machine whose chuck and tool were mounted by chance; connected and verified.
 
     The lathe is that of the paper with everything close together, unless another is given. The chuck may be
-    mounted so much further on than by that chance.
+    mounted so much further on than by that chance. A `blind` lathe shows dials, not the truth.
     """
     machine = machine or compact_machine()
     true = plant_named(plant, machine.machine, seed, mounted_by_hand=True)
     if turned_deg and true.jaw_1_deg is not None:
         true = replace(true, jaw_1_deg=(true.jaw_1_deg + turned_deg) % 360.0)
-    sim = SimulatedLathe(machine.machine, true)
+    sim = SimulatedLathe(machine.machine, true, blind=blind)
     link = MemoryLink(sim.connect(), sim)
     stop = StopPath(link)
     made: list[Floor] = []

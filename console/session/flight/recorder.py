@@ -34,7 +34,7 @@ CLOSE_S = 3.0  # timeout for the last recording; what is not done by then, the n
 
 _POLLED = frozenset(
     {"at_s", "asked_s", "position", "following_error", "round_trip_ms", "spindle_rpm"}
-    | {"jaw_1_past_mark_deg", "tool_gap_mm"}
+    | {"jaw_1_past_mark_deg", "tool_gap_mm", "tool_current_percent"}
 )
 """What changes with each poll of a machine at rest: written once a second."""
 

@@ -175,7 +175,11 @@ def reach(
 def _started(path: Path, address: SimulatedAddress) -> SimulatorProcess:
     """Start the simulated lathe of a profile. Raises LinkError: `simulator.not_started`."""
     return SimulatorProcess.start(
-        path, seed=address.seed, plant=address.plant, clamping_sd_percent=address.clamping_sd_percent
+        path,
+        seed=address.seed,
+        plant=address.plant,
+        clamping_sd_percent=address.clamping_sd_percent,
+        blind=address.blind,
     )
 
 

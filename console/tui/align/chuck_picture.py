@@ -20,12 +20,13 @@ PICTURE_COLUMNS, BESIDE_COLUMNS, PICTURE_ROWS, LEAST_ROWS = 14, 14, 5, 4
 class JawSeen:
     """Jaw 1 past the mark, degrees in the direction of the cut; `simulated` where it is seen, not computed.
 
-    `angle_deg` is the spindle's, None before its index is known.
+    `angle_deg` is the spindle's, None before its index is known. `about`: it is judged by eye.
     """
 
     past_deg: float
     angle_deg: float | None
     simulated: bool
+    about: bool = False
 
     @property
     def angle(self) -> str:
@@ -45,8 +46,9 @@ def jaw_seen(state: StationState, machine: MachineProfile) -> JawSeen | None:
         past = None if jaw is None or not snapshot.homed else between_deg(jaw.angle_deg, angle_deg)
     if past is None:
         return None
+    about = state.seen is not None and state.seen.dials is not None
     known = "home_complete" in snapshot.spindle.flags
-    return JawSeen(past_deg=past, angle_deg=angle_deg if known else None, simulated=state.simulated)
+    return JawSeen(past_deg=past, angle_deg=angle_deg if known else None, simulated=state.simulated, about=about)
 
 
 def picture_lines(text: Catalogue, seen: JawSeen | None, jaws: int, rows: int, width: int) -> list[Line]:
@@ -56,7 +58,9 @@ def picture_lines(text: Catalogue, seen: JawSeen | None, jaws: int, rows: int, w
     drawn = chuck_lines(PICTURE_COLUMNS, min(rows, PICTURE_ROWS), jaws, seen.past_deg)
     beside: list[Line] = [
         line(seen.angle),
-        line(text("align_page.jaw_at", angle=f"{seen.past_deg:+.2f}°")),
+        line(
+            text("align_page.jaw_at", angle=f"≈{seen.past_deg:+.0f}°" if seen.about else f"{seen.past_deg:+.2f}°")
+        ),
         line(("◂ ", Token.MARK), dim(text("align_page.mark"))),
         line(("SIM", Token.SIM)) if seen.simulated else BLANK,
     ]

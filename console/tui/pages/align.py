@@ -282,7 +282,8 @@ class AlignPage(Page):
             self.ui.control.post(commands.TakeJaw(most_spread_deg=allowed_spread_deg(job)))
             return
         now_s, warned_s = self.ui.control.now_s(), self._warned_s
-        off_deg = 0.0 if state.seen is None else abs(state.seen.jaw_1_past_mark_deg)
+        shown = state.seen is not None and state.seen.dials is None
+        off_deg = 0.0 if state.seen is None or not shown else abs(state.seen.jaw_1_past_mark_deg)
         again = warned_s is not None and now_s - warned_s <= CONFIRM_S
         if off_deg > align_lines.NEAR_MARK_DEG and not again:
             self._warned_s = now_s

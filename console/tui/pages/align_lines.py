@@ -253,12 +253,14 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
 
 
 def touch_word(state: StationState, machine: MachineProfile) -> str:
-    """Return where the tool is: "" beside the part, "_over" over it; "_touching", seen in the simulator alone."""
+    """Return where the tool is: "" beside the part, "_over" over it; "_touching" in the simulator alone."""
     if not is_over_part(state, machine):
         return ""
     seen = state.seen
-    touches = seen is not None and seen.tool_gap_mm is not None and seen.tool_gap_mm <= 0.0
-    return "_touching" if touches else "_over"
+    if seen is None:
+        return "_over"
+    heard = seen.dials is not None and seen.dials.contact
+    return "_touching" if heard or (seen.tool_gap_mm is not None and seen.tool_gap_mm <= 0.0) else "_over"
 
 
 def is_over_part(state: StationState, machine: MachineProfile) -> bool:
@@ -280,7 +282,9 @@ def in_part_word(state: StationState) -> str:
 def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:
     """Return how far (deg, 0 or more) from the mark jaw 1 was taken; None where the simulator does not show it."""
     jaw, seen, snapshot = state.alignment.jaw, state.seen, state.snapshot
-    if jaw is None or seen is None or snapshot is None or state.activity is Activity.LOST:
+    if jaw is None or seen is None or seen.dials is not None or snapshot is None:
+        return None
+    if state.activity is Activity.LOST:
         return None
     if "desired_velocity_zero" not in snapshot.spindle.flags:
         return None

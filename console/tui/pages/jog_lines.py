@@ -14,6 +14,7 @@ import numpy as np
 from console.session.station.jogging import STEPS_DEG, STEPS_MM, Steps, longest_toward_mm, stopping_distance
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
+from console.tui.align.dial_lines import contact_line, dial_line
 from console.tui.align.hold_run import Overrun
 from console.tui.align.travel_lines import moving_words, speed_line, travel_lines
 from console.tui.lines import BLANK, Line, Piece, dim, first_fitting, line, ranged, to_the_right, width_of, wrapped
@@ -150,6 +151,8 @@ def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:
     mark: Piece = ("SIM", Token.SIM)
     if seen is None:
         return [line(mark, dim(" " + text("align_page.not_seen"))), BLANK]
+    if seen.dials is not None:
+        return [dial_line(text, seen.dials), contact_line(text, seen.dials)]
     return [line(mark, " " + jaw_words(text, seen, jog.machine)), line(mark, " " + gap_words(text, seen))]
 
 

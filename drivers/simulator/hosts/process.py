@@ -23,7 +23,7 @@ from drivers.errors import LinkError
 from drivers.link.address import SerialAddress
 from drivers.simulator.hosts.control_address import LONGEST_LINE
 from drivers.simulator.hosts.pty import remove_name
-from drivers.simulator.plant.workshop_view import WorkshopView
+from drivers.simulator.plant.workshop_view import Dials, WorkshopView
 from profiles.files import printable
 from profiles.job import Job
 from profiles.own_values import from_json
@@ -56,17 +56,19 @@ class SimulatorProcess:
         seed: int | None = None,
         plant: str = "mounted",
         clamping_sd_percent: float | None = None,
+        blind: bool = False,
     ) -> SimulatorProcess:
         """Start a simulator of the machine profile in a file and wait until it accepts connections.
 
         Chuck and tool are mounted at random, and the simulated hardware is that of `plant` (see `plant_named`);
-        with a `seed`, the same each time.
+        with a `seed`, the same each time. A `blind` one shows dials instead of the truth.
 
         Raises LinkError: `simulator.not_started`.
         """
         plant = os.path.abspath(plant) if plant.endswith(".toml") else plant
         arguments = ["--machine", os.path.abspath(machine_path), "--plant", plant]
         arguments += ["--clamping-sd", repr(clamping_sd_percent)] if clamping_sd_percent is not None else []
+        arguments += ["--blind"] if blind else []
         arguments += [] if seed is None else ["--seed", str(seed)]
         child: _Child | None = None
         try:
@@ -98,7 +100,8 @@ class SimulatorProcess:
     def look(self) -> WorkshopView:
         """Return what an operator sees at the chuck. Raises LinkError: `simulator.gone`."""
         said = self._ask("look")
-        return WorkshopView(**{**said, "collisions": tuple(said["collisions"])})
+        dials = None if said["dials"] is None else Dials(**said["dials"])
+        return WorkshopView(**{**said, "collisions": tuple(said["collisions"]), "dials": dials})
 
     def set_spindle(self, rpm: float | None) -> None:
         """Set a spindle on an inverter as at the lathe: it ramps to `rpm`, or coasts where that is None.

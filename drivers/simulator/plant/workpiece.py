@@ -154,6 +154,11 @@ class Workpiece:
             return self.blank.radius_at_mm(turns)
         return float(rough_mm[math.floor(turns * ROUGH_PLACES) % ROUGH_PLACES])
 
+    def mean_radius_mm(self, z_mm: float) -> float:
+        """Return the mean radius of the clamped surface at a Z, as `clamped_radius_mm` knows it."""
+        rough_mm = self._rough_mm.get(math.floor(z_mm / self._rough_length_mm), self._rough_blank_mm)
+        return float(np.mean(rough_mm))
+
     def _turn_down(self, samples: Floats) -> None:
         """Lower the rough surface to the tool at every sample in which the spindle turned."""
         cutting = (np.diff(samples[1], prepend=samples[1, :1]) > 0.0) & (samples[0] < self.blank.most_radius_mm)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.simulator.plant.collision import CollisionWatch, Track, clamped
+from drivers.simulator.plant.dials import AtTheChuck
 from drivers.simulator.plant.drives import Drives
 from drivers.simulator.plant.tip_load import CELLS, Stock, cutting_torque_n_m, material_of
 from drivers.simulator.plant.tip_path import Block, TipPath
@@ -30,6 +31,7 @@ LEAST_TIMES = 2  # how often a block that repeats itself is processed
 Floats = NDArray[np.float64]
 
 
+JAWS = 3  # of a chuck that has not held a part yet
 FREE = "free"  # off the lathe, and put on the gauge by hand
 
 
@@ -195,6 +197,18 @@ class SimulatedWorkshop:
             jaw_1_past_mark_deg=round(past_deg - 360.0 if past_deg > 180.0 else past_deg, 2),
             tool_gap_mm=gap_mm,
             collisions=tuple(collision.kind.value for collision in self.watch.found),
+        )
+
+    def at_the_chuck(self, tool: float, spindle: float, carriage: float) -> AtTheChuck:
+        """Return what dials are read from, with the axes where they are."""
+        view, part, diameter_mm = self.look(tool, spindle, carriage), self._part or self._released, None
+        if self._part is not None and view.tool_gap_mm is not None:
+            z_mm = carriage / self._machine.carriage.counts_per_mm
+            diameter_mm = 2.0 * self._part.mean_radius_mm(z_mm)
+        jaws = part.blank.jaws if part is not None else JAWS
+        turns = spindle * self._turns_per_count
+        return AtTheChuck(
+            view=view, jaws=jaws, diameter_mm=diameter_mm, tip_mm=self._path.tips_mm((tool,))[0], turns=turns
         )
 
     def pass_along(self, tracks: Mapping[int, Sequence[float]], end_ms: float) -> None:

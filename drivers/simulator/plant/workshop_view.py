@@ -6,6 +6,22 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Dials:
+    """What is read at the lathe where the truth is not shown.
+
+    `indicator_um` is the indicator at the mark, positive pushed in by the flank of a jaw, None while its stylus is
+    free; at the end of its range it stays. `contact` is whether the tool is heard on the part,
+    `tool_current_percent` the current of its motor. `micrometer_mm` is the diameter before the tool, None while
+    nobody can measure it: the spindle turns, or the tool is near.
+    """
+
+    indicator_um: float | None
+    contact: bool
+    tool_current_percent: float
+    micrometer_mm: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WorkshopView:
     """A view of the chuck.
 
@@ -13,9 +29,11 @@ class WorkshopView:
     direction of the cut, above -180 and up to 180. `tool_gap_mm` is the radial gap between the tool tip and the
     clamped surface before it, below 0 when the tip is inside; None when there is no part before it. `collisions`
     are the kinds of collision since the blank was clamped, each value of `CollisionKind` once, in the order in
-    which they began.
+    which they began. With `dials` the lathe is seen as a real one is: the angle is what the eye makes of it, and
+    no gap is known.
     """
 
     jaw_1_past_mark_deg: float
     tool_gap_mm: float | None
     collisions: tuple[str, ...] = ()
+    dials: Dials | None = None
