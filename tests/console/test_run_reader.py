@@ -381,3 +381,10 @@ def test_a_disk_that_gets_full_is_told_and_what_was_recorded_stays(
         with pytest.raises(SessionError) as unwritable:
             RunRecord(folder, RUN)
         assert codes(unwritable) == ["record.unwritable"]
+
+
+def test_a_folder_in_the_place_of_the_record_is_no_empty_record(tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).mkdir()
+    with pytest.raises(SessionError) as caught:
+        runs(tmp_path, RunFilters())
+    assert [each.code for each in caught.value.problems] == ["record.not_readable"]

@@ -62,7 +62,7 @@ def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Con
 def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -> list[Any]:
     """Return the rows of a query, none without records; SessionError `record.other_schema`, sqlite3.Error."""
     path = folder / FILE_NAME
-    if not path.is_file():
+    if not path.exists():
         return []
     with closing(opened_to_read(path, timeout_s)) as database:
         _schema_of(database, path)

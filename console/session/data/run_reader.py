@@ -199,7 +199,7 @@ def _reading(folder: Path) -> Iterator[sqlite3.Connection | None]:
     """Yield the database of a folder, None without one; errors of the file are refusals."""
     path = folder / FILE_NAME
     try:
-        if not path.is_file():
+        if not path.exists():
             yield None
             return
         with closing(present(opened_to_read(path, READ_TIMEOUT_S), path)) as database:

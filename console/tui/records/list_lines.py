@@ -51,7 +51,7 @@ def judged(row: RunRow, units: Units) -> Piece:
 
 def title_words(wanted: Wanted, listing: Listing | None, text: Catalogue, *, everywhere: bool) -> str:
     """Return how many runs are listed, and which."""
-    count = "" if listing is None else f"{len(listing.rows)}{'+' if listing.more else ''}"
+    count = NOTHING if listing is None else f"{len(listing.rows)}{'+' if listing.more else ''}"
     said = [text("records_page.title", count=count)]
     if everywhere:
         said.append(text("records_page.everywhere"))
