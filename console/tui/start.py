@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from console.session.flight.recorder import Recorder
     from console.session.station.station import Opened
     from console.session.training.attempt import Attempt
+    from console.session.training.lesson import Lesson
 
 WRONG_USAGE = 2
 QUIET_S = 2.0  # time after the end of the screen until a wait for the machine is reported
@@ -57,11 +58,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     Raises:
         ProblemError: no machine to open, no terminal, or a profile that cannot be used.
     """
-    # Pages are written to stderr.
-    if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
-        raise SessionError(Problem(code="screen.no_terminal"))
-    if isinstance(sys.__stderr__, TextIOWrapper):
-        sys.__stderr__.reconfigure(errors=CELLS)  # a replacement for a missing sign must not shift anything else
+    _take_terminal()
     data = data_of(options)
     machine = calibrated_or_stated(machine_of(options), data)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -75,9 +72,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         print(f"console: {text(wrong)}", file=sys.stderr)
         return WRONG_USAGE
     attempt = None if options.lesson is None else _begun(options.lesson, data)
-    if attempt is not None:
-        lesson = attempt.lesson
-        requested = SimulatedAddress(plant=lesson.plant, seed=lesson.seed, blind=lesson.blind)
+    requested = requested if attempt is None else _lathe_of(attempt.lesson)
     appearance = _appearance(options.configuration, text)
     link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
     app, control = _recorded(link, inbox, machine, data, (text, appearance, options.configuration))
@@ -101,6 +96,14 @@ def main(options: Namespace, text: Catalogue) -> int:
     return 0 if link.rested and ending.reason is None and app.return_code in (0, None) else 1
 
 
+def _take_terminal() -> None:
+    """Refuse to run without a terminal (`screen.no_terminal`). Pages are written to stderr."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
+        raise SessionError(Problem(code="screen.no_terminal"))
+    if isinstance(sys.__stderr__, TextIOWrapper):
+        sys.__stderr__.reconfigure(errors=CELLS)  # a replacement for a missing sign must not shift anything else
+
+
 def _wrong_usage(options: Namespace, requested: SimulatedAddress | None, *, simulated: bool) -> str:
     """Return the sentence about options of a simulated lathe that exclude others, "" where none do."""
     if (requested is not None or options.lesson is not None) and not simulated:
@@ -115,6 +118,10 @@ def _begun(name: str, data: Path) -> Attempt:
     from console.session.training.shelf import own_folder
 
     return Attempt(lesson=load_lesson(name, own_folder(data)), began_s=time.monotonic())
+
+
+def _lathe_of(lesson: Lesson) -> SimulatedAddress:
+    return SimulatedAddress(plant=lesson.plant, seed=lesson.seed, blind=lesson.blind)
 
 
 def _appearance(configuration: Configuration, text: Catalogue) -> Appearance:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from typing import TYPE_CHECKING
 
 from console.cli.library import data_of
 from console.cli.output import show
 from console.cli.parser import Parser
-from console.session.training.lesson import Lesson, load_lesson
-from console.session.training.shelf import Shelved, lessons, own_folder
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from console.session.training.lesson import Lesson
+    from console.session.training.shelf import Shelved
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -21,6 +24,9 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """List every lesson by the name that --lesson takes, or show one."""
+    from console.session.training.lesson import load_lesson
+    from console.session.training.shelf import lessons, own_folder
+
     own = own_folder(data_of(options))
     if options.name is not None:
         lesson = load_lesson(options.name, own)
@@ -33,7 +39,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _fields(shelved: Shelved, text: Catalogue) -> dict[str, object]:
     name, lesson = shelved
-    if not isinstance(lesson, Lesson):
+    if isinstance(lesson, tuple):
         return {"name": name, "problems": [text.problem(problem) for problem in lesson]}
     words = lesson.words[text.language]
     return {
@@ -55,7 +61,7 @@ def _lines(found: tuple[Shelved, ...], text: Catalogue) -> list[str]:
 
 
 def _line(lesson: Lesson | tuple[Problem, ...], text: Catalogue) -> str:
-    if not isinstance(lesson, Lesson):
+    if isinstance(lesson, tuple):
         return "; ".join(text.problem(problem) for problem in lesson)
     return text("lessons.line", minutes=f"{lesson.minutes:g}", title=lesson.words[text.language].title)
 

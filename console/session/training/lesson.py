@@ -113,7 +113,7 @@ def load_lesson(name_or_path: str, own: Path) -> Lesson:
 
 
 def lesson_paths(own: Path) -> tuple[Path, ...]:
-    """Return the files of all lessons: the bundled ones, replaced by the user's own of the same name, then these."""
+    """Return the files of all lessons: the bundled ones, then the user's own, which replace their namesakes."""
     bundled = {path.stem: path for path in sorted(FOLDER.glob("*.toml"))}
     mine = {path.stem: path for path in sorted(own.glob("*.toml"))}
     return tuple({**bundled, **mine}.values())

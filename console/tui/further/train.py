@@ -73,7 +73,8 @@ class TrainPage(Page):
 
     def _progress(self, attempt: Attempt, words: Words, view: View, width: int) -> list[Line]:
         text = self.ui.text
-        rows: list[Line] = [*wrapped(words.goal, width), BLANK]
+        job = (dim(text("train_page.job", job=attempt.lesson.job)),)
+        rows: list[Line] = [*wrapped(words.goal, width), job, BLANK]
         for number, name in enumerate(attempt.lesson.steps):
             said = text(f"train_page.step.{name}")
             if number < attempt.step:
