@@ -184,6 +184,8 @@ def pages_row(frame: Frame, width: int) -> list[Line]:
     """Return the pages, the closer together the less room there is. A page without a digit is shown as More is."""
     last = frame.page if frame.page in FURTHER else PageName.MORE
     shown = {**{page: DIGITS[page] for page in NUMBERED}, last: DIGITS[PageName.MORE]}
+    if frame.page is PageName.TRAIN:
+        shown |= {PageName.TRAIN: "9", PageName.MORE: DIGITS[PageName.MORE]}
     rows = [_pages(frame, shown, *room) for room in ((" ", " "), ("", " "), ("", ""))]
     return [ranged(next((row for row in rows if width_of(row) <= width), rows[-1]), BLANK, width)]
 
