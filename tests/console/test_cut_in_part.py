@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from console.session.data.records import killed_runs
 from console.session.stages import Stage
 from console.session.station.commands import ConfirmClamping, DisableDrives, EndCut, Jog, Recover, Retract, Start
 from console.session.station.progress import CutStage
@@ -78,3 +79,22 @@ def test_a_jog_step_is_over_before_a_person_presses_again(aligned: Floor, axis: 
     began_s = aligned.sim.now_s()
     aligned.do(Jog(axis=axis, distance=distance))
     assert aligned.sim.now_s() - began_s < 0.35
+
+
+@pytest.mark.parametrize("retracted", [False, True])
+def test_a_console_that_is_left_with_the_tool_in_the_part_tells_the_next_one(
+    aligned: Floor, monkeypatch: pytest.MonkeyPatch, retracted: bool
+) -> None:
+    monkeypatch.setattr(aligned.context, "shop", None)  # as on a real machine: nobody else sees the chuck
+    machine = aligned.context.machine.name
+    if retracted:
+        left_in_the_part(aligned)
+    else:
+        aligned.arm(JOB)
+        aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.stop("SIGHUP"))
+        aligned.do(Start())
+    assert killed_runs(aligned.context.records, machine, simulated=False) == ()
+    aligned.station.close("SIGHUP")
+    told = killed_runs(aligned.context.records, machine, simulated=False)
+    assert [problem.code for problem in told] == ([] if retracted else ["record.left_in_part"])
+    assert killed_runs(aligned.context.records, machine, simulated=False) == (), "told once"

@@ -173,11 +173,11 @@ class RunRecord:
         if self._on_disk() != self._files:
             raise record_error("record.lost", self._path, GONE)
 
-    def close(self) -> None:
-        """Write what the log still has, and close the file."""
+    def close(self, *, marked: bool = False) -> None:
+        """Write what the log still has, and close the file. `marked`: the next start tells of this run."""
         self.log.close()
         self._database.close()
-        self._mark.close()
+        self._mark.close(stays=marked)
 
     def _write(self, statements: Sequence[Statement], until_s: float) -> None:
         retrying(lambda: transaction(self._database, statements), until_s)
@@ -239,6 +239,7 @@ def _event(run_id: str, kind: str, data: Mapping[str, object]) -> Statement:
 FOLDER = "running"
 TIMEOUT_S = 5.0
 
+LEFT_IN_PART = "left_in_part"  # the console was left with the tool in the part, or where nobody knew
 _BEGUN, _ENDED = {"planned", "started"}, {"result", "cut", "held", "ended", "ended_early", "stopped"}
 
 _RUN = "SELECT started_utc, job FROM runs WHERE run_id = ? AND machine = ? AND simulated = ?"
@@ -258,11 +259,12 @@ class RunMark:
         with suppress(OSError):  # whatever the umask
             os.fchmod(self._descriptor, mode)
 
-    def close(self) -> None:
-        """Remove the mark."""
+    def close(self, *, stays: bool = False) -> None:
+        """Give the mark up, and remove it unless it stays."""
         if self._descriptor is not None:
-            with suppress(OSError):
-                self._path.unlink()
+            if not stays:
+                with suppress(OSError):
+                    self._path.unlink()
             os.close(self._descriptor)
             self._descriptor = None
 
@@ -270,6 +272,7 @@ class RunMark:
 def killed_runs(data: Path, machine: str, *, simulated: bool) -> tuple[Problem, ...]:
     """Return `record.killed` for each run on this machine whose console is gone, and record its end.
 
+    `record.left_in_part` is of one whose console was left while the tool was in the part, as far as it knew.
     Those on another machine wait for a start on that one. Where there is no record, none is made.
 
     Raises:
@@ -325,7 +328,8 @@ def _ended(database: sqlite3.Connection, mark: Path, machine: str, *, simulated:
         end = _event(run_id, "ended", {"reason": "killed"})
         retrying(lambda: transaction(database, [end]), time.monotonic() + TIMEOUT_S)
     mark.unlink(missing_ok=True)
-    if kinds & _ENDED or not kinds & _BEGUN:
+    code = "record.left_in_part" if LEFT_IN_PART in kinds else "record.killed"
+    if code == "record.killed" and (kinds & _ENDED or not kinds & _BEGUN):
         return []
     began, job = (printable(each, 60) for each in run)
-    return [Problem(code="record.killed", key=job, value=f"{began[:16].replace('T', ' ')} UTC")]
+    return [Problem(code=code, key=job, value=f"{began[:16].replace('T', ' ')} UTC")]

@@ -190,13 +190,13 @@ class StationContext:
         except SessionError as error:
             self.alarm(error.problems[0], Priority.MEDIUM)
 
-    def end_record(self) -> None:
-        """Complete the record of this cut; report one that was lost since."""
+    def end_record(self, *, marked: bool = False) -> None:
+        """Complete the record of this cut; report one that was lost. `marked`: the next start tells of it."""
         if self.record is not None:
             try:
                 self.record.refuse_lost()
             except SessionError as lost:
                 self.alarm(lost.problems[0], Priority.MEDIUM)
-            self.record.close()
+            self.record.close(marked=marked)
             self.check_record()
             self.record, self._incomplete_told = None, False

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from console.session.cut.alignment import observed
 from console.session.data.calibrated_chuck import warnings_of
-from console.session.data.records import killed_or_refused
+from console.session.data.records import LEFT_IN_PART, killed_or_refused
 from console.session.errors import SessionError, fault_problem
 from console.session.station.adjusting.holding import hold_refusal
 from console.session.station.adjusting.refusals import adjust_refusal
@@ -44,7 +44,7 @@ from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
 from console.session.station.reaching import Commissioned, reach
 from console.session.station.state import IDLE, MOVING, Activity, StationState
-from console.session.station.stops import Stops
+from console.session.station.stops import Stops, leaves_tool_in_part
 from console.session.station.watches import ChuckSight, LinkTime, watch_axes, watch_loss, watch_phase, watch_poll
 from drivers.beside.heard import Heard
 from drivers.beside.side_line import Moment, SideLine
@@ -255,7 +255,10 @@ class Station:
         if not lathe.stop.given_up:  # a machine left in doubt stays ours: the next console must check it
             context.owning.release()
         self._stops.write_later()
-        context.end_record()
+        marked = leaves_tool_in_part(context)
+        if marked:
+            context.note_anyway(LEFT_IN_PART)
+        context.end_record(marked=marked)
 
     def _carry_out(self, command: Command) -> None:
         activity, work = HANDLERS[type(command)]

@@ -23,6 +23,14 @@ NEEDS_NO_RESET = frozenset({"space", "escape", "f12"})
 """Stop keys: pressed at rest, they are no reason for a reset. F9 has disabled the drives, and asks for one."""
 
 
+def leaves_tool_in_part(context: StationContext) -> bool:
+    """Whether a cut leaves the tool in the part of a real machine, or where nobody knows, as it is left."""
+    state, snapshot = context.state, context.state.snapshot
+    if context.shop is not None or context.record is None or state.cut is None or not state.controls:
+        return False
+    return snapshot is None or tool_in_part(snapshot, context.machine, state.alignment) is not False
+
+
 class Stops:
     """Stops of one machine. `gone` is whether the connection is lost: nothing answers until it is opened anew.
 
