@@ -44,6 +44,16 @@ def test_a_phase_is_known_to_what_is_told_of_it() -> None:
     assert 0.92 * 400 < within < 0.98 * 400
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_a_part_that_pushes_the_tool_off_where_it_begins_shifts_no_phase(seed: int) -> None:
+    """25 um within some turns, halfway through the 60 looks at what is cut 0.9 degrees late."""
+    angle = np.sort(np.random.default_rng(seed).uniform(0.0, 30_000.0, 60))
+    infeed = 100.0 + 27.5 * np.cos(3.0 * np.radians(angle - 0.9 - 40.0))
+    pushed = infeed - 25.0 * (1.0 - np.exp(-np.maximum(angle - 15_000.0, 0.0) / 2000.0))
+    found = phase_of(np.stack([angle, pushed], axis=1), WANTED)
+    assert found is not None and found.error_deg == pytest.approx(0.9, abs=0.5)
+
+
 def test_without_a_lobe_there_is_no_phase() -> None:
     looks = np.stack([np.linspace(0.0, 360.0, 60), np.full(60, 100.0)], axis=1)
     assert phase_of(looks, WANTED) is None
