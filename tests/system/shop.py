@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import date
 from functools import partial
 from pathlib import Path
@@ -45,9 +45,14 @@ LOOK_S = 0.03
 
 @dataclass
 class Heard:
-    """When the console was last heard, None: never."""
+    """When each connected console was last heard: the computer may keep any of them waiting."""
 
-    at_s: float | None = None
+    at_s: dict[int, float] = field(default_factory=dict)
+
+    @property
+    def oldest_s(self) -> float | None:
+        """When the one was heard that has been silent longest; None while none is connected."""
+        return min(self.at_s.values(), default=None)
 
 
 class HeardConnection(Connection):
@@ -58,11 +63,11 @@ class HeardConnection(Connection):
         self._heard = heard
 
     def data_received(self, data: bytes) -> None:
-        self._heard.at_s = time.monotonic()
+        self._heard.at_s[id(self)] = time.monotonic()
         super().data_received(data)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._heard.at_s = None
+        self._heard.at_s.pop(id(self), None)
         super().connection_lost(exc)
 
 
@@ -93,7 +98,7 @@ class Shop:
         async def begin() -> tuple[asyncio.Server, asyncio.Task[None]]:
             connect = partial(HeardConnection, self.lathe, hosts, heard)
             server = await self._loop.create_server(connect, "127.0.0.1", 0)
-            advance = patient(self.lathe.wait, lambda: heard.at_s, time.monotonic)
+            advance = patient(self.lathe.wait, lambda: heard.oldest_s, time.monotonic)
             return server, asyncio.create_task(keep_time(advance, hosts))
 
         async def end() -> None:
