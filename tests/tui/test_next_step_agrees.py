@@ -147,3 +147,12 @@ def test_nobody_is_sent_on_to_align_past_what_was_found(language: str) -> None:
             assert cell_len(page.next_step) <= 77
             read = text("preview_page.next_findings" if work is plainly else "preview_page.then_findings")
             assert page.next_step.endswith(read) is found
+
+
+def test_while_the_tool_is_taken_out_the_row_says_so_and_names_the_stop() -> None:
+    for language in LANGUAGES:
+        text = load(language)
+        taken = shown_on(RunPage, run_stage.state(activity=Activity.RETRACTING), language=language)
+        assert taken.next_step == text("run_page.next.taken_out")
+        moves = shown_on(RunPage, run_stage.state(activity=Activity.HOMING), language=language)
+        assert moves.next_step == text("run_page.next.moves")

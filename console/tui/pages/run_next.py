@@ -55,8 +55,10 @@ def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
         return "armed", Token.ACTION
     if state.loading_until_s is not None:
         return "loading", Token.DIM
+    if state.activity is Activity.RETRACTING:
+        return "taken_out", Token.STRONG
     if state.activity is not Activity.READY:
-        return "wait", Token.DIM
+        return "moves" if state.moving else "wait", Token.DIM
     if phase is Phase.ENDED and is_over(state):
         word = "measured" if not state.cut_done else "measure" if state.simulated else "take_out"
         return word, Token.ACTION
