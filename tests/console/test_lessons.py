@@ -9,15 +9,16 @@ from typing import Any
 
 import pytest
 
-from console.session.station.commands import EnableDrives, Home, Start
+from console.session.station.commands import EnableDrives, Home, Measure, Start
 from console.session.training.attempt import Attempt
 from console.session.training.lesson import FOLDER, Lesson, lesson_of, load_lesson
 from console.session.training.milestones import MILESTONES
 from console.session.training.shelf import lessons
 from console.text.catalogue import load
+from drivers.cutting.planning import Strategy
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.problem import ProfileError
-from profiles.store import load_job
+from profiles.store import load_job, load_machine
 from tests.console.floor import Floor, experiment_1, open_floor
 
 Console = Callable[..., Any]
@@ -126,3 +127,19 @@ def test_the_command_lists_lessons_and_shows_one(console: Console) -> None:
     whole = console("lessons", "jaw-1", "--lang", "ko")
     assert whole.code == 0 and "인디케이터로 조 1 찾기" in whole.out
     assert console("lessons", "nix").code == 1
+
+
+@pytest.mark.parametrize("name", ["thin-ring", "paper-experiment-1"])
+def test_a_lesson_of_one_part_comes_to_its_end_by_its_own_job(tmp_path: Path, name: str) -> None:
+    lesson = load_lesson(name, tmp_path)
+    floor = open_floor(tmp_path, plant=lesson.plant, machine=load_machine("lee-2001-lathe"))
+    job = replace(load_job(lesson.job).job, cut_length_mm=1.0)
+    tries = made(floor, Attempt(lesson=lesson, began_s=floor.sim.now_s()))
+    floor.set_up(job)
+    armed = floor.arm(job, Strategy.PAPER if name == "paper-experiment-1" else Strategy.PVT)
+    assert armed.armed is not None, armed.refusals
+    floor.idle()
+    floor.do(Start())
+    floor.do(Measure())
+    floor.idle()
+    assert [step for step, _ in tries[-1].reached] == list(lesson.steps)
