@@ -18,6 +18,7 @@ from console.text.catalogue import Catalogue
 COMMANDS = {
     "jobs": "console.cli.part.jobs",
     "lessons": "console.cli.part.lessons",
+    "tries": "console.cli.part.tries",
     "preview": "console.cli.part.preview",
     "predict": "console.cli.part.predict",
     "program": "console.cli.part.program",
@@ -57,6 +58,7 @@ def build(text: Catalogue) -> Parser:
     parser.add_argument("--json", action="store_true", help=text("help.json"))
     parser.add_argument("--sim", action="store_true", help=text("help.screen"))
     parser.add_argument("--lesson", metavar="NAME", help=text("help.lesson"))
+    parser.add_argument("--trainee", metavar="NAME", help=text("help.trainee"))
     parser.add_argument("--blind", action="store_true", help=text("help.blind"))
     add_shared(parser, text, "machine", *LINK, "data", *PLANT, "lang", absent=None)
     title = text("help.commands")

@@ -256,6 +256,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="log.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
     Action(id="log.first", keys=("home",), shown="Home", row="", beside=True),
     Action(id="log.last", keys=("end",), shown="End", row="", beside=True),
+    Action(id="train.end", keys=("enter",), shown="Enter", once=True),
     Action(id="more.train", keys=("n", "ㅜ"), shown="n", row=""),
     Action(id="more.tune", keys=("u", "ㅕ"), shown="u", row=""),
     Action(id="more.calibrate", keys=("c", "ㅊ"), shown="c", row=""),

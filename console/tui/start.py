@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from console.session.flight.recorder import Recorder
     from console.session.station.station import Opened
     from console.session.training.attempt import Attempt
-    from console.session.training.lesson import Lesson
 
 WRONG_USAGE = 2
 QUIET_S = 2.0  # time after the end of the screen until a wait for the machine is reported
@@ -71,8 +70,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     if wrong := _wrong_usage(options, requested, simulated=simulated):
         print(f"console: {text(wrong)}", file=sys.stderr)
         return WRONG_USAGE
-    attempt = None if options.lesson is None else _begun(options.lesson, data)
-    requested = requested if attempt is None else _lathe_of(attempt.lesson)
+    attempt = None if options.lesson is None else _begun(options, data)
+    requested = requested if attempt is None else _lathe_of(attempt)
     appearance = _appearance(options.configuration, text)
     link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
     app, control = _recorded(link, inbox, machine, data, (text, appearance, options.configuration))
@@ -108,20 +107,29 @@ def _wrong_usage(options: Namespace, requested: SimulatedAddress | None, *, simu
     """Return the sentence about options of a simulated lathe that exclude others, "" where none do."""
     if (requested is not None or options.lesson is not None) and not simulated:
         return "usage.plant_without_sim"
+    if options.trainee is not None and options.lesson is None:
+        return "usage.trainee_alone"
     return "usage.lesson_alone" if requested is not None and options.lesson is not None else ""
 
 
-def _begun(name: str, data: Path) -> Attempt:
+def _begun(options: Namespace, data: Path) -> Attempt:
     """Return a try of a lesson that begins now. Raises ProfileError: it is unknown, or cannot be read."""
+    import random
+
     from console.session.training.attempt import Attempt
     from console.session.training.lesson import load_lesson
     from console.session.training.shelf import own_folder
+    from console.session.training.tries import check_trainee
+    from drivers.simulator.plant.presets import SEEDS
 
-    return Attempt(lesson=load_lesson(name, own_folder(data)), began_s=time.monotonic())
+    check_trainee(options.trainee or "")
+    lesson = load_lesson(options.lesson, own_folder(data))
+    seed = random.SystemRandom().randrange(SEEDS) if lesson.seed is None else lesson.seed
+    return Attempt(lesson=lesson, began_s=time.monotonic(), seed=seed, trainee=options.trainee or "")
 
 
-def _lathe_of(lesson: Lesson) -> SimulatedAddress:
-    return SimulatedAddress(plant=lesson.plant, seed=lesson.seed, blind=lesson.blind)
+def _lathe_of(attempt: Attempt) -> SimulatedAddress:
+    return SimulatedAddress(plant=attempt.lesson.plant, seed=attempt.seed, blind=attempt.lesson.blind)
 
 
 def _appearance(configuration: Configuration, text: Catalogue) -> Appearance:

@@ -15,8 +15,9 @@ from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.card.stretch import Loaded
 from drivers.simulator.card.watchdog import Background
 from drivers.simulator.faults.board import FaultBoard
-from drivers.simulator.faults.catalogue import AXES
+from drivers.simulator.faults.catalogue import AXES, refusal
 from drivers.simulator.faults.effects import FaultTarget
+from drivers.simulator.faults.fault_line import inject_words, words_of
 from drivers.simulator.faults.lines import Lines
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.hosts.program_voice import speak
@@ -25,7 +26,7 @@ from drivers.simulator.plant.dials import ShopDials
 from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workshop import SimulatedWorkshop
-from drivers.simulator.plant.workshop_view import WorkshopView
+from drivers.simulator.plant.workshop_view import Truth, WorkshopView
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -147,6 +148,23 @@ class SimulatedLathe:
         if self._dials is None:
             return self._floor.look(*places)
         return self._dials.blind(self._floor.at_the_chuck(*places))
+
+    def truth(self) -> Truth:
+        """Return what is so at the lathe, see `SimulatedWorkshop.truth`."""
+        return self._floor.truth()
+
+    def fault(self, line: str) -> str:
+        """Inject the fault of a line `inject NAME [KEY=VALUE ...]`, or end all by `clear`; return its name.
+
+        Raises RefusedError: `simulator.fault`.
+        """
+        word, *words = words_of(line)
+        if word == "clear":
+            self.faults.clear()
+            return word
+        if word != "inject" or not words:
+            raise refusal("", "command", word, "inject NAME [KEY=VALUE ...] | clear")
+        return inject_words(self.faults, words[0], words[1:]).fault.name
 
     @property
     def collisions(self) -> tuple[Collision, ...]:

@@ -14,6 +14,7 @@ from console.session.station.commands import (
     ApplyGains,
     Approach,
     Arm,
+    AskTruth,
     CheckHealth,
     Command,
     ConfirmClamping,
@@ -78,6 +79,7 @@ REFUSED: tuple[Command, ...] = (
     Measure(),
     TakeTrace(path=Path("part.csv"), sha256="", job=JOB, loaded=None, answers={}),
     CorrectTouchOff(),
+    AskTruth(),
 )
 
 

@@ -9,9 +9,9 @@ from typing import cast
 
 import pytest
 
-from console.session.cut.engine import Workshop
 from console.session.errors import SessionError
 from console.session.station.commands import Measure
+from console.session.station.context import Shop
 from console.session.station.handlers import measure
 from console.session.station.state import Activity
 from drivers.cutting.planning import Strategy
@@ -130,7 +130,7 @@ def _may_be_measured(rig: Rig) -> bool:
     """Whether the cut counts as done; of another one the order to measure is refused, past all else against it."""
     if rig.state.cut_done:
         return True
-    rig.context.shop = cast(Workshop, object())  # a gauge is there; it is not asked
+    rig.context.shop = cast(Shop, object())  # a gauge is there; it is not asked
     with pytest.raises(SessionError) as refused:
         measure(rig.context, Measure())
     assert [problem.code for problem in refused.value.problems] == ["session.nothing_cut"]

@@ -75,6 +75,7 @@ def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
         "jobs": ("delete",),
         "scope": ("gather", "keep"),
         "run": ("arm", "start", "feed_hold", "one_turn", "hold", "retract"),
+        "train": ("end",),
         "tune": ("arm", "start", "apply", "revert"),
     }
     assert once == {"take_over"} | {f"{page}.{key}" for page, keys in once_of_page.items() for key in keys}

@@ -90,7 +90,7 @@ STATES: dict[str, tuple[StationState, Work | None]] = {
     "measured": (scene_of(PageName.INSPECT).state, scene_of(PageName.INSPECT).work),
 }
 ASKS_AGAIN = {"screen.jaw_far", "screen.take_over_again", "screen.take_control_again", "screen.edits_unsaved"}
-ASKS_AGAIN |= {"screen.quit_unsaved", "screen.job_delete_again"}
+ASKS_AGAIN |= {"screen.quit_unsaved", "screen.job_delete_again", "training.end_again"}
 TELLS = {"trace.exported", "trace.not_stated", "screen.job_exported", "screen.nothing_deleted"}
 TELLS |= {"screen.job_entry_dropped", "screen.log_exported"}
 """Answers to keys that did something."""

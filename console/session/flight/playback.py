@@ -21,7 +21,7 @@ from console.session.station.history.session_log import SessionLog, command_entr
 from console.session.station.state import StationState
 from profiles.problem import Problem
 
-COMMANDS = frozenset(each.__name__ for each in Command.__subclasses__())
+COMMANDS = frozenset(each.__name__ for each in Command.__subclasses__() if each.logged)
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 JUST_S = 0.5  # an event that was passed less than this ago while playing is not the one before
 

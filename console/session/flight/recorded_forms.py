@@ -100,7 +100,7 @@ def names() -> Mapping[str, Any]:
     from console.session.trial.standing import StandingTrial
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_loop import ToolLoop
-    from drivers.simulator.plant.workshop_view import Dials, WorkshopView
+    from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
     from profiles.traces import Trace
@@ -120,5 +120,6 @@ def names() -> Mapping[str, Any]:
         LostLink,
         WorkshopView,
         Dials,
+        Truth,
     )
     return {**{each.__name__: each for each in found}, "CutPlan": RecordedPlan}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from drivers.cutting.bounds import Adjustable
 from drivers.lathe.snapshot import AxisName
@@ -28,7 +28,12 @@ LEAST_ARMED_S, MOST_ARMED_S = 10.0, 90.0
 
 @dataclass(frozen=True)
 class Command:
-    """One command; those without fields differ by their class alone."""
+    """One command; those without fields differ by their class alone.
+
+    `logged` is whether the log of the session has it: all that an operator orders.
+    """
+
+    logged: ClassVar[bool] = True
 
 
 class Verify(Command):
@@ -185,6 +190,20 @@ class Adjust(Command):
 
     what: Adjustable
     steps: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class InjectFault(Command):
+    """Give the simulated lathe a fault: `inject NAME [KEY=VALUE ...]`, or `clear`."""
+
+    line: str
+    logged: ClassVar[bool] = False  # a trainee has to find it
+
+
+class AskTruth(Command):
+    """Ask the simulated lathe what is so, when a lesson is over."""
+
+    logged: ClassVar[bool] = False
 
 
 class Retract(Command):

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from console.session.cut.alignment import Alignment, aligned_machine, mounted_on
 from console.session.cut.engine import CutContext, Workshop
@@ -30,9 +30,20 @@ from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
 from drivers.pmac.client import PmacClient
+from drivers.simulator.plant.workshop_view import Truth
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
+
+
+class Shop(Workshop, Protocol):
+    """The workshop of a lathe on which people train."""
+
+    def truth(self) -> Truth:
+        """Return what is so at the lathe, for a debrief."""
+
+    def fault(self, line: str) -> str:
+        """Inject a fault: `inject NAME [KEY=VALUE ...]`; or end all of them: `clear`."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -46,7 +57,7 @@ class StationContext:
     `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
     `hold_asked` is the last command about a feed hold not yet passed on, `adjust_asked` those about override and
-    trim. `side` sends what worker threads
+    trim, `faults_asked` faults for the simulated lathe. `side` sends what worker threads
     ask, between two polls.
     """
 
@@ -54,7 +65,7 @@ class StationContext:
     owning: Owning
     loaded_machine: LoadedMachine
     clock: Clock
-    shop: Workshop | None
+    shop: Shop | None
     records: Path
     local_time: Callable[[], str]
     commissioned: Commissioned | None = None
@@ -71,6 +82,7 @@ class StationContext:
     end_asked: bool = False
     hold_asked: HoldFeed | ResumeFeed | None = None
     adjust_asked: deque[Adjust] = field(default_factory=deque)
+    faults_asked: deque[str] = field(default_factory=deque)
     _incomplete_told: bool = field(default=False, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _state: StationState = field(init=False)

@@ -79,6 +79,13 @@ def confirm_clamping(context: StationContext, command: commands.ConfirmClamping)
     context.tell(alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None)
 
 
+def ask_truth(context: StationContext, _: commands.AskTruth) -> None:
+    """Ask the simulated lathe what is so; `session.not_simulated`."""
+    if context.shop is None:
+        raise SessionError(Problem(code="session.not_simulated"))
+    context.tell(truth=context.shop.truth())
+
+
 def switch_on(context: StationContext, _: commands.EnableDrives) -> None:
     """Enable the drives, on a controller that is set as its profile says."""
     settings = context.state.alignment.settings
@@ -222,5 +229,6 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.Measure: (Activity.MEASURING, measure),
     commands.TakeTrace: (Activity.MEASURING, take_trace),
     commands.CorrectTouchOff: (Activity.READY, correct_touch_off),
+    commands.AskTruth: (Activity.READY, ask_truth),
 }
 """Activity shown and handler for each command. Hold and Acknowledge do not wait their turn."""

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_loop import ToolLoop
-    from drivers.simulator.plant.workshop_view import WorkshopView
+    from drivers.simulator.plant.workshop_view import Truth, WorkshopView
     from profiles.job import Job
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
@@ -182,7 +182,8 @@ class StationState:
     `ends_at_most` whether it may end long before.
     `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
     read last, `tested` the name of the file with the last test of the tool. `trial` are gains that were applied on
-    trial, as the controller had them when it was compared last.
+    trial, as the controller had them when it was compared last. `truth` is what is so at a simulated lathe, once
+    it was asked.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -220,6 +221,7 @@ class StationState:
     tool_loop: ToolLoop | None = None
     tested: str = ""
     trial: StandingTrial | None = None
+    truth: Truth | None = None
 
     @property
     def moving(self) -> bool:

@@ -12,27 +12,20 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 
 from console.session.cut.alignment import observed
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import LEFT_IN_PART, killed_or_refused
 from console.session.errors import SessionError, fault_problem
-from console.session.station.adjusting.holding import hold_refusal
-from console.session.station.adjusting.refusals import adjust_refusal
-from console.session.station.alarms import OF_A_CUT, Priority, seen
+from console.session.station.adjusting.at_once import taken_at_once
+from console.session.station.alarms import OF_A_CUT, Priority
 from console.session.station.armed_watch import watch_armed
 from console.session.station.commands import (
-    Acknowledge,
-    Adjust,
     Arm,
     Command,
-    EndCut,
-    HoldFeed,
     ReadLoop,
     Recover,
-    ResumeFeed,
     Start,
     TakeControl,
     Verify,
@@ -45,7 +38,15 @@ from console.session.station.progress import SpindleWatch
 from console.session.station.reaching import Commissioned, reach
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops, leaves_tool_in_part
-from console.session.station.watches import ChuckSight, LinkTime, watch_axes, watch_loss, watch_phase, watch_poll
+from console.session.station.watches import (
+    ChuckSight,
+    LinkTime,
+    give_faults,
+    watch_axes,
+    watch_loss,
+    watch_phase,
+    watch_poll,
+)
 from drivers.beside.heard import Heard
 from drivers.beside.side_line import Moment, SideLine
 from drivers.clock import RealClock
@@ -110,6 +111,7 @@ class Station:
         else:
             context.end_alarms(*OF_A_CUT)
         if not self._stops.leaving:  # whoever leaves looks at the chuck no more, and an answer may take its time
+            give_faults(context)
             self._sight.sample()
         context.check_record()
         silent = self._beat_s is not None and context.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
@@ -160,28 +162,9 @@ class Station:
     def post(self, intent: Command) -> bool:
         """Take a command, from any thread; False where it is refused because the machine is busy."""
         context = self._context
-        if isinstance(intent, Acknowledge | EndCut | HoldFeed | ResumeFeed | Adjust):
-            context.log_command(intent)
-        if isinstance(intent, Acknowledge):
-            context.change_alarms(partial(seen, shown=intent.shown))
-            return True
-        if isinstance(intent, EndCut):
-            if context.state.activity is not Activity.CUTTING:
-                return self._refuse(Problem(code="session.nothing_to_hold"))
-            context.end_asked = True
-            return True
-        if isinstance(intent, HoldFeed | ResumeFeed):
-            refused = hold_refusal(intent, context.state)
-            if refused is not None:
-                return self._refuse(refused)
-            context.hold_asked = intent
-            return True
-        if isinstance(intent, Adjust):
-            refused = adjust_refusal(intent, context.state)
-            if refused is not None:
-                return self._refuse(refused)
-            context.adjust_asked.append(intent)
-            return True
+        refused = taken_at_once(context, intent)
+        if refused is not None:
+            return self._refuse(refused[0]) if refused else True
         with self._slot:
             if context.state.activity is Activity.LOST:
                 return self._refuse(Problem(code="session.lost"))
@@ -220,6 +203,7 @@ class Station:
 
     def _step(self, command: Command | None) -> None:
         context = self._context
+        give_faults(context)
         if self._stops.gone:
             if context.side is not None:  # nobody polls any more, and somebody may wait for an answer
                 context.side.serve(Moment(at_rest=False, controls=False, lost=True))

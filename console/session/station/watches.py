@@ -16,7 +16,7 @@ from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
 from drivers.lathe.stop import way_problems
 from drivers.pmac.heartbeat.arming import lost_problem
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 
 KEPT_S = 5.0  # window over which the longest response time is reported
 SIGHT_PERIOD_S = 0.15  # sampling period of the chuck view
@@ -133,6 +133,17 @@ def rounded_up_ms(answer_ms: float) -> float:
     while answer_ms > 10.0 * decade:
         decade *= 10.0
     return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if answer_ms <= step * decade)
+
+
+def give_faults(context: StationContext) -> None:
+    """Give the simulated lathe the faults that were asked for; one that cannot be is an alarm."""
+    while context.shop is not None and context.faults_asked:
+        line = context.faults_asked.popleft()
+        try:
+            context.shop.fault(line)
+            context.note_anyway("fault", line=line)
+        except ProblemError as error:
+            context.alarm_once(error.problems[0], Priority.MEDIUM)
 
 
 class ChuckSight:

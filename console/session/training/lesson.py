@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from console.session.training.event import Event, read_events
+from console.session.training.item import Item
 from console.session.training.milestones import MILESTONES
 from drivers.simulator.plant.presets import PLANTS, SEEDS
 from profiles.fields import Field, Kind, read_fields, schema_problem
@@ -19,6 +21,7 @@ from profiles.problem import Problem, ProfileError
 
 FOLDER = Path(__file__).parent / "lessons"
 LANGUAGES = ("en", "ko")
+EVENTS = "event"  # tables of them
 WORDS_CAP = 400
 
 _FIELDS = (
@@ -30,6 +33,7 @@ _FIELDS = (
     Field(key="blind", kind=Kind.CHOICE, default="no", choices=("yes", "no")),
     Field(key="job", kind=Kind.TEXT, default="lee-2001-experiment-1"),
     Field(key="steps", kind=Kind.TEXTS, choices=tuple(MILESTONES)),
+    Field(key="counts", kind=Kind.TEXTS, choices=tuple(Item), default=tuple(Item)),
 )
 _WORDS = (
     Field(key="title", kind=Kind.TEXT, longest=60),
@@ -52,7 +56,8 @@ class Lesson:
     """A lesson, at its `place` in lists. `steps` are names of `MILESTONES` in the order in which they are reached.
 
     `plant` and `seed` say which simulated lathe it is on, another each time without a seed; a `blind` one shows
-    dials instead of the truth. `job` is a saved job.
+    dials instead of the truth. `job` is a saved job. `counts` are the items of its score, names of `Item`;
+    `events` come by themselves.
     """
 
     name: str
@@ -63,6 +68,8 @@ class Lesson:
     blind: bool
     job: str
     steps: tuple[str, ...]
+    counts: tuple[str, ...]
+    events: tuple[Event, ...]
     words: Mapping[str, Words]
 
 
@@ -70,8 +77,10 @@ def lesson_of(table: Mapping[str, Any], name: str, where: str) -> Lesson:
     """Return the lesson of a table. Raises ProfileError with everything that is wrong in it."""
     if refusal := schema_problem(table, where=where):
         raise ProfileError(refusal)
-    top = {key: value for key, value in table.items() if key not in LANGUAGES}
+    top = {key: value for key, value in table.items() if key not in (*LANGUAGES, EVENTS)}
     values, problems = read_fields(_FIELDS, top, where=where)
+    events, found = read_events(table.get(EVENTS, []), values.get("steps") or (), where)
+    problems += found
     words: dict[str, Words] = {}
     for language in LANGUAGES:
         given = table.get(language, {})
@@ -86,7 +95,7 @@ def lesson_of(table: Mapping[str, Any], name: str, where: str) -> Lesson:
     if problems:
         raise ProfileError(*problems)
     del values["schema"]
-    return Lesson(name=name, words=words, **{**values, "blind": values["blind"] == "yes"})
+    return Lesson(name=name, words=words, events=events, **{**values, "blind": values["blind"] == "yes"})
 
 
 def _hints(language: str, hints: tuple[str, ...], steps: tuple[str, ...], where: str) -> list[Problem]:

@@ -29,6 +29,8 @@ class LoggedControl(PassingControl):
     def post(self, intent: Command) -> bool:
         """Post a command; note it afterwards."""
         taken = super().post(intent)
+        if not intent.logged:
+            return taken
         given: dict[str, Any] = {}
         if hasattr(intent, "axis") and hasattr(intent, "distance"):
             given = {"axis": intent.axis.value, "distance": intent.distance}

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from console.session.training.attempt import Attempt
+from console.session.training.debrief import Debrief, debrief_of
 from console.session.training.lesson import Lesson, Words
 from console.session.training.shelf import Shelved, lessons, own_folder
+from console.session.training.tries import keep_try, tries, try_of
+from console.tui.further.debrief_lines import advice_lines, clock, happened_lines, score_lines
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, dim, line, ranged, wrapped
 from console.tui.page import Page
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View
+from console.tui.ui_context import UiContext, View, refusal
+from drivers.simulator.plant.workshop_view import Truth
+from profiles.problem import Problem
 
 _DONE, _CURRENT, _OPEN = "✓", "●", "○"
 
@@ -33,6 +38,8 @@ class TrainPage(Page):
         self._hint = Sheet(ui.palette, id="train-hint")
         self.panels = (self._steps, self._hint)
         self._shelf: tuple[Shelved, ...] | None = None
+        self._over: tuple[Debrief, tuple[int, ...]] | None = None
+        self._asked = False
 
     def show(self, view: View) -> None:
         """Show how far the lesson has come, or which lessons there are."""
@@ -44,6 +51,9 @@ class TrainPage(Page):
             self._steps.show(rows, self.ui.text("train_page.lessons"))
             return
         words = attempt.lesson.words[self.ui.text.language]
+        if attempt.ended_s is not None and view.state.truth is not None:
+            self._show_debrief(attempt, view.state.truth, view.now_s)
+            return
         rows = clipped(
             self._progress(attempt, words, view, max(size.width, 1)), size.height, self.ui.text("panel.more")
         )
@@ -52,11 +62,54 @@ class TrainPage(Page):
             self._hints(attempt, words, max(self._hint.size.width, 1)), self.ui.text("train_page.hint")
         )
 
+    def act(self, action: str) -> None:
+        """End the lesson; one that is not done asks again."""
+        attempt = self.ui.attempt
+        if self.ui.answers(self.why_not(action, self.ui.view)) or attempt is None:
+            return
+        if not attempt.done and not self._asked:
+            self._asked = True
+            self.ui.say("training.end_again")
+            return
+        from console.session.station.commands import AskTruth  # not for the first page
+
+        if self.ui.control.post(AskTruth()):
+            self.ui.attempt = attempt.ended(self.ui.control.now_s())
+
+    def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
+        """Return why no lesson can be ended now."""
+        attempt = self.ui.attempt
+        if attempt is None or attempt.ended_s is not None:
+            return (Problem(code="training.none" if attempt is None else "training.over"),)
+        return refusal(view.state, action)
+
+    def _show_debrief(self, attempt: Attempt, truth: Truth, now_s: float) -> None:
+        """Show the debrief; the first time, keep the try."""
+        if self._over is None:
+            self._over = self._kept(attempt, debrief_of(attempt, truth, now_s), now_s)
+        (debrief, scores), text, size = self._over, self.ui.text, self._steps.size
+        rows = score_lines(debrief, scores, text, max(size.width, 1))
+        self._steps.show(clipped(rows, size.height, text("panel.more")), text("debrief.title"))
+        width = max(self._hint.size.width, 1)
+        rows = [*advice_lines(debrief, text, width), BLANK, *happened_lines(attempt, text, width)]
+        self._hint.show(clipped(rows, self._hint.size.height, text("panel.more")), text("debrief.next_time"))
+
+    def _kept(self, attempt: Attempt, debrief: Debrief, now_s: float) -> tuple[Debrief, tuple[int, ...]]:
+        """Keep the try; return the debrief with the scores of all tries of this lesson, the newest last."""
+        scores: tuple[int, ...] = (debrief.score,)
+        with self.ui.answering():
+            keep_try(self.ui.data, try_of(attempt, debrief, now_s))
+            found = tries(self.ui.data, attempt.trainee, attempt.lesson.name)
+            scores = tuple(each.score for each in found)
+        return debrief, scores
+
     def next_step(self, view: View) -> Line:
         """Return the step that is due."""
         attempt, text = self.ui.attempt, self.ui.text
         if attempt is None:
             return line((text("train_page.next.none"), Token.ACTION))
+        if attempt.ended_s is not None:
+            return line((text("train_page.next.over"), Token.ACTION))
         if attempt.done:
             return line((text("train_page.next.done"), Token.ACTION))
         step = text(f"train_page.step.{attempt.lesson.steps[attempt.step]}")
@@ -67,6 +120,11 @@ class TrainPage(Page):
         attempt = self.ui.attempt
         if attempt is None:
             return self._list(width)
+        if self._over is not None:
+            debrief, scores = self._over
+            said = score_lines(debrief, scores, self.ui.text, width)
+            advice = advice_lines(debrief, self.ui.text, width)
+            return [*said, BLANK, *advice, BLANK, *happened_lines(attempt, self.ui.text, width)]
         words = attempt.lesson.words[self.ui.text.language]
         hints = [row for hint in words.hints for row in (*wrapped(hint, width), BLANK)]
         return [*self._progress(attempt, words, view, width), BLANK, *hints]
@@ -78,7 +136,7 @@ class TrainPage(Page):
         for number, name in enumerate(attempt.lesson.steps):
             said = text(f"train_page.step.{name}")
             if number < attempt.step:
-                at = dim(_clock(attempt.reached[number][1]))
+                at = dim(clock(attempt.reached[number][1]))
                 rows.append(ranged(line((f"{_DONE} ", Token.OK), said), (at,), width))
             elif number == attempt.step:
                 rows.append(line((f"{_CURRENT} {said}", Token.STRONG)))
@@ -86,7 +144,7 @@ class TrainPage(Page):
                 rows.append((dim(f"{_OPEN} {said}"),))
         left_s = attempt.left_s(view.now_s)
         known = "train_page.left" if left_s >= 0.0 else "train_page.over"
-        rows += [BLANK, line(text(known, time=_clock(abs(left_s))))]
+        rows += [BLANK, line(text(known, time=clock(abs(left_s))))]
         facts = text("train_page.facts", stops=attempt.stops, collisions=len(attempt.met))
         return [*rows, (dim(facts),)]
 
@@ -113,9 +171,4 @@ class TrainPage(Page):
 
     def leave(self) -> None:
         """Read the lessons anew the next time."""
-        self._shelf = None
-
-
-def _clock(seconds: float) -> str:
-    """Return minutes and seconds."""
-    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
+        self._shelf, self._asked = None, False

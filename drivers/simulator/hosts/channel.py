@@ -1,8 +1,8 @@
 """The private channel between the process of the simulated lathe and the one that started it.
 
 It is a stream of JSON lines, one reply for each request: `{"do": "mount", "job": {...}}`, `{"do": "measure"}`,
-`{"do": "look"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it) and
-`{"do": "fault", "line": "..."}` (see `control_line`). The reply to an impossible request is
+`{"do": "look"}`, `{"do": "truth"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it)
+and `{"do": "fault", "line": "..."}` (see `control_line`). The reply to an impossible request is
 `{"refused": reason}`. Before any request, one line `{"ready": device}` names the device of the controller.
 """
 
@@ -48,6 +48,8 @@ def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
                 trace = lathe.measure()
                 columns = {"angle_deg": trace.angle_deg.tolist(), "deviation_um": trace.deviation_um.tolist()}
                 return {**columns, "meta": dict(trace.meta)}
+            case "truth":
+                return asdict(lathe.truth())
             case "spindle":
                 lathe.set_spindle(request["rpm"])
                 return {}

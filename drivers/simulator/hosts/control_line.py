@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from drivers.errors import RefusedError
 from drivers.simulator.faults.board import FaultBoard, Injected
 from drivers.simulator.faults.catalogue import CATALOGUE, Parameter, Value, find, refusal
+from drivers.simulator.faults.fault_line import inject_words
 from drivers.simulator.hosts.control_address import LONGEST_LINE, OK, REFUSED
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.collision import Collision
@@ -55,7 +56,7 @@ def _obey(lathe: SimulatedLathe, line: str) -> list[str]:
         case ["help", name]:
             return list(_help(name))
         case ["inject", name, *settings]:
-            injected = _inject(lathe.faults, name, settings)
+            injected = inject_words(lathe.faults, name, settings)
             return [said for said in (_described(injected, lathe.now_s()), injected.effect.outcome()) if said]
         case ["active"]:
             active = [_described(injected, lathe.now_s()) for injected in lathe.faults.active()]
@@ -84,17 +85,6 @@ def _help(name: str) -> Iterator[str]:
     for parameter in (*fault.parameters, *fault.times):
         default = "" if parameter.default is None else f"; default {_plain(parameter.default)}"
         yield f"  {parameter.name}{_unit(parameter)}: {parameter.meaning}; {parameter.allowed}{default}"
-
-
-def _inject(board: FaultBoard, name: str, settings: list[str]) -> Injected:
-    find(name)
-    given: dict[str, Value] = {}
-    for setting in settings:
-        key, equals, value = setting.partition("=")
-        if not equals or not key or key in given:
-            raise refusal(name, "setting", _shown(setting), "KEY=VALUE, each key once")
-        given[key] = value
-    return board.ask(name, given)
 
 
 def _shut_down(board: FaultBoard) -> list[str]:

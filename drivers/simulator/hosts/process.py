@@ -23,7 +23,7 @@ from drivers.errors import LinkError
 from drivers.link.address import SerialAddress
 from drivers.simulator.hosts.control_address import LONGEST_LINE
 from drivers.simulator.hosts.pty import remove_name
-from drivers.simulator.plant.workshop_view import Dials, WorkshopView
+from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
 from profiles.files import printable
 from profiles.job import Job
 from profiles.own_values import from_json
@@ -102,6 +102,10 @@ class SimulatorProcess:
         said = self._ask("look")
         dials = None if said["dials"] is None else Dials(**said["dials"])
         return WorkshopView(**{**said, "collisions": tuple(said["collisions"]), "dials": dials})
+
+    def truth(self) -> Truth:
+        """Return what is so at the lathe, for a debrief. Raises LinkError: `simulator.gone`."""
+        return Truth(**self._ask("truth"))
 
     def set_spindle(self, rpm: float | None) -> None:
         """Set a spindle on an inverter as at the lathe: it ramps to `rpm`, or coasts where that is None.

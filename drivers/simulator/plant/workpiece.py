@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from profiles.job import Job
+
 Floats = NDArray[np.float64]
 ANGLES = 3600  # points of a section, equally spaced from the spindle index
 
@@ -98,6 +100,12 @@ class Blank:
             lobe = lobe + self.overtone * grown * 0.5 * self.lobe_um_pp * np.cos(2.0 * phase)
         uneven = self.oval_um * np.cos(2.0 * past_jaw) + self.shift_um * np.cos(past_jaw)
         return np.asarray(lobe + uneven, dtype=np.float64)
+
+    def unexpected_um(self, job: Job, angle_deg: Floats) -> Floats:
+        """Return what the lobe of its job leaves of the spring-back in the middle of the cut, um outwards."""
+        past_lobe = np.radians(angle_deg - self.jaw_1_deg - (job.lobe_past_jaw_deg or 0.0))
+        expected_um = job.lobe_amplitude_um * np.cos(job.jaws * past_lobe)
+        return np.asarray(self.spring_back_um(angle_deg, self.middle_mm) - expected_um, dtype=np.float64)
 
 
 class Workpiece:

@@ -17,11 +17,12 @@ from drivers.simulator.plant.tip_load import CELLS, Stock, cutting_torque_n_m, m
 from drivers.simulator.plant.tip_path import Block, TipPath
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.workpiece import ANGLES, CHUNK, Blank, Workpiece
-from drivers.simulator.plant.workshop_view import WorkshopView
+from drivers.simulator.plant.workshop_view import Truth, WorkshopView
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_origin import with_modelled_lobe
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
+from profiles.roundness import evaluate
 from profiles.traces import Trace
 
 SECTIONS = (0.0, -0.4, 0.4)  # where the part is measured, cut lengths past its middle, towards the jaws
@@ -97,13 +98,14 @@ class SimulatedWorkshop:
         self._part: Workpiece | None = None
         self._released: Workpiece | None = None
         self._nominal_radius_mm = 0.0
+        self._job: Job | None = None
         self._past_middle_mm: tuple[float, ...] = ()
         self._free_end_mm = true.jaw_face_mm
         self._torque_n_m = 0.0
 
     def mount(self, job: Job) -> None:
         """Clamp a new blank for `job`; one whose lobe nobody knows yet springs back as the model has it."""
-        true, self._released = self._true, None
+        true, self._released, self._job = self._true, None, job
         if job.lobe_error_source == NO_LOBE:
             with suppress(ProfileError):  # of a material without data nothing is known: it does not spring back
                 job = with_modelled_lobe(job, self._machine)
@@ -179,6 +181,24 @@ class SimulatedWorkshop:
         if self._wander is not None:
             clamped_um += 1000.0 * np.array([self._wander.at_mm(place / ANGLES) for place in range(ANGLES)])
         return self._gauge.trace(clamped_um, self._nominal_radius_mm, "clamped")
+
+    def truth(self) -> Truth:
+        """Return what is so, whatever was found."""
+        last, true = self._part or self._released, self._true
+        jaw_1_deg = last.blank.jaw_1_deg if last else true.jaw_1_deg or 0.0
+        left_um: Floats = np.zeros(ANGLES)
+        trace_deg: Floats = np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
+        if self._wander is not None:
+            left_um += 1000.0 * np.array([self._wander.at_mm(place / ANGLES) for place in range(ANGLES)])
+        if last is not None and self._job is not None:
+            left_um += last.blank.unexpected_um(self._job, trace_deg)
+        # A gauge of its own: a debrief must not change what the next part measures.
+        trace = Gauge(true).trace(left_um, 0.0, FREE)
+        return Truth(
+            jaw_1_deg=jaw_1_deg % 360.0,
+            zero_radius_mm=self._path.tips_mm((0.0,))[0],
+            reachable_um=evaluate(trace.angle_deg, trace.deviation_um).ront_um,
+        )
 
     def look(self, tool: float, spindle: float, carriage: float) -> WorkshopView:
         """Return the view of the chuck with the axes where they are.

@@ -22,6 +22,21 @@ class Dials:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """What is so at the lathe, for a debrief: nothing of it is shown before.
+
+    `jaw_1_deg` is the spindle angle at which jaw 1 meets the mark, degrees from the index; `zero_radius_mm` the
+    radius of the tool tip at motor position zero; `reachable_um` the RONt of this part where the lobe of its job
+    is exactly aligned and followed: what lathe, chuck and gauge leave. Without a part it is what spindle and gauge
+    leave.
+    """
+
+    jaw_1_deg: float
+    zero_radius_mm: float
+    reachable_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WorkshopView:
     """A view of the chuck.
 

@@ -1,0 +1,78 @@
+"""`console tries`: the tries of lessons that were kept, by trainee: list them, export them, delete them."""
+
+from __future__ import annotations
+
+import csv
+import io
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from console.cli.library import data_of
+from console.cli.output import show
+from console.cli.parser import Parser
+from console.text.catalogue import Catalogue
+from console.text.columns import table
+
+if TYPE_CHECKING:
+    from console.session.training.tries import Try
+
+COLUMNS = ("date", "trainee", "lesson", "score", "took_s", "plant", "seed", "blind")
+
+
+def add(parser: Parser, text: Catalogue) -> None:
+    """Add the name of a lesson, of a trainee, and what to do with the tries."""
+    parser.add_argument("lesson", metavar="NAME", nargs="?", help=text("help.tries_lesson"))
+    parser.add_argument("--trainee", metavar="NAME", help=text("help.tries_trainee"))
+    one = parser.add_mutually_exclusive_group()
+    one.add_argument("--export", metavar="FILE.csv", help=text("help.tries_export"))
+    one.add_argument("--delete", action="store_true", help=text("help.tries_delete"))
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """List the tries, write them into a file, or delete them."""
+    from console.session.training.tries import delete, files_of, tries
+
+    data = data_of(options)
+    if options.delete:
+        number = delete(files_of(data, options.trainee, options.lesson))
+        show(options, lambda: {"deleted": number}, lambda: [text("tries.deleted", count=number)])
+        return 0
+    found = tries(data, options.trainee, options.lesson)
+    if options.export is not None:
+        from profiles.files import write_atomically
+
+        write_atomically(Path(options.export), _table(found).encode(), overwrite=False)
+        fields = {"file": options.export, "tries": len(found)}
+        show(options, lambda: fields, lambda: [text("tries.exported", count=len(found), file=options.export)])
+        return 0
+    show(options, lambda: {"tries": [_fields(each) for each in found]}, lambda: _lines(found, text))
+    return 0
+
+
+def _fields(one: Try) -> dict[str, object]:
+    return {name: getattr(one, name) for name in COLUMNS}
+
+
+def _table(found: tuple[Try, ...]) -> str:
+    written = io.StringIO()
+    rows = csv.DictWriter(written, COLUMNS, lineterminator="\n")
+    rows.writeheader()
+    rows.writerows(_fields(each) for each in found)
+    return written.getvalue()
+
+
+def _lines(found: tuple[Try, ...], text: Catalogue) -> list[str]:
+    if not found:
+        return [text("tries.none")]
+    return table(
+        [
+            (each.date[:16].replace("T", " "), each.trainee or "-", each.lesson, str(each.score), _minutes(each))
+            for each in found
+        ],
+        numeric=(3, 4),
+    )
+
+
+def _minutes(one: Try) -> str:
+    return f"{one.took_s / 60.0:.1f} min"

@@ -1,0 +1,61 @@
+"""An event of a lesson: a fault that the simulated lathe gets some time after a step, unasked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.errors import RefusedError
+from drivers.simulator.faults.fault_line import check_line
+from profiles.fields import Field, Kind, read_fields
+from profiles.problem import Problem
+
+LINE_CAP = 200
+
+_FIELDS = (
+    Field(key="after", kind=Kind.TEXT, default=""),
+    Field(key="wait_s", unit="s", default=0.0, at_least=0.0, at_most=3600.0),
+    Field(key="fault", kind=Kind.TEXT, longest=LINE_CAP),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """A fault (`NAME [KEY=VALUE ...]`) that comes `wait_s` after a step was made, or after the begin ("")."""
+
+    after: str
+    wait_s: float
+    fault: str
+
+
+def read_events(given: object, steps: Sequence[str], where: str) -> tuple[tuple[Event, ...], list[Problem]]:
+    """Return the events of a lesson with these steps, and everything that is wrong with them."""
+    tables = given if isinstance(given, list) else [given]
+    events: list[Event] = []
+    problems: list[Problem] = []
+    for number, table in enumerate(tables, start=1):
+        prefix = f"event {number}: "
+        content: Mapping[str, Any] = table if isinstance(table, dict) else {"fault": table}
+        values, found = read_fields(_FIELDS, content, where=where, prefix=prefix)
+        if not found:
+            event = Event(**values)
+            found = _problems(event, steps, where, prefix)
+            events.append(event)
+        problems += found
+    return tuple(events), problems
+
+
+def _problems(event: Event, steps: Sequence[str], where: str, prefix: str) -> list[Problem]:
+    if event.after and event.after not in steps:
+        limit = " | ".join(steps)
+        return [
+            Problem(code="value.not_choice", where=where, key=f"{prefix}after", value=event.after, limit=limit)
+        ]
+    try:
+        check_line(event.fault)
+    except RefusedError as refused:
+        problem = refused.problems[0]
+        key = f"{prefix}fault {problem.key}"
+        return [Problem(code="lesson.fault", where=where, key=key, value=problem.value, limit=problem.limit)]
+    return []
