@@ -19,6 +19,9 @@ JAW_WITHIN_DEG, TIP_WITHIN_UM, SEEN_WITHIN_S = 0.3, 10.0, 60.0
 KEYS = frozenset({"space", "escape", "f9", "f12", "page", "unbound", "change", "unreadable", "paste"})
 """Reasons of stops by somebody at the keys, before a space."""
 
+BY_ITSELF = frozenset({"stopped", "stopped_in_cut", "link_lost"})
+"""Steps that a machine may make alone."""
+
 STOPS = frozenset({"stopped", "stopped_in_cut"})
 """Steps that ask for a stop."""
 
@@ -155,9 +158,15 @@ def unseen(attempt: Attempt, now_s: float) -> tuple[float, ...]:
 def reactions(attempt: Attempt, now_s: float) -> tuple[float, ...]:
     """Return how long after each fault something was done about it, s: a stop, an alarm seen, or a step made."""
     end_s = attempt.ended_s if attempt.ended_s is not None else now_s - attempt.began_s
-    acts = [each.at_s for each in attempt.happened if each.what in (What.SEEN, What.STEP) or _is_ours(each)]
+    acts = [each.at_s for each in attempt.happened if _is_act(each)]
     faults = [each.at_s for each in attempt.happened if each.what is What.FAULT]
     return tuple(min((act for act in acts if act > at_s), default=end_s) - at_s for at_s in faults)
+
+
+def _is_act(each: Happening) -> bool:
+    """Whether somebody did something: a step of the machine itself is none."""
+    by_itself = each.what is What.STEP and each.word in BY_ITSELF
+    return _is_ours(each) or (each.what in (What.SEEN, What.STEP) and not by_itself)
 
 
 def _is_ours(each: Happening) -> bool:

@@ -27,6 +27,7 @@ class Change:
 
 
 Reached = Callable[[Change], bool]
+_CUT = "cut"  # of `CutStage`, which is not there for the first page
 
 
 def _cut(stage: Stage) -> Reached:
@@ -55,6 +56,11 @@ def _skimmed(change: Change) -> bool:
     return touch_off is not None and touch_off.skimmed
 
 
+def _in_cut(change: Change) -> bool:
+    cut = change.now.cut
+    return change.now.activity is Activity.CUTTING and cut is not None and cut.stage == _CUT
+
+
 def _acknowledged(change: Change) -> bool:
     new = [alarm for alarm in change.before.alarms if not alarm.acknowledged]
     return bool(new) and all(alarm.acknowledged for alarm in change.now.alarms)
@@ -70,10 +76,12 @@ MILESTONES: Mapping[str, Reached] = MappingProxyType(
         "touched_off": lambda change: change.now.alignment.touch_off is not None,
         "skimmed": _skimmed,
         "armed": lambda change: change.now.armed is not None,
+        "in_cut": _in_cut,
         "air_cut": _cut(Stage.AIR),
         "half_cut": _cut(Stage.PARTIAL),
         "full_cut": _cut(Stage.FULL),
         "measured": lambda change: change.now.measured is not None,
+        "measured_plain": lambda change: change.now.uncompensated is not change.before.uncompensated,
         "held": lambda change: change.now.paused,
         "resumed": lambda change: change.before.paused and not change.now.paused and change.now.moving,
         "stopped": lambda change: change.now.stop is not None,
