@@ -106,6 +106,21 @@ class CompensationTable:
             raise ValueError(f"{len(positions_counts)} positions for {len(definition.sources)} sources")
         return self.at(*places)
 
+    def corrections(self, *tracks_counts: Sequence[float]) -> list[float]:
+        """Return the corrections along tracks of the sources, each as `correction` returns it."""
+        if self.definition.rows:
+            return [self.correction(*places) for places in zip(*tracks_counts, strict=True)]
+        # Written out for one source: a table is asked in every servo cycle.
+        (track,), line, size = tracks_counts, self.grid[0], self.definition.columns
+        span, last, found = self.definition.sources[0].span_counts, size - 1, []
+        for position in track:
+            column = position % span * size / span
+            left = int(column)
+            left = left if left < last else last
+            low = line[left]
+            found.append(low + (line[left + 1] - low) * (column - left))
+        return found
+
     def at(self, column: float, row: float = 0.0) -> float:
         """Return the correction at a place of the grid, in spacings; its ends belong to their last interval."""
         left = min(int(column), self.definition.columns - 1)
