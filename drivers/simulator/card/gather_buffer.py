@@ -21,7 +21,7 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.memory import WORD_BITS, Memory, Pointer
 from drivers.pmac.variables import VariableStore
 
-_LONG_BYTES = LONG_BITS // 8
+_LONG_BYTES, _WORD_BYTES = LONG_BITS // 8, WORD_BITS // 8
 _Passed = Callable[[], list[int]]  # the same in each servo cycle of a stretch
 _Source = tuple[Callable[[], int], int]  # reads the bits of a register; its lowest bit in a sample
 
@@ -38,7 +38,7 @@ class GatherBuffer:
         self._listable = False
         self._sources: tuple[_Source, ...] = ()
         self.by_cycle = False  # an output is gathered: of a stretch of cycles only the last one is known
-        self._passed: tuple[tuple[int, _Passed, int], ...] = ()
+        self._passed: tuple[tuple[int, _Passed, int], ...] = ()  # motor, reader, bytes
         self.motors: frozenset[int] | None = None  # those that `sample_stretch` reads; None when it cannot
         self._padding = 0
         self._sample_bytes = 0
@@ -73,11 +73,11 @@ class GatherBuffer:
             asked = f"{len(chosen)} sources every {period} servo cycles"
             raise PmacError(ErrorCode.DATA_ERROR, f"{asked}: nothing that could be gathered")
         # What a sample needs, computed once: thousands are taken per second.
-        places = list(zip(chosen, shifts_of(chosen), strict=True))
+        places = zip(chosen, shifts_of(chosen), strict=True)
         self._sources = tuple((_bits(self._memory, source), shift) for source, shift in places)
         self._passed = tuple(
-            (*passed, shift)
-            for source, shift in places
+            (*passed, (1 if source.space in "XY" else 2) * _WORD_BYTES)
+            for source in chosen
             if (passed := self._memory.passed_bits_of(source)) is not None
         )
         all_passed = len(self._passed) == len(self._sources)
@@ -135,10 +135,13 @@ class GatherBuffer:
         self._cycle += cycles
         if first >= cycles:
             return
-        columns = [[bits << shift for bits in passed()[first::period]] for _, passed, shift in self._passed]
-        size, padding = self._sample_bytes, self._padding
-        for parts in zip(*columns, strict=True):
-            self._data += sum(parts, padding).to_bytes(size, "little")
+        columns = [
+            [bits.to_bytes(width, "little") for bits in passed()[first::period]]
+            for _, passed, width in self._passed
+        ]
+        tail = self._padding.to_bytes(self._sample_bytes, "little")[sum(width for _, _, width in self._passed) :]
+        for words in zip(*columns, strict=True):
+            self._data += b"".join(words) + tail
         if not self._has_room:
             self.running = False
 

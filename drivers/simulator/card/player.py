@@ -169,9 +169,9 @@ class Player:
         return True
 
     def _finish(self, piece: Piece) -> None:
-        """Leave a piece at its exact end, so that rest is exactly at the end of the move."""
+        """Leave a piece; the last one at its exact end, so that rest is exactly at the end of the move."""
         self._queue.popleft()
         self._elapsed_ms -= piece.duration_ms
         self._entered = False
-        end = piece.duration_ms
-        self.position = tuple(((c3 * end + c2) * end + c1) * end + c0 for c0, c1, c2, c3 in piece.cubics)
+        if not self._queue:
+            self.position = tuple([position_at(cubic, piece.duration_ms) for cubic in piece.cubics])
