@@ -19,8 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from itertools import product
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
@@ -76,22 +75,23 @@ class TableDefinition:
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationTable:
-    """A table with all its entries, sixteenths of a count of the target."""
+    """A table with all its entries, sixteenths of a count of the target.
+
+    `grid` are the corrections in counts, row by row, each with its value at zero first.
+    """
 
     definition: TableDefinition
     entries: tuple[int, ...]
+    grid: tuple[tuple[float, ...], ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if len(self.entries) != self.definition.entry_count:
             raise ValueError(f"{len(self.entries)} entries; the definition asks for {self.definition.entry_count}")
-
-    @cached_property
-    def grid(self) -> tuple[tuple[float, ...], ...]:
-        """The corrections in counts, row by row, each with its value at zero first."""
         origin = 0 if self.definition.rows else self.entries[-1]
         counts = [entry / PARTS_PER_COUNT for entry in (origin, *self.entries)]
         width = self.definition.columns + 1
-        return tuple(tuple(counts[first : first + width]) for first in range(0, len(counts), width))
+        grid = tuple(tuple(counts[first : first + width]) for first in range(0, len(counts), width))
+        object.__setattr__(self, "grid", grid)  # frozen: this is how it is set
 
     def correction(self, *positions_counts: float) -> float:
         """Return the correction in counts of the target at these source positions."""
