@@ -18,9 +18,13 @@ from benchmarks.measure import extent, print_table, seconds
 from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import Strategy
 from drivers.pmac.axes import read_definitions
+from drivers.pmac.dialect import Dialect
 from drivers.pmac.gathering.gather import gather_settings
 from drivers.pmac.gathering.gather_client import motor_channel
+from drivers.pmac.heartbeat.plc import Policy, set_up_lines
+from drivers.pmac.heartbeat.watchdog import Activity, watchdog_timer
 from drivers.pmac.language.text import format_number
+from drivers.pmac.reserved import ACTIVITY
 from drivers.pmac.settings import settings_with
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.jog_motion import HomeSensor
@@ -41,6 +45,9 @@ LOOP_SETTINGS = (8, 9, 11, 12, 30, 31, 32, 33, 34, 35, 63, 69)
 """Ix numbers that all three motors take from the tool."""
 
 CAM_ENTRIES = 100
+LONG_CYCLES = 8_000_000
+"""A watchdog timer that does not run out."""
+
 GATHERED = ("commanded", "actual", "following_error", "velocity")
 
 AIM = 100.0
@@ -165,12 +172,9 @@ def jogging(machine: MachineProfile) -> Rate:
 
 
 def led_by_a_cam(machine: MachineProfile) -> Rate:
-    """The same, with the tool on a table by the angle of the spindle: one servo cycle after another."""
+    """The same, with the tool on a table by the angle of the spindle."""
     bench = Bench(machine)
-    spindle = machine.spindle
-    entries = (round(1000 * math.sin(6 * math.pi * k / CAM_ENTRIES)) for k in range(1, CAM_ENTRIES + 1))
-    sources = f"#{spindle.motor},#{machine.tool.motor},{spindle.counts_per_rev}"
-    bench.say(f"#{machine.tool.motor}DEFINE COMP {CAM_ENTRIES},{sources}", *map(str, entries), "I51=1")
+    bench.say(*cam_lines(machine))
     bench.say("#1J+", "#2J+", "#3J+")
     return bench.for_a_while()
 
@@ -178,12 +182,35 @@ def led_by_a_cam(machine: MachineProfile) -> Rate:
 def gathering(machine: MachineProfile) -> Rate:
     """The same with four registers gathered in every servo cycle instead, and no cam."""
     bench = Bench(machine)
-    dialect = bench.controller.dialect
-    channels = [motor_channel(name, 1, dialect.factory, dialect) for name in GATHERED]
-    settings = gather_settings([channel.source for channel in channels], 1, dialect)
-    bench.say(*(f"I{index}={value}" for index, value in settings.items()), "DEFINE GATHER", "GATHER")
+    bench.say(*gather_lines(bench.controller.dialect))
     bench.say("#1J+", "#2J+", "#3J+")
     return bench.for_a_while()
+
+
+def everything(machine: MachineProfile) -> Rate:
+    """The cam and the gathering at once, with the heartbeat PLC guarding a cut."""
+    bench = Bench(machine)
+    dialect = bench.controller.dialect
+    bench.say(*set_up_lines(machine, dialect, Policy.RETRACT), f"{watchdog_timer(dialect).name}={LONG_CYCLES}")
+    bench.say("I5=2", f"P{ACTIVITY}={Activity.CUT:d}")
+    bench.say(*cam_lines(machine), *gather_lines(dialect))
+    bench.say("#1J+", "#2J+", "#3J+")
+    return bench.for_a_while()
+
+
+def cam_lines(machine: MachineProfile) -> list[str]:
+    """Return the lines that put the tool on a table."""
+    spindle, tool = machine.spindle, machine.tool.motor
+    entries = (round(1000 * math.sin(6 * math.pi * k / CAM_ENTRIES)) for k in range(1, CAM_ENTRIES + 1))
+    sources = f"#{spindle.motor},#{tool},{spindle.counts_per_rev}"
+    return [f"#{tool}DEFINE COMP {CAM_ENTRIES},{sources}", *map(str, entries), "I51=1"]
+
+
+def gather_lines(dialect: Dialect) -> list[str]:
+    """Return the lines that gather four registers in every servo cycle."""
+    channels = [motor_channel(name, 1, dialect.factory, dialect) for name in GATHERED]
+    settings = gather_settings([channel.source for channel in channels], 1, dialect)
+    return [*(f"I{index}={value}" for index, value in settings.items()), "DEFINE GATHER", "GATHER"]
 
 
 def program(machine: MachineProfile, plan: CutPlan) -> Rate:
@@ -227,6 +254,7 @@ def main() -> None:
         ("controller, jogging", middle(lambda: jogging(machine))),
         ("controller, jogging, on a cam", middle(lambda: led_by_a_cam(machine))),
         ("controller, jogging, gathering", middle(lambda: gathering(machine))),
+        ("the same on a cam, with PLC 20", middle(lambda: everything(machine))),
         *((name, middle(partial(program, machine, plan))) for name, plan in plans(machine, job)),
     ]
     baseline = rates[0][1]

@@ -110,15 +110,14 @@ class Watched(SimulatedLathe):
         super().__init__(machine, **named)
         self.digest = hashlib.sha256()
         self.blocks = 0
-        run_block = self.controller.run_block
+        pass_along = self._floor.pass_along
 
-        def kept(cycles: int) -> Mapping[int, Any]:
-            tracks = run_block(cycles)
+        def kept(tracks: Mapping[int, Any], now_ms: float) -> None:
             for number, track in tracks.items():
                 self.digest.update(struct.pack(f"<i{len(track)}d", number, *track))
-            return tracks
+            pass_along(tracks, now_ms)
 
-        self.controller.run_block = kept  # type: ignore[method-assign,assignment]
+        self._floor.pass_along = kept  # type: ignore[method-assign,assignment]
 
     def _run_block(self) -> None:
         super()._run_block()
@@ -134,7 +133,7 @@ class Watched(SimulatedLathe):
             flags = motor.enabled, motor.in_position, motor.warning, motor.jog.stage, motor.jog.aborting
             note(repr((*flags, motor.travel, motor.home_complete, motor.fatal_error)).encode())
         if self.blocks % 16 == 0:
-            note(repr([controller.variables.get(VariableKind.P, index) for index in range(1024)]).encode())
+            note(repr([float(controller.variables.get(VariableKind.P, index)) for index in range(1024)]).encode())
             note(repr([(s.executing(), s.time_base.percent) for s in controller.systems.values()]).encode())
             note(repr(self.collisions).encode())
 

@@ -63,6 +63,12 @@ class Memory(Protocol):
     def bits_of(self, pointer: Pointer) -> Callable[[], int] | None:
         """Return a quick way to read the bits of a D word again and again; None: there is none."""
 
+    def passed_bits_of(self, pointer: Pointer) -> tuple[int, Callable[[], list[int]]] | None:
+        """Return what reads the bits of a word in each servo cycle of the last stretch, and the motor of the word.
+
+        None: there is none, and the word has to be read in each servo cycle.
+        """
+
 
 def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
     """Parse what follows `M1->`: a definition, or `*`, which points at nothing (None).

@@ -30,6 +30,9 @@ class Words:
     def bits_of(self, _: Pointer) -> None:
         return None
 
+    def passed_bits_of(self, _: Pointer) -> None:
+        return None
+
     def read(self, pointer: Pointer) -> float:
         return self.values.get((pointer.space, pointer.address), 0.0)
 

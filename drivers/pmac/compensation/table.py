@@ -19,8 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from itertools import product
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
@@ -76,22 +75,23 @@ class TableDefinition:
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationTable:
-    """A table with all its entries, sixteenths of a count of the target."""
+    """A table with all its entries, sixteenths of a count of the target.
+
+    `grid` are the corrections in counts, row by row, each with its value at zero first.
+    """
 
     definition: TableDefinition
     entries: tuple[int, ...]
+    grid: tuple[tuple[float, ...], ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if len(self.entries) != self.definition.entry_count:
             raise ValueError(f"{len(self.entries)} entries; the definition asks for {self.definition.entry_count}")
-
-    @cached_property
-    def grid(self) -> tuple[tuple[float, ...], ...]:
-        """The corrections in counts, row by row, each with its value at zero first."""
         origin = 0 if self.definition.rows else self.entries[-1]
         counts = [entry / PARTS_PER_COUNT for entry in (origin, *self.entries)]
         width = self.definition.columns + 1
-        return tuple(tuple(counts[first : first + width]) for first in range(0, len(counts), width))
+        grid = tuple(tuple(counts[first : first + width]) for first in range(0, len(counts), width))
+        object.__setattr__(self, "grid", grid)  # frozen: this is how it is set
 
     def correction(self, *positions_counts: float) -> float:
         """Return the correction in counts of the target at these source positions."""
@@ -105,6 +105,21 @@ class CompensationTable:
         if not len(positions_counts) == len(places) == len(definition.sources):
             raise ValueError(f"{len(positions_counts)} positions for {len(definition.sources)} sources")
         return self.at(*places)
+
+    def corrections(self, *tracks_counts: Sequence[float]) -> list[float]:
+        """Return the corrections along tracks of the sources, each as `correction` returns it."""
+        if self.definition.rows:
+            return [self.correction(*places) for places in zip(*tracks_counts, strict=True)]
+        # Written out for one source: a table is asked in every servo cycle.
+        (track,), line, size = tracks_counts, self.grid[0], self.definition.columns
+        span, last, found = self.definition.sources[0].span_counts, size - 1, []
+        for position in track:
+            column = position % span * size / span
+            left = int(column)
+            left = left if left < last else last
+            low = line[left]
+            found.append(low + (line[left + 1] - low) * (column - left))
+        return found
 
     def at(self, column: float, row: float = 0.0) -> float:
         """Return the correction at a place of the grid, in spacings; its ends belong to their last interval."""

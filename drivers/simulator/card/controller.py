@@ -76,7 +76,7 @@ class Controller:
         self._with_plant = frozenset(axes)
         self._profile = dict(i_variables), definitions
         self._awake: tuple[Motor, ...] = ()
-        self._revision = -1
+        self._revision, self._cycle_ms = -1, 0.0  # of the settings when a block last began
         self._define_axes()
         self.flash.power_up(self)
         self._power_up()
@@ -105,8 +105,9 @@ class Controller:
                 [motor for motor in self.motors.values() if motor.amplifier_enabled and not motor.activated]
             )
             self._awake = tuple(m for m in self.motors.values() if m.activated or m.number in self._with_plant)
+            self._cycle_ms = self.cycle_ms
         if not (self._leads.refresh() or self.gather.running or self.plcs.foreground):
-            return self._run(cycles, self.cycle_ms)
+            return self._run(cycles, self._cycle_ms)
         tracks: dict[int, list[float]] = {motor.number: [] for motor in self._awake}
         done = 0
         while done < cycles:

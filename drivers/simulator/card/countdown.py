@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Generic, TypeVar
+from collections.abc import Callable, Hashable, Iterable, Mapping
 
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.syntax import VariableKind
@@ -12,33 +11,32 @@ from drivers.pmac.variables import VariableStore
 
 _I = VariableKind.I
 _LOWEST = float(LOWEST_COUNT)
-_Name = TypeVar("_Name")
 
 
-class Countdown(Generic[_Name]):
+class Countdown:
     """Timers by name, from 0: the value written, and the servo cycle of writing; some do not run."""
 
-    def __init__(self, names: Iterable[_Name], now: Callable[[], int]) -> None:
+    def __init__(self, names: Iterable[Hashable], now: Callable[[], int]) -> None:
         """Let all timers run; `now` returns the number of servo cycles so far."""
         self._now = now
-        self._written: dict[_Name, tuple[float, int]] = {name: (0.0, now()) for name in names}
+        self._written: dict[Hashable, tuple[float, int]] = {name: (0.0, now()) for name in names}
         self._running = frozenset(self._written)
 
     def __contains__(self, name: object) -> bool:
         """Whether the timer exists."""
         return name in self._written
 
-    def read(self, name: _Name) -> float:
+    def read(self, name: Hashable) -> float:
         """Return the present value of a timer."""
         value, since = self._written[name]
         # As `count_down`, for a single timer: each PLC scan reads it.
         return max(_LOWEST, value - (self._now() - since)) if name in self._running else value
 
-    def write(self, name: _Name, value: float) -> None:
+    def write(self, name: Hashable, value: float) -> None:
         """Let a timer continue from a value."""
         self._written[name] = value, self._now()
 
-    def run_only(self, names: Iterable[_Name]) -> None:
+    def run_only(self, names: Iterable[Hashable]) -> None:
         """Let these continue from their values, and stop the others."""
         now = self._now()
         self._written = {name: (self.read(name), now) for name in self._written}

@@ -21,7 +21,8 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.memory import WORD_BITS, Memory, Pointer
 from drivers.pmac.variables import VariableStore
 
-_LONG_BYTES = LONG_BITS // 8
+_LONG_BYTES, _WORD_BYTES = LONG_BITS // 8, WORD_BITS // 8
+_Passed = Callable[[], list[int]]  # the same in each servo cycle of a stretch
 _Source = tuple[Callable[[], int], int]  # reads the bits of a register; its lowest bit in a sample
 
 
@@ -37,6 +38,8 @@ class GatherBuffer:
         self._listable = False
         self._sources: tuple[_Source, ...] = ()
         self.by_cycle = False  # an output is gathered: of a stretch of cycles only the last one is known
+        self._passed: tuple[tuple[int, _Passed, int], ...] = ()  # motor, reader, bytes
+        self.motors: frozenset[int] | None = None  # those that `sample_stretch` reads; None when it cannot
         self._padding = 0
         self._sample_bytes = 0
         self._period = 0
@@ -72,6 +75,13 @@ class GatherBuffer:
         # What a sample needs, computed once: thousands are taken per second.
         places = zip(chosen, shifts_of(chosen), strict=True)
         self._sources = tuple((_bits(self._memory, source), shift) for source, shift in places)
+        self._passed = tuple(
+            (*passed, (1 if source.space in "XY" else 2) * _WORD_BYTES)
+            for source in chosen
+            if (passed := self._memory.passed_bits_of(source)) is not None
+        )
+        all_passed = len(self._passed) == len(self._sources)
+        self.motors = frozenset(motor for motor, _, _ in self._passed) if all_passed else None
         self._padding = padding_of(chosen)
         output = dialect.registers["output"]
         places_of_outputs = {output.address + number * output.stride for number in range(dialect.motor_count)}
@@ -117,6 +127,22 @@ class GatherBuffer:
             packed |= bits() << shift
         self._data += packed.to_bytes(self._sample_bytes, "little")
         if not self._has_room or not self._period:
+            self.running = False
+
+    def sample_stretch(self, cycles: int) -> None:
+        """Take the samples that are due in a stretch of servo cycles, no more than `cycles_left`, all at once."""
+        first, period = -self._cycle % self._period, self._period
+        self._cycle += cycles
+        if first >= cycles:
+            return
+        columns = [
+            [bits.to_bytes(width, "little") for bits in passed()[first::period]]
+            for _, passed, width in self._passed
+        ]
+        tail = self._padding.to_bytes(self._sample_bytes, "little")[sum(width for _, _, width in self._passed) :]
+        for words in zip(*columns, strict=True):
+            self._data += b"".join(words) + tail
+        if not self._has_room:
             self.running = False
 
     def long_words(self, first: int = 0, count: int | None = None) -> list[int]:

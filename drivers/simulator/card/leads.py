@@ -100,6 +100,7 @@ class Leads:
         self._followers: dict[int, _Follower] = {}
         self._corrected: dict[int, list[CompensationTable]] = {}
         self._places: dict[int, int] | None = {}
+        self._order: tuple[Sequence[Motor], tuple[Motor, ...]] = ((), ())
         self._sources: frozenset[int] = frozenset()
 
     @property
@@ -107,9 +108,13 @@ class Leads:
         """Whether tables are all that is active, and motors can be run in an order in which sources come first."""
         return self._places is not None
 
-    def place_of(self, motor: Motor) -> int:
-        """Return the place of a motor in that order."""
-        return (self._places or {}).get(motor.number, motor.number)
+    def ordered(self, motors: Sequence[Motor]) -> tuple[Motor, ...]:
+        """Return motors in that order."""
+        if motors is not self._order[0]:
+            places = self._places or {}
+            ordered = sorted(motors, key=lambda motor: places.get(motor.number, motor.number))
+            self._order = motors, tuple(ordered)
+        return self._order[1]
 
     def refresh(self) -> bool:
         """Read the settings if they may have changed; return whether any coupling is active."""
@@ -160,8 +165,7 @@ class Leads:
     def let_stand(self, sources: Mapping[int, tuple[float, float]], cycles: int) -> None:
         """Let the sources keep their positions in a stretch, until one is run through it."""
         for number, (encoder, desired) in sources.items():
-            replay = self._motors[number].replay
-            replay.encoders, replay.commands = [encoder] * cycles, [desired] * cycles
+            self._motors[number].replay.stand(encoder, desired, cycles)
 
     def corrections(
         self, motor: Motor, cycles: int, before: Mapping[int, tuple[float, float]]
@@ -176,8 +180,8 @@ class Leads:
         found = [0.0] * cycles
         for table in tables:
             places = [self._passed(source, motor, before) for source in table.definition.sources]
-            corrections = [table.correction(*there) for there in zip(*places, strict=True)]
-            found = [sum(each) for each in zip(found, corrections, strict=True)]
+            corrections = table.corrections(*places)
+            found = [before_it + each for before_it, each in zip(found, corrections, strict=True)]
         return found
 
     def _passed(
@@ -191,7 +195,7 @@ class Leads:
 
     def _find_order(self) -> None:
         """Find an order of the motors in which sources come before their targets."""
-        self._places, self._sources = None, frozenset()
+        self._places, self._sources, self._order = None, frozenset(), ((), ())
         if self._clocks or self._followers or any(not self._motors[each].activated for each in self._corrected):
             return
         needs = {

@@ -240,6 +240,8 @@ class MotorLoop:
             return Alarm.FOLLOWING_ERROR
         followed = self._followed_since_scan + self.correction - self._correction_at_scan
         self._followed_since_scan, self._correction_at_scan = 0.0, self.correction
+        if not (travel.positive or travel.negative):
+            return None
         heading = (self.velocity or followed) if self._output is None else self._output
         return Alarm.TRAVEL if heading and not self.jog.aborting and travel.bars(heading) else None
 

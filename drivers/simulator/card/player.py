@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from itertools import accumulate, repeat
 
 from drivers.pmac.requests import Deferred
 from drivers.pmac.trajectory.pieces import Piece, Vector, position_at
@@ -133,11 +134,9 @@ class Player:
 
     def sample_singly(self, count: int, cycle_ms: float) -> list[list[float]]:
         """Return what so many calls for one cycle would, in real time; no more than `whole_cycles`."""
-        times, elapsed_ms = [], self._elapsed_ms
-        for _ in range(count):
-            elapsed_ms += cycle_ms
-            times.append(elapsed_ms)
-        return self._at(self._queue[0], times)
+        times = accumulate(repeat(cycle_ms, count), initial=self._elapsed_ms)
+        next(times)
+        return self._at(self._queue[0], list(times))
 
     def _at(self, piece: Piece, times: list[float]) -> list[list[float]]:
         """Play up to the last of these times."""
@@ -170,9 +169,9 @@ class Player:
         return True
 
     def _finish(self, piece: Piece) -> None:
-        """Leave a piece at its exact end, so that rest is exactly at the end of the move."""
+        """Leave a piece; the last one at its exact end, so that rest is exactly at the end of the move."""
         self._queue.popleft()
         self._elapsed_ms -= piece.duration_ms
         self._entered = False
-        end = piece.duration_ms
-        self.position = tuple(((c3 * end + c2) * end + c1) * end + c0 for c0, c1, c2, c3 in piece.cubics)
+        if not self._queue:
+            self.position = tuple([position_at(cubic, piece.duration_ms) for cubic in piece.cubics])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from drivers.pmac.memory import WORD_BITS, Pointer
 from drivers.simulator.card import reports
@@ -57,6 +57,45 @@ READERS: Mapping[str, Value] = {
     "global_status_2": lambda controller, _: reports.global_words(controller)[1],
 }
 """All registers; which of them a family has, and where, is in its dialect."""
+
+
+def _passed_positions(motor: Motor, counts: Sequence[float]) -> list[float]:
+    scale = motor.variable(8)
+    return [each * scale * PARTS for each in counts]
+
+
+def _passed_commands(motor: Motor) -> list[float]:
+    return _passed_positions(motor, motor.replay.commands)
+
+
+def _following_errors(motor: Motor) -> list[float]:
+    replay, superimposed = motor.replay, motor.superimposed
+    if not motor.enabled:
+        return [0.0] * len(replay.encoders)
+    cycles = zip(replay.commands, replay.corrections, replay.encoders, strict=True)
+    return _passed_positions(
+        motor, [desired + added + superimposed - encoder for desired, added, encoder in cycles]
+    )
+
+
+def _velocities(motor: Motor) -> list[float]:
+    scale = motor.variable(9)
+    return [step * scale * PARTS for step in motor.replay.encoder_steps]
+
+
+PASSED: Mapping[str, Callable[[Motor], list[float]]] = {
+    "commanded": _passed_commands,
+    "target": _passed_commands,
+    "actual": lambda motor: _passed_positions(motor, motor.replay.encoders),
+    "compensation": lambda motor: _passed_positions(motor, motor.replay.corrections),
+    "following_error": _following_errors,
+    "velocity": _velocities,
+    "filtered_velocity": _velocities,
+}
+"""The registers of motors that are known in each cycle of a stretch, all at once: those gathered again and again.
+
+The values are those of `READERS` for the motor, shown as it was after each cycle.
+"""
 
 
 class CardMemory:
@@ -128,6 +167,16 @@ class CardMemory:
         value, controller, mask = READERS[name], self._controller, _mask(DOUBLE_BITS)
         return lambda: _whole(value(controller, number)) & mask
 
+    def passed_bits_of(self, pointer: Pointer) -> tuple[int, Callable[[], list[int]]] | None:
+        """Return the motor of a register, and what reads its bits in each cycle of the motor's last stretch."""
+        held = self._registers.get((pointer.space, pointer.address))
+        width = DOUBLE_BITS if pointer.space == "D" else pointer.width
+        if held is None or held[0] not in PASSED or width not in (DOUBLE_BITS, WORD_BITS):
+            return None
+        name, number = held
+        values, motor, mask = PASSED[name], self._controller.motors[number], _mask(width)
+        return number, lambda: _bits(values(motor), mask)
+
     def word(self, space: str, address: int) -> int:
         """Return an unsigned 24-bit word; `space` is X or Y."""
         # Timers first, which are nothing else: the heartbeat PLC reads them in each of its scans.
@@ -193,12 +242,21 @@ def _signed(value: int, bits: int) -> int:
     return value - (1 << bits) if value >> (bits - 1) & 1 else value
 
 
-def _whole(value: float) -> int:
-    return math.floor(value + 0.5) if math.isfinite(value) else 0
-
-
 def _single(value: float) -> bytes:
     try:
         return struct.pack(">f", value)
     except OverflowError:
         return struct.pack(">f", math.copysign(3.4e38, value))
+
+
+def _whole(value: float) -> int:
+    """Return the integer that a register holds for a value; 0 for one that is not finite."""
+    return math.floor(value + 0.5) if math.isfinite(value) else 0
+
+
+def _bits(values: Sequence[float], mask: int) -> list[int]:
+    """Return the bits of registers that hold these values."""
+    try:
+        return [math.floor(value + 0.5) & mask for value in values]
+    except (OverflowError, ValueError):  # one is not finite
+        return [_whole(value) & mask for value in values]

@@ -351,7 +351,7 @@ class ServoAxis(EncoderAxis):
     def _read(self) -> None:
         self._blind = self.encoder_lost
         if not self._blind:
-            self._reading = self.scale.read(self._x)
+            self._reading = float(self.scale.read(self._x))
 
     def _move(self) -> None:
         """Advance the mass for a cycle under its present force."""

@@ -90,15 +90,13 @@ class Stretch:
         for system in self._systems:
             if system.busy:
                 commands.update(system.motion.sample_singly(cycles, cycle_ms))
-        gathers, place_of = self._gather.running, self._leads.place_of
-        seen = self._leads.sources()
-        self._leads.let_stand(seen, cycles)
+        leads, gathered = self._leads, self._gather.motors
+        seen = leads.sources()
+        leads.let_stand(seen, cycles)
         tracks: dict[int, list[float]] = {}
         loaded = self._loaded_now()
         starts = [(other.true_position, other.pace) for other in loaded.others] if loaded is not None else []
-        for motor in sorted(
-            motors, key=lambda each: (loaded is not None and each is loaded.motor, place_of(each))
-        ):
+        for motor in self._in_order(motors, loaded):
             number = motor.number
             if loaded is not None and motor is loaded.motor:
                 first, second = (
@@ -108,22 +106,35 @@ class Stretch:
             told = commands.get(number)
             if told is None and motor.jog.player is not None:
                 told = motor.jog.player.sample_singly(cycles, cycle_ms)[0]
-            corrections = self._leads.corrections(motor, cycles, seen)
+            corrections = leads.corrections(motor, cycles, seen)
             motor.begin_stretch()
             tracks[number] = motor.run(cycles, cycle_ms, told, corrections)
-            if gathers or number in seen:
+            if number in seen or (self._gather.running and (gathered is None or number in gathered)):
                 motor.keep_stretch(cycle_ms, told, corrections)
-        if gathers:
-            self._sample(motors, cycles, count)
-        else:
-            count(cycles)
+        self._pass_time(motors, cycles, count)
         return {motor.number: tracks[motor.number] for motor in motors}
 
     def _loaded_now(self) -> Loaded | None:
         return self.loaded if self.loaded is not None and self.loaded.load.watches() else None
 
+    def _in_order(self, motors: Sequence[Motor], loaded: Loaded | None) -> Sequence[Motor]:
+        """Return motors in the order in which they can be run."""
+        ordered = self._leads.ordered(motors)
+        if loaded is None:
+            return ordered
+        return [*(motor for motor in ordered if motor is not loaded.motor), loaded.motor]
+
+    def _pass_time(self, motors: Sequence[Motor], cycles: int, count: Callable[[int], None]) -> None:
+        """Count the cycles, and take the samples that are due."""
+        if self._gather.running and self._gather.motors is None:
+            self._sample(motors, cycles, count)
+            return
+        count(cycles)
+        if self._gather.running:
+            self._gather.sample_stretch(cycles)
+
     def _sample(self, motors: Sequence[Motor], cycles: int, count: Callable[[int], None]) -> None:
-        """Take the samples that are due, each with the motors as they were then."""
+        """Take the samples one after the other, each with the motors as they were then."""
         for at in range(cycles):
             count(1)
             if self._gather.running:

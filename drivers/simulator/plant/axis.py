@@ -84,9 +84,15 @@ class Scale:
     """
 
     noisy = False
-    now = before = 0.0
-    drawn: list[float] | None = None
-    read = staticmethod(read_encoder)
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.before = 0.0
+        self.drawn: list[float] | None = None
+
+    def read(self, place: float) -> int:
+        """Return the reading at a true position, counts."""
+        return read_encoder(place)
 
     def draw(self, count: int) -> list[float] | None:
         """Return the noise of the next readings, at least one, counts; None without noise."""
@@ -99,6 +105,7 @@ class NoisyScale(Scale):
     noisy = True
 
     def __init__(self, rms_counts: float, seed: int) -> None:
+        super().__init__()
         self._rms_counts = rms_counts
         self._generator = np.random.default_rng(seed)
         self._drawn: list[float] = []

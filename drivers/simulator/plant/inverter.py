@@ -82,7 +82,7 @@ class InverterSpindle(EncoderAxis):
         self._x = x
         self._blind = self.encoder_lost
         if not self._blind:
-            self._reading = read_encoder(self._x)
+            self._reading = float(read_encoder(self._x))
         return track
 
     def _next_speed(self) -> float:
