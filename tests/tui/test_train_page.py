@@ -117,6 +117,30 @@ def test_without_a_lesson_there_is_nothing_to_end(tmp_path: Path) -> None:
     play(tmp_path, scene)
 
 
+def test_the_list_has_the_best_score_of_each_lesson_and_tells_a_damaged_try(tmp_path: Path) -> None:
+    folder = tmp_path / "training" / "Kim"
+
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        page = app._pages[PageName.TRAIN]
+        for _ in range(2):
+            app.ui.attempt = tried(app, tmp_path)
+            page.act("train.end")
+            page.act("train.end")
+            control.state = replace(control.state, truth=TRUTH)
+            app.tick()
+            page.leave()
+        app.ui.attempt = None
+        app.tick()
+        await pilot.pause()
+        assert "best 0" in " ".join("".join(piece for piece, _ in row) for row in page.in_full(app.ui.view, 60))
+        next(folder.glob("*.json")).write_text("{", encoding="utf-8")
+        page.leave()
+        app.tick()
+        assert [problem.code for problem in app.ui.said] == ["training.unreadable"]
+
+    play(tmp_path, scene)
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_every_fault_has_words(language: str) -> None:
     text = load(language)

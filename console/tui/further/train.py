@@ -40,6 +40,7 @@ class TrainPage(Page):
         self._shelf: tuple[Shelved, ...] | None = None
         self._over: tuple[Debrief, tuple[int, ...]] | None = None
         self._asked = False
+        self._best: dict[str, int] = {}
 
     def show(self, view: View) -> None:
         """Show how far the lesson has come, or which lessons there are."""
@@ -158,16 +159,27 @@ class TrainPage(Page):
         text = self.ui.text
         if self._shelf is None:
             self._shelf = lessons(own_folder(self.ui.data))
+            self._best = self._best_scores()
         rows: list[Line] = []
         for name, lesson in self._shelf:
             if isinstance(lesson, Lesson):
                 minutes = dim(text("train_page.minutes", minutes=f"{lesson.minutes:g}"))
-                rows.append(ranged(line((name, Token.STRONG)), (minutes,), width))
+                best = self._best.get(name)
+                score = () if best is None else (dim(text("train_page.best", score=best)), dim("  "))
+                rows.append(ranged(line((name, Token.STRONG)), (*score, minutes), width))
                 rows += wrapped(lesson.words[text.language].title, width, Token.DIM)
             else:
                 rows.append(line((name, Token.STRONG)))
                 rows += [row for problem in lesson for row in wrapped(text.problem(problem), width, Token.WARNING)]
         return [*rows, BLANK, *wrapped(text("train_page.begin"), width)]
+
+    def _best_scores(self) -> dict[str, int]:
+        """Return the best score of each lesson that was tried, whoever did; a try that cannot be read is told."""
+        best: dict[str, int] = {}
+        with self.ui.answering():
+            for each in tries(self.ui.data):
+                best[each.lesson] = max(each.score, best.get(each.lesson, 0))
+        return best
 
     def leave(self) -> None:
         """Read the lessons anew the next time."""
