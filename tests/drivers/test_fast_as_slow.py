@@ -41,6 +41,7 @@ LINES = (
     "#1J:700", "#3J:-2000", "#2J:3000", "#1K", "#2K", "#3K", "#1HM", "#3HM", "#2HMZ", "#1O2", "#2O-3", "#3O1",
     "\x01", "\x0b", "I51=1", "I51=0", "I130=400", "I130=528", "ENDGATHER", "#1J/#2J/#3J/&1B1R", "#2J+#3J-",
 )  # fmt: skip
+GATHERED = ("actual", "following_error", "commanded", "velocity")
 PROGRAM = (
     "OPEN PROG1 CLEAR", "TA20 TS5 F5 INC", "P300=0", "WHILE(P300<9)", "X0.4 Z-0.4", "DWELL7", "X-0.4 Z0.4",
     "P300=P300+1", "M70==P300*2", "PVT20", "X0.1:2 Z0:0", "X0.1:0 Z0:0", "LINEAR", "ENDWHILE", "CLOSE",
@@ -189,7 +190,7 @@ def told(seed: int) -> list[Any]:
         return tracks
 
     sim.controller.run_block = kept  # type: ignore[method-assign]
-    sources = [motor_channel(each, 1, dialect.factory, dialect).source for each in ("actual", "following_error")]
+    sources = [motor_channel(each, 1, dialect.factory, dialect).source for each in GATHERED]
     gathering = [f"I{index}={value}" for index, value in gather_settings(sources, 1, dialect).items()]
     lines = ["I3=2 I6=1", *PROGRAM, *gathering, "#1J/#2J/#3J/"]
     lines += [random.choice(TABLES), "200", "-100", "30", "0", f"I51={seed % 2}"]
