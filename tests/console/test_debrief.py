@@ -289,6 +289,7 @@ def test_tries_are_listed_exported_and_deleted_by_the_command(tmp_path: Path, co
     lines = (tmp_path / "t.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 2 and ",Kim,part,54," in lines[1]
     assert console("tries", "--export", str(tmp_path / "t.csv"), "--data", str(data)).code != 0, "not overwritten"
+    assert console("tries", "--delete", "--data", str(data)).code != 0 and len(tries(data)) == 2, "whose?"
     assert console("tries", "--delete", "--trainee", "Kim", "--data", str(data)).code == 0
     assert [each.trainee for each in tries(data)] == ["Lee"]
 

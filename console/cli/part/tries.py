@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 from console.cli.library import data_of
 from console.cli.output import show
 from console.cli.parser import Parser
+from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from console.session.training.tries import Try
@@ -34,6 +36,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.session.training.tries import delete, files_of, tries
 
     data = data_of(options)
+    if options.delete and options.trainee is None:
+        raise SessionError(Problem(code="training.delete_whose"))
     if options.delete:
         number = delete(files_of(data, options.trainee, options.lesson))
         show(options, lambda: {"deleted": number}, lambda: [text("tries.deleted", count=number)])

@@ -47,15 +47,15 @@ def read_events(given: object, steps: Sequence[str], where: str) -> tuple[tuple[
 
 
 def _problems(event: Event, steps: Sequence[str], where: str, prefix: str) -> list[Problem]:
+    problems: list[Problem] = []
     if event.after and event.after not in steps:
-        limit = " | ".join(steps)
-        return [
-            Problem(code="value.not_choice", where=where, key=f"{prefix}after", value=event.after, limit=limit)
-        ]
+        key, limit = f"{prefix}after", " | ".join(steps)
+        problems.append(Problem(code="value.not_choice", where=where, key=key, value=event.after, limit=limit))
     try:
         check_line(event.fault)
     except RefusedError as refused:
         problem = refused.problems[0]
         key = f"{prefix}fault {problem.key}"
-        return [Problem(code="lesson.fault", where=where, key=key, value=problem.value, limit=problem.limit)]
-    return []
+        value, limit = problem.value, problem.limit
+        problems.append(Problem(code="lesson.fault", where=where, key=key, value=value, limit=limit))
+    return problems
