@@ -7,11 +7,11 @@ from collections.abc import Callable
 from drivers.cutting.bounds import REAL_TIME
 from drivers.cutting.feed_hold import FeedHold
 from drivers.cutting.guarding import ProgramEnd
-from drivers.cutting.live_trim import LiveTrim
+from drivers.cutting.live_trim import LiveTrim, has_trim
 from drivers.cutting.override import FeedOverride
 from drivers.cutting.program_reports import ProgramReports
 from drivers.cutting.sampling import BatchGather
-from drivers.errors import DriverError, LinkTimeoutError
+from drivers.errors import DriverError, LinkError, LinkTimeoutError
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.jogs import band_counts
 from drivers.lathe.motion import Motion
@@ -123,6 +123,23 @@ class CutProgram:
             raise DriverError(Problem(code="controller.program_differs", where=where, key=key))
         verify_loaded(self._client, self._loaded, ended=ended, tables=tables)
 
+    def changes(self) -> tuple[Problem, ...]:
+        """Return what the controller no longer holds as loaded, and a trim in the path that nobody asked for.
+
+        Empty where no program is loaded. Nothing is written. A program that was ended anywhere is compared, too.
+
+        Raises LinkError: the link broke.
+        """
+        if self._loaded is None:
+            return ()
+        try:
+            verify_loaded(self._client, self._loaded, ended=True)
+        except LinkError:
+            raise
+        except DriverError as changed:
+            return tuple(changed.problems)
+        return self.live_trim.astray() if has_trim(self._loaded.program) else ()
+
     def end(self) -> ProgramEnd:
         """Query how the last program ended and, if it was stopped, after a moment, by whom."""
         items = (TURNS_CUT, FINISHED, END_FLAG, STOPPED_BY_ITEM)
@@ -145,7 +162,7 @@ class CutProgram:
 
         self._forget_jogs()
         self.hold = FeedHold(self._client, self._sending)
-        self.live_trim = LiveTrim(self._client, self._sending, self._stop, lobes)
+        self.live_trim = LiveTrim(self._client, self._sending, self._stop, lobes, running=True)
         self._sending.move(f"B{number}R", guarded)
 
     def end_after_turn(self) -> None:

@@ -15,6 +15,8 @@ from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.base import is_gone
+from drivers.pmac.program_constants import assigned
+from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.live_trim import (
     ANGLE_IN_PATH,
     GAIN,
@@ -78,6 +80,11 @@ def trimmed_path(path: LobedPath, trim: Trim) -> LobedPath:
     return grown.turned(trim.phase_deg)
 
 
+def has_trim(program: ProgramText) -> bool:
+    """Whether the path of a program follows a trim."""
+    return GAIN_IN_PATH in assigned(program)
+
+
 def trim_um(plan: CutPlan, trim: Trim, angle_deg: float) -> float:
     """Return how much further in a trim has the tool at an angle of the spindle, um."""
     if trim == UNTRIMMED:
@@ -98,7 +105,11 @@ def untrimmed(snapshot: Snapshot, plan: CutPlan, machine: MachineProfile, trim: 
 class LiveTrim:
     """The trim of one program: `asked`, and `applied`, which is what the controller reports to be in the path."""
 
-    def __init__(self, client: Controller, sending: Sending, stop: StopPath, lobes: int = 1) -> None:
+    def __init__(
+        self, client: Controller, sending: Sending, stop: StopPath, lobes: int = 1, *, running: bool = False
+    ) -> None:
+        """Take whether its program `running` has set the trim to none; before that it is of an earlier program."""
+        self._running = running
         self.asked = self.applied = UNTRIMMED
         self.problem: Problem | None = None
         self._lobes, self._polls, self._used = lobes, 0, False
@@ -139,6 +150,21 @@ class LiveTrim:
         self.applied = self.asked if _same(path, self.asked, self._lobes) else path
         differs = not _same(wanted, self.asked, self._lobes)
         self.problem = _differs(wanted, self.asked) if differs else None
+
+    def astray(self) -> tuple[Problem, ...]:
+        """Return the trim in the path where it is none of those on the way to the one that was asked for.
+
+        Nothing is written. Raises LinkError: the link broke.
+        """
+        if not self._running:
+            return ()
+        path = self._trim_of(*self._client.numbers(GAIN_IN_PATH, ANGLE_IN_PATH, again=True))
+        ways = (
+            (path.gain_percent, self.applied.gain_percent, self.asked.gain_percent, 300.0 * ROUNDING),
+            (path.phase_deg, self.applied.phase_deg, self.asked.phase_deg, 0.03 / self._lobes),
+        )
+        on_its_way = all(min(one, two) - near <= at <= max(one, two) + near for at, one, two, near in ways)
+        return () if on_its_way else (_differs(path, self.asked),)
 
     def _trim_of(self, gain: float, angle_deg: float) -> Trim:
         return Trim(gain_percent=100.0 * (gain - 1.0), phase_deg=-angle_deg / self._lobes)

@@ -56,7 +56,7 @@ def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]
 
     Raises PmacError: an expression that cannot be evaluated.
     """
-    store, changed = VariableStore(dialect=dialect), _assigned(program)
+    store, changed = VariableStore(dialect=dialect), assigned(program)
     found: dict[str, Constant] = {}
     for statement in (each for line in program.settings for each in line):
         if not isinstance(statement, syntax.Assign):
@@ -81,8 +81,8 @@ def _source(expression: syntax.Expression, known: Mapping[str, Constant]) -> str
     return ""
 
 
-def _assigned(program: ProgramText) -> frozenset[str]:
-    """Return the variables that the program itself sets."""
+def assigned(program: ProgramText) -> frozenset[str]:
+    """Return the names of the variables that the program itself sets: `P30`."""
     texts: Sequence[syntax.Program] = (program.program, *program.subprograms.values())
     return frozenset(
         f"{statement.target.kind}{int(statement.target.index.value)}"

@@ -72,6 +72,21 @@ def test_what_another_host_does_to_a_cut_stops_it_at_that_poll(floor: Floor, lin
 
 
 @pytest.mark.parametrize(
+    ("line", "code", "key"),
+    [("I130=4", "controller.setting", "I130"), ("P55=60", "cut.trim_differs", "")],
+)
+def test_a_tool_that_trips_after_another_host_wrote_is_not_called_sticky(
+    floor: Floor, line: str, code: str, key: str
+) -> None:
+    """A factor of 60 on the path, or next to no gain, trips a tool without friction within a turn."""
+    state, _ = cut_with(floor, line)
+    found = {alarm.problem.code: alarm.problem for alarm in state.alarms}
+    assert state.stop is not None and state.stop.rest_s is not None
+    assert "machine.behind_after_change" in found and "machine.tool_left_behind" not in found, sorted(found)
+    assert found[code].key == key
+
+
+@pytest.mark.parametrize(
     "line",
     [
         "P12=P12*1.05",

@@ -116,7 +116,14 @@ def test_a_trip_with_the_tool_in_the_part_says_that_it_cannot_be_retracted(
     simulated.wait = wait  # type: ignore[method-assign]
     with pytest.raises(SessionError) as tripped:
         cut_part(opened, JOB, plan, lambda step, detail: None)
-    assert codes(tripped) == ["machine.fault", "machine.tool_left_behind", "machine.retract_not_possible"]
+    told = codes(tripped)
+    assert (told[:2], told[-1]) == (
+        ["machine.fault", "machine.behind_after_change"],
+        "machine.retract_not_possible",
+    )
+    assert [problem.key for problem in tripped.value.problems if problem.code.startswith("controller.")] == [
+        "I111"
+    ]
     assert "fatal_following_error" in tripped.value.problems[0].value
     assert not any(motor.enabled for motor in simulated.controller.motors.values())
 

@@ -69,7 +69,7 @@ def strongest(sent: Collection[Kind]) -> tuple[str, ...]:
     return stops or tuple(others[:1]) or ("nothing",)
 
 
-BEHIND = ("machine.left_behind", "machine.tool_left_behind")
+BEHIND = ("machine.left_behind", "machine.tool_left_behind", "machine.behind_after_change")
 
 
 def told_fits(target: list[str], told: tuple[str, ...]) -> bool:

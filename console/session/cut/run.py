@@ -14,6 +14,7 @@ from console.session.cut.engine import CutContext, CutEnd, Step, Tell, cut, load
 from console.session.cut.interlocks import of_job, of_lobe, of_zero
 from console.session.cut.recording import ONLY_PART, PartName
 from console.session.cut.telemetry import CutFigures
+from console.session.cut.trip_cause import with_cause
 from console.session.errors import SessionError, fault_problem, refuse
 from console.session.stages import Stage, air_mm, staged
 from drivers.cutting.planning import CutPlan, plan_cut
@@ -295,6 +296,7 @@ def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionEr
         snapshot = lathe.wait_for_rest()
     except ProblemError as unproven:
         return SessionError(*problems, *unproven.problems, Problem(code="machine.state_unknown"))
+    problems = with_cause(lathe, problems)
     with suppress(ProblemError):
         # The machine is at rest, and the first error is what matters: the next cut would find the others.
         lathe.program.put_back()

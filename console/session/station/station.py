@@ -15,6 +15,7 @@ from datetime import datetime
 from pathlib import Path
 
 from console.session.cut.alignment import observed
+from console.session.cut.trip_cause import BY_FRICTION, with_cause
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import LEFT_IN_PART, killed_or_refused
 from console.session.errors import SessionError, fault_problem
@@ -316,9 +317,14 @@ class Station:
         if lost:
             context.lathe.in_doubt()
         context.lathe.stop.stop(error.problems[0].code)
-        for problem in error.problems:
+        now = [problem for problem in error.problems if problem.code != BY_FRICTION]
+        for problem in now:
             context.alarm(problem)
         self._stops.settle(lost=lost)
+        explained = with_cause(context.lathe, error.problems) if context.lathe.stop.proven else error.problems
+        for problem in explained:
+            if problem not in now:
+                context.alarm(problem)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
