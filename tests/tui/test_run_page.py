@@ -121,6 +121,7 @@ def test_an_edited_job_is_not_recorded_as_its_file() -> None:
         (state(snapshot=look(OFF)), "alignment.drives_off"),
         (state(snapshot=look(running=True)), "screen.in_motion"),
         (state(snapshot=look(ON | {"amplifier_fault"})), "screen.axis_fault"),
+        (state(snapshot=look(ON | {"positive_limit"})), "screen.axis_on_limit"),
         (state(cut=cut(CutStage.DONE), cut_done=True), "screen.part_is_cut"),
         (state(activity=Activity.VERIFYING), "screen.busy"),
         (stopped(), "screen.stopped_first"),

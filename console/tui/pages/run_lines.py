@@ -58,7 +58,7 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
     if snapshot is None:
         return (Interlock(name="link", problems=(Problem(code="screen.nothing_known"),)),)
     stopped = () if state.stop is None else (Problem(code="screen.stopped_first", key="F5"),)
-    faults = tuple(Problem(code="screen.axis_fault", value=fault) for fault in snapshot.axis_faults)
+    faults = tuple(_fault(fault, snapshot) for fault in snapshot.axis_faults)
     drives = () if snapshot.loops_closed else (Problem(code="alignment.drives_off"),)
     homed = () if snapshot.homed else (Problem(code="alignment.not_homed"),)
     rest = (Problem(code="screen.in_motion"),) if state.seen_moving else ()
@@ -74,6 +74,12 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
         *_blank_check(state),
         Interlock(name="program", waits=state.armed is None),
     )
+
+
+def _fault(fault: str, snapshot: Snapshot) -> Problem:
+    """Return what is wrong with an axis; off a travel limit it is jogged with its drive on."""
+    jogs = fault in snapshot.limits and snapshot.loops_closed
+    return Problem(code="screen.axis_on_limit" if jogs else "screen.axis_fault", value=fault)
 
 
 def _blank_check(state: StationState) -> Iterator[Interlock]:
