@@ -92,6 +92,20 @@ def test_the_selection_stays_on_its_alarm_while_others_come(tmp_path: Path) -> N
     play(scene_of(PageName.ALARMS), act, tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("priority", "sign", "word"),
+    [(Priority.HIGH, "!!!", "high"), (Priority.MEDIUM, "!!", "medium"), (Priority.LOW, "!", "low")],
+)
+def test_each_priority_has_a_sign_and_a_word(priority: Priority, sign: str, word: str, tmp_path: Path) -> None:
+    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        control.state = replace(control.state, alarms=raised((), SPINDLE, priority, 90.0))
+        shown = await text_after(app, pilot, "home")
+        assert re.search(rf"▸{re.escape(sign)} +1 ", shown), shown
+        assert f"{word} priority" in shown
+
+    play(QUIET, act, tmp_path)
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_every_alarm_is_said_in_words_and_whole(language: str, tmp_path: Path) -> None:
     """The sentence in the panel of the selected one, or in the list of messages where it is longer than that."""
