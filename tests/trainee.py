@@ -34,7 +34,14 @@ SETTLES_DEG, SETTLES_MM = 0.05, 0.0025
 
 
 def console(
-    data: Path, language: str, columns: int, rows: int, *, short_ways: bool = False, **environment: str
+    data: Path,
+    language: str,
+    columns: int,
+    rows: int,
+    *,
+    short_ways: bool = False,
+    plant: str = "mounted",
+    **environment: str,
 ) -> Terminal:
     """The program in a terminal of its own, its first job half as long: to plan it takes half the time.
 
@@ -45,7 +52,7 @@ def console(
         own.parent.mkdir(parents=True, exist_ok=True)
         text = load_job(FIRST_JOB).path.read_text(encoding="utf-8")
         own.write_text(re.sub(r"(?m)^cut_length_mm = 8.0", "cut_length_mm = 4.0", text), encoding="utf-8")
-    command = [sys.executable, "-m", "console", "--sim", "--data", str(data), "--lang", language]
+    command = [sys.executable, "-m", "console", "--sim", "--plant", plant, "--data", str(data), "--lang", language]
     command += save_compact(data) if short_ways else ()
     return Terminal(command, columns=columns, rows=rows, environment=environment or None)
 

@@ -73,7 +73,7 @@ class SimulatedAddress:
     plant's own with None. A `blind` one shows dials instead of the truth.
     """
 
-    plant: str = "mounted"
+    plant: str = "realistic"
     seed: int | None = None
     clamping_sd_percent: float | None = None
     blind: bool = False

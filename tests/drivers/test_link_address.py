@@ -147,3 +147,8 @@ def test_a_text_that_is_no_address_is_refused(text: str) -> None:
     with pytest.raises(LinkError) as refused:
         parse_address(text)
     assert refused.value.problems[0].code == "link.bad_address"
+
+
+def test_a_simulated_lathe_differs_from_its_profile_unless_another_is_asked_for() -> None:
+    """A lathe that is as its profile says would make every first part round."""
+    assert parse_address("sim:") == SimulatedAddress(plant="realistic")
