@@ -7,7 +7,9 @@ path. A change that lasts for less than the interval of two polls remains undete
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,17 +39,36 @@ SWEEPS = 20
 Floats = NDArray[np.float64]
 
 
-class PathSeen:
-    """The polls of one cut, from the start of feed to the tool's retract."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutBefore:
+    """How far a blank was cut before: to Z `to_mm` behind its face as last seen, and at most `unseen_mm` on."""
 
-    def __init__(self, plan: CutPlan, machine: MachineProfile) -> None:
+    to_mm: float
+    unseen_mm: float
+
+
+class PathSeen:
+    """The polls of one cut, from the start of feed to the tool's retract.
+
+    On a blank that was `before` cut in part, the tool meets the uncut surface where that cut had ended: there its
+    path changes as at the face, so both stretches are judged, each by itself.
+    """
+
+    def __init__(self, plan: CutPlan, machine: MachineProfile, before: CutBefore | None = None) -> None:
         self._plan, self._machine = plan, machine
         setup = plan.setup
         # Clear of the part nothing deflects the tool: its path differs there, and the first turn is on neither.
-        self._clear = setup.carriage_face - 0.5 * machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
+        land = machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
+        self._clear = setup.carriage_face - 0.5 * land
         # A tool held by dry friction has not reached its path when the feed begins; a turn in air allows for it.
         self._first = plan.carriage_start + setup.carriage_per_turn
         self._in_part = self._clear + setup.carriage_per_turn
+        self._recut_end = self._uncut = -math.inf
+        if before is not None:
+            mark = setup.carriage_face + before.to_mm * machine.carriage.counts_per_mm
+            unseen = before.unseen_mm * machine.carriage.counts_per_mm
+            self._recut_end = mark - 0.5 * land
+            self._uncut = mark + unseen + setup.carriage_per_turn
         self._last = plan.carriage_start + (setup.whole_turns - LAST_TURN) * setup.carriage_per_turn
         self._rows: list[tuple[float, float, float, float, float]] = []
         self._over = False
@@ -74,12 +95,14 @@ class PathSeen:
         yield from self._carriage(turns, rows[:, 3])
         if not self._machine.spindle.followed:
             yield from self._spindle(turns, rows[:, 4])
-        clear, in_part = rows[:, 3] < self._clear, rows[:, 3] > self._in_part
+        at = rows[:, 3]
+        clear, in_part = at < self._clear, at > self._in_part
+        recut, uncut = in_part & (at < self._recut_end), in_part & (at > self._uncut)
         # Only a cut that follows the lobe has reached its path when the feed begins.
-        for among in (clear, in_part) if self._plan.strategy.traits.inverts else (in_part,):
+        for among in (clear, recut, uncut) if self._plan.strategy.traits.inverts else (recut, uncut):
             if among.sum() >= LEAST_POLLS:
-                entry = ENTRY_TURNS if among is in_part else ()
-                yield from self._tool(rows[among, 1], turns[among], rows[among, 3], entry)
+                entry = () if among is clear else ENTRY_TURNS
+                yield from self._tool(rows[among, 1], turns[among], at[among], entry)
 
     def _tool(self, tool: Floats, turns: Floats, carriage: Floats, entry: tuple[float, ...]) -> Iterator[Problem]:
         """Model the tool path of a turn: the lobe, which may grow along the cut, and what a blank makes of it.

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from console.session.data.record_file import FILE_NAME
-from console.session.station.commands import EnableDrives, EndCut, Home, Jog, Measure, Recover, Start
+from console.session.station.commands import EnableDrives, EndCut, Home, Jog, Measure, Recover, Retract, Start
 from console.session.station.state import Activity, StationState
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
-from tests.console.floor import Floor, experiment_1, set_up_once
+from tests.console.floor import Floor, experiment_1, in_turn, open_floor, set_up_once
 
 LONG_MM = 1.0
 """Sixteen mm of feed a second: a cut of 30 turns, two seconds."""
@@ -221,3 +221,18 @@ def test_a_home_search_that_is_stopped_has_lost_no_position_to_another_host(floo
     state = floor.do(Home())
     assert state.activity is Activity.STOPPED and told(state) == []
     assert state.snapshot is not None and "home_complete" not in state.snapshot.tool.flags
+
+
+def test_a_blank_that_is_cut_again_after_a_stop_is_no_disturbed_cut(tmp_path: Path) -> None:
+    """Up to where the first cut ended the tool meets a turned surface, behind it the blank: its force changes."""
+    floor = open_floor(tmp_path, plant="steady", seed=11)
+    job = experiment_1(3.0)
+    floor.set_up(job)
+    floor.arm(job)
+    floor.when(lambda _: in_turn(floor, 5.0), lambda: floor.stop.stop("space"))
+    stopped = floor.do(Start())
+    assert stopped.touched is not None and 0.0 < stopped.touched.to_mm < 1.5
+    floor.do(Recover())
+    floor.do(Retract())
+    floor.arm(job)
+    assert floor.do(Start()).cut_done, told(floor.state)

@@ -21,7 +21,7 @@ from drivers.cutting.feed_hold import MOST_HELD_S, HoldLedger, turns_back
 from drivers.cutting.guarding import CutLength, cut_guard, end_problems, further_held
 from drivers.cutting.live_trim import untrimmed
 from drivers.cutting.override import PaceLedger
-from drivers.cutting.path_seen import PathSeen
+from drivers.cutting.path_seen import CutBefore, PathSeen
 from drivers.cutting.planning import CutPlan
 from drivers.errors import DriverError, LinkError
 from drivers.lathe.lathe import SPEED_S, Lathe
@@ -130,10 +130,20 @@ def load(context: CutContext, plan: CutPlan, tell: Tell, *, aligned: bool) -> No
     refuse(_unready(lathe, plan, at_start=False) if aligned else lathe.verify())
 
 
-def cut(context: CutContext, job: Job, plan: CutPlan, tell: Tell, see: See, *, settle_tool: bool = True) -> CutEnd:
+def cut(
+    context: CutContext,
+    job: Job,
+    plan: CutPlan,
+    tell: Tell,
+    see: See,
+    *,
+    settle_tool: bool = True,
+    touched_mm: float = 0.0,
+) -> CutEnd:
     """Go to the start, tool last, verify everything again, cut, and prove that the tool is clear of the part.
 
     Without `settle_tool` the tool is known to stand at its start, with its integrator as the last cut left it.
+    The blank was cut before, to `touched_mm` behind its face as last seen; 0 for a fresh one.
 
     Raises:
         SessionError: an interlock that is not met; `session.nothing_seen`, `machine.not_retracted`.
@@ -150,7 +160,7 @@ def cut(context: CutContext, job: Job, plan: CutPlan, tell: Tell, see: See, *, s
     refuse(_unready(lathe, plan, at_start=True), allowed, at_speed(lathe, job))
     refuse(_changes(lathe, plan))  # somebody else may have changed what was loaded
     tell(Step.CUT, f"{plan.duration_s:.1f} s")
-    figures = _recorded_run(context, job, plan, see)
+    figures = _recorded_run(context, job, plan, see, touched_mm)
     if figures is None and not lathe.program.held:
         raise SessionError(nothing_seen(job))
     refuse(lathe.program.tables_left())  # none may add to the tool position, or have left an offset
@@ -165,7 +175,7 @@ def cut(context: CutContext, job: Job, plan: CutPlan, tell: Tell, see: See, *, s
     return CutEnd(last=last, figures=figures, held=lathe.program.held)
 
 
-def _recorded_run(context: CutContext, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
+def _recorded_run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: float) -> CutFigures | None:
     recorder = context.recorder
 
     def polled(snapshot: Snapshot) -> None:
@@ -174,12 +184,12 @@ def _recorded_run(context: CutContext, job: Job, plan: CutPlan, see: See) -> Cut
 
     recorder.begin(plan, job, context.lathe.machine)
     try:
-        return _run(context.lathe, job, plan, polled)
+        return _run(context.lathe, job, plan, polled, touched_mm)
     finally:
         recorder.end()
 
 
-def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
+def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See, touched_mm: float) -> CutFigures | None:
     """Run the program to its end, and compare the cut with its plan: only the planned cut makes a good part.
 
     Compared are turns and length, the program with its constants and tables, the settings, and the polled path,
@@ -187,7 +197,7 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
     which takes whole turns with the tool out; an override, by the time of the program; a trim.
     """
     telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
-    length, path = CutLength(plan, lathe.machine), PathSeen(plan, lathe.machine)
+    length, path = CutLength(plan, lathe.machine), PathSeen(plan, lathe.machine, _before(lathe, plan, touched_mm))
     guard = cut_guard(plan, lathe.machine)
     ledger = HoldLedger(lathe.machine.spindle.counts_per_rev, turns_back(plan, lathe.machine))
     guard.expected_percent, pace = lathe.program.override.expected, PaceLedger(plan.setup.carriage_face)
@@ -217,6 +227,15 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See) -> CutFigures | None:
     if figures is None:
         return None
     return replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm)
+
+
+def _before(lathe: Lathe, plan: CutPlan, touched_mm: float) -> CutBefore | None:
+    """Return how far the blank was cut before: the controller ends a cut whose host is lost some turns later."""
+    if not touched_mm:
+        return None
+    unseen_turns = 1.0 + lathe.ends_within_s * plan.spindle_speed_rpm / 60.0
+    per_turn_mm = plan.setup.carriage_per_turn / lathe.machine.carriage.counts_per_mm
+    return CutBefore(to_mm=touched_mm, unseen_mm=unseen_turns * per_turn_mm)
 
 
 def _refuse_another(lathe: Lathe, plan: CutPlan, length: CutLength, path: PathSeen) -> None:

@@ -142,8 +142,9 @@ def start(context: StationContext, _: Start) -> None:
     context.tell(armed=None, cut=None, cut_done=False, measured=None)
     watched = _Watched(context, armed)
     context.seen = watched.publish
+    touched_mm = 0.0 if context.state.touched is None else context.state.touched.to_mm
     try:
-        end = cut(context.cut_context, armed.job, armed.plan, watched.step, watched.see)
+        end = cut(context.cut_context, armed.job, armed.plan, watched.step, watched.see, touched_mm=touched_mm)
     except NotAsPlannedError as early:
         context.note("ended_early", turns=early.turns, reasons=[problem.code for problem in early.problems])
         raise
