@@ -19,6 +19,7 @@ from console.tui.pages.learn_lines import learn_lines
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.run import RunPage
 from drivers.simulator.plant.workshop_view import WorkshopView
+from profiles.compensations.causes import Cause, CauseKind
 from profiles.compensations.learned import ExpectedPart
 from profiles.findings import Finding, Severity
 from profiles.problem import Problem
@@ -67,6 +68,21 @@ def test_of_a_lobe_that_is_elsewhere_the_set_up_is_asked_for_first() -> None:
         page = inspected(replace(measured, learning=replace(PART.learning, taught=warned)))
         assert page.next_step == EN("inspect_page.next_check_jaw")
         assert "check jaw 1 before a" in " ".join(page.text.split())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_where_jaw_1_explains_the_most_it_is_one_remedy_or_the_other(language: str) -> None:
+    """A correction learned with jaw 1 taken wrongly would be made twice once jaw 1 is found again."""
+    assert PART.learning is not None and PART.learning.taught is not None
+    text = load(language)
+    turned = Cause(kind=CauseKind.ANGLE, um_pp=16.8, order=3, value=5.8, sd=1.3)
+    step = replace(PART.learning.taught.step, expected_half_width_um_pp=0.0)  # no two clampings differ
+    taught = replace(PART.learning.taught, causes=(turned,), step=step)
+    measured = replace(PART, learning=replace(PART.learning, taught=taught))
+    failed = inspected(fails(measured), language)
+    assert failed.next_step == text("inspect_page.next_failed_jaw") and cell_len(failed.next_step) <= 77
+    assert "not both" in panel(fails(measured))
+    assert inspected(measured, language).next_step == text("inspect_page.next_part_learn"), "it passes as it is"
 
 
 def test_nothing_is_promised_of_what_may_not_be_kept() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from console.session.station.state import Activity, MeasuredPart, StationState
-from console.tui.inspecting.plain_words import in_scatter, is_elsewhere, is_kept
+from console.tui.inspecting.plain_words import in_scatter, is_elsewhere, is_kept, jaw_explains
 from console.tui.pages.lobe_lines import is_taken
 from console.tui.ui_context import View
 
@@ -53,7 +53,9 @@ def next_word(view: View) -> str:
         return "next_part"
     if taught is None:
         return "next_failed"
-    return "next_failed_learn" if stands_out else "next_failed_scatter"
+    if not stands_out:
+        return "next_failed_scatter"
+    return "next_failed_jaw" if jaw_explains(taught) else "next_failed_learn"
 
 
 def fails(part: MeasuredPart) -> bool:

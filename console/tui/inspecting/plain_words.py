@@ -9,6 +9,7 @@ from console.session.learning.part_learning import PartLearning
 from console.session.stages import Stage
 from console.session.work import Work
 from console.text.catalogue import Catalogue
+from profiles.compensations.causes import CauseKind
 from profiles.compensations.path import expected
 
 NOTHING_LEFT = "learned.nothing"
@@ -37,6 +38,8 @@ def plain_words(learning: PartLearning, work: Work | None, text: Catalogue, *, f
             word = "elsewhere"
         elif in_scatter(taught):
             word = "may_scatter" if failed else "scatter"
+        elif failed and jaw_explains(taught):
+            word = "jaw"
         return text(f"inspect_page.plain.{word}", left=_um(lobe, text), scatter=scatter)
     others = [each for each in taught.harmonics if each.learned]
     if not others:
@@ -48,6 +51,11 @@ def plain_words(learning: PartLearning, work: Work | None, text: Catalogue, *, f
 def is_elsewhere(taught: Taught) -> bool:
     """Whether the lobe is not where it is expected: the set-up is to be checked before anything is kept."""
     return any(warning.code == ELSEWHERE for warning in taught.warnings)
+
+
+def jaw_explains(taught: Taught) -> bool:
+    """Whether jaw 1, taken at another angle, explains the most: found again, it must not be corrected as well."""
+    return bool(taught.causes) and taught.causes[0].kind is CauseKind.ANGLE
 
 
 def is_kept(learning: PartLearning | None, work: Work | None) -> bool:
