@@ -97,6 +97,7 @@ def test_no_encoding_and_no_name_ends_a_command_or_steers_the_terminal(
     assert len(codes) == 1
 
 
+@pytest.mark.long
 def test_a_run_of_the_real_program_survives_an_encoding_without_its_signs(tmp_path: Path) -> None:
     job = tmp_path / "short.toml"
     save_job(replace(load_job(JOB).job, cut_length_mm=0.5), job)

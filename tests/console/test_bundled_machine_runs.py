@@ -40,6 +40,7 @@ def test_a_turbo_takes_the_lobe_away_in_each_way_that_keeps_the_angle(
     takes_the_lobe_away(console("run", str(path), *words).json)
 
 
+@pytest.mark.long
 def test_both_controllers_leave_the_same_part_by_times_that_are_planned(
     console: Console, job_file: JobFile, tmp_path: Path
 ) -> None:

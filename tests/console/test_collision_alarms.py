@@ -72,6 +72,7 @@ def test_the_last_line_of_the_printed_program_is_an_alarm_once_for_each_collisio
     assert told(aligned.idle(3.0)) == dict.fromkeys(met, (1, True))
 
 
+@pytest.mark.long
 def test_a_new_blank_has_met_nothing_and_can_meet_again(aligned: Floor) -> None:
     plunge(aligned)
     for _ in aligned.state.alarms:

@@ -61,6 +61,7 @@ def test_it_is_not_forgotten_before_another_blank_is_clamped(aligned: Floor) -> 
     assert (fresh.touched, fresh.marks_mm) == (None, ())
 
 
+@pytest.mark.long
 def test_a_hold_leaves_a_blank_cut_in_part_and_a_cut_in_air_one_as_it_was(aligned: Floor) -> None:
     aligned.arm(JOB, stage=Stage.AIR)
     assert aligned.do(Start()).touched is None

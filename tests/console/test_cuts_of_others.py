@@ -223,6 +223,7 @@ def test_a_home_search_that_is_stopped_has_lost_no_position_to_another_host(floo
     assert state.snapshot is not None and "home_complete" not in state.snapshot.tool.flags
 
 
+@pytest.mark.long
 def test_a_blank_that_is_cut_again_after_a_stop_is_no_disturbed_cut(tmp_path: Path) -> None:
     """Up to where the first cut ended the tool meets a turned surface, behind it the blank: its force changes."""
     floor = open_floor(tmp_path, plant="steady", seed=11)

@@ -142,6 +142,7 @@ def test_the_record_has_the_hold_and_who_asked(aligned: Floor) -> None:
     assert kinds == ["started", "feed_hold", "resumed", "held_at", "cut"]
 
 
+@pytest.mark.long
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("seed", "strategy"), [(11, Strategy.PVT), (2, Strategy.CAM)])
 def test_a_held_cut_is_not_called_disturbed_on_a_lathe_that_gives_way(
@@ -157,6 +158,7 @@ def test_a_held_cut_is_not_called_disturbed_on_a_lathe_that_gives_way(
     assert state.cut_done and codes(state) == []
 
 
+@pytest.mark.long
 def test_a_hold_in_the_last_turn_comes_too_late_and_raises_no_alarm(tmp_path: Path) -> None:
     """The cut is done: the spindle that comes to rest then is no spindle that stands in the part."""
     floor = open_floor(tmp_path, 6, "steady")

@@ -97,6 +97,7 @@ def test_realistic_cuts_by_the_model_do_not_cry_wolf(tmp_path: Path, seed: int, 
     assert floor.state.alarms == ()
 
 
+@pytest.mark.long
 def test_out_of_phase_is_over_with_its_cut_and_leaves_when_it_was_seen(tmp_path: Path, in_copies: None) -> None:
     """Half the gain of the tool is a lag. After the cut the operator acknowledges, and cuts a good part."""
     floor, job = set_up_once(tmp_path), experiment_1(2.0)

@@ -113,6 +113,7 @@ def test_without_compensation_nothing_is_gained(
     assert result["collisions"] == []
 
 
+@pytest.mark.long
 def test_another_part_in_a_four_jaw_chuck_does_what_its_job_says(
     console: Console, close: tuple[str, str], job_file: JobFile
 ) -> None:

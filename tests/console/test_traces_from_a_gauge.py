@@ -118,6 +118,7 @@ def outside(tmp_path: Path, job_file: Callable[..., Path], data_folder: Path) ->
     return Outside(data_folder / "trilobe", job, load_machine(str(lathe)))
 
 
+@pytest.mark.long
 def test_what_the_gauge_says_of_one_part_makes_the_next_rounder(outside: Outside) -> None:
     outside.cut()
     path = outside.gauge(**STATED)

@@ -89,6 +89,7 @@ def test_a_jaw_that_was_taken_25_degrees_off_is_named_with_its_angle(floor: Floo
     assert "find jaw 1 again (4, b)" in shown
 
 
+@pytest.mark.long
 def test_a_force_that_was_10_percent_low_is_named_by_its_lobe(floor: Floor, job: LoadedJob) -> None:
     """Beside the friction of this lathe, which holds its tool back: that was seen in the cut.
 
@@ -104,12 +105,14 @@ def test_a_force_that_was_10_percent_low_is_named_by_its_lobe(floor: Floor, job:
     assert found[CauseKind.TOOL].um_pp == pytest.approx(9.7, abs=1.0)
 
 
+@pytest.mark.long
 def test_a_part_within_its_tolerance_has_no_failure_to_explain(floor: Floor, job: LoadedJob) -> None:
     part = cut(floor, job)
     assert part.learning is not None
     assert "✗" not in plain(learn_lines(part.learning, None, load("en"), 200, failed=False))
 
 
+@pytest.mark.long
 def test_a_touch_off_40_um_early_is_seen_in_the_diameter_and_taken_back(stiff: Floor, job: LoadedJob) -> None:
     """On a lathe whose tool does not give way with the depth of cut: there one correction is enough."""
     usual = cut(stiff, job)

@@ -126,6 +126,7 @@ def test_a_cut_of_a_day_to_come_is_told(data: Path, monkeypatch: pytest.MonkeyPa
     assert "2001-11-30T10:00" in load("en").problem(told)
 
 
+@pytest.mark.long
 def test_a_version_of_a_day_to_come_is_told_when_it_is_learned_from_listed_and_cut_with(
     console: Console, data: Path, tmp_path: Path, close: tuple[str, str], job_file: Callable[..., Path]
 ) -> None:

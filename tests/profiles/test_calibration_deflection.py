@@ -127,6 +127,7 @@ def test_with_noise_the_truth_is_within_the_confidence() -> None:
     assert np.mean([fit.alpha_ci for fit in fits]) == pytest.approx(2.0 * scatter, rel=0.6)
 
 
+@pytest.mark.long
 def test_the_confidence_holds_where_the_scatter_grows_with_the_deflection() -> None:
     """5 % of each deflection, 20 tables: with the same scatter everywhere three of four would hold it."""
     rng, true_um = np.random.default_rng(1), FEW["deflection_um"]

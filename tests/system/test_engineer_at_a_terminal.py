@@ -17,6 +17,7 @@ from tests.trainee import Trainee
 pytestmark = [pytest.mark.system, pytest.mark.timeout(90)]
 
 
+@pytest.mark.long
 def test_an_engineer_asks_watches_backs_up_and_gathers(serve: Serve, tmp_path: Path) -> None:
     profile = tmp_path / "shop-9.toml"
     text = signed(compact_text("turbo")).replace('name = "turbo-ethernet-lathe"', 'name = "shop-9"')

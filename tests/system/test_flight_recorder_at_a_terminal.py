@@ -33,6 +33,7 @@ def recorded(data: Path) -> bytes:
     return b"".join(path.read_bytes() for path in sorted(running(data)[0].glob("*.segment")))
 
 
+@pytest.mark.long
 def test_a_stop_is_frozen_and_replayed(tmp_path: Path) -> None:
     with console(tmp_path, "en", 80, 24) as terminal:
         trainee = console_at(terminal)

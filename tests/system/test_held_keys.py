@@ -189,6 +189,7 @@ def test_a_line_that_stands_still_while_a_key_repeats(serve: Serve, tmp_path: Pa
         stalls_in_a_hold(at, for_s=1.5, then=lambda: None)
 
 
+@pytest.mark.long
 def test_a_reported_release_ends_it_and_a_lost_one_does_no_harm(serve: Serve, tmp_path: Path) -> None:
     with bench(serve, tmp_path, KittyTerminal, KITTY) as at:
         terminal = at.trainee.terminal

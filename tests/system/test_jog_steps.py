@@ -76,6 +76,7 @@ def holds(trainee: Trainee, typed: str, for_s: float) -> None:
         time.sleep(REPEAT_S)
 
 
+@pytest.mark.long
 def test_a_held_key_runs_once_the_terminal_is_measured_and_ends_with_its_release(tmp_path: Path) -> None:
     with console(tmp_path, "en", 80, 24, short_ways=True) as terminal:
         trainee = console_at(terminal)

@@ -96,6 +96,7 @@ TELLS |= {"screen.job_entry_dropped", "screen.log_exported"}
 """Answers to keys that did something."""
 
 
+@pytest.mark.long
 def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(tmp_path: Path) -> None:
     differ: list[tuple[str, str, list[str], list[str]]] = []
     ways: dict[str, set[bool]] = {}

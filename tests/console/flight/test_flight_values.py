@@ -33,6 +33,7 @@ def test_any_moment_comes_back_as_it_was(moment: Moment) -> None:
     assert same(Typed().read(Moment, written(plain(moment, recorded))), moment)
 
 
+@pytest.mark.long
 @given(MOMENTS, MOMENTS)
 def test_what_changed_leads_from_any_moment_to_any_other(before: Moment, now: Moment) -> None:
     tree = patched(written(plain(before, recorded)), written(changes(before, now, recorded)))
