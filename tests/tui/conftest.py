@@ -1,4 +1,4 @@
-"""Style sheets that are read once, and nothing painted that nobody sees: each screen here is an application of its own.
+"""Style sheets are read once, and nothing is painted that nobody sees: each screen here is an app of its own.
 
 To read its style sheets takes a quarter of what it takes to start one. What is read depends on the text, on the
 colours that it names, and on nothing else.
