@@ -30,7 +30,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     if options.lesson_file is not None:
         from console.cli.machine.replay_lesson import write_lesson
 
-        return write_lesson(options, text)
+        return write_lesson(options, None if options.file is None else path_of(options), text)
     if options.file is None or options.list:
         found = listed(frozen_in(data_of(options)))
         tell([problem for entry in found for problem in entry.problems], text)

@@ -6,7 +6,6 @@ import sys
 from argparse import Namespace
 from pathlib import Path
 
-from console.cli.machine.replay import path_of
 from console.cli.output import show
 from console.session.flight.recording import read_recording
 from console.session.practice.as_lesson import lesson_of_practice, lesson_text, steps_of
@@ -21,16 +20,16 @@ WRONG_USAGE = 2
 PLANT = "mounted"
 
 
-def write_lesson(options: Namespace, text: Catalogue) -> int:
+def write_lesson(options: Namespace, recorded: Path | None, text: Catalogue) -> int:
     """Write the event of a recording as a lesson; what differs from what was recorded is in it, and printed.
 
     Raises:
         ProblemError: those of `read_recording` and `practice_of`; `file.exists`, `file.not_writable`.
     """
-    if options.file is None or not options.lesson_file.endswith(".toml"):
+    if recorded is None or not options.lesson_file.endswith(".toml"):
         print(f"console replay: {text('usage.lesson_form')}", file=sys.stderr)
         return WRONG_USAGE
-    practice = practice_of(read_recording(path_of(options)))
+    practice = practice_of(read_recording(recorded))
     steps = steps_of(practice, set_up=True)
     words = {language: lesson_words(practice, steps, load(language)) for language in LANGUAGES}
     lesson = lesson_of_practice(practice, words, plant=PLANT, seed=None, set_up=True)

@@ -25,6 +25,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob
 from tests.console.flight.bench import FlightBench
 from tests.tui import run_stage
+from tests.tui.machine_states import ON
 from tests.tui.scenes import ALIGNED
 from tests.tui.stage import experiment, lathe
 
@@ -40,7 +41,7 @@ def own_work() -> Work:
 
 def bench_of(data: Path, **changes: Any) -> FlightBench:
     """A console with that job open, everything set up, 1 mm behind the face and clear of the part."""
-    state = run_stage.state(ALIGNED, snapshot=run_stage.look(run_stage.ON, tool=200_000.0), **changes)
+    state = run_stage.state(ALIGNED, snapshot=run_stage.look(ON, tool=200_000.0), **changes)
     return FlightBench(data, state, own_work())
 
 
