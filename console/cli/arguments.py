@@ -25,6 +25,7 @@ PLANT_FILE = "FILE.toml"
 DEFAULT_PLANT = "ideal"
 MOST_CLAMPING_SD_PERCENT = 50.0
 SEED_LIMIT = 2**32 - 1
+MOST_BEFORE_S = 86_400.0
 
 LINK = ("link", "trace")
 HARDWARE = ("plant", "seed")
@@ -39,6 +40,10 @@ def contradiction(options: argparse.Namespace, text: Catalogue) -> str:
     """Return the sentence about mutually exclusive options; "" where none conflict."""
     if options.sim and options.link:
         return text("usage.sim_with_link")
+    if options.before is not None and options.from_file is None:
+        return text("usage.before_alone")
+    if options.from_file is not None and (not options.sim or options.link or options.lesson is not None):
+        return text("usage.from_alone")
     if getattr(options, "ts", None) is not None:
         from drivers.cutting.strategy import TAKING_TS
 
@@ -54,6 +59,13 @@ def add_shared(
     for name in names:
         key = ".".join(filter(None, ("help", command, name.replace("-", "_"))))
         parser.add_argument(f"--{name}", default=absent, help=text(key), **_SHARED[name])
+
+
+def add_practice(parser: Parser, text: Catalogue) -> None:
+    """Add the recording whose event is practised, and how long before it that begins."""
+    parser.add_argument("--from", metavar="FILE", dest="from_file", help=text("help.from"))
+    before = within(number, 0.0, MOST_BEFORE_S, "usage.before", f"{MOST_BEFORE_S:g}")
+    parser.add_argument("--before", metavar="S", type=before, help=text("help.before"))
 
 
 def add_job(parser: Parser, text: Catalogue) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from console.cli.arguments import LINK, PLANT, add_shared
+from console.cli.arguments import LINK, PLANT, add_practice, add_shared
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
@@ -59,6 +59,7 @@ def build(text: Catalogue) -> Parser:
     parser.add_argument("--sim", action="store_true", help=text("help.screen"))
     parser.add_argument("--lesson", metavar="NAME", help=text("help.lesson"))
     parser.add_argument("--trainee", metavar="NAME", help=text("help.trainee"))
+    add_practice(parser, text)
     parser.add_argument("--blind", action="store_true", help=text("help.blind"))
     add_shared(parser, text, "machine", *LINK, "data", *PLANT, "lang", absent=None)
     title = text("help.commands")

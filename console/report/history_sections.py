@@ -6,12 +6,25 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from console.report.course_figure import chart_figure
 from console.report.drawing import figure
-from console.report.markup import Markup, listed, paragraph, section
+from console.report.markup import Markup, element, listed, paragraph, section
 from console.report.quantities import number, time_in, um
 from console.report.reported_run import ReportedRun
 from console.report.verdict import code_words
 from console.text.catalogue import Catalogue
+from console.text.run_debrief import debrief_sections
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, capability_below, run_chart, trend
+
+
+def debriefed(run: ReportedRun, text: Catalogue) -> Markup | None:
+    """Return what the run cost, why, what to do next time, and what the record does not tell; None without it."""
+    if run.debrief is None:
+        return None
+    parts = [
+        part
+        for title, rows in debrief_sections(run.debrief, text)
+        for part in (element("h3", title), listed(rows))
+    ]
+    return section("debrief", text("report.debrief"), *parts)
 
 
 def learned(run: ReportedRun, text: Catalogue) -> Markup:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from console.report.course_section import course
-from console.report.history_sections import chart, learned
+from console.report.history_sections import chart, debriefed, learned
 from console.report.markup import Markup, element, facts_table, listed, paragraph
 from console.report.measured_section import measured
 from console.report.quantities import date_in, exact
@@ -38,6 +38,7 @@ def report_page(run: ReportedRun, text: Catalogue) -> str:
         sent(run, text),
         measured(run, text),
         course(run, text),
+        debriefed(run, text),
         learned(run, text),
         chart(run, text),
         provenance(run, text),

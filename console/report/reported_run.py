@@ -9,6 +9,7 @@ from typing import Any
 
 from console.report.evaluated import EvaluatedPart, evaluated
 from console.session.data.run_reader import PartPoint, RecordedPart, RunStory
+from console.session.learning.run_debrief import RunDebrief
 from console.session.stages import Stage
 from profiles.files import parse_toml
 from profiles.job import Job, job_from_table
@@ -26,7 +27,7 @@ class ReportedRun:
     `job` is None where its text was not kept, or cannot be read (`job_problems`). `parts` are the last
     measurements of each part, `again` those that were measured again later. `points` are parts of the job in the
     order of manufacture, up to those of this run, None where the record of the others cannot be read. Dates are
-    written in `zone`, None: that of this computer.
+    written in `zone`, None: that of this computer. Without a `debrief` there is no section of it.
     """
 
     story: RunStory
@@ -36,6 +37,7 @@ class ReportedRun:
     again: tuple[RecordedPart, ...]
     points: tuple[PartPoint, ...] | None
     zone: tzinfo | None
+    debrief: RunDebrief | None = None
 
     @property
     def product(self) -> EvaluatedPart | None:
@@ -82,7 +84,10 @@ class ReportedRun:
 
 
 def reported_run(
-    story: RunStory, points: Sequence[PartPoint] | None = (), zone: tzinfo | None = None
+    story: RunStory,
+    points: Sequence[PartPoint] | None = (),
+    zone: tzinfo | None = None,
+    debrief: RunDebrief | None = None,
 ) -> ReportedRun:
     """Return a run for its report; `points` are the measured parts of its job, oldest first, None unreadable."""
     job, problems = _job_of(story)
@@ -96,6 +101,7 @@ def reported_run(
         again=tuple(part for part in story.parts if last[part.part] != part.number),
         points=None if points is None else _up_to(story.row.run_id, points),
         zone=zone,
+        debrief=debrief,
     )
 
 

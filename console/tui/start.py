@@ -38,8 +38,10 @@ from profiles.store import LoadedMachine
 
 if TYPE_CHECKING:
     from console.session.flight.recorder import Recorder
+    from console.session.practice.begins import Begins
     from console.session.station.station import Opened
     from console.session.training.attempt import Attempt
+    from console.tui.practising import TakenUp
 
 WRONG_USAGE = 2
 QUIET_S = 2.0  # time after the end of the screen until a wait for the machine is reported
@@ -59,7 +61,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     """
     _take_terminal()
     data = data_of(options)
-    machine = calibrated_or_stated(machine_of(options), data)
+    taken = _taken_up(options, data, text)
+    machine = calibrated_or_stated(machine_of(options), data) if taken is None else taken.machine
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     address = address_of(machine.machine, options.link, simulated=options.sim)
     inbox = Inbox(time.monotonic)
@@ -70,12 +73,14 @@ def main(options: Namespace, text: Catalogue) -> int:
     if wrong := _wrong_usage(options, requested, simulated=simulated):
         print(f"console: {text(wrong)}", file=sys.stderr)
         return WRONG_USAGE
-    attempt = None if options.lesson is None else _begun(options, data)
-    requested = requested if attempt is None else _lathe_of(attempt)
+    attempt = _begun(options, data) if taken is None else taken.attempt
+    begins = None if taken is None else taken.begins
+    place = taken.address if taken is not None else _lathe_of(attempt) or requested or address
     appearance = _appearance(options.configuration, text)
-    link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
+    link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, place, data, tracing, begins))
     app, control = _recorded(link, inbox, machine, data, (text, appearance, options.configuration))
     app.ui.attempt = attempt
+    app.ui.work = None if taken is None else taken.work
     ending = _Ending(link, app)
     ending.install()
     link.start()
@@ -107,13 +112,15 @@ def _wrong_usage(options: Namespace, requested: SimulatedAddress | None, *, simu
     """Return the sentence about options of a simulated lathe that exclude others, "" where none do."""
     if (requested is not None or options.lesson is not None) and not simulated:
         return "usage.plant_without_sim"
-    if options.trainee is not None and options.lesson is None:
+    if options.trainee is not None and options.lesson is None and options.from_file is None:
         return "usage.trainee_alone"
     return "usage.lesson_alone" if requested is not None and options.lesson is not None else ""
 
 
-def _begun(options: Namespace, data: Path) -> Attempt:
-    """Return a try of a lesson that begins now. Raises ProfileError: it is unknown, or cannot be read."""
+def _begun(options: Namespace, data: Path) -> Attempt | None:
+    """Return a try of the lesson that is asked for. Raises ProfileError: it is unknown, or cannot be read."""
+    if options.lesson is None:
+        return None
     import random
 
     from console.session.training.attempt import Attempt
@@ -128,7 +135,9 @@ def _begun(options: Namespace, data: Path) -> Attempt:
     return Attempt(lesson=lesson, began_s=time.monotonic(), seed=seed, trainee=options.trainee or "")
 
 
-def _lathe_of(attempt: Attempt) -> SimulatedAddress:
+def _lathe_of(attempt: Attempt | None) -> SimulatedAddress | None:
+    if attempt is None:
+        return None
     return SimulatedAddress(plant=attempt.lesson.plant, seed=attempt.seed, blind=attempt.lesson.blind)
 
 
@@ -190,11 +199,21 @@ def _recorder(
     return Recorder(data, machine, observed, inbox)
 
 
-def _open(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
+def _open(
+    machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing, begins: Begins | None
+) -> Opened:
     """Open the machine in the link thread: its imports take longer than the first paint."""
     from console.session.station.station import open_machine
 
-    return open_machine(machine, address, data, tracing)
+    return open_machine(machine, address, data, tracing, begins)
+
+
+def _taken_up(options: Namespace, data: Path, text: Catalogue) -> TakenUp | None:
+    if options.from_file is None:
+        return None
+    from console.tui.practising import taken_up  # not for the first paint
+
+    return taken_up(options, data, text)
 
 
 class _Ending:

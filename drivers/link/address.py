@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 
 from drivers.errors import LinkError
+from drivers.placed import Placed
 from profiles.problem import Problem
 
 HIGHEST_PORT = 65_535
@@ -70,13 +71,14 @@ class SimulatedAddress:
 
     Set up by hand, with the simulated hardware of `plant` (a name or a file). Random effects use `seed`, and the
     chucking force varies from clamping to clamping with a standard deviation of `clamping_sd_percent`, of the
-    plant's own with None. A `blind` one shows dials instead of the truth.
+    plant's own with None. A `blind` one shows dials instead of the truth. It begins at power-up, or `placed`.
     """
 
     plant: str = "realistic"
     seed: int | None = None
     clamping_sd_percent: float | None = None
     blind: bool = False
+    placed: Placed | None = None
 
     def __str__(self) -> str:
         return "sim:"

@@ -11,11 +11,13 @@ import asyncio
 import socket
 import time
 
+from drivers.placed import placed_of
 from drivers.simulator.hosts.channel import converse
 from drivers.simulator.hosts.pty import PtyHost
 from drivers.simulator.hosts.real_time import ending_signals, keep_time, patient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import MOUNTED, plant_named
+from drivers.simulator.plant.true_parameters import begun_at
 from profiles.store import load_machine
 
 
@@ -28,10 +30,15 @@ def main() -> None:
     parser.add_argument("--plant", default=MOUNTED, metavar="NAME", help="how the lathe really is")
     parser.add_argument("--clamping-sd", type=float, metavar="PERCENT", help="of the chucking force")
     parser.add_argument("--blind", action="store_true", help="show dials instead of the truth")
+    parser.add_argument("--placed", type=placed_of, metavar="JSON", help="where it begins, instead of power-up")
     options = parser.parse_args()
     machine = load_machine(options.machine).machine
     true = plant_named(options.plant, machine, options.seed, options.clamping_sd, mounted_by_hand=True)
+    placed = options.placed
+    true = true if placed is None else begun_at(true, placed)
     lathe = SimulatedLathe(machine, true, blind=options.blind)
+    if placed is not None:
+        lathe.take_over(placed)
     asyncio.run(_serve(lathe, options.channel))
 
 

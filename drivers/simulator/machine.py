@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from drivers.errors import LinkError
+from drivers.placed import Placed
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.settings import settings_with
@@ -133,6 +134,17 @@ class SimulatedLathe:
     def mount(self, job: Job) -> None:
         """Clamp a new blank for `job`."""
         self._floor.mount(job)
+
+    def take_over(self, placed: Placed) -> None:
+        """Be as somebody left it: homed where the axes stand, with the blank of a job clamped.
+
+        The lathe was made by the true parameters of `begun_at`.
+        """
+        if placed.axes is not None:
+            for motor in self._motors():
+                motor.know_home()
+        if placed.job is not None:
+            self.mount(placed.job)
 
     def measure(self, past_middle_mm: float = 0.0) -> Trace:
         """Release the part and measure its trace, see `SimulatedWorkshop.measure`."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from console.session.practice.begins import Begins
 from console.session.station.commands import (
     Approach,
     Arm,
@@ -30,9 +31,11 @@ from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
+from drivers.placed import Placed
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
+from drivers.simulator.plant.true_parameters import begun_at
 from profiles.job import Job
 from profiles.store import LoadedMachine, load_job
 from tests.compact import compact_machine
@@ -111,17 +114,23 @@ def open_floor(
     turned_deg: float = 0.0,
     *,
     blind: bool = False,
+    placed: Placed | None = None,
+    begins: Begins | None = None,
 ) -> Floor:
     """A station on a machine whose chuck and tool were mounted by chance; connected and verified.
 
     The lathe is that of the paper with everything close together, unless another is given. The chuck may be
-    mounted so much further on than by that chance. A `blind` lathe shows dials, not the truth.
+    mounted so much further on than by that chance. A `blind` lathe shows dials, not the truth. One that is
+    `placed` does not begin at power-up, and the station `begins` with what was known of it.
     """
     machine = machine or compact_machine()
     true = plant_named(plant, machine.machine, seed, mounted_by_hand=True)
     if turned_deg and true.jaw_1_deg is not None:
         true = replace(true, jaw_1_deg=(true.jaw_1_deg + turned_deg) % 360.0)
+    true = true if placed is None else begun_at(true, placed)
     sim = SimulatedLathe(machine.machine, true, blind=blind)
+    if placed is not None:
+        sim.take_over(placed)
     link = MemoryLink(sim.connect(), sim)
     stop = StopPath(link)
     made: list[Floor] = []
@@ -143,6 +152,7 @@ def open_floor(
         records=records,
         local_time=lambda: LOCAL_TIME,
         client=client,
+        begins=begins,
     )
     floor = Floor(sim=sim, lathe=lathe, stop=stop, link=link, station=Station(context), context=context)
     made.append(floor)

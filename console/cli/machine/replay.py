@@ -15,6 +15,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     forms = parser.add_mutually_exclusive_group()
     forms.add_argument("--list", action="store_true", help=text("help.replay.list"))
     forms.add_argument("--text", action="store_true", help=text("help.replay.text"))
+    forms.add_argument("--lesson", metavar="OUT.toml", dest="lesson_file", help=text("help.replay.lesson"))
     parser.set_defaults(plot=True)
 
 
@@ -26,6 +27,10 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.session.flight.frozen import frozen_in
     from console.session.flight.recording import read_recording
 
+    if options.lesson_file is not None:
+        from console.cli.machine.replay_lesson import write_lesson
+
+        return write_lesson(options, None if options.file is None else path_of(options), text)
     if options.file is None or options.list:
         found = listed(frozen_in(data_of(options)))
         tell([problem for entry in found for problem in entry.problems], text)
@@ -43,11 +48,17 @@ def main(options: Namespace, text: Catalogue) -> int:
 def path_of(options: Namespace) -> Path:
     """Return the file that is meant: a path, or a name from the list."""
     from console.cli.library import data_of
+
+    return path_named(options.file, data_of(options))
+
+
+def path_named(file: str, data: Path) -> Path:
+    """Return the recording of a path, or of a name in the list of a data folder."""
     from console.session.flight.frozen import SUFFIX
     from console.session.flight.ring import FOLDER
 
-    given = Path(options.file)
-    if given.exists() or given.name != options.file:
+    given = Path(file)
+    if given.exists() or given.name != file:
         return given
-    named = data_of(options) / FOLDER / options.file
+    named = data / FOLDER / file
     return next((each for each in (named, Path(f"{named}{SUFFIX}")) if each.exists()), given)

@@ -13,14 +13,15 @@ from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
 Act = Callable[[Namespace, Catalogue], None]
-ACTIONS = ("list", "show", "export")
+ACTIONS = ("list", "show", "debrief", "export")
 SHOWN, MOST_SHOWN = 20, 100_000
 
 
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the actions, each with its arguments."""
     actions = add_actions(parser, "records", ACTIONS, text)
-    actions["show"].add_argument("run", metavar="RUN", help=text("help.records.run"))
+    for name in ("show", "debrief"):
+        actions[name].add_argument("run", metavar="RUN", help=text("help.records.run"))
     actions["export"].add_argument("folder", metavar="FOLDER", help=text("help.records.folder"))
     for name in ("list", "export"):
         action = actions[name]
@@ -41,13 +42,15 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """List, show or export what is recorded; nothing is changed."""
+    """List, show, debrief or export what is recorded; nothing is changed."""
+    from console.cli.measured.records_debrief import debrief_run
     from console.cli.measured.records_export import export
     from console.cli.measured.records_report import list_runs, show_run
 
     acts: dict[str, Callable[[Namespace, Catalogue], None]] = {
         "list": list_runs,
         "show": show_run,
+        "debrief": debrief_run,
         "export": export,
     }
     acts[options.action](options, text)

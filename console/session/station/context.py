@@ -15,6 +15,7 @@ from console.session.cut.recording import LogRecorder, Unrecorded
 from console.session.data.records import RunRecord
 from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError
+from console.session.practice.begins import Begins
 from console.session.station.actions import alarm_events, command_event
 from console.session.station.alarms import Alarms, Priority, cleared, raised
 from console.session.station.commands import Adjust, Command, HoldFeed, ResumeFeed
@@ -58,7 +59,7 @@ class StationContext:
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
     `hold_asked` is the last command about a feed hold not yet passed on, `adjust_asked` those about override and
     trim, `faults_asked` faults for the simulated lathe. `side` sends what worker threads
-    ask, between two polls.
+    ask, between two polls. `begins` is how a simulated lathe is taken over, None at power-up.
     """
 
     lathe: Lathe
@@ -83,6 +84,7 @@ class StationContext:
     hold_asked: HoldFeed | ResumeFeed | None = None
     adjust_asked: deque[Adjust] = field(default_factory=deque)
     faults_asked: deque[str] = field(default_factory=deque)
+    begins: Begins | None = None
     _incomplete_told: bool = field(default=False, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _state: StationState = field(init=False)

@@ -13,6 +13,7 @@ from console.session.cut.alignment import clamped, force_problems
 from console.session.cut.engine import tool_clear
 from console.session.cut.interlocks import of_job
 from console.session.errors import SessionError, refuse
+from console.session.practice.begins import Begins
 from console.session.station import commands, jogging
 from console.session.station.alarms import recovered
 from console.session.station.conditions import refuse_unless_homed, require
@@ -99,6 +100,16 @@ def switch_on(context: StationContext, _: commands.EnableDrives) -> None:
         # One axis may have closed before another was refused: all or none.
         context.lathe.switch_off()
         raise SessionError(*refused.problems) from refused
+
+
+def begin_as(context: StationContext, begins: Begins) -> None:
+    """Take over the stamps with which a session begins, and enable the drives where they were enabled."""
+    if context.shop is None:
+        raise SessionError(Problem(code="session.not_simulated"))
+    stamps = {name: getattr(begins.alignment, name) for name in ("clamping", "jaw", "touch_off")}
+    context.tell(alignment=replace(context.state.alignment, **stamps))
+    if begins.drives_on:
+        switch_on(context, commands.EnableDrives())
 
 
 def switch_off(context: StationContext, _: commands.DisableDrives) -> None:

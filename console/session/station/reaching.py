@@ -180,6 +180,7 @@ def _started(path: Path, address: SimulatedAddress) -> SimulatorProcess:
         plant=address.plant,
         clamping_sd_percent=address.clamping_sd_percent,
         blind=address.blind,
+        placed=address.placed,
     )
 
 

@@ -19,6 +19,7 @@ from console.session.cut.trip_cause import BY_FRICTION, with_cause
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import LEFT_IN_PART, killed_or_refused
 from console.session.errors import SessionError, fault_problem
+from console.session.practice.begins import Begins
 from console.session.station.adjusting.at_once import taken_at_once
 from console.session.station.alarms import OF_A_CUT, Priority
 from console.session.station.armed_watch import watch_armed
@@ -32,7 +33,7 @@ from console.session.station.commands import (
     Verify,
 )
 from console.session.station.context import StationContext
-from console.session.station.handlers import HANDLERS
+from console.session.station.handlers import HANDLERS, begin_as
 from console.session.station.link.holding import HolderWatch
 from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
@@ -158,6 +159,9 @@ class Station:
                 context.alarm(problem, Priority.MEDIUM)
         context.tell_standing()
         self._carry_out(Verify())
+        begins = context.begins
+        if begins is not None:
+            self._guarded(lambda: begin_as(context, begins))
         return True
 
     def post(self, intent: Command) -> bool:
@@ -336,8 +340,12 @@ class Opened:
     close: Callable[[], None]
 
 
-def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
+def open_machine(
+    machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing, begins: Begins | None = None
+) -> Opened:
     """Connect to a machine; a simulated one is started first, and connected to like a real one.
+
+    `begins` is how a simulated lathe that was placed so is taken over.
 
     Raises:
         LinkError: a code for each kind of failure; `simulator.not_started`.
@@ -368,6 +376,7 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         ),
         reopening=reached.reopening,
         onlookers=reached.onlookers,
+        begins=begins,
     )
     context.tell(address=reached.address)
     for problem in warnings_of(machine):

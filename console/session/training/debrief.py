@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from console.session.stop_keys import is_by_key
 from console.session.training.attempt import Attempt
 from console.session.training.happened import Happening, What
 from console.session.training.item import Item
@@ -15,9 +16,6 @@ from drivers.simulator.plant.workshop_view import Truth
 FULL = 100
 JAW_WITHIN_DEG, TIP_WITHIN_UM, SEEN_WITHIN_S = 0.3, 10.0, 60.0
 """What a careful trainee keeps: jaw 1 by indicator, the tip by touch, an alarm seen and acknowledged."""
-
-KEYS = frozenset({"space", "escape", "f9", "f12", "page", "unbound", "change", "unreadable", "paste"})
-"""Reasons of stops by somebody at the keys, before a space."""
 
 BY_ITSELF = frozenset({"stopped", "stopped_in_cut", "link_lost"})
 """Steps that a machine may make alone."""
@@ -171,7 +169,7 @@ def _is_act(each: Happening) -> bool:
 
 def _is_ours(each: Happening) -> bool:
     """Whether it is a stop by a key: the controller and the console stop by themselves, too."""
-    return each.what is What.STOP and each.word.partition(" ")[0] in KEYS
+    return each.what is What.STOP and is_by_key(each.word)
 
 
 Judge = Callable[[Attempt, Truth, float], Iterable[Mark]]

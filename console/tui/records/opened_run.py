@@ -14,6 +14,7 @@ from console.session.data.kept_files import jobs_folder
 from console.session.data.run_reader import RecordedPart, RunStory, Telemetry, story
 from console.session.data.run_story import POLLED
 from console.session.learning.imported import on_the_spindle, one_turn
+from console.session.learning.run_debrief import RunDebrief, run_debrief
 from profiles.arrays import Floats
 from profiles.job import Job, job_from_table
 from profiles.own_values import number_or_none
@@ -55,6 +56,7 @@ class OpenedRun:
     job: Job | None
     job_now: JobNow
     machine_changed: bool
+    debrief: RunDebrief
     problems: tuple[Problem, ...] = ()
 
     @property
@@ -105,6 +107,7 @@ def opened_run(data: Path, run_id: str, machine: LoadedMachine) -> OpenedRun:
         job=job,
         job_now=_job_now(data, found),
         machine_changed=same_machine and found.machine_sha256 != machine.sha256,
+        debrief=run_debrief(found, data),
         problems=tuple(problems),
     )
 

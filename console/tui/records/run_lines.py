@@ -9,6 +9,7 @@ from typing import Any
 from console.session.data.run_reader import MODEL, AlarmStory, How, RecordedPart, RunEvent, RunRow
 from console.session.station.commands import Command
 from console.text.catalogue import Catalogue
+from console.text.run_debrief import debrief_sections
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wrapped
 from console.tui.pages.inspect_lines import FRONT_MULTIPLES
 from console.tui.pages.jobs_lines import job_lines
@@ -30,6 +31,9 @@ def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     """Return everything that is told of a run in words."""
     room = min(width, _WIDEST)
     lines = [*verdict_lines(run, text, width), *_damage_lines(run, text, width), *_cut_lines(run, text, room)]
+    for title, said in debrief_sections(run.debrief, text):
+        told = [each for row in said for each in hanging(("· ", Token.TEXT), row, width)]
+        lines += [BLANK, line((title, Token.TITLE)), *told]
     for name, rows in (
         ("figures", _figure_lines(run, text, room)),
         ("setup", _setup_lines(run, text, room)),

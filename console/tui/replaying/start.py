@@ -18,7 +18,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     Raises:
         ProblemError: no such recording, a damaged one, no terminal.
     """
-    if options.file is None or options.list or options.text or options.json:
+    if options.file is None or options.list or options.text or options.json or options.lesson_file:
         return replay.main(options, text)
     from console.session.appearance import appearance_of
     from console.session.configuration import KEYS

@@ -21,6 +21,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from drivers.errors import LinkError
 from drivers.link.address import SerialAddress
+from drivers.placed import Placed, placed_text
 from drivers.simulator.hosts.control_address import LONGEST_LINE
 from drivers.simulator.hosts.pty import remove_name
 from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
@@ -57,11 +58,13 @@ class SimulatorProcess:
         plant: str = "mounted",
         clamping_sd_percent: float | None = None,
         blind: bool = False,
+        placed: Placed | None = None,
     ) -> SimulatorProcess:
         """Start a simulator of the machine profile in a file and wait until it accepts connections.
 
         Chuck and tool are mounted at random, and the simulated hardware is that of `plant` (see `plant_named`);
-        with a `seed`, the same each time. A `blind` one shows dials instead of the truth.
+        with a `seed`, the same each time. A `blind` one shows dials instead of the truth. It begins at power-up,
+        or as it is `placed`.
 
         Raises LinkError: `simulator.not_started`.
         """
@@ -69,6 +72,7 @@ class SimulatorProcess:
         arguments = ["--machine", os.path.abspath(machine_path), "--plant", plant]
         arguments += ["--clamping-sd", repr(clamping_sd_percent)] if clamping_sd_percent is not None else []
         arguments += ["--blind"] if blind else []
+        arguments += [] if placed is None else ["--placed", placed_text(placed)]
         arguments += [] if seed is None else ["--seed", str(seed)]
         child: _Child | None = None
         try:

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, replace
 from random import Random
 
+from drivers.placed import Placed
 from drivers.simulator.plant.workpiece import ROUND, Blank, Form
 from profiles.chucking.grip import loss_n
 from profiles.job import Job
@@ -262,6 +263,16 @@ def set_up_by_hand(true: TrueParameters, machine: MachineProfile, random: Random
         jaw_1_deg=random.randrange(36_000) / 100.0,
         home_radius_mm=round(machine.tool.home_radius_mm + off_by_mm, 3),
     )
+
+
+def begun_at(true: TrueParameters, placed: Placed) -> TrueParameters:
+    """Return a lathe with its axes, jaw 1 and tip where it is placed."""
+    if placed.axes is not None:
+        tool_mm, carriage_mm, turns = placed.axes
+        true = replace(true, tool_start_mm=tool_mm, carriage_start_mm=carriage_mm, spindle_start_turns=turns % 1.0)
+    if placed.jaw_1_deg is not None:
+        true = replace(true, jaw_1_deg=placed.jaw_1_deg)
+    return true if placed.tip_radius_mm is None else replace(true, home_radius_mm=placed.tip_radius_mm)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

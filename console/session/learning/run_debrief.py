@@ -1,0 +1,207 @@
+"""The debrief of a recorded run: what happened when, what it cost on the part and why, what the record lacks.
+
+From recorded facts alone. Why a part is not round is found as on the page Inspect: by its trace, its job, its
+machine and how it was cut, as they were recorded.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import datetime
+from enum import StrEnum
+from pathlib import Path
+from types import MappingProxyType
+
+from console.session.data.made_parts import made_with, parts_made, tool_lobe_um
+from console.session.data.run_reader import How, RecordedPart, RunEvent, RunStory
+from console.session.data.run_rows import FAILED_HOW
+from console.session.data.run_story import COMMAND
+from console.session.learning.learning_steps import taught_by
+from console.session.stages import Stage
+from console.session.stop_keys import is_by_key
+from profiles.compensations.causes import Cause
+from profiles.files import parse_toml
+from profiles.job import job_from_table
+from profiles.machine import machine_from_table
+from profiles.problem import Problem, ProblemError
+from profiles.store import LoadedJob, LoadedMachine
+from profiles.traces import Trace, parse_trace
+
+SEEN_WITHIN_S = 60.0
+
+TOLD = frozenset(
+    {"started", "feed_hold", "resumed", "adjusted", "stopped", "collision", "fault", "link_back"}
+    | {"cut", "held", "ended_early", "measured", "part"}
+)
+"""Kinds of events that a debrief tells."""
+
+COMMANDS = frozenset({"EndCut", "HoldFeed", "ResumeFeed", "Adjust", "Retract", "Recover"})
+"""Commands that it tells: what was done about a cut."""
+
+
+class Advice(StrEnum):
+    """What to do next time, besides what the causes say."""
+
+    CAUSES = "causes"
+    ENDED = "ended"
+    DIAMETER = "diameter"
+    STOPS = "stops"
+    ALARMS = "alarms"
+    MEASURE = "measure"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """One thing that happened, `at_s` s after the start: an event, or an alarm that was `raised` or `seen`."""
+
+    at_s: float
+    event: RunEvent | None = None
+    raised: Problem | None = None
+    seen: Problem | None = None
+    unseen_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunDebrief:
+    """What a record tells of a run. `causes` are those of a `part` that is not round enough, the largest first.
+
+    `off_um` is how far the diameter is off, None where it is within its tolerance or not judged. `unknown` is what
+    the record does not have.
+    """
+
+    happened: tuple[Told, ...]
+    part: RecordedPart | None
+    fails_round: bool
+    off_um: float | None
+    causes: tuple[Cause, ...]
+    unknown: tuple[Problem, ...]
+    advice: tuple[Advice, ...]
+
+
+def run_debrief(story: RunStory, data: Path) -> RunDebrief:
+    """Return the debrief of a run; learned versions are those of the data folder. It raises nothing."""
+    part = next((each for each in reversed(story.parts) if each.product), None)
+    judged = part is not None and part.passed is not None and part.tolerance_um is not None
+    fails_round = judged and part is not None and part.ront_um > (part.tolerance_um or 0.0)
+    causes: tuple[Cause, ...] = ()
+    unknown = list(_unknown(story, part))
+    if part is not None and fails_round:
+        try:
+            causes = _causes(story, part, data)
+        except ProblemError as error:
+            unknown += error.problems
+    happened, off_um = tuple(_happened(story)), _off_um(part)
+    found = RunDebrief(
+        happened=happened,
+        part=part,
+        fails_round=fails_round,
+        off_um=off_um,
+        causes=causes,
+        unknown=tuple(unknown),
+        advice=(),
+    )
+    return replace(found, advice=tuple(_advice(story, found)) or (Advice.NONE,))
+
+
+def _causes(story: RunStory, part: RecordedPart, data: Path) -> tuple[Cause, ...]:
+    """Return why a part is not round. Raises ProblemError: what of the record does not suffice for it."""
+    if part.trace is None or story.job_text is None or story.machine_text is None:
+        return ()
+    trace = _trace_of(part, part.trace)
+    job = job_from_table(parse_toml(story.job_text.encode("utf-8", "replace"), ""))
+    machine = machine_from_table(parse_toml(story.machine_text.encode("utf-8", "replace"), ""))
+    cuts = [(event.kind, json.dumps(dict(event.data)), "") for event in _ends(story)]
+    made = made_with({}, trace.meta, parts_made(cuts))
+    taught = taught_by(
+        trace,
+        LoadedJob(job=job, path=Path(story.row.job), sha256=story.job_sha256, text=story.job_text),
+        LoadedMachine(machine=machine, path=Path(story.row.machine), sha256=story.machine_sha256),
+        data,
+        made,
+        gain=None,
+        robust=False,
+        date=part.at.isoformat(),
+        tool_um=tool_lobe_um(cuts[-1][1]) if cuts else 0j,
+    )
+    return taught.causes
+
+
+def _trace_of(part: RecordedPart, content: bytes) -> Trace:
+    trace = parse_trace(content, where=part.trace_name or "")
+    answers = part.data.get("answers")
+    given = {k: v for k, v in answers.items() if isinstance(v, str)} if isinstance(answers, dict) else {}
+    return replace(trace, meta=MappingProxyType({**trace.meta, **given}))
+
+
+def _ends(story: RunStory) -> tuple[RunEvent, ...]:
+    return tuple(event for event in story.events if event.kind in ("cut", "result"))
+
+
+def _unknown(story: RunStory, part: RecordedPart | None) -> Iterator[Problem]:
+    if story.damaged:
+        yield Problem(code="debrief.damaged", value=", ".join(story.damaged))
+    if story.row.ended.how is How.OPEN:
+        yield Problem(code="debrief.no_end")
+    if story.complete is False:
+        yield Problem(code="debrief.incomplete")
+    if part is None:
+        yield Problem(code="debrief.not_measured")
+        return
+    if part.passed is None:
+        partial = story.row.stage == Stage.PARTIAL
+        yield Problem(code="debrief.partial" if partial else "debrief.not_judged")
+    if part.trace is None:
+        yield Problem(code="debrief.no_trace")
+    if story.job_text is None or story.machine_text is None:
+        yield Problem(code="debrief.no_texts")
+    if not any("tool_lobe_um" in event.data for event in _ends(story)):
+        yield Problem(code="debrief.no_tool_error")
+    if part.diameter_mm is None:
+        yield Problem(code="debrief.no_diameter")
+
+
+def _off_um(part: RecordedPart | None) -> float | None:
+    """Return by how much a diameter is out of its tolerance's middle, where it is out of it."""
+    if part is None or part.diameter_mm is None or part.nominal_diameter_mm is None:
+        return None
+    off_um = 1000.0 * (part.diameter_mm - part.nominal_diameter_mm)
+    most_um = part.diameter_tolerance_um
+    return off_um if most_um is not None and abs(off_um) > most_um else None
+
+
+def _happened(story: RunStory) -> Iterator[Told]:
+    began = next((event.at for event in story.events if event.kind == "started"), story.row.started)
+
+    def since(at: datetime) -> float:
+        return (at - began).total_seconds()
+
+    found = [Told(at_s=since(event.at), event=event) for event in story.events if _is_told(event)]
+    for alarm in story.alarms:
+        found.append(Told(at_s=since(alarm.raised), raised=alarm.problem))
+        if alarm.acknowledged is not None:
+            unseen_s = (alarm.acknowledged - alarm.raised).total_seconds()
+            found.append(Told(at_s=since(alarm.acknowledged), seen=alarm.problem, unseen_s=unseen_s))
+    yield from sorted(found, key=lambda each: each.at_s)
+
+
+def _is_told(event: RunEvent) -> bool:
+    return event.kind in TOLD or (event.kind == COMMAND and event.data.get("command") in COMMANDS)
+
+
+def _advice(story: RunStory, found: RunDebrief) -> Iterator[Advice]:
+    if found.causes:
+        yield Advice.CAUSES
+    if story.row.ended.how in FAILED_HOW and any(told.raised is not None for told in found.happened):
+        yield Advice.ENDED
+    if found.off_um is not None:
+        yield Advice.DIAMETER
+    stops = [event for event in story.events if event.kind == "stopped" and event.data.get("turn") is not None]
+    if any(is_by_key(str(event.data.get("reason", ""))) for event in stops):
+        yield Advice.STOPS
+    if any(told.unseen_s > SEEN_WITHIN_S for told in found.happened):
+        yield Advice.ALARMS
+    if found.part is None and story.row.ended.how is How.DONE and story.row.stage != Stage.AIR:
+        yield Advice.MEASURE

@@ -1,0 +1,101 @@
+"""The debrief of a recorded run in sentences: the same for the command, the page Records and the report."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from console.session.station.alarms import collision_problems
+from console.text.catalogue import Catalogue
+from console.text.causes import cause_words
+from profiles.files import printable
+
+if TYPE_CHECKING:
+    from console.session.data.run_story import RunEvent
+    from console.session.learning.run_debrief import RunDebrief, Told
+
+Section = tuple[str, list[str]]
+"""A title with its sentences."""
+
+LONGEST = 300
+
+
+def debrief_sections(debrief: RunDebrief, text: Catalogue) -> list[Section]:
+    """Return what it cost, what to do next time, what happened when, and what the record does not have."""
+    found = [
+        ("cost", cost_words(debrief, text)),
+        ("next", [text(f"debrief.run.next.{each}") for each in debrief.advice]),
+        ("happened", [told_words(each, text) for each in debrief.happened]),
+        ("unknown", [text.problem(each) for each in debrief.unknown]),
+    ]
+    return [(text(f"debrief.run.{name}"), rows) for name, rows in found if rows]
+
+
+def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
+    """Return what it cost on the part: roundness with its causes, the largest first, and diameter."""
+    part = debrief.part
+    if part is None:
+        return []
+    value, limit = text.units.figure(part.ront_um, "um", 2), part.tolerance_um
+    rows = []
+    if limit is not None and part.passed is not None:
+        allowed = text.units.short(limit, "um")
+        key = "debrief.run.not_round" if debrief.fails_round else "debrief.run.round"
+        over = text.units.figure(part.ront_um - limit, "um", 2)
+        rows.append(text(key, value=value, limit=allowed, over=over))
+    rows += [cause_words(cause, text) for cause in debrief.causes]
+    if debrief.off_um is not None and part.diameter_tolerance_um is not None:
+        off, most = (
+            text.units.show(debrief.off_um, "um", 1, "+"),
+            text.units.short(part.diameter_tolerance_um, "um"),
+        )
+        rows.append(text("debrief.run.diameter", value=off, limit=most))
+    return rows
+
+
+def told_words(told: Told, text: Catalogue) -> str:
+    """Return one thing that happened, with its time from the start."""
+    if told.raised is not None:
+        words = text("debrief.what.alarm", words=_case(text.problem(told.raised)))
+    elif told.seen is not None:
+        seen = text("debrief.what.seen", words=_case(text.problem(told.seen)))
+        words = f"{seen} ({told.unseen_s:.0f} s)"
+    else:
+        words = "" if told.event is None else _event_words(told.event, text)
+    sign = "-" if told.at_s < 0.0 else ""
+    seconds = int(abs(told.at_s))
+    return f"{sign}{seconds // 60}:{seconds % 60:02d}  {printable(words, LONGEST)}"
+
+
+def _event_words(event: RunEvent, text: Catalogue) -> str:
+    data = event.data
+    match event.kind:
+        case "command":
+            return text(f"report.command.{data.get('command', '')}")
+        case "stopped":
+            words = text("debrief.what.stop", words=text.reason(str(data.get("reason", ""))))
+        case "collision":
+            return text("debrief.what.met", words=_met(str(data.get("met", "")), text))
+        case "fault":
+            name = str(data.get("line", "")).split()[1:2]
+            return text("debrief.what.fault", words=text(f"fault.{name[0]}") if name else "")
+        case "measured" | "part":
+            ront_um = data.get("ront_um")
+            shown = f"{ront_um:.2f}" if isinstance(ront_um, int | float) else ""
+            return text("debrief.what.part", words=f"RONt {shown}")
+        case _:
+            words = text(f"report.event.{event.kind}")
+    turn = data.get("turn")
+    known = isinstance(turn, int | float) and not isinstance(turn, bool)
+    return f"{words} ({text('records.turn', turn=f'{turn:.1f}')})" if known else words
+
+
+def _met(kind: str, text: Catalogue) -> str:
+    try:
+        return _case(text.problem(collision_problems([kind])[0]))
+    except (KeyError, ValueError, IndexError):  # of another version of the console
+        return kind
+
+
+def _case(sentence: str) -> str:
+    """Return what is the case, without what to do: that was for then."""
+    return sentence.partition(";")[0]

@@ -1,0 +1,202 @@
+"""An event is taken up at the moment before: what stands where, what comes when, what is said to differ."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.session.flight.recording import Recording
+from console.session.practice.as_lesson import lesson_of_practice, lesson_text, steps_of
+from console.session.practice.practice import Practice, practice_of
+from console.session.practice.recorded_event import likeness
+from console.session.station.progress import CutStage
+from console.session.station.state import Activity
+from console.session.training.lesson import lesson_of
+from console.session.work import Work, opened
+from console.text.catalogue import LANGUAGES, load
+from console.text.practice import lesson_words, practice_lines
+from drivers.simulator.faults.fault_line import check_line
+from profiles.files import parse_toml
+from profiles.job import Job
+from profiles.problem import Problem, ProfileError
+from profiles.store import LoadedJob
+from tests.console.flight.bench import FlightBench
+from tests.tui import run_stage
+from tests.tui.machine_states import ON
+from tests.tui.scenes import ALIGNED
+from tests.tui.stage import experiment, lathe
+
+TRIP = Problem(code="machine.fault", key="program", value="spindle: fatal_following_error")
+OWN: Job = replace(experiment().job, name="flange-52", cut_length_mm=12.0)
+"""A job that is not bundled; 1000 rpm."""
+
+
+def own_work() -> Work:
+    loaded = LoadedJob(job=OWN, path=Path("/somewhere/flange-52.toml"), sha256="f" * 64)
+    return opened(loaded, lathe())
+
+
+def bench_of(data: Path, **changes: Any) -> FlightBench:
+    """A console with that job open, everything set up, 1 mm behind the face and clear of the part."""
+    state = run_stage.state(ALIGNED, snapshot=run_stage.look(ON, tool=200_000.0), **changes)
+    return FlightBench(data, state, own_work())
+
+
+def fails_in_a_cut(
+    data: Path, problem: Problem = TRIP, *, first_turn: float = 20.0, rest_s: float = 3.0
+) -> Recording:
+    """Armed after 3 s at rest; in the part from turn 20 on; 2.5 s later, at turn 45, the alarm."""
+    bench = bench_of(data)
+    bench.runs(rest_s)
+    armed = replace(run_stage.armed(), job=OWN, alignment=ALIGNED)
+    bench.state = replace(bench.state, armed=armed)
+    bench.runs(1.0)
+    bench.state = replace(bench.state, activity=Activity.CUTTING, snapshot=run_stage.look(running=True))
+    bench.state = replace(bench.state, cut=run_stage.cut(CutStage.RUN_UP, turn=0.0))
+    bench.runs(1.0)
+    turn = [first_turn]
+
+    def turns() -> None:
+        bench.state = replace(bench.state, cut=run_stage.cut(turn=turn[0], z_mm=0.05 * (turn[0] - first_turn)))
+        turn[0] += 1.0
+
+    bench.runs(2.6, turns)
+    bench.alarms(problem)
+    bench.state = replace(bench.state, activity=Activity.STOPPED)
+    bench.runs(7.0)
+    (found,) = bench.frozen
+    return found
+
+
+def codes(practice: Practice) -> list[str]:
+    return [problem.code.removeprefix("practice.") for problem in practice.otherwise]
+
+
+def test_a_fault_in_a_cut_comes_at_its_turn_and_the_practice_begins_before_the_cut(tmp_path: Path) -> None:
+    practice = practice_of(fails_in_a_cut(tmp_path))
+    assert practice.work is not None and practice.work.job == OWN
+    assert practice.before.turn == 45.0
+    # 25 turns at 1000 rpm are 1.5 s; the alarm came a poll later.
+    assert practice.before.after_s == pytest.approx(1.5 + 0.1, abs=0.02)
+    assert practice.event.like is not None
+    assert practice.event.like.fault == "following-error-trip motor=spindle"
+    assert practice.begins.drives_on and practice.placed.job == OWN
+    assert (practice.placed.jaw_1_deg, practice.placed.tip_radius_mm) == (12.63, 76.013)
+    tool_mm, carriage_mm, turns = practice.placed.axes or (0.0, 0.0, 0.0)
+    # 5000 counts a mm of tool, 1000 of carriage, 10 000 a turn; some polls have moved the tool by a count each.
+    assert tool_mm == pytest.approx(40.0, abs=0.02) and carriage_mm == 171.0 and turns == pytest.approx(0.035)
+    assert steps_of(practice, set_up=False)[:4] == ("drives_on", "armed", "in_cut", "stopped_in_cut")
+    assert codes(practice) == ["as_found", "before_cut"]
+
+
+def test_a_cut_that_is_older_than_its_recording_begins_at_the_start_of_its_program(tmp_path: Path) -> None:
+    bench = bench_of(tmp_path, activity=Activity.CUTTING)
+    armed = replace(run_stage.armed(), job=OWN, alignment=ALIGNED)
+    bench.state = replace(bench.state, armed=armed, snapshot=run_stage.look(running=True))
+    bench.state = replace(bench.state, cut=run_stage.cut(turn=100.0, z_mm=4.0))
+    bench.runs(4.0)
+    bench.alarms(TRIP)
+    bench.runs(6.0)
+    practice = practice_of(bench.frozen[0])
+    plan, (tool_mm, carriage_mm, _) = armed.plan, practice.placed.axes or (0.0, 0.0, 0.0)
+    assert (tool_mm, carriage_mm) == (plan.tool_start / 5000.0, plan.carriage_start / 1000.0)
+    # 4 mm with 0.05 mm a turn are 80 turns, 4.8 s at 1000 rpm.
+    assert practice.before.after_s == pytest.approx(4.8)
+    assert "at_start" in codes(practice)
+
+
+def test_at_rest_it_begins_as_long_before_as_was_asked_and_no_longer_than_recorded(tmp_path: Path) -> None:
+    bench = bench_of(tmp_path)
+    bench.runs(20.0)
+    bench.alarms(Problem(code="link.lost"))
+    bench.runs(6.0)
+    recording = bench.frozen[0]
+    for before_s in (None, 4.0, 15.0):
+        practice = practice_of(recording, before_s)
+        assert practice.before.after_s == pytest.approx(
+            before_s or 10.0, abs=1.05
+        )  # at rest, written once a second
+        assert practice.before.after_s >= (before_s or 10.0)
+    with pytest.raises(ProfileError) as refused:
+        practice_of(recording, 60.0)
+    assert [problem.code for problem in refused.value.problems] == ["practice.not_so_long"]
+
+
+def test_a_record_without_a_moment_at_rest_or_without_its_job_is_refused(tmp_path: Path) -> None:
+    bench = bench_of(tmp_path / "moving", activity=Activity.JOGGING)
+    bench.runs(3.0)
+    bench.alarms(TRIP)
+    bench.runs(6.0)
+    with pytest.raises(ProfileError, match="never at rest"):
+        practice_of(bench.frozen[0])
+    recording = fails_in_a_cut(tmp_path / "no job")
+    without = replace(recording, moments=tuple(replace(each, work=None) for each in recording.moments))
+    with pytest.raises(ProfileError, match="job is not in the recording"):
+        practice_of(without)
+
+
+@pytest.mark.parametrize(
+    ("problem", "fault"),
+    [
+        (Problem(code="machine.fault", value="tool: amplifier_fault"), "amplifier-fault motor=tool"),
+        (
+            Problem(code="machine.fault", value="carriage: positive_limit"),
+            "limit motor=carriage direction=positive",
+        ),
+        (Problem(code="machine.fault", value="tool: fatal_following_error"), "following-error-trip motor=tool"),
+        (Problem(code="link.lost"), "cut-cable"),
+        (Problem(code="link.silent"), "hang"),
+        (Problem(code="machine.timeout", key="home spindle"), "index-lost motor=spindle"),
+        (Problem(code="machine.timeout", key="jog"), None),
+        (Problem(code="machine.fault", value="program: runtime_error"), None),
+        (Problem(code="simulator.met_jaws"), None),
+    ],
+)
+def test_each_alarm_has_the_fault_that_raises_it_or_none(problem: Problem, fault: str | None) -> None:
+    like = likeness(problem)
+    assert (like is None) == (fault is None)
+    if like is not None and fault is not None:
+        assert like.fault.startswith(fault)
+        check_line(like.fault)
+
+
+def test_what_cannot_be_reproduced_is_said_in_both_languages(tmp_path: Path) -> None:
+    recording = fails_in_a_cut(tmp_path, Problem(code="cut.out_of_phase", limit="1.39"))
+    header = replace(recording.header, simulated=False)
+    practice = practice_of(replace(recording, header=header))
+    assert {"was_real", "doubt_phase", "before_cut", "as_found"} <= set(codes(practice))
+    for language in LANGUAGES:
+        text = load(language)
+        said = "\n".join(practice_lines(practice, text))
+        assert all(text.problem(problem) in said for problem in practice.otherwise)
+        assert header.machine.name in said and "45.0" in said
+
+
+@pytest.mark.parametrize("stop", ["space", "f9"])
+def test_a_stop_by_a_key_has_no_fault_and_says_so(stop: str, tmp_path: Path) -> None:
+    bench = bench_of(tmp_path)
+    bench.runs(12.0)
+    bench.stops(stop)
+    bench.runs(6.0)
+    practice = practice_of(bench.frozen[0])
+    assert practice.event.like is None and "nothing_like_it" in codes(practice)
+    lesson = lesson_of_practice(practice, words_of(practice), plant="mounted", seed=3)
+    assert lesson.events == () and lesson.steps[-2:] == ("stopped", "recovered")
+
+
+def words_of(practice: Practice, *, set_up: bool = False) -> dict[str, Any]:
+    steps = steps_of(practice, set_up=set_up)
+    return {language: lesson_words(practice, steps, load(language)) for language in LANGUAGES}
+
+
+@pytest.mark.parametrize("problem", [TRIP, Problem(code="link.lost", where="tcp:127.0.0.1:1", value='"gone"')])
+def test_the_lesson_that_is_written_is_read_as_one(problem: Problem, tmp_path: Path) -> None:
+    practice = practice_of(fails_in_a_cut(tmp_path, problem))
+    lesson = lesson_of_practice(practice, words_of(practice, set_up=True), plant="mounted", seed=None, set_up=True)
+    content = lesson_text(lesson, tuple(practice_lines(practice, load("ko"))))
+    assert lesson_of(parse_toml(content.encode(), ""), lesson.name, "") == lesson
+    assert lesson.steps[:5] == ("clamped", "drives_on", "homed", "jaw_found", "touched_off")
+    assert (lesson.job, lesson.events[0].after) == ("flange-52", "in_cut")

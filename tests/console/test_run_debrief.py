@@ -1,0 +1,146 @@
+"""The debrief of a recorded run: what it cost and why, what happened, what to do, what the record lacks."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from console.report.page import report_page
+from console.report.reported_run import reported_run
+from console.session.cut.recording import part_record
+from console.session.cut.run import roundness_of
+from console.session.data.made_parts import MadeWith, tool_lobe_event
+from console.session.data.records import RunRecord
+from console.session.data.run_reader import RunStory, story
+from console.session.learning.run_debrief import Advice, RunDebrief, run_debrief
+from console.session.stages import Stage
+from console.text.catalogue import LANGUAGES, load
+from console.text.run_debrief import debrief_sections
+from console.tui.records.opened_run import opened_run
+from console.tui.records.run_lines import story_lines
+from profiles.compensations.causes import CauseKind
+from profiles.job import Job
+from profiles.traces import Trace
+from tests.tui.records_stage import ANGLES_DEG, META, described, telemetry
+from tests.tui.stage import experiment, lathe
+
+Console = Callable[..., Any]
+JOB: Job = replace(experiment().job, name="flange-52")
+"""Not a bundled job: 55 um p-p with three jaws, the part 5 um round."""
+
+MADE = MadeWith(compensation="none", strategy="pvt", stage="full", inverted="model")
+LATE_DEG = 2.0
+
+
+def turned(late_deg: float = LATE_DEG) -> Trace:
+    """What is left of a lobe that stands `late_deg` further on than the path that was to remove it."""
+    amplitude_um, phase_deg = 0.5 * (JOB.lobe_error_um_pp or 0.0), JOB.lobe_phase_deg
+    lobe = amplitude_um * np.cos(np.radians(3.0 * (ANGLES_DEG - phase_deg - late_deg)))
+    path = amplitude_um * np.cos(np.radians(3.0 * (ANGLES_DEG - phase_deg)))
+    noise = 0.05 * np.cos(np.radians(7.0 * ANGLES_DEG))
+    return Trace(angle_deg=ANGLES_DEG, deviation_um=lobe - path + noise, meta={**META, **MADE.header()})
+
+
+def recorded(
+    data: Path, trace: Trace | None, *, tell: Callable[[RunRecord], None] = lambda _: None, **changes: Any
+) -> RunStory:
+    """A run of that job, as the console records one."""
+    run = RunRecord(data, described(JOB, **changes))
+    run.add("armed", {"force_n": 1314.0})
+    run.add("started", {"strategy": "pvt"})
+    run.log.begin_cut("", lambda polls: telemetry())
+    run.log.poll((0.0,))
+    run.log.end_cut()
+    tell(run)
+    if trace is not None:
+        run.add("cut", {"turn": 160.0, **MADE.event(), **tool_lobe_event(0j)})
+        more = {"jaw_1_deg": JOB.jaw_1_deg, "phase_known": True}
+        part = part_record(JOB, roundness_of(trace), trace, Stage(changes.get("stage", "full")), more=more)
+        run.add("measured", {"ront_um": part.ront_um}, part)
+    run.close()
+    return story(data, run.run_id)
+
+
+def codes(debrief: RunDebrief) -> set[str]:
+    return {problem.code.removeprefix("debrief.") for problem in debrief.unknown}
+
+
+def test_a_lobe_that_stands_elsewhere_is_the_first_cause_with_its_angle_and_um(tmp_path: Path) -> None:
+    debrief = run_debrief(recorded(tmp_path, turned()), tmp_path)
+    first = debrief.causes[0]
+    # Two cosines of 27.5 um, 3 x 2 degrees apart, differ by 2 x 27.5 sin 3 degrees in amplitude.
+    assert first.kind is CauseKind.ANGLE
+    assert first.value == pytest.approx(LATE_DEG, abs=0.05)
+    assert first.um_pp == pytest.approx(4.0 * 27.5 * math.sin(math.radians(3.0)), abs=0.1)
+    assert list(debrief.advice) == [Advice.CAUSES]
+    assert codes(debrief) == {"no_diameter"}
+
+
+def test_a_round_part_has_no_causes_and_asks_for_nothing(tmp_path: Path) -> None:
+    debrief = run_debrief(recorded(tmp_path, turned(0.1)), tmp_path)
+    assert debrief.causes == () and not debrief.fails_round
+    assert list(debrief.advice) == [Advice.NONE]
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [({"job_text_sha256": None}, "no_texts"), ({"stage": "partial"}, "partial")],
+)
+def test_what_the_record_does_not_have_is_said_and_not_guessed(
+    changes: dict[str, Any], code: str, tmp_path: Path
+) -> None:
+    debrief = run_debrief(recorded(tmp_path, turned(), **changes), tmp_path)
+    assert code in codes(debrief) and debrief.causes == ()
+
+
+def test_a_version_that_is_gone_is_named(tmp_path: Path) -> None:
+    learned = replace(MADE, compensation="4")
+    trace = replace(turned(), meta={**META, **learned.header()})
+    debrief = run_debrief(recorded(tmp_path, trace), tmp_path)
+    assert debrief.causes == () and debrief.fails_round
+    assert any(problem.code.startswith("learned.") for problem in debrief.unknown)
+
+
+def stops(run: RunRecord) -> None:
+    run.log.event("alarm_raised", {"code": "cut.out_of_phase", "priority": "medium", "limit": "1.39"})
+    run.add("stopped", {"reason": "space", "by": "kim", "turn": 83.4})
+
+
+def test_a_stop_by_a_key_in_the_cut_is_told_with_its_turn_and_what_to_do_instead(tmp_path: Path) -> None:
+    debrief = run_debrief(recorded(tmp_path, None, tell=stops), tmp_path)
+    assert [told.event.kind for told in debrief.happened if told.event] == ["started", "stopped"]
+    assert list(debrief.advice) == [Advice.ENDED, Advice.STOPS]
+    for language in LANGUAGES:
+        said = " ".join(row for _, rows in debrief_sections(debrief, load(language)) for row in rows)
+        assert "83.4" in said and "F4" in said
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_command_page_and_report_say_the_same(language: str, console: Console, tmp_path: Path) -> None:
+    found, text = recorded(tmp_path, turned(), tell=stops), load(language)
+    debrief = run_debrief(found, tmp_path)
+    rows = [row for _, rows in debrief_sections(debrief, text) for row in rows]
+    assert any("5.8" in row for row in rows), rows
+    told = console("records", "debrief", found.row.run_id[:8], "--data", str(tmp_path), "--lang", language)
+    page = "\n".join(
+        "".join(words for words, _ in each)
+        for each in story_lines(opened_run(tmp_path, found.row.run_id, lathe()), text, 120)
+    )
+    report = report_page(reported_run(found, debrief=debrief), text)
+    for shown in (told.out, page, report):
+        plain = "".join(shown.split())
+        assert all("".join(row.split()) in plain for row in rows)
+
+
+def test_the_debrief_for_a_program_has_causes_and_codes(console: Console, tmp_path: Path) -> None:
+    found = recorded(tmp_path, turned())
+    said = json.loads(console("records", "debrief", found.row.run_id, "--data", str(tmp_path), "--json").out)
+    assert said["causes"][0]["kind"] == "angle" and said["next"] == ["causes"]
+    assert said["unknown"] == ["debrief.no_diameter"]
