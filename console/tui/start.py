@@ -129,7 +129,9 @@ def _begun(options: Namespace, data: Path) -> Attempt:
 
 
 def _lathe_of(attempt: Attempt) -> SimulatedAddress:
-    return SimulatedAddress(plant=attempt.lesson.plant, seed=attempt.seed, blind=attempt.lesson.blind)
+    return SimulatedAddress(
+        plant=attempt.lesson.plant_of(attempt.seed), seed=attempt.seed, blind=attempt.lesson.blind
+    )
 
 
 def _appearance(configuration: Configuration, text: Catalogue) -> Appearance:

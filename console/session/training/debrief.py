@@ -13,13 +13,14 @@ from console.session.training.item import Item
 from drivers.simulator.plant.workshop_view import Truth
 
 FULL = 100
+WRONG_ANSWER = 30.0  # more than by chance and without a cut: 30 points, and the steps that were not made
 JAW_WITHIN_DEG, TIP_WITHIN_UM, SEEN_WITHIN_S = 0.3, 10.0, 60.0
 """What a careful trainee keeps: jaw 1 by indicator, the tip by touch, an alarm seen and acknowledged."""
 
 KEYS = frozenset({"space", "escape", "f9", "f12", "page", "unbound", "change", "unreadable", "paste"})
 """Reasons of stops by somebody at the keys, before a space."""
 
-BY_ITSELF = frozenset({"stopped", "stopped_in_cut", "link_lost"})
+BY_ITSELF = frozenset({"stopped", "stopped_in_cut", "link_lost", "ousted"})
 """Steps that a machine may make alone."""
 
 STOPS = frozenset({"stopped", "stopped_in_cut"})
@@ -116,8 +117,17 @@ def _touch_off(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
     yield Mark(item=Item.TOUCH_OFF, value=error_um, limit=TIP_WITHIN_UM, lost=lost)
 
 
+def _answer(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+    if attempt.answer is None:
+        return
+    right = attempt.lesson.right_answer(attempt.seed)
+    lost = 0.0 if attempt.answer == right else WRONG_ANSWER
+    yield Mark(item=Item.ANSWER, value=attempt.answer + 1, limit=right + 1, lost=lost)
+
+
 def _stops(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
-    asked = sum(step in STOPS for step in attempt.lesson.steps) + len(attempt.given)
+    faults = sum(bool(attempt.lesson.events[number].fault) for number in attempt.given)
+    asked = sum(step in STOPS for step in attempt.lesson.steps) + faults
     stops = sum(_is_ours(each) for each in attempt.happened)
     yield Mark(item=Item.STOPS, value=stops, limit=asked, lost=_over(stops, asked, 5.0, 15.0))
 
@@ -183,6 +193,7 @@ JUDGES: Mapping[Item, Judge] = MappingProxyType(
         Item.DIAMETER: _diameter,
         Item.JAW: _jaw,
         Item.TOUCH_OFF: _touch_off,
+        Item.ANSWER: _answer,
         Item.STOPS: _stops,
         Item.ALARMS: _alarms,
         Item.REACTION: _reaction,

@@ -15,6 +15,7 @@ class Item(StrEnum):
     JAW = "jaw"
     TOUCH_OFF = "touch_off"
     STOPS = "stops"
+    ANSWER = "answer"
     ALARMS = "alarms"
     REACTION = "reaction"
     TIME = "time"

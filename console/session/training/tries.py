@@ -57,7 +57,7 @@ def try_of(attempt: Attempt, debrief: Debrief, now_s: float) -> Try:
         lesson=lesson.name,
         trainee=attempt.trainee,
         date=datetime.now(UTC).isoformat(timespec="seconds"),
-        plant=lesson.plant,
+        plant=Path(lesson.plant_of(attempt.seed)).stem,
         seed=attempt.seed,
         blind=lesson.blind,
         score=debrief.score,
