@@ -10,7 +10,15 @@ from console.session.training.happened import Happening, What
 from console.session.training.item import Item
 from console.text.catalogue import Catalogue
 
-_DIGITS = {Item.JAW: 2, Item.ROUND: 2, Item.TOUCH_OFF: 1, Item.DIAMETER: 1, Item.TIME: 1}
+_DIGITS = {
+    Item.NEAR: 1,
+    Item.CONTACT: 2,
+    Item.JAW: 2,
+    Item.ROUND: 2,
+    Item.TOUCH_OFF: 1,
+    Item.DIAMETER: 1,
+    Item.TIME: 1,
+}
 
 
 def mark_words(mark: Mark, text: Catalogue, answers: Sequence[str] = ()) -> str:

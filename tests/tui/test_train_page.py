@@ -27,7 +27,7 @@ from tests.tui import align_stage
 from tests.tui.scenes import Scene, application, fill, played, rows_of
 from tests.tui.stage import LANGUAGES, FixedControl
 
-TRUTH = Truth(jaw_1_deg=150.0, zero_radius_mm=29.0, reachable_um=2.0)
+TRUTH = Truth(jaw_1_deg=150.0, zero_radius_mm=29.0, reachable_um=2.0, nearest_jaws_mm=0.4, contact_mm_per_s=0.9)
 FACTS = (
     Happening(at_s=30.0, what=What.STEP, word="touched_off"),
     Happening(at_s=60.0, what=What.FAULT, word="cut-cable for=10"),

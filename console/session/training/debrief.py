@@ -14,6 +14,9 @@ from drivers.simulator.plant.workshop_view import Truth
 
 FULL = 100
 WRONG_ANSWER = 30.0  # more than by chance and without a cut: 30 points, and the steps that were not made
+CLEAR_OF_JAWS_MM, GENTLE_MM_PER_S = 1.0, 0.2
+"""What is no near miss: this far from the jaws, and as slow at contact as the steps of 0.01 mm are."""
+
 JAW_WITHIN_DEG, TIP_WITHIN_UM, SEEN_WITHIN_S = 0.3, 10.0, 60.0
 """What a careful trainee keeps: jaw 1 by indicator, the tip by touch, an alarm seen and acknowledged."""
 
@@ -74,6 +77,21 @@ def _steps(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
 def _met(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
     met = len(attempt.met)
     yield Mark(item=Item.MET, value=met, limit=0, lost=min(25.0 * met, 50.0))
+
+
+def _near(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+    nearest_mm = truth.nearest_jaws_mm
+    if nearest_mm is None or nearest_mm <= 0.0:  # a collision has its own points
+        return
+    lost = 10.0 * max(1.0 - nearest_mm / CLEAR_OF_JAWS_MM, 0.0)
+    yield Mark(item=Item.NEAR, value=nearest_mm, limit=CLEAR_OF_JAWS_MM, lost=lost)
+
+
+def _contact(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+    if truth.contact_mm_per_s is None:
+        return
+    lost = _over(truth.contact_mm_per_s, GENTLE_MM_PER_S, 5.0, 10.0)
+    yield Mark(item=Item.CONTACT, value=truth.contact_mm_per_s, limit=GENTLE_MM_PER_S, lost=lost)
 
 
 def _round(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
@@ -189,6 +207,8 @@ JUDGES: Mapping[Item, Judge] = MappingProxyType(
     {
         Item.STEPS: _steps,
         Item.MET: _met,
+        Item.NEAR: _near,
+        Item.CONTACT: _contact,
         Item.ROUND: _round,
         Item.DIAMETER: _diameter,
         Item.JAW: _jaw,

@@ -10,6 +10,8 @@ class Item(StrEnum):
 
     STEPS = "steps"
     MET = "met"
+    NEAR = "near"
+    CONTACT = "contact"
     ROUND = "round"
     DIAMETER = "diameter"
     JAW = "jaw"
