@@ -33,7 +33,8 @@ class Attempt:
     `reached` has the time of each milestone that was reached, by its name. The steps of a lesson are reached in
     their order: what happens before its step is due does not count. `seed` is that of its lathe, `trainee` a name
     or "". `given` are the events that have come, by their numbers. `part` is the last one that was measured.
-    `answer` is the one that was chosen, from 0. `ended_s` is when the trainee ended it: nothing counts any more.
+    `answer` is the one that was chosen, from 0. `continued` is the number of steps with which a try went on that
+    had been left. `ended_s` is when the trainee ended it: nothing counts any more.
     """
 
     lesson: Lesson
@@ -46,6 +47,7 @@ class Attempt:
     found: Found = Found()
     part: PartFact | None = None
     answer: int | None = None
+    continued: int = 0
     ended_s: float | None = None
     last: StationState | None = None
     stage: Stage | None = None

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from console.session.training.attempt import Attempt
+from console.session.training.event import CONSOLE
 from console.session.training.happened import Happening, What
 from console.session.training.item import Item
 from drivers.simulator.plant.workshop_view import Truth
@@ -144,7 +145,7 @@ def _answer(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
 
 
 def _stops(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
-    faults = sum(bool(attempt.lesson.events[number].fault) for number in attempt.given)
+    faults = sum(each.what is What.FAULT and not each.word.startswith(CONSOLE) for each in attempt.happened)
     asked = sum(step in STOPS for step in attempt.lesson.steps) + faults
     stops = sum(_is_ours(each) for each in attempt.happened)
     yield Mark(item=Item.STOPS, value=stops, limit=asked, lost=_over(stops, asked, 5.0, 15.0))
@@ -171,7 +172,7 @@ def _time(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
 
 
 def unseen(attempt: Attempt, now_s: float) -> tuple[float, ...]:
-    """Return for how long each alarm was not acknowledged, s; one that never was, until the end."""
+    """Return for how long each alarm was not acknowledged, s: one that never was, until the lesson ended."""
     raised: dict[str, float] = {}
     found: list[float] = []
     for each in attempt.happened:
@@ -179,6 +180,9 @@ def unseen(attempt: Attempt, now_s: float) -> tuple[float, ...]:
             raised.setdefault(each.word, each.at_s)
         elif each.what is What.SEEN and each.word in raised:
             found.append(each.at_s - raised.pop(each.word))
+        elif each.what is What.LEFT:
+            found += [each.at_s - at_s for at_s in raised.values()]
+            raised.clear()
     end_s = attempt.ended_s if attempt.ended_s is not None else now_s - attempt.began_s
     return (*found, *(end_s - at_s for at_s in raised.values()))
 
@@ -186,7 +190,7 @@ def unseen(attempt: Attempt, now_s: float) -> tuple[float, ...]:
 def reactions(attempt: Attempt, now_s: float) -> tuple[float, ...]:
     """Return how long after each fault something was done about it, s: a stop, an alarm seen, or a step made."""
     end_s = attempt.ended_s if attempt.ended_s is not None else now_s - attempt.began_s
-    acts = [each.at_s for each in attempt.happened if _is_act(each)]
+    acts = [each.at_s for each in attempt.happened if _is_act(each) or each.what is What.LEFT]
     faults = [each.at_s for each in attempt.happened if each.what is What.FAULT]
     return tuple(min((act for act in acts if act > at_s), default=end_s) - at_s for at_s in faults)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from console.session.training.attempt import Attempt
 from console.session.training.debrief import Debrief, debrief_of
+from console.session.training.left import forget_left
 from console.session.training.lesson import Lesson, Words
 from console.session.training.shelf import Shelved, lessons, own_folder
 from console.session.training.tries import keep_try, tries, try_of
@@ -121,6 +122,7 @@ class TrainPage(Page):
         scores: tuple[int, ...] = (debrief.score,)
         with self.ui.answering():
             keep_try(self.ui.data, try_of(attempt, debrief, now_s))
+            forget_left(self.ui.data, attempt.trainee, attempt.lesson.name)
             found = tries(self.ui.data, attempt.trainee, attempt.lesson.name)
             scores = tuple(each.score for each in found)
         return debrief, scores
@@ -179,7 +181,10 @@ class TrainPage(Page):
             return wrapped(self.ui.text("train_page.done"), width)
         if attempt.asks_now:
             return [*question_lines(words, self._choice, width), BLANK, *wrapped(words.hints[attempt.step], width)]
-        return wrapped(words.hints[attempt.step], width)
+        hint = wrapped(words.hints[attempt.step], width)
+        if attempt.step == attempt.continued > 0:
+            return [*wrapped(self.ui.text("train_page.continued"), width, Token.STRONG), BLANK, *hint]
+        return hint
 
     def _list(self, width: int) -> list[Line]:
         """Return all lessons, each with how it is begun; read once while the page is there."""
