@@ -159,9 +159,9 @@ class ConsoleApp(ListeningApp):
         ui.forget_stale_answer(state)
         ui.log = self.log_of(state)
         if ui.attempt is not None:
-            from console.session.training.following import followed  # not for the first page
+            from console.tui.further.followed_lesson import follow_lesson  # not for the first page
 
-            ui.attempt = followed(ui.attempt, ui.control)
+            follow_lesson(ui, ui.attempt)
         # The link thread loads the numerics before it reads the settings; any page but the first needs them.
         loaded = state.alignment.settings is not None or self._page is not PageName.JOBS
         if ui.work is not None and loaded:

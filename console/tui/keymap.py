@@ -1,8 +1,8 @@
 """Key bindings, each defined once: action, pages, and whether it can move the machine; and the lists of `?`.
 
 A key is bound by its Textual name ("f5", "up") or, where it writes something, by its character, so that a Hangul
-layout works as well: a letter has the jamo of the same key beside it. No motion is on a letter or
-on Enter. Stop is no ordinary binding: it is decided first, in `gate.py`.
+layout works, too: a letter has the jamo of its key beside it. No motion is on a letter or on Enter. Stop is no
+ordinary binding: it is decided first, in `gate.py`.
 """
 
 from __future__ import annotations
@@ -256,6 +256,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="log.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
     Action(id="log.first", keys=("home",), shown="Home", row="", beside=True),
     Action(id="log.last", keys=("end",), shown="End", row="", beside=True),
+    Action(id="train.up", keys=("up",), shown="↑", row=""),
+    Action(id="train.down", keys=("down",), shown="↓", row="", beside=True),
     Action(id="train.end", keys=("enter",), shown="Enter", once=True),
     Action(id="more.train", keys=("n", "ㅜ"), shown="n", row=""),
     Action(id="more.tune", keys=("u", "ㅕ"), shown="u", row=""),
@@ -326,7 +328,6 @@ READING = (
 
 TAKE = Action(id="list.take", keys=("enter",), shown="Enter", once=True)
 """What Enter does in the palette: it shows the page of an action, or performs one that moves nothing."""
-
 
 NO_KEYS: OwnKeys = {}
 _BY_ID: Mapping[str, Action] = {action.id: action for action in ACTIONS}

@@ -30,10 +30,11 @@ from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
+from console.tui.lesson_start import begun
 from console.tui.theme import COLOUR, COLOUR_VARIABLE, MONO
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.tracing import Tracing
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     if wrong := _wrong_usage(options, requested, simulated=simulated):
         print(f"console: {text(wrong)}", file=sys.stderr)
         return WRONG_USAGE
-    attempt = _begun(options, data) if taken is None else taken.attempt
+    attempt = _attempt(options, data, text) if taken is None else taken.attempt
     begins = None if taken is None else taken.begins
     place = taken.address if taken is not None else _lathe_of(attempt) or requested or address
     appearance = _appearance(options.configuration, text)
@@ -90,6 +91,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         if control.recorder is not None:
             control.recorder.leave()
         text = app.ui.text  # in the language that was chosen last
+        _keep_lesson(app, data)
         _leave(link, ending, text)
         if control.recorder is not None:
             control.recorder.close(ending.reason or ("crash" if app.fault is not None else ""))
@@ -117,28 +119,28 @@ def _wrong_usage(options: Namespace, requested: SimulatedAddress | None, *, simu
     return "usage.lesson_alone" if requested is not None and options.lesson is not None else ""
 
 
-def _begun(options: Namespace, data: Path) -> Attempt | None:
-    """Return a try of the lesson that is asked for. Raises ProfileError: it is unknown, or cannot be read."""
-    if options.lesson is None:
-        return None
-    import random
+def _attempt(options: Namespace, data: Path, text: Catalogue) -> Attempt | None:
+    return None if options.lesson is None else begun(options, data, text)
 
-    from console.session.training.attempt import Attempt
-    from console.session.training.lesson import load_lesson
-    from console.session.training.shelf import own_folder
-    from console.session.training.tries import check_trainee
-    from drivers.simulator.plant.presets import SEEDS
 
-    check_trainee(options.trainee or "")
-    lesson = load_lesson(options.lesson, own_folder(data))
-    seed = random.SystemRandom().randrange(SEEDS) if lesson.seed is None else lesson.seed
-    return Attempt(lesson=lesson, began_s=time.monotonic(), seed=seed, trainee=options.trainee or "")
+def _keep_lesson(app: ConsoleApp, data: Path) -> None:
+    """Keep the try of a lesson that is left, so that it can be continued."""
+    if app.ui.attempt is None:
+        return
+    from console.session.training.left import keep_left
+
+    try:
+        keep_left(data, app.ui.attempt, app.ui.control.now_s())
+    except ProblemError as error:
+        for problem in error.problems:
+            _say(app.ui.text.problem(problem))
 
 
 def _lathe_of(attempt: Attempt | None) -> SimulatedAddress | None:
     if attempt is None:
         return None
-    return SimulatedAddress(plant=attempt.lesson.plant, seed=attempt.seed, blind=attempt.lesson.blind)
+    lesson = attempt.lesson
+    return SimulatedAddress(plant=lesson.plant_of(attempt.seed), seed=attempt.seed, blind=lesson.blind)
 
 
 def _appearance(configuration: Configuration, text: Catalogue) -> Appearance:

@@ -22,8 +22,13 @@ ITEMS = tuple(f"P{SIGNATURE + place}" for place in range(2 + 2 * _EACH))
 
 def sign(client: Controller, signature: Signature) -> None:
     """Write it, in one line. Nothing depends on it. Errors as for `request`."""
+    client.request(signing_line(signature), lines=0)
+
+
+def signing_line(signature: Signature) -> str:
+    """Return the line that writes a signature."""
     values = (signature.number, signature.minute, *_packed(signature.name), *_packed(signature.host))
-    client.request(" ".join(f"{item}={value}" for item, value in zip(ITEMS, values, strict=True)), lines=0)
+    return " ".join(f"{item}={value}" for item, value in zip(ITEMS, values, strict=True))
 
 
 def read_signature(client: Controller, holder: int) -> Signature | None:

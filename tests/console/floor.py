@@ -27,7 +27,9 @@ from console.session.station.progress import CutStage
 from console.session.station.state import StationState
 from console.session.station.station import Station
 from drivers.cutting.planning import Strategy
+from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
+from drivers.lathe.ownership import Ownership
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
@@ -116,12 +118,14 @@ def open_floor(
     blind: bool = False,
     placed: Placed | None = None,
     begins: Begins | None = None,
+    owned: bool = False,
 ) -> Floor:
     """A station on a machine whose chuck and tool were mounted by chance; connected and verified.
 
     The lathe is that of the paper with everything close together, unless another is given. The chuck may be
     mounted so much further on than by that chance. A `blind` lathe shows dials, not the truth. One that is
-    `placed` does not begin at power-up, and the station `begins` with what was known of it.
+    `placed` does not begin at power-up, and the station `begins` with what was known of it. Where it is to be
+    `owned`, its control can be taken by others.
     """
     machine = machine or compact_machine()
     true = plant_named(plant, machine.machine, seed, mounted_by_hand=True)
@@ -142,7 +146,8 @@ def open_floor(
             floor.station.seen(snapshot)
 
     client = PmacClient(link, sim)
-    lathe = Lathe(client, machine.machine, sim, stop, seen)
+    guards = (Heartbeat(client, sim, machine.machine), Ownership(client)) if owned else ()
+    lathe = Lathe(client, machine.machine, sim, stop, seen, *guards)
     context = StationContext(
         lathe=lathe,
         owning=Owning(lathe, link.address, records),

@@ -72,9 +72,9 @@ class Control:
 class Pupil:
     """A try that is followed at every look of the station."""
 
-    def __init__(self, floor: Floor, lesson: Lesson) -> None:
+    def __init__(self, floor: Floor, lesson: Lesson, seed: int = 1) -> None:
         self.floor, control = floor, Control(floor)
-        self.tried = Attempt(lesson=lesson, began_s=floor.sim.now_s(), seed=1)
+        self.tried = Attempt(lesson=lesson, began_s=floor.sim.now_s(), seed=seed)
 
         def look(_: object) -> None:
             self.tried = followed(self.tried, control)  # type: ignore[arg-type]
@@ -209,7 +209,8 @@ def test_a_fault_comes_after_its_step_and_what_was_done_about_it_counts(tmp_path
         ({"fault": "lightning"}, "lesson.fault", "event 1: fault fault"),
         ({"fault": "hang for=-1"}, "lesson.fault", "event 1: fault for"),
         ({"fault": "hang colour=red"}, "lesson.fault", "event 1: fault parameter"),
-        ({"fault": ""}, "value.not_text", "event 1: fault"),
+        ({"fault": ""}, "lesson.event", "event 1: fault"),
+        ({"fault": "hang", "console": "kim@office"}, "lesson.event", "event 1: fault"),
         ({"fault": "hang", "after": "danced"}, "value.not_choice", "event 1: after"),
         ({"fault": "hang", "wait_s": -1.0}, "value.out_of_range", "event 1: wait_s"),
         ("hang", None, None),

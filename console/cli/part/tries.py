@@ -33,13 +33,14 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """List the tries, write them into a file, or delete them."""
-    from console.session.training.tries import delete, files_of, tries
+    from console.session.training.tries import delete, files_of, left_files, tries
 
     data = data_of(options)
     if options.delete and options.trainee is None:
         raise SessionError(Problem(code="training.delete_whose"))
     if options.delete:
         number = delete(files_of(data, options.trainee, options.lesson))
+        delete(left_files(data, options.trainee, options.lesson))
         show(options, lambda: {"deleted": number}, lambda: [text("tries.deleted", count=number)])
         return 0
     found = tries(data, options.trainee, options.lesson)

@@ -10,6 +10,7 @@ from console.session.training.event import Event
 from console.session.training.happened import Happening, PartFact, What, happenings, part_fact
 from console.session.training.lesson import Lesson
 from console.session.training.milestones import MILESTONES, Change
+from console.session.training.question import STEP
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +33,8 @@ class Attempt:
     `reached` has the time of each milestone that was reached, by its name. The steps of a lesson are reached in
     their order: what happens before its step is due does not count. `seed` is that of its lathe, `trainee` a name
     or "". `given` are the events that have come, by their numbers. `part` is the last one that was measured.
-    `ended_s` is when the trainee ended it: nothing counts any more.
+    `answer` is the one that was chosen, from 0. `continued` is the number of steps with which a try went on that
+    had been left. `ended_s` is when the trainee ended it: nothing counts any more.
     """
 
     lesson: Lesson
@@ -44,6 +46,8 @@ class Attempt:
     given: frozenset[int] = frozenset()
     found: Found = Found()
     part: PartFact | None = None
+    answer: int | None = None
+    continued: int = 0
     ended_s: float | None = None
     last: StationState | None = None
     stage: Stage | None = None
@@ -57,6 +61,16 @@ class Attempt:
     def done(self) -> bool:
         """Whether all steps are made."""
         return self.step == len(self.lesson.steps)
+
+    @property
+    def asks(self) -> bool:
+        """Whether the question of the lesson is not answered yet."""
+        return STEP in self.lesson.steps and self.answer is None and self.ended_s is None
+
+    @property
+    def asks_now(self) -> bool:
+        """Whether it is due."""
+        return self.asks and not self.done and self.lesson.steps[self.step] == STEP
 
     @property
     def stops(self) -> int:
@@ -84,7 +98,7 @@ class Attempt:
         if before is None or before is state or self.ended_s is not None:
             return replace(self, last=state)
         stage = Stage(state.armed.made.stage) if state.armed is not None else self.stage
-        change = Change(before=before, now=state, stage=stage)
+        change = Change(before=before, now=state, stage=stage, answered=self.answer is not None)
         fresh = happenings(before, state, at_s)
         reached = self.reached
         while len(reached) < len(self.lesson.steps):
@@ -117,9 +131,13 @@ class Attempt:
 
     def gave(self, number: int, now_s: float) -> Attempt:
         """Return the try after an event has come."""
-        word = self.lesson.events[number].fault
+        word = self.lesson.events[number].word
         fault = Happening(at_s=now_s - self.began_s, what=What.FAULT, word=word)
         return replace(self, given=self.given | {number}, happened=(*self.happened, fault))
+
+    def answered(self, number: int) -> Attempt:
+        """Return the try with the question answered: once, when it is due."""
+        return replace(self, answer=number) if self.asks_now else self
 
     def ended(self, now_s: float) -> Attempt:
         """Return the try after the trainee has ended it."""

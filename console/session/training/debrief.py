@@ -9,15 +9,20 @@ from types import MappingProxyType
 
 from console.session.stop_keys import is_by_key
 from console.session.training.attempt import Attempt
+from console.session.training.event import CONSOLE
 from console.session.training.happened import Happening, What
 from console.session.training.item import Item
 from drivers.simulator.plant.workshop_view import Truth
 
 FULL = 100
+WRONG_ANSWER = 30.0  # more than by chance and without a cut: 30 points, and the steps that were not made
+CLEAR_OF_JAWS_MM, GENTLE_MM_PER_S = 1.0, 0.2
+"""What is no near miss: this far from the jaws, and as slow at contact as the steps of 0.01 mm are."""
+
 JAW_WITHIN_DEG, TIP_WITHIN_UM, SEEN_WITHIN_S = 0.3, 10.0, 60.0
 """What a careful trainee keeps: jaw 1 by indicator, the tip by touch, an alarm seen and acknowledged."""
 
-BY_ITSELF = frozenset({"stopped", "stopped_in_cut", "link_lost"})
+BY_ITSELF = frozenset({"stopped", "stopped_in_cut", "link_lost", "ousted"})
 """Steps that a machine may make alone."""
 
 STOPS = frozenset({"stopped", "stopped_in_cut"})
@@ -73,6 +78,21 @@ def _met(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
     yield Mark(item=Item.MET, value=met, limit=0, lost=min(25.0 * met, 50.0))
 
 
+def _near(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+    nearest_mm = truth.nearest_jaws_mm
+    if nearest_mm is None or nearest_mm <= 0.0:  # a collision has its own points
+        return
+    lost = 10.0 * max(1.0 - nearest_mm / CLEAR_OF_JAWS_MM, 0.0)
+    yield Mark(item=Item.NEAR, value=nearest_mm, limit=CLEAR_OF_JAWS_MM, lost=lost)
+
+
+def _contact(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+    if truth.contact_mm_per_s is None:
+        return
+    lost = _over(truth.contact_mm_per_s, GENTLE_MM_PER_S, 5.0, 10.0)
+    yield Mark(item=Item.CONTACT, value=truth.contact_mm_per_s, limit=GENTLE_MM_PER_S, lost=lost)
+
+
 def _round(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
     part = attempt.part
     if part is None or not part.full or part.tolerance_um is None:
@@ -114,8 +134,17 @@ def _touch_off(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
     yield Mark(item=Item.TOUCH_OFF, value=error_um, limit=TIP_WITHIN_UM, lost=lost)
 
 
+def _answer(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+    if attempt.answer is None:
+        return
+    right = attempt.lesson.right_answer(attempt.seed)
+    lost = 0.0 if attempt.answer == right else WRONG_ANSWER
+    yield Mark(item=Item.ANSWER, value=attempt.answer + 1, limit=right + 1, lost=lost)
+
+
 def _stops(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
-    asked = sum(step in STOPS for step in attempt.lesson.steps) + len(attempt.given)
+    faults = sum(each.what is What.FAULT and not each.word.startswith(CONSOLE) for each in attempt.happened)
+    asked = sum(step in STOPS for step in attempt.lesson.steps) + faults
     stops = sum(_is_ours(each) for each in attempt.happened)
     yield Mark(item=Item.STOPS, value=stops, limit=asked, lost=_over(stops, asked, 5.0, 15.0))
 
@@ -141,7 +170,7 @@ def _time(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
 
 
 def unseen(attempt: Attempt, now_s: float) -> tuple[float, ...]:
-    """Return for how long each alarm was not acknowledged, s; one that never was, until the end."""
+    """Return for how long each alarm was not acknowledged, s: one that never was, until the lesson ended."""
     raised: dict[str, float] = {}
     found: list[float] = []
     for each in attempt.happened:
@@ -149,6 +178,9 @@ def unseen(attempt: Attempt, now_s: float) -> tuple[float, ...]:
             raised.setdefault(each.word, each.at_s)
         elif each.what is What.SEEN and each.word in raised:
             found.append(each.at_s - raised.pop(each.word))
+        elif each.what is What.LEFT:
+            found += [each.at_s - at_s for at_s in raised.values()]
+            raised.clear()
     end_s = attempt.ended_s if attempt.ended_s is not None else now_s - attempt.began_s
     return (*found, *(end_s - at_s for at_s in raised.values()))
 
@@ -156,7 +188,7 @@ def unseen(attempt: Attempt, now_s: float) -> tuple[float, ...]:
 def reactions(attempt: Attempt, now_s: float) -> tuple[float, ...]:
     """Return how long after each fault something was done about it, s: a stop, an alarm seen, or a step made."""
     end_s = attempt.ended_s if attempt.ended_s is not None else now_s - attempt.began_s
-    acts = [each.at_s for each in attempt.happened if _is_act(each)]
+    acts = [each.at_s for each in attempt.happened if _is_act(each) or each.what is What.LEFT]
     faults = [each.at_s for each in attempt.happened if each.what is What.FAULT]
     return tuple(min((act for act in acts if act > at_s), default=end_s) - at_s for at_s in faults)
 
@@ -177,10 +209,13 @@ JUDGES: Mapping[Item, Judge] = MappingProxyType(
     {
         Item.STEPS: _steps,
         Item.MET: _met,
+        Item.NEAR: _near,
+        Item.CONTACT: _contact,
         Item.ROUND: _round,
         Item.DIAMETER: _diameter,
         Item.JAW: _jaw,
         Item.TOUCH_OFF: _touch_off,
+        Item.ANSWER: _answer,
         Item.STOPS: _stops,
         Item.ALARMS: _alarms,
         Item.REACTION: _reaction,

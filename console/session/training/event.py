@@ -1,4 +1,7 @@
-"""An event of a lesson: a fault that the simulated lathe gets some time after a step, unasked."""
+"""An event of a lesson: what comes unasked some time after a step.
+
+It is a fault that the simulated lathe gets, or another console that takes control of it, once it is at rest.
+"""
 
 from __future__ import annotations
 
@@ -12,21 +15,33 @@ from profiles.fields import Field, Kind, read_fields
 from profiles.problem import Problem
 
 LINE_CAP = 200
+CONSOLE = "another-console"
+"""The word of a console that takes control, where faults have their names."""
 
 _FIELDS = (
     Field(key="after", kind=Kind.TEXT, default=""),
     Field(key="wait_s", unit="s", default=0.0, at_least=0.0, at_most=3600.0),
-    Field(key="fault", kind=Kind.TEXT, longest=LINE_CAP),
+    Field(key="fault", kind=Kind.TEXT, longest=LINE_CAP, default=""),
+    Field(key="console", kind=Kind.TEXT, default=""),
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """A fault (`NAME [KEY=VALUE ...]`) that comes `wait_s` after a step was made, or after the begin ("")."""
+    """A fault (`NAME [KEY=VALUE ...]`) that comes `wait_s` after a step was made, or after the begin ("").
+
+    Or else a `console` takes control: the name of its operator, and after an @ that of the computer.
+    """
 
     after: str
     wait_s: float
-    fault: str
+    fault: str = ""
+    console: str = ""
+
+    @property
+    def word(self) -> str:
+        """What comes, as one line that begins with its name."""
+        return self.fault or f"{CONSOLE} {self.console}"
 
 
 def read_events(given: object, steps: Sequence[str], where: str) -> tuple[tuple[Event, ...], list[Problem]]:
@@ -51,6 +66,12 @@ def _problems(event: Event, steps: Sequence[str], where: str, prefix: str) -> li
     if event.after and event.after not in steps:
         key, limit = f"{prefix}after", " | ".join(steps)
         problems.append(Problem(code="value.not_choice", where=where, key=key, value=event.after, limit=limit))
+    if not event.fault or event.console:
+        if event.fault or not event.console:
+            problems.append(
+                Problem(code="lesson.event", where=where, key=f"{prefix}fault", limit="fault | console")
+            )
+        return problems
     try:
         check_line(event.fault)
     except RefusedError as refused:

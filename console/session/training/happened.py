@@ -11,7 +11,7 @@ from profiles.problem import Problem
 
 
 class What(StrEnum):
-    """Kinds: a step made, a stop, a collision, an alarm raised, one that was seen, a fault, a part measured."""
+    """Kinds: a step, a stop, a collision, an alarm raised, one that was seen, a fault, a part, the lesson left."""
 
     STEP = "step"
     STOP = "stop"
@@ -20,6 +20,7 @@ class What(StrEnum):
     SEEN = "seen"
     FAULT = "fault"
     PART = "part"
+    LEFT = "left"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,13 @@ from typing import Any
 from console.session.training.event import Event, read_events
 from console.session.training.item import Item
 from console.session.training.milestones import MILESTONES
+from console.session.training.question import (
+    QUESTION_FIELDS,
+    QUESTION_WORDS,
+    drawn_number,
+    lathe_files,
+    question_problems,
+)
 from drivers.simulator.plant.presets import PLANTS, SEEDS
 from profiles.fields import Field, Kind, read_fields, schema_problem
 from profiles.files import printable, read_toml
@@ -34,21 +41,25 @@ _FIELDS = (
     Field(key="job", kind=Kind.TEXT, default="lee-2001-experiment-1"),
     Field(key="steps", kind=Kind.TEXTS, choices=tuple(MILESTONES)),
     Field(key="counts", kind=Kind.TEXTS, choices=tuple(Item), default=tuple(Item)),
+    *QUESTION_FIELDS,
 )
 _WORDS = (
     Field(key="title", kind=Kind.TEXT, longest=60),
     Field(key="goal", kind=Kind.TEXT, longest=WORDS_CAP),
     Field(key="hints", kind=Kind.TEXTS, longest=WORDS_CAP),
+    *QUESTION_WORDS,
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Words:
-    """A lesson in one language: a hint for each of its steps."""
+    """A lesson in one language: a hint for each of its steps; its question with the answers, "" without one."""
 
     title: str
     goal: str
     hints: tuple[str, ...]
+    question: str = ""
+    answers: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +68,8 @@ class Lesson:
 
     `plant` and `seed` say which simulated lathe it is on, another each time without a seed; a `blind` one shows
     dials instead of the truth. `job` is a saved job. `counts` are the items of its score, names of `Item`;
-    `events` come by themselves.
+    `events` come by themselves. One of `lathes` (files) is drawn for each try, in place of `plant`. The right
+    answer to its question is `answer`, from 1, or else the place of the lathe which was drawn.
     """
 
     name: str
@@ -71,31 +83,55 @@ class Lesson:
     counts: tuple[str, ...]
     events: tuple[Event, ...]
     words: Mapping[str, Words]
+    lathes: tuple[str, ...] = ()
+    answer: int | None = None
+
+    def plant_of(self, seed: int | None) -> str:
+        """Return the name or the file of the plant of a try."""
+        return self.lathes[drawn_number(seed, self.lathes)] if self.lathes else self.plant
+
+    def right_answer(self, seed: int | None) -> int:
+        """Return the number of the right answer, from 0."""
+        return drawn_number(seed, self.lathes) if self.answer is None else self.answer - 1
 
 
-def lesson_of(table: Mapping[str, Any], name: str, where: str) -> Lesson:
-    """Return the lesson of a table. Raises ProfileError with everything that is wrong in it."""
+def lesson_of(table: Mapping[str, Any], name: str, where: str, folder: Path = FOLDER) -> Lesson:
+    """Return the lesson of a table; `folder` is that of its file.
+
+    Raises ProfileError with everything that is wrong in it.
+    """
     if refusal := schema_problem(table, where=where):
         raise ProfileError(refusal)
     top = {key: value for key, value in table.items() if key not in (*LANGUAGES, EVENTS)}
     values, problems = read_fields(_FIELDS, top, where=where)
     events, found = read_events(table.get(EVENTS, []), values.get("steps") or (), where)
     problems += found
-    words: dict[str, Words] = {}
+    words, found = _words(table, where)
+    problems += found
+    if not problems:
+        values["lathes"], problems = lathe_files(values["lathes"], folder)
+        for language, said in words.items():
+            problems += _hints(language, said["hints"], values["steps"], where)
+        problems += question_problems(values, words, where)
+    if problems:
+        raise ProfileError(*problems)
+    del values["schema"]
+    values["blind"] = values["blind"] == "yes"
+    spoken = {language: Words(**said) for language, said in words.items()}
+    return Lesson(name=name, words=spoken, events=events, **values)
+
+
+def _words(table: Mapping[str, Any], where: str) -> tuple[dict[str, dict[str, Any]], list[Problem]]:
+    """Return the words of both languages, and everything that is wrong with them."""
+    words: dict[str, dict[str, Any]] = {}
+    problems: list[Problem] = []
     for language in LANGUAGES:
         given = table.get(language, {})
         if not isinstance(given, dict):
             given = {"title": given}
-        said, found = read_fields(_WORDS, given, where=where, prefix=f"{language}.")
+        words[language], found = read_fields(_WORDS, given, where=where, prefix=f"{language}.")
         problems += found
-        if not found and "steps" in values:
-            problems += _hints(language, said["hints"], values["steps"], where)
-        if not found:
-            words[language] = Words(**said)
-    if problems:
-        raise ProfileError(*problems)
-    del values["schema"]
-    return Lesson(name=name, words=words, events=events, **{**values, "blind": values["blind"] == "yes"})
+    return words, problems
 
 
 def _hints(language: str, hints: tuple[str, ...], steps: tuple[str, ...], where: str) -> list[Problem]:
@@ -118,7 +154,7 @@ def load_lesson(name_or_path: str, own: Path) -> Lesson:
         value, limit = printable(name_or_path, 60), " | ".join(paths)
         raise ProfileError(Problem(code="lesson.unknown", value=value, limit=limit))
     _, table = read_toml(path)
-    return lesson_of(table, path.stem, printable(str(path)))
+    return lesson_of(table, path.stem, printable(str(path)), path.parent)
 
 
 def lesson_paths(own: Path) -> tuple[Path, ...]:

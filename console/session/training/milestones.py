@@ -11,15 +11,20 @@ from types import MappingProxyType
 
 from console.session.stages import Stage
 from console.session.station.state import Activity, StationState
+from drivers.lathe.standing import Standing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """Two states, one after the other; `stage` is that of the cut that was armed last."""
+    """Two states, one after the other; `stage` is that of the cut that was armed last.
+
+    `answered` is whether the question of the lesson is.
+    """
 
     before: StationState
     now: StationState
     stage: Stage | None = None
+    answered: bool = False
 
     def ended(self, activity: Activity) -> bool:
         """Whether the station was busy with this, and is no longer."""
@@ -61,6 +66,18 @@ def _in_cut(change: Change) -> bool:
     return change.now.activity is Activity.CUTTING and cut is not None and cut.stage == _CUT
 
 
+def _clamped_lighter(change: Change) -> bool:
+    clamping, plain = change.now.alignment.clamping, change.now.uncompensated
+    return clamping is not None and plain is not None and clamping.force_n < plain.job.chucking_force_n
+
+
+def _measured_rounder(change: Change) -> bool:
+    before, now = change.before.uncompensated, change.now.uncompensated
+    if before is None or now is None or now is before:
+        return False
+    return now.result.ront_um < before.result.ront_um
+
+
 def _acknowledged(change: Change) -> bool:
     new = [alarm for alarm in change.before.alarms if not alarm.acknowledged]
     return bool(new) and all(alarm.acknowledged for alarm in change.now.alarms)
@@ -91,6 +108,11 @@ MILESTONES: Mapping[str, Reached] = MappingProxyType(
         "link_lost": lambda change: change.now.activity is Activity.LOST or change.now.lost_link is not None,
         "reconnected": lambda change: change.before.lost_link is not None and change.now.lost_link is None,
         "acknowledged": _acknowledged,
+        "clamped_lighter": _clamped_lighter,
+        "measured_rounder": _measured_rounder,
+        "ousted": lambda change: change.now.standing is Standing.OUSTED,
+        "control_back": lambda change: change.before.standing is not Standing.OWNER and change.now.controls,
+        "answered": lambda change: change.answered,
     }
 )
 """Every milestone by the name that lessons use, in the order in which they usually come."""

@@ -17,6 +17,7 @@ from profiles.own_values import read_own
 from profiles.problem import Problem, ProfileError
 
 FOLDER = "training"
+LEFT = "left"  # in the folder of a trainee: tries that were left, by lesson
 NOBODY = "-"  # the folder of tries without a name
 SCHEMA = 1
 UNREADABLE = "training.unreadable"
@@ -57,7 +58,7 @@ def try_of(attempt: Attempt, debrief: Debrief, now_s: float) -> Try:
         lesson=lesson.name,
         trainee=attempt.trainee,
         date=datetime.now(UTC).isoformat(timespec="seconds"),
-        plant=lesson.plant,
+        plant=Path(lesson.plant_of(attempt.seed)).stem,
         seed=attempt.seed,
         blind=lesson.blind,
         score=debrief.score,
@@ -69,7 +70,7 @@ def try_of(attempt: Attempt, debrief: Debrief, now_s: float) -> Try:
 
 def keep_try(data: Path, one: Try) -> Path:
     """Keep a try, and return its file. Raises ProfileError: `file.not_writable`."""
-    folder, stem = _folder(data, one.trainee), folder_name(one.lesson)
+    folder, stem = trainee_folder(data, one.trainee), folder_name(one.lesson)
     for number in itertools.count(1 + len(_files(folder))):
         path = folder / f"{stem}-{number:06d}.json"
         try:
@@ -79,6 +80,11 @@ def keep_try(data: Path, one: Try) -> Path:
             if error.problems[0].code != "file.exists":
                 raise
     return path
+
+
+def trainee_folder(data: Path, trainee: str) -> Path:
+    """Return where the tries of a trainee are kept."""
+    return data / FOLDER / (folder_name(trainee) or NOBODY)
 
 
 def tries(data: Path, trainee: str | None = None, lesson: str | None = None) -> tuple[Try, ...]:
@@ -92,10 +98,16 @@ def tries(data: Path, trainee: str | None = None, lesson: str | None = None) -> 
 
 def files_of(data: Path, trainee: str | None = None, lesson: str | None = None) -> tuple[Path, ...]:
     """Return the files of the tries of one trainee or of all, of one lesson or of all."""
-    folders = [_folder(data, trainee)] if trainee is not None else _folders(data / FOLDER)
+    folders = [trainee_folder(data, trainee)] if trainee is not None else _folders(data / FOLDER)
     files = (file for folder in folders for file in _files(folder))
     stem = None if lesson is None else folder_name(lesson)
     return tuple(file for file in files if stem in (None, file.stem.rpartition("-")[0]))
+
+
+def left_files(data: Path, trainee: str, lesson: str | None = None) -> tuple[Path, ...]:
+    """Return the files of the tries of a trainee that were left, of one lesson or of all."""
+    files = _files(trainee_folder(data, trainee) / LEFT)
+    return tuple(file for file in files if lesson is None or file.stem == folder_name(lesson))
 
 
 def delete(files: Iterable[Path]) -> int:
@@ -108,10 +120,6 @@ def delete(files: Iterable[Path]) -> int:
             raise file_error("file.not_writable", file, error) from error
         number += 1
     return number
-
-
-def _folder(data: Path, trainee: str) -> Path:
-    return data / FOLDER / (folder_name(trainee) or NOBODY)
 
 
 def _folders(folder: Path) -> list[Path]:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from console.session.training.attempt import Attempt
 from console.session.training.debrief import Debrief, debrief_of
+from console.session.training.left import forget_left
 from console.session.training.lesson import Lesson, Words
 from console.session.training.shelf import Shelved, lessons, own_folder
 from console.session.training.tries import keep_try, tries, try_of
-from console.tui.further.debrief_lines import advice_lines, clock, happened_lines, score_lines
+from console.text.debrief import clock
+from console.tui.further.debrief_lines import advice_lines, happened_lines, score_lines
+from console.tui.further.question_lines import question_lines
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, dim, line, ranged, wrapped
 from console.tui.page import Page
@@ -17,6 +20,7 @@ from drivers.simulator.plant.workshop_view import Truth
 from profiles.problem import Problem
 
 _DONE, _CURRENT, _OPEN = "✓", "●", "○"
+_STEPS = {"train.up": -1, "train.down": 1}
 
 
 class TrainPage(Page):
@@ -40,6 +44,7 @@ class TrainPage(Page):
         self._shelf: tuple[Shelved, ...] | None = None
         self._over: tuple[Debrief, tuple[int, ...]] | None = None
         self._asked = False
+        self._choice = 0  # of the answers, while the question of the lesson is due
         self._best: dict[str, int] = {}
 
     def show(self, view: View) -> None:
@@ -64,9 +69,12 @@ class TrainPage(Page):
         )
 
     def act(self, action: str) -> None:
-        """End the lesson; one that is not done asks again."""
+        """Answer the question that is due, or end the lesson; one that is not done asks again."""
         attempt = self.ui.attempt
         if self.ui.answers(self.why_not(action, self.ui.view)) or attempt is None:
+            return
+        if attempt.asks_now:
+            self._answer(attempt, action)
             return
         if not attempt.done and not self._asked:
             self._asked = True
@@ -77,9 +85,20 @@ class TrainPage(Page):
         if self.ui.control.post(AskTruth()):
             self.ui.attempt = attempt.ended(self.ui.control.now_s())
 
+    def _answer(self, attempt: Attempt, action: str) -> None:
+        """Choose an answer, or give the chosen one: that is possible once."""
+        if action in _STEPS:
+            self._choice = (self._choice + _STEPS[action]) % len(self._answers(attempt))
+        else:
+            self.ui.attempt = attempt.answered(self._choice)
+
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
-        """Return why no lesson can be ended now."""
+        """Return why no lesson can be ended now, or nothing answered."""
         attempt = self.ui.attempt
+        if attempt is not None and attempt.asks_now:
+            return ()
+        if action in _STEPS:
+            return (Problem(code="training.no_question"),)
         if attempt is None or attempt.ended_s is not None:
             return (Problem(code="training.none" if attempt is None else "training.over"),)
         return refusal(view.state, action)
@@ -89,17 +108,21 @@ class TrainPage(Page):
         if self._over is None:
             self._over = self._kept(attempt, debrief_of(attempt, truth, now_s), now_s)
         (debrief, scores), text, size = self._over, self.ui.text, self._steps.size
-        rows = score_lines(debrief, scores, text, max(size.width, 1))
+        rows = score_lines(debrief, scores, text, max(size.width, 1), self._answers(attempt))
         self._steps.show(clipped(rows, size.height, text("panel.more")), text("debrief.title"))
         width = max(self._hint.size.width, 1)
         rows = [*advice_lines(debrief, text, width), BLANK, *happened_lines(attempt, text, width)]
         self._hint.show(clipped(rows, self._hint.size.height, text("panel.more")), text("debrief.next_time"))
+
+    def _answers(self, attempt: Attempt) -> tuple[str, ...]:
+        return attempt.lesson.words[self.ui.text.language].answers
 
     def _kept(self, attempt: Attempt, debrief: Debrief, now_s: float) -> tuple[Debrief, tuple[int, ...]]:
         """Keep the try; return the debrief with the scores of all tries of this lesson, the newest last."""
         scores: tuple[int, ...] = (debrief.score,)
         with self.ui.answering():
             keep_try(self.ui.data, try_of(attempt, debrief, now_s))
+            forget_left(self.ui.data, attempt.trainee, attempt.lesson.name)
             found = tries(self.ui.data, attempt.trainee, attempt.lesson.name)
             scores = tuple(each.score for each in found)
         return debrief, scores
@@ -113,6 +136,8 @@ class TrainPage(Page):
             return line((text("train_page.next.over"), Token.ACTION))
         if attempt.done:
             return line((text("train_page.next.done"), Token.ACTION))
+        if attempt.asks_now:
+            return line((text("train_page.next.answer"), Token.ACTION))
         step = text(f"train_page.step.{attempt.lesson.steps[attempt.step]}")
         return line((text("train_page.next.step", step=step), Token.ACTION))
 
@@ -123,11 +148,13 @@ class TrainPage(Page):
             return self._list(width)
         if self._over is not None:
             debrief, scores = self._over
-            said = score_lines(debrief, scores, self.ui.text, width)
+            said = score_lines(debrief, scores, self.ui.text, width, self._answers(attempt))
             advice = advice_lines(debrief, self.ui.text, width)
             return [*said, BLANK, *advice, BLANK, *happened_lines(attempt, self.ui.text, width)]
         words = attempt.lesson.words[self.ui.text.language]
         hints = [row for hint in words.hints for row in (*wrapped(hint, width), BLANK)]
+        if attempt.asks_now:
+            hints = [*question_lines(words, self._choice, width), BLANK, *hints]
         return [*self._progress(attempt, words, view, width), BLANK, *hints]
 
     def _progress(self, attempt: Attempt, words: Words, view: View, width: int) -> list[Line]:
@@ -152,7 +179,12 @@ class TrainPage(Page):
     def _hints(self, attempt: Attempt, words: Words, width: int) -> list[Line]:
         if attempt.done:
             return wrapped(self.ui.text("train_page.done"), width)
-        return wrapped(words.hints[attempt.step], width)
+        if attempt.asks_now:
+            return [*question_lines(words, self._choice, width), BLANK, *wrapped(words.hints[attempt.step], width)]
+        hint = wrapped(words.hints[attempt.step], width)
+        if attempt.step == attempt.continued > 0:
+            return [*wrapped(self.ui.text("train_page.continued"), width, Token.STRONG), BLANK, *hint]
+        return hint
 
     def _list(self, width: int) -> list[Line]:
         """Return all lessons, each with how it is begun; read once while the page is there."""

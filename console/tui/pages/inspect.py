@@ -97,7 +97,7 @@ class InspectPage(ChartPage):
     def news(self, view: View) -> tuple[object, ...]:
         """Return the job, the measured parts and the blank."""
         state, parts = view.state, (id(view.state.measured), id(view.state.uncompensated))
-        return id(view.work), parts, state.cut_done, state.simulated, state.marks_mm
+        return id(view.work), parts, state.cut_done, state.simulated, state.marks_mm, self._asks
 
     def act(self, action: str) -> None:
         """Measure the part, keep its learning step or revert, or continue with the next one."""
@@ -174,6 +174,8 @@ class InspectPage(ChartPage):
             return self._chooser.next_step()
         if self._parts.is_open:
             return line((self._parts.next_words(), Token.ACTION))
+        if self._asks and view.state.measured is not None:
+            return line((self.ui.text("inspect_page.next_question"), Token.ACTION))
         return line((self.ui.text(f"inspect_page.{next_word(view)}"), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
@@ -186,13 +188,20 @@ class InspectPage(ChartPage):
         if part is None:
             return self._message_lines(view.state, width)
         rows: list[Line] = []
-        if part.lobe is not None:
+        if self._asks:
+            rows = wrapped(text("inspect_page.next_question"), width)
+        elif part.lobe is not None:
             rows = lobe_lines(part.lobe, view.work, text, width)
         elif part.learning is not None:
             rows = learn_lines(part.learning, view.work, text, width, failed=fails(part))
         if self._seen is not None:
             rows += [BLANK, *full_lines(self._seen, text, width, simulated=view.state.simulated)]
         return rows
+
+    @property
+    def _asks(self) -> bool:
+        """Whether a lesson asks what is wrong with the part: until that is answered, only the plot says so."""
+        return self.ui.attempt is not None and self.ui.attempt.asks
 
     def _correct(self) -> None:
         """Correct the touch-off by the diameter of the part; the station refuses for the same reasons."""
@@ -285,7 +294,7 @@ class InspectPage(ChartPage):
         state = view.state
         self._compare(state)
         part = state.measured
-        learning = part is not None and (part.learning is not None or part.lobe is not None)
+        learning = part is not None and (part.learning is not None or part.lobe is not None) and not self._asks
         if self._learn.display is not learning:
             self._learn.display = learning
             self.call_after_refresh(self.paint_again)

@@ -1,10 +1,11 @@
-"""Collisions on a lathe: the tool with a standing part, with too much of it, or with the jaws.
+"""Collisions on a lathe: the tool with a standing part, with too much of it, or with the jaws; and near misses.
 
 After a collision the simulation continues as commanded. Damage is not simulated, only the collision reported.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,6 +14,7 @@ from drivers.simulator.plant.collision_kind import CollisionKind
 from profiles.job import Job
 
 TOUCH_MM = 0.05  # depth of the tip in a standing part up to which it is a mere touch that marks, not a crash
+CLEAR_MM = 0.005  # out of a surface by this much the tip no longer touches it
 TOOL_TAKES_MM = 1.0  # permitted depth beyond the job's cut, on the radius: a choice, for finishing
 MOST_FEED_MM_PER_TURN = 1.0  # largest feed of a job; a tool that enters material faster does not cut
 STANDS_TURNS = 1e-5  # a spindle that turns less than this in a servo cycle stands: 1.4 rpm at 442 us
@@ -82,10 +84,17 @@ def _kind_of(turned: float, back: float, fed_mm: float, infed_mm: float) -> Coll
 
 
 class CollisionWatch:
-    """Detects each kind of collision once, from the clamping of a blank to that of the next."""
+    """Detects each kind of collision once, from the clamping of a blank to that of the next.
+
+    Since power-up: `nearest_jaws_mm` is the least distance of the tip from the jaws, from a box about each block
+    of its path, `contact_mm_per_s` the highest speed at which it met a part that stood; None where it never did.
+    """
 
     def __init__(self, jaw_face_mm: float, jaw_outer_mm: float) -> None:
         self.found: tuple[Collision, ...] = ()
+        self.nearest_jaws_mm: float | None = None
+        self.contact_mm_per_s: float | None = None
+        self._touches = False
         self._jaw_face_mm = jaw_face_mm
         self._jaw_outer_mm = jaw_outer_mm
         self._part: Clamped | None = None
@@ -103,13 +112,19 @@ class CollisionWatch:
 
     def misses(self, least_mm: float, most_z_mm: float) -> bool:
         """Whether a tip that stays outside `least_mm` and before `most_z_mm` can meet neither part nor jaws."""
-        if self._part is not None and least_mm < self._part.radius_mm - TOUCH_MM:
+        before_mm, outside_mm = self._jaw_face_mm - most_z_mm, least_mm - self._jaw_outer_mm
+        off_mm = (
+            math.hypot(before_mm, outside_mm) if min(before_mm, outside_mm) > 0.0 else max(before_mm, outside_mm)
+        )
+        if self.nearest_jaws_mm is None or off_mm < self.nearest_jaws_mm:
+            self.nearest_jaws_mm = off_mm
+        if self._part is not None and least_mm < self._part.radius_mm:
             return False
         return most_z_mm <= self._jaw_face_mm or least_mm > self._jaw_outer_mm
 
     def pass_by(self, track: Track) -> None:
         """Note where a path has ended that misses everything."""
-        self._furthest = None
+        self._furthest, self._touches = None, False
         self._before = (track.turns[-1], track.z_mm[-1], track.radius_mm[-1])
 
     def look(self, track: Track, *, at_end: bool = False) -> None:
@@ -122,11 +137,30 @@ class CollisionWatch:
                 if z_mm > self._jaw_face_mm and radius_mm <= self._jaw_outer_mm:
                     self._report(CollisionKind.JAWS, track, at)
                     break
+        if part is not None and least_mm < part.radius_mm:
+            self._note_contact(track, part)
         if part is not None and least_mm < part.radius_mm - TOUCH_MM:
             self._check_part(track, part)
         else:
             self._furthest = None
         self._before = (track.turns[-1], track.z_mm[-1], track.radius_mm[-1])
+
+    def _note_contact(self, track: Track, part: Clamped) -> None:
+        """Note how fast the tip comes to a standing surface; in a turning part it is there already."""
+        turns, z_mm = track.turns[-1], track.z_mm[-1]
+        if abs(turns - track.turns[0]) > STANDS_TURNS * len(track.turns):
+            self._touches = True
+            return
+        surface_mm = self._surface_at(turns, z_mm) if part.free_end_mm <= z_mm <= self._jaw_face_mm else 0.0
+        before_mm = track.radius_mm[0] if self._before is None else self._before[2]
+        for radius_mm in track.radius_mm:
+            if radius_mm < surface_mm and not self._touches:
+                self._touches = True
+                speed = (before_mm - radius_mm) / track.cycle_ms * 1000.0
+                self.contact_mm_per_s = max(speed, self.contact_mm_per_s or 0.0)
+            elif radius_mm > surface_mm + CLEAR_MM:
+                self._touches = False
+            before_mm = radius_mm
 
     def _check_part(self, track: Track, part: Clamped) -> None:
         """Check the cheap conditions first: in a cut, radius and feed decide all of them."""

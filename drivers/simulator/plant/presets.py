@@ -121,6 +121,15 @@ def plant_named(
     return set_up_by_hand(true, machine, Random(number)) if by_hand else true
 
 
+def plant_problems(name_or_path: str) -> tuple[Problem, ...]:
+    """Return what is wrong in the file of a plant."""
+    try:
+        _values(name_or_path, 0)
+    except ProfileError as error:
+        return tuple(error.problems)
+    return ()
+
+
 def _values(name_or_path: str, seed: int) -> tuple[Mapping[str, Any], str]:
     """Return the values of a plant, and its file as it is named in problems."""
     path = _path_of(name_or_path)

@@ -198,6 +198,8 @@ class SimulatedWorkshop:
             jaw_1_deg=jaw_1_deg % 360.0,
             zero_radius_mm=self._path.tips_mm((0.0,))[0],
             reachable_um=evaluate(trace.angle_deg, trace.deviation_um).ront_um,
+            nearest_jaws_mm=self.watch.nearest_jaws_mm,
+            contact_mm_per_s=self.watch.contact_mm_per_s,
         )
 
     def look(self, tool: float, spindle: float, carriage: float) -> WorkshopView:

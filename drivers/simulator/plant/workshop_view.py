@@ -28,12 +28,15 @@ class Truth:
     `jaw_1_deg` is the spindle angle at which jaw 1 meets the mark, degrees from the index; `zero_radius_mm` the
     radius of the tool tip at motor position zero; `reachable_um` the RONt of this part where the lobe of its job
     is exactly aligned and followed: what lathe, chuck and gauge leave. Without a part it is what spindle and gauge
-    leave.
+    leave. `nearest_jaws_mm` is how near the tool has come to the jaws since power-up, `contact_mm_per_s` the
+    highest speed at which it has met a part that stood; None where it has not.
     """
 
     jaw_1_deg: float
     zero_radius_mm: float
     reachable_um: float
+    nearest_jaws_mm: float | None = None
+    contact_mm_per_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,71 @@
+"""The begin of a lesson, before the first page: anew, or where it was left."""
+
+from __future__ import annotations
+
+import sys
+import time
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from console.text.catalogue import Catalogue
+
+if TYPE_CHECKING:
+    from console.session.training.attempt import Attempt
+    from console.session.training.lesson import Lesson
+
+ANEW = ("n", "ㅜ")
+MOST_QUESTIONS = 10
+
+
+def begun(options: Namespace, data: Path, text: Catalogue) -> Attempt:
+    """Return a try of a lesson that begins now, or goes on.
+
+    Raises ProfileError: the lesson is unknown, or cannot be read, or the try that was left.
+    """
+    import random
+
+    from console.session.training.attempt import Attempt
+    from console.session.training.lesson import load_lesson
+    from console.session.training.shelf import own_folder
+    from console.session.training.tries import check_trainee
+    from drivers.simulator.plant.presets import SEEDS
+
+    trainee = options.trainee or ""
+    check_trainee(trainee)
+    lesson = load_lesson(options.lesson, own_folder(data))
+    if (left := _continued(data, trainee, lesson, text)) is not None:
+        return left
+    seed = random.SystemRandom().randrange(SEEDS) if lesson.seed is None else lesson.seed
+    return Attempt(lesson=lesson, began_s=time.monotonic(), seed=seed, trainee=trainee)
+
+
+def _continued(data: Path, trainee: str, lesson: Lesson, text: Catalogue) -> Attempt | None:
+    """Return the try that was left, where there is one that can be continued and is to be."""
+    from dataclasses import replace
+
+    from console.session.training.left import continued, read_left
+
+    left = read_left(data, trainee, lesson.name)
+    attempt = None if left is None else continued(left, lesson, time.monotonic())
+    if attempt is None or left is None:
+        return None
+    minutes, seconds = divmod(int(left.took_s), 60)
+    facts = {"made": len(left.reached), "steps": len(lesson.steps), "kept": attempt.continued}
+    print(text("lesson_start.left", time=f"{minutes}:{seconds:02d}", **facts))
+    if not _wants(text("lesson_start.ask")):
+        return None
+    return replace(attempt, began_s=time.monotonic() - left.took_s)  # reading the question takes none of its time
+
+
+def _wants(question: str) -> bool:
+    """Ask on the terminal: Enter for yes, n for no. A terminal that ends answers nothing: that is an interrupt."""
+    for _ in range(MOST_QUESTIONS):
+        try:
+            answer = input(question).strip().lower()
+        except EOFError:
+            break
+        if answer in ("", *ANEW):
+            return not answer
+    sys.stdout.flush()
+    raise KeyboardInterrupt
