@@ -39,6 +39,8 @@ def contradiction(options: argparse.Namespace, text: Catalogue) -> str:
     """Return the sentence about mutually exclusive options; "" where none conflict."""
     if options.sim and options.link:
         return text("usage.sim_with_link")
+    if options.instructor is not None and options.command is not None:
+        return text("usage.instructor_with_command")
     if getattr(options, "ts", None) is not None:
         from drivers.cutting.strategy import TAKING_TS
 

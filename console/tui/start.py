@@ -28,6 +28,7 @@ from console.session.terminal_place import remote_client
 from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
+from console.tui.application.with_instructor import instructed
 from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
 from console.tui.theme import COLOUR, COLOUR_VARIABLE, MONO
@@ -76,6 +77,12 @@ def main(options: Namespace, text: Catalogue) -> int:
     link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
     app, control = _recorded(link, inbox, machine, data, (text, appearance, options.configuration))
     app.ui.attempt = attempt
+    with instructed(options.instructor, app, link, data):
+        return _run(link, app, control, tracing)
+
+
+def _run(link: LinkThread, app: ConsoleApp, control: RecordedControl, tracing: Tracing) -> int:
+    """Run the screens to their end, and leave the machine; return the exit code."""
     ending = _Ending(link, app)
     ending.install()
     link.start()
@@ -107,6 +114,8 @@ def _wrong_usage(options: Namespace, requested: SimulatedAddress | None, *, simu
     """Return the sentence about options of a simulated lathe that exclude others, "" where none do."""
     if (requested is not None or options.lesson is not None) and not simulated:
         return "usage.plant_without_sim"
+    if options.instructor is not None and not (simulated and options.sim):
+        return "usage.instructor_without_sim"
     if options.trainee is not None and options.lesson is None:
         return "usage.trainee_alone"
     return "usage.lesson_alone" if requested is not None and options.lesson is not None else ""

@@ -17,7 +17,7 @@ from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError
 from console.session.station.actions import alarm_events, command_event
 from console.session.station.alarms import Alarms, Priority, cleared, raised
-from console.session.station.commands import Adjust, Command, HoldFeed, ResumeFeed
+from console.session.station.commands import Adjust, Command, HoldFeed, Instruct, ResumeFeed
 from console.session.station.link.onlookers import Onlookers
 from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning
@@ -57,8 +57,8 @@ class StationContext:
     `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
     `hold_asked` is the last command about a feed hold not yet passed on, `adjust_asked` those about override and
-    trim, `faults_asked` faults for the simulated lathe. `side` sends what worker threads
-    ask, between two polls.
+    trim, `faults_asked` faults for the simulated lathe, `orders` those of its instructor. `side` sends what worker
+    threads ask, between two polls.
     """
 
     lathe: Lathe
@@ -83,6 +83,7 @@ class StationContext:
     hold_asked: HoldFeed | ResumeFeed | None = None
     adjust_asked: deque[Adjust] = field(default_factory=deque)
     faults_asked: deque[str] = field(default_factory=deque)
+    orders: deque[Instruct] = field(default_factory=deque)
     _incomplete_told: bool = field(default=False, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _state: StationState = field(init=False)

@@ -19,6 +19,7 @@ from console.session.cut.trip_cause import BY_FRICTION, with_cause
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import LEFT_IN_PART, killed_or_refused
 from console.session.errors import SessionError, fault_problem
+from console.session.instructing.carrying import carry_out
 from console.session.station.adjusting.at_once import taken_at_once
 from console.session.station.alarms import OF_A_CUT, Priority
 from console.session.station.armed_watch import watch_armed
@@ -113,6 +114,7 @@ class Station:
             context.end_alarms(*OF_A_CUT)
         if not self._stops.leaving:  # whoever leaves looks at the chuck no more, and an answer may take its time
             give_faults(context)
+            carry_out(context)
             self._sight.sample()
         context.check_record()
         silent = self._beat_s is not None and context.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
@@ -205,6 +207,7 @@ class Station:
     def _step(self, command: Command | None) -> None:
         context = self._context
         give_faults(context)
+        carry_out(context)
         if self._stops.gone:
             if context.side is not None:  # nobody polls any more, and somebody may wait for an answer
                 context.side.serve(Moment(at_rest=False, controls=False, lost=True))

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from console.session.instructing.desk import Act
 from console.session.stages import Stage
 from console.session.station.state import StationState
 from console.session.training.event import Event
 from console.session.training.happened import Happening, PartFact, What, happenings, part_fact
 from console.session.training.lesson import Lesson
 from console.session.training.milestones import MILESTONES, Change
+
+INJECT = "inject "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +65,11 @@ class Attempt:
     def stops(self) -> int:
         """How many stops there were."""
         return sum(each.what is What.STOP for each in self.happened)
+
+    @property
+    def faults(self) -> int:
+        """How many faults were given, by the lesson or by an instructor."""
+        return sum(each.what is What.FAULT for each in self.happened)
 
     @property
     def met(self) -> tuple[str, ...]:
@@ -120,6 +128,16 @@ class Attempt:
         word = self.lesson.events[number].fault
         fault = Happening(at_s=now_s - self.began_s, what=What.FAULT, word=word)
         return replace(self, given=self.given | {number}, happened=(*self.happened, fault))
+
+    def instructed(self, act: Act) -> Attempt:
+        """Return the try after the instructor has done something: a fault counts as those of the lesson do."""
+        if self.ended_s is not None:
+            return self
+        what, word = What.INSTRUCTOR, act.order.line
+        if word.startswith(INJECT):
+            what, word = What.FAULT, word.removeprefix(INJECT)
+        fresh = Happening(at_s=act.at_s - self.began_s, what=what, word=word)
+        return replace(self, happened=(*self.happened, fresh))
 
     def ended(self, now_s: float) -> Attempt:
         """Return the try after the trainee has ended it."""

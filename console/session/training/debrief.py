@@ -117,7 +117,7 @@ def _touch_off(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
 
 
 def _stops(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
-    asked = sum(step in STOPS for step in attempt.lesson.steps) + len(attempt.given)
+    asked = sum(step in STOPS for step in attempt.lesson.steps) + attempt.faults
     stops = sum(_is_ours(each) for each in attempt.happened)
     yield Mark(item=Item.STOPS, value=stops, limit=asked, lost=_over(stops, asked, 5.0, 15.0))
 

@@ -14,6 +14,7 @@ from console.session.station.commands import (
     EndCut,
     HoldFeed,
     InjectFault,
+    Instruct,
     ResumeFeed,
 )
 from console.session.station.context import StationContext
@@ -44,6 +45,8 @@ def taken_at_once(context: StationContext, intent: Command) -> tuple[Problem, ..
             problem = None if context.shop is not None else Problem(code="session.not_simulated")
             if problem is None:
                 context.faults_asked.append(intent.line)
+        case Instruct():
+            context.orders.append(intent)
         case _:
             return None
     return () if problem is None else (problem,)
