@@ -41,6 +41,8 @@ def contradiction(options: argparse.Namespace, text: Catalogue) -> str:
         return text("usage.sim_with_link")
     if options.instructor is not None and options.command is not None:
         return text("usage.instructor_with_command")
+    if options.instructor is not None and not options.sim:
+        return text("usage.instructor_without_sim")
     if getattr(options, "ts", None) is not None:
         from drivers.cutting.strategy import TAKING_TS
 

@@ -32,6 +32,7 @@ from console.tui.application.with_instructor import instructed
 from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
 from console.tui.theme import COLOUR, COLOUR_VARIABLE, MONO
+from drivers.clock import TrainingClock
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.tracing import Tracing
 from profiles.problem import Problem
@@ -63,7 +64,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     machine = calibrated_or_stated(machine_of(options), data)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     address = address_of(machine.machine, options.link, simulated=options.sim)
-    inbox = Inbox(time.monotonic)
+    trained = None if options.instructor is None else TrainingClock()
+    inbox = Inbox(time.monotonic if trained is None else trained.now_s)
     trace = None if options.trace is None else Path(options.trace)
     tracing = Tracing(trace, f"console {machine.machine.name}", inbox.put)
     simulated = isinstance(address, SimulatedAddress)
@@ -74,7 +76,12 @@ def main(options: Namespace, text: Catalogue) -> int:
     attempt = None if options.lesson is None else _begun(options, data)
     requested = requested if attempt is None else _lathe_of(attempt)
     appearance = _appearance(options.configuration, text)
-    link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, requested or address, data, tracing))
+    link = LinkThread(
+        machine.machine.name,
+        simulated,
+        lambda: _open(machine, requested or address, data, tracing, trained),
+        clock=trained,
+    )
     app, control = _recorded(link, inbox, machine, data, (text, appearance, options.configuration))
     app.ui.attempt = attempt
     with instructed(options.instructor, app, link, data):
@@ -114,8 +121,6 @@ def _wrong_usage(options: Namespace, requested: SimulatedAddress | None, *, simu
     """Return the sentence about options of a simulated lathe that exclude others, "" where none do."""
     if (requested is not None or options.lesson is not None) and not simulated:
         return "usage.plant_without_sim"
-    if options.instructor is not None and not (simulated and options.sim):
-        return "usage.instructor_without_sim"
     if options.trainee is not None and options.lesson is None:
         return "usage.trainee_alone"
     return "usage.lesson_alone" if requested is not None and options.lesson is not None else ""
@@ -196,14 +201,16 @@ def _recorder(
         """Return what is recorded now; all of it is read by reference, in the thread of the recorder."""
         return Moment(state=control.state, page=app.page, work=work_of(app.ui.work), said=app.ui.said)
 
-    return Recorder(data, machine, observed, inbox)
+    return Recorder(data, machine, observed, inbox, now_s=control.now_s)
 
 
-def _open(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
+def _open(
+    machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing, trained: TrainingClock | None
+) -> Opened:
     """Open the machine in the link thread: its imports take longer than the first paint."""
     from console.session.station.station import open_machine
 
-    return open_machine(machine, address, data, tracing)
+    return open_machine(machine, address, data, tracing, trained)
 
 
 class _Ending:

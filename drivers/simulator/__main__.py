@@ -13,7 +13,7 @@ import time
 
 from drivers.simulator.hosts.channel import converse
 from drivers.simulator.hosts.pty import PtyHost
-from drivers.simulator.hosts.real_time import ending_signals, keep_time, patient
+from drivers.simulator.hosts.real_time import Pace, ending_signals, keep_time, patient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import MOUNTED, plant_named
 from profiles.store import load_machine
@@ -38,10 +38,16 @@ def main() -> None:
 async def _serve(lathe: SimulatedLathe, channel: socket.socket) -> None:
     ended = ending_signals()
     reader, writer = await asyncio.open_connection(sock=channel)
-    host = PtyHost(lathe)
+    host, pace = PtyHost(lathe), Pace()
+
+    def heard_s() -> float | None:
+        """Return when the host was heard last; in a pause it may be silent."""
+        return None if lathe.lines.cut or host.heard_s is None else max(host.heard_s, pace.changed_s)
+
     try:
-        advance = patient(lathe.wait, lambda: None if lathe.lines.cut else host.heard_s, time.monotonic)
-        await keep_time(advance, (host,), ended.wait(), converse(lathe, host.device, reader, writer))
+        advance = patient(lathe.wait, heard_s, time.monotonic)
+        talk = converse(lathe, host.device, reader, writer, pace)
+        await keep_time(advance, (host,), ended.wait(), talk, pace=pace)
     finally:
         host.close()
         writer.transport.abort()

@@ -1,17 +1,36 @@
-"""Orders of the instructor at the machine, in the link thread, between two polls."""
+"""Orders of the instructor at the machine, in the link thread, between two polls.
+
+A pause is here, too: simulated time and machine time stand still, and this thread with them. Nothing is polled, so
+nothing times out. A stop goes its own way to the controller, which takes it in the pause.
+"""
 
 from __future__ import annotations
 
 from console.session.errors import fault_problem
 from console.session.instructing.answer import Answer
 from console.session.instructing.order import Do, Order
-from console.session.station.context import Shop, StationContext
+from console.session.station.context import Shop, StationContext, Training
+from drivers.errors import LinkError
 from drivers.simulator.hosts.control_address import OK
 from profiles.problem import Problem, ProblemError
 
+PAUSED_LOOK_S = 0.02  # period in which an end of the pause is looked for
+
 
 def carry_out(context: StationContext) -> None:
-    """Carry out what the instructor has ordered since the last poll; each gets its answer."""
+    """Carry out what the instructor has ordered since the last poll; return when time is not paused."""
+    _carry_out_all(context)
+    training = context.training
+    while training is not None and training.clock.paused:
+        if training.clock.asked_on or training.clock.leaving:
+            _run_on(context, training, training.speed)
+            return
+        context.tell(stop_waits=context.lathe.stop.reason is not None and not context.lathe.stop.proven)
+        training.clock.wait(PAUSED_LOOK_S)
+        _carry_out_all(context)
+
+
+def _carry_out_all(context: StationContext) -> None:
     while context.orders:
         intent = context.orders.popleft()
         try:
@@ -24,18 +43,53 @@ def carry_out(context: StationContext) -> None:
 
 
 def _done(context: StationContext, order: Order) -> Answer:
-    shop = context.shop
-    if shop is None:
+    shop, training = context.shop, context.training
+    if shop is None or training is None:
         return Answer(problem=Problem(code="session.not_simulated"))
     match order.do:
         case Do.FAULT:
             return _fault(context, shop, order)
+        case Do.SPEED if training.clock.paused:
+            training.speed = order.speed
+        case Do.SPEED:
+            _run_on(context, training, order.speed)
+        case Do.PAUSE if training.clock.leaving:
+            return Answer(problem=Problem(code="instruct.leaving"))
+        case Do.PAUSE:
+            _set_speed(context, training, 0.0)
+        case Do.RESUME:
+            _run_on(context, training, training.speed)
         case _:
             return Answer(problem=Problem(code="instruct.unknown", value=order.line))
+    context.note_anyway("instructed", line=order.line)
+    return Answer()
+
+
+def _run_on(context: StationContext, training: Training, speed: float) -> None:
+    training.speed = speed
+    _set_speed(context, training, speed)
+    context.tell(stop_waits=False)
+
+
+def _set_speed(context: StationContext, training: Training, speed: float) -> None:
+    """Change the time of the lathe and ours; a lathe that is gone has none."""
+    if speed == 0.0:
+        training.lathe.set_speed(speed)
+        training.clock.set_speed(speed)
+    else:
+        training.clock.set_speed(speed)  # before anything else: this thread must come out of a pause
+        context.tell(speed=speed)
+        training.lathe.set_speed(speed)
+    context.tell(speed=speed)
 
 
 def _fault(context: StationContext, shop: Shop, order: Order) -> Answer:
-    lines = shop.fault(order.line).splitlines()
+    try:
+        lines = shop.fault(order.line).splitlines()
+    except LinkError as error:
+        problem = error.problems[0]
+        refused = problem.code == "simulator.refused"
+        return Answer(problem=Problem(code="instruct.refused", value=problem.value) if refused else problem)
     if order.is_fault:
         context.note_anyway("fault", line=order.line, by="instructor")
     return Answer(lines=tuple(lines[:-1] if lines[-1:] == [OK] else lines))

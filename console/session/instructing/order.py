@@ -13,7 +13,7 @@ from profiles.files import printable
 from profiles.problem import Problem
 
 LONGEST_LINE = 2000  # bytes, without its end
-SLOWEST, FASTEST = 0.1, 4.0  # times real time
+SLOWEST, FASTEST = 0.25, 4.0  # times real time
 NAME = "1"  # of a checkpoint that was given none
 _NAME = re.compile(r"[\w.-]{1,20}")
 

@@ -24,7 +24,7 @@ from console.session.station.owning import Owning
 from console.session.station.reaching import Commissioned
 from console.session.station.state import Armed, StationState
 from drivers.beside.side_line import SideLine
-from drivers.clock import Clock
+from drivers.clock import Clock, TrainingClock
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
@@ -46,6 +46,22 @@ class Shop(Workshop, Protocol):
         """Inject a fault: `inject NAME [KEY=VALUE ...]`; or end all of them: `clear`."""
 
 
+class Paceable(Protocol):
+    """A simulated lathe whose time its instructor changes."""
+
+    def set_speed(self, speed: float) -> None:
+        """Run this many times as fast as real time; 0 pauses."""
+
+
+@dataclass(kw_only=True, eq=False)
+class Training:
+    """A lathe in the hands of an instructor, and its time: `speed` is that of the time when it is not paused."""
+
+    lathe: Paceable
+    clock: TrainingClock
+    speed: float = 1.0
+
+
 @dataclass(kw_only=True, eq=False)
 class StationContext:
     """Everything that one command needs. `state` is replaced by `tell`, from any thread.
@@ -57,7 +73,8 @@ class StationContext:
     `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
     `hold_asked` is the last command about a feed hold not yet passed on, `adjust_asked` those about override and
-    trim, `faults_asked` faults for the simulated lathe, `orders` those of its instructor. `side` sends what worker
+    trim, `faults_asked` faults for the simulated lathe, `orders` those of its instructor, for which it
+    is in `training`. `side` sends what worker
     threads ask, between two polls.
     """
 
@@ -84,6 +101,7 @@ class StationContext:
     adjust_asked: deque[Adjust] = field(default_factory=deque)
     faults_asked: deque[str] = field(default_factory=deque)
     orders: deque[Instruct] = field(default_factory=deque)
+    training: Training | None = None
     _incomplete_told: bool = field(default=False, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _state: StationState = field(init=False)
@@ -143,6 +161,10 @@ class StationContext:
         for problem in problems:
             if not any(alarm.active and alarm.problem == problem for alarm in self._state.alarms):
                 self.alarm(problem)
+
+    def screen_s(self) -> float:
+        """Return the time by which a screen is alive: real time, however fast a simulated lathe runs."""
+        return self.clock.now_s() if self.training is None else self.training.clock.real_s()
 
     def change_alarms(self, change: Callable[[Alarms], Alarms]) -> None:
         """Publish changed alarms; none that another thread raises meanwhile is lost."""

@@ -129,10 +129,11 @@ def reach(
     tracing: Tracing,
     seen: Callable[[Snapshot], None] | None = None,
     heard: Heard | None = None,
+    clock: Clock | None = None,
 ) -> Reached:
     """Open the link; for a simulated machine, start it first. `data` is the folder of this user.
 
-    `heard` keeps what goes over the link.
+    `heard` keeps what goes over the link. `clock` is the time of a lathe whose time is no real time.
 
     Raises:
         LinkError: a code for each kind of failure; `simulator.not_started`.
@@ -147,10 +148,9 @@ def reach(
         link, reopening = _renewable(address, process)
         opened.callback(link.close)
         opened.callback(reopening.close)
-        clock = RealClock()
+        clock = clock or RealClock()
         traced = tracing.of(link, clock.now_s)
-        if heard is not None:
-            traced = TappedLink(traced, heard.tap)
+        traced = traced if heard is None else TappedLink(traced, heard.tap)
         stop, client = StopPath(traced), PmacClient(traced, clock)
         ownership = Ownership(client)
         heartbeat = Heartbeat(client, clock, loaded.machine, owner_seen=ownership.see)
@@ -193,7 +193,7 @@ def _renewable(address: WiredAddress, process: SimulatorProcess | None) -> tuple
     """Open a link that may be opened anew; that of a simulator only as long as its process lives."""
     link = RenewableLink(open_link(address))
     over = (lambda: not process.alive) if process is not None else (lambda: False)
-    return link, Reopening(link, lambda: open_link(address), over)
+    return link, Reopening(link, lambda: open_link(address if process is None else process.address), over)
 
 
 def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) -> None:

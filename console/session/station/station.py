@@ -32,12 +32,12 @@ from console.session.station.commands import (
     TakeControl,
     Verify,
 )
-from console.session.station.context import StationContext
+from console.session.station.context import StationContext, Training
 from console.session.station.handlers import HANDLERS
 from console.session.station.link.holding import HolderWatch
 from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
-from console.session.station.reaching import Commissioned, reach
+from console.session.station.reaching import Commissioned, Reached, reach
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops, leaves_tool_in_part
 from console.session.station.watches import (
@@ -51,7 +51,7 @@ from console.session.station.watches import (
 )
 from drivers.beside.heard import Heard
 from drivers.beside.side_line import Moment, SideLine
-from drivers.clock import RealClock
+from drivers.clock import RealClock, TrainingClock
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath, StoppedError
@@ -117,7 +117,7 @@ class Station:
             carry_out(context)
             self._sight.sample()
         context.check_record()
-        silent = self._beat_s is not None and context.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
+        silent = self._beat_s is not None and context.screen_s() - self._beat_s > SCREEN_TIMEOUT_S
         if silent and context.state.activity in MOVING and context.lathe.stop.reason is None:
             context.lathe.stop.stop("screen")
             context.alarm(Problem(code="session.screen_silent", limit=f"{SCREEN_TIMEOUT_S:g} s"))
@@ -190,7 +190,7 @@ class Station:
 
     def beat(self) -> None:
         """Note that the screen is alive."""
-        self._beat_s = self._context.clock.now_s()
+        self._beat_s = self._context.screen_s()
 
     def step(self) -> None:
         """Settle a stop, or carry out a command, or poll. Never raises."""
@@ -339,8 +339,16 @@ class Opened:
     close: Callable[[], None]
 
 
-def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
+def open_machine(
+    machine: LoadedMachine,
+    address: LinkAddress,
+    data: Path,
+    tracing: Tracing,
+    trained: TrainingClock | None = None,
+) -> Opened:
     """Connect to a machine; a simulated one is started first, and connected to like a real one.
+
+    With `trained` it is in the hands of an instructor, and that is its time.
 
     Raises:
         LinkError: a code for each kind of failure; `simulator.not_started`.
@@ -353,10 +361,24 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         for station in seen:
             station.seen(snapshot)
 
-    heard = Heard(RealClock().now_s)
-    reached = reach(machine, address, data, tracing, tell, heard)
+    heard = Heard((trained or RealClock()).now_s)
+    reached = reach(machine, address, data, tracing, tell, heard, trained)
+    context = _context(reached, machine, data, heard, trained)
+    context.tell(address=reached.address)
+    for problem in warnings_of(machine):
+        context.alarm(problem, Priority.LOW)
+    remove_all_left(data)
+    for problem in killed_or_refused(data, machine.machine.name, simulated=reached.simulated):
+        context.alarm(problem, Priority.MEDIUM)
+    seen.append(Station(context))
+    return Opened(station=seen[0], stop=reached.stop, close=reached.close)
+
+
+def _context(
+    reached: Reached, machine: LoadedMachine, data: Path, heard: Heard, trained: TrainingClock | None
+) -> StationContext:
     stop = reached.stop
-    context = StationContext(
+    return StationContext(
         lathe=reached.lathe,
         owning=reached.owning,
         loaded_machine=machine,
@@ -371,15 +393,8 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         ),
         reopening=reached.reopening,
         onlookers=reached.onlookers,
+        training=None if trained is None or reached.shop is None else Training(lathe=reached.shop, clock=trained),
     )
-    context.tell(address=reached.address)
-    for problem in warnings_of(machine):
-        context.alarm(problem, Priority.LOW)
-    remove_all_left(data)
-    for problem in killed_or_refused(data, machine.machine.name, simulated=reached.simulated):
-        context.alarm(problem, Priority.MEDIUM)
-    seen.append(Station(context))
-    return Opened(station=seen[0], stop=reached.stop, close=reached.close)
 
 
 def _local_time() -> str:

@@ -1,9 +1,10 @@
 """The private channel between the process of the simulated lathe and the one that started it.
 
 It is a stream of JSON lines, one reply for each request: `{"do": "mount", "job": {...}}`, `{"do": "measure"}`,
-`{"do": "look"}`, `{"do": "truth"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it)
-and `{"do": "fault", "line": "..."}` (see `control_line`). The reply to an impossible request is
-`{"refused": reason}`. Before any request, one line `{"ready": device}` names the device of the controller.
+`{"do": "look"}`, `{"do": "truth"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it),
+`{"do": "pace", "speed": 2.0}` (0 pauses) and `{"do": "fault", "line": "..."}` (see `control_line`). The reply to
+an impossible request is `{"refused": reason}`. Before any request, one line `{"ready": device}` names the device
+of the controller.
 """
 
 from __future__ import annotations
@@ -16,26 +17,31 @@ from typing import Any
 
 from drivers.simulator.hosts import control_line
 from drivers.simulator.hosts.control_address import REFUSED
+from drivers.simulator.hosts.real_time import Pace
 from drivers.simulator.machine import SimulatedLathe
 from profiles.job import job_from_table
-from profiles.own_values import from_json
+from profiles.own_values import from_json, positive
 from profiles.problem import ProfileError
 
 
 async def converse(
-    lathe: SimulatedLathe, device: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    lathe: SimulatedLathe,
+    device: str,
+    reader: asyncio.StreamReader,
+    writer: asyncio.StreamWriter,
+    pace: Pace,
 ) -> None:
     """Announce the device, then answer until the other side disconnects."""
     await _say(writer, {"ready": device})
     try:
         while line := await reader.readline():
-            await _say(writer, answer(lathe, line))
+            await _say(writer, answer(lathe, line, pace))
     except (ConnectionError, ValueError):
         return  # disconnected in the middle of a line, or a line without end: there is no one to reply to
 
 
-def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
-    """Execute the request in a line."""
+def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict[str, Any]:
+    """Execute the request in a line; that of another pace changes `pace`."""
     try:
         request = from_json(line)
         match request["do"]:
@@ -52,6 +58,9 @@ def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
                 return asdict(lathe.truth())
             case "spindle":
                 lathe.set_spindle(request["rpm"])
+                return {}
+            case "pace" if pace is not None:
+                pace.set(positive(request["speed"]) if request["speed"] else 0.0)
                 return {}
             case "fault":
                 said = control_line.answer(lathe, str(request["line"]))

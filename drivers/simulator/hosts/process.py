@@ -121,6 +121,10 @@ class SimulatorProcess:
             raise self._error("simulator.refused", "fault", f"a line has at most {LONGEST_LINE} bytes")
         return str(self._ask("fault", line=line)["said"])
 
+    def set_speed(self, speed: float) -> None:
+        """Let time run this many times as fast as real time, 0 not at all. Raises LinkError: `simulator.gone`."""
+        self._ask("pace", speed=speed)
+
     @property
     def alive(self) -> bool:
         """Whether the process still runs; one that has ended comes back only with a new console."""
