@@ -40,7 +40,7 @@ from profiles.store import LoadedMachine
 
 if TYPE_CHECKING:
     from console.session.flight.recorder import Recorder
-    from console.session.station.station import Opened
+    from console.session.station.link.opening import Opened
     from console.session.training.attempt import Attempt
 
 WRONG_USAGE = 2
@@ -208,7 +208,7 @@ def _open(
     machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing, trained: TrainingClock | None
 ) -> Opened:
     """Open the machine in the link thread: its imports take longer than the first paint."""
-    from console.session.station.station import open_machine
+    from console.session.station.link.opening import open_machine
 
     return open_machine(machine, address, data, tracing, trained)
 

@@ -22,7 +22,7 @@ from profiles.problem import ProblemError
 
 if TYPE_CHECKING:
     from console.session.station.commands import Command
-    from console.session.station.station import Opened
+    from console.session.station.link.opening import Opened
     from drivers.beside.side_line import SideLine
     from drivers.clock import TrainingClock
 

@@ -10,14 +10,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
-from datetime import datetime
-from pathlib import Path
 
 from console.session.cut.alignment import observed
 from console.session.cut.trip_cause import BY_FRICTION, with_cause
-from console.session.data.calibrated_chuck import warnings_of
-from console.session.data.records import LEFT_IN_PART, killed_or_refused
+from console.session.data.records import LEFT_IN_PART
 from console.session.errors import SessionError, fault_problem
 from console.session.instructing.carrying import carry_out
 from console.session.station.adjusting.at_once import taken_at_once
@@ -32,12 +28,11 @@ from console.session.station.commands import (
     TakeControl,
     Verify,
 )
-from console.session.station.context import StationContext, Training
+from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS
 from console.session.station.link.holding import HolderWatch
 from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
-from console.session.station.reaching import Commissioned, Reached, reach
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops, leaves_tool_in_part
 from console.session.station.watches import (
@@ -49,18 +44,12 @@ from console.session.station.watches import (
     watch_phase,
     watch_poll,
 )
-from drivers.beside.heard import Heard
 from drivers.beside.side_line import Moment, SideLine
-from drivers.clock import RealClock, TrainingClock
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.stop import StopPath, StoppedError
-from drivers.link.address import LinkAddress
+from drivers.lathe.stop import StoppedError
 from drivers.link.base import GONE
-from drivers.link.tracing import Tracing
-from profiles.files import remove_all_left
 from profiles.problem import Problem, ProblemError
-from profiles.store import LoadedMachine
 
 SCREEN_TIMEOUT_S = 2.0  # timeout of a silent screen while something moves
 OBSERVERS_COMMANDS = (Verify, Recover, TakeControl, ReadLoop)
@@ -328,74 +317,3 @@ class Station:
         for problem in explained:
             if problem not in now:
                 context.alarm(problem)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Opened:
-    """An opened machine: its station, its stop, and a function that closes the link and what belongs to it."""
-
-    station: Station
-    stop: StopPath
-    close: Callable[[], None]
-
-
-def open_machine(
-    machine: LoadedMachine,
-    address: LinkAddress,
-    data: Path,
-    tracing: Tracing,
-    trained: TrainingClock | None = None,
-) -> Opened:
-    """Connect to a machine; a simulated one is started first, and connected to like a real one.
-
-    With `trained` it is in the hands of an instructor, and that is its time.
-
-    Raises:
-        LinkError: a code for each kind of failure; `simulator.not_started`.
-        DriverError: `safety.bad_input`, in the profile.
-    """
-    # Polls arrive once station and lathe both exist; `connect` makes the first.
-    seen: list[Station] = []
-
-    def tell(snapshot: Snapshot) -> None:
-        for station in seen:
-            station.seen(snapshot)
-
-    heard = Heard((trained or RealClock()).now_s)
-    reached = reach(machine, address, data, tracing, tell, heard, trained)
-    context = _context(reached, machine, data, heard, trained)
-    context.tell(address=reached.address)
-    for problem in warnings_of(machine):
-        context.alarm(problem, Priority.LOW)
-    remove_all_left(data)
-    for problem in killed_or_refused(data, machine.machine.name, simulated=reached.simulated):
-        context.alarm(problem, Priority.MEDIUM)
-    seen.append(Station(context))
-    return Opened(station=seen[0], stop=reached.stop, close=reached.close)
-
-
-def _context(
-    reached: Reached, machine: LoadedMachine, data: Path, heard: Heard, trained: TrainingClock | None
-) -> StationContext:
-    stop = reached.stop
-    return StationContext(
-        lathe=reached.lathe,
-        owning=reached.owning,
-        loaded_machine=machine,
-        clock=reached.clock,
-        shop=reached.shop,
-        records=data,
-        local_time=_local_time,
-        side=SideLine(reached.client, reached.clock, heard, lambda: stop.reason is not None),
-        client=reached.client,
-        commissioned=Commissioned(
-            reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
-        ),
-        reopening=reached.reopening,
-        onlookers=reached.onlookers,
-        training=None if trained is None or reached.shop is None else Training(lathe=reached.shop, clock=trained),
-    )
-
-
-def _local_time() -> str:
-    return datetime.now().astimezone().strftime("%H:%M")
