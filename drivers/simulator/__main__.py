@@ -10,6 +10,7 @@ import argparse
 import asyncio
 import socket
 import time
+from functools import partial
 
 from drivers.simulator.hosts.channel import converse
 from drivers.simulator.hosts.pty import PtyHost
@@ -32,13 +33,19 @@ def main() -> None:
     machine = load_machine(options.machine).machine
     true = plant_named(options.plant, machine, options.seed, options.clamping_sd, mounted_by_hand=True)
     lathe = SimulatedLathe(machine, true, blind=options.blind)
-    asyncio.run(_serve(lathe, options.channel))
+    asyncio.run(_serve(lathe, options.channel, Pace()))
 
 
-async def _serve(lathe: SimulatedLathe, channel: socket.socket) -> None:
+def _go_on(lathe: SimulatedLathe, channel: socket.socket) -> None:
+    """Serve a copy of the lathe, from its checkpoint on: its time stands still until it is told to go on."""
+    lathe.disconnect_all()
+    asyncio.run(_serve(lathe, channel, Pace(0.0)))
+
+
+async def _serve(lathe: SimulatedLathe, channel: socket.socket, pace: Pace) -> None:
     ended = ending_signals()
     reader, writer = await asyncio.open_connection(sock=channel)
-    host, pace = PtyHost(lathe), Pace()
+    host = PtyHost(lathe)
 
     def heard_s() -> float | None:
         """Return when the host was heard last; in a pause it may be silent."""
@@ -46,7 +53,7 @@ async def _serve(lathe: SimulatedLathe, channel: socket.socket) -> None:
 
     try:
         advance = patient(lathe.wait, heard_s, time.monotonic)
-        talk = converse(lathe, host.device, reader, writer, pace)
+        talk = converse(lathe, host.device, reader, writer, pace, partial(_go_on, lathe))
         await keep_time(advance, (host,), ended.wait(), talk, pace=pace)
     finally:
         host.close()
