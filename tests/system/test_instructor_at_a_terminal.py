@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from console.text.catalogue import load
+from profiles.problem import Problem
 from tests.compact import save_compact
 from tests.preloaded import completed
 from tests.terminal import Terminal
@@ -45,8 +47,8 @@ def trainee_at(data: Path, language: str, *more: str) -> Terminal:
 class Instructor:
     """Gives one order after the other, each from a program of its own."""
 
-    def __init__(self, data: Path) -> None:
-        self._words = ["instruct", "--json", "--data", str(data), address(data)]
+    def __init__(self, data: Path, language: str) -> None:
+        self._words = ["instruct", "--json", "--lang", language, "--data", str(data), address(data)]
 
     def __call__(self, order: str) -> list[str]:
         """Give an order that is carried out; return the lines of the answer."""
@@ -65,6 +67,12 @@ def paused(terminal: Terminal) -> None:
     terminal.wait_for(lambda _: re.search(r"SIM (paused|멈춤)", terminal.row(0)) is not None, 10.0)
 
 
+def is_back(terminal: Terminal, name: str) -> None:
+    """It is told at the bottom, where the keys are, with what is valid."""
+    terminal.wait_for(rf"▶ \D+ {name} \([^▶]*F2", 30.0)
+    assert "SIM" in terminal.row(0)
+
+
 def runs_on(terminal: Terminal) -> None:
     terminal.wait_for(lambda _: re.search(r"SIM (paused|멈춤)", terminal.row(0)) is None, 10.0)
 
@@ -74,7 +82,7 @@ def test_faults_the_screen_and_the_log(language: str, tmp_path: Path) -> None:
     with trainee_at(tmp_path, language, "--plant", "mounted") as terminal:
         trainee = Trainee(terminal, language)
         trainee.opens_the_first_job()
-        instructor = Instructor(tmp_path)
+        instructor = Instructor(tmp_path, language)
         instructor("pause")
         paused(terminal)
         assert [row.rstrip() for row in instructor("screen")] == terminal.text.split("\n")
@@ -99,7 +107,7 @@ def test_a_cut_is_paused_runs_on_and_is_stopped_in_a_pause(language: str, tmp_pa
     with trainee_at(tmp_path, language, "--plant", "mounted") as terminal:
         trainee = Trainee(terminal, language)
         trainee.opens_the_first_job()
-        instructor = Instructor(tmp_path)
+        instructor = Instructor(tmp_path, language)
         trainee.aligns()
         instructor("speed 0.5")
         trainee.starts_the_cut()
@@ -140,7 +148,7 @@ def test_a_trainee_goes_on_without_the_instructor(tmp_path: Path) -> None:
             paused(terminal)
             os.kill(desk.pid, signal.SIGKILL)
             runs_on(terminal)
-        instructor = Instructor(tmp_path)
+        instructor = Instructor(tmp_path, "en")
         instructor("pause")
         paused(terminal)
         trainee.press("4", "enter")
@@ -167,3 +175,37 @@ def test_only_the_screens_on_a_simulated_lathe_have_an_instructor(
     with Terminal(command, columns=80, rows=24) as terminal:
         terminal.wait_for(said, 20.0)
         assert terminal.wait_exit(15.0) == 2
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_trainee_is_put_back_to_a_checkpoint_and_goes_on_from_there(language: str, tmp_path: Path) -> None:
+    """Out of a cut, to before it; then the same part is cut, and measured. Then to before anything was aligned."""
+    with trainee_at(tmp_path, language, "--plant", "mounted") as terminal:
+        trainee = Trainee(terminal, language)
+        trainee.opens_the_first_job()
+        instructor = Instructor(tmp_path, language)
+        instructor("checkpoint begin")
+        trainee.aligns()
+        instructor("checkpoint aligned")
+        trainee.starts_the_cut()
+        assert load(language).problem(Problem(code="instruct.not_at_rest")) == instructor.refused("checkpoint")
+        instructor("return aligned")
+        is_back(terminal, "aligned")
+        trainee.press("f2")
+        trainee.sees("activity.ready", 30.0)
+        trainee.press("k", "4")
+        trainee.sees("align_page.next.drives")
+        trainee.does_step("align_page.valid_title")
+        trainee.starts_the_cut()
+        trainee.waits_for_the_end_of_the_cut()
+        trainee.measures()
+        instructor("return begin")
+        is_back(terminal, "begin")
+        trainee.press("f2")
+        trainee.sees("activity.ready", 30.0)
+        trainee.press("4")
+        trainee.sees("align_page.next.clamp")
+        assert [row.split()[0] for row in instructor("checkpoints")] == ["begin", "aligned"]
+        assert "begin" in instructor.refused("return nowhere")
+        trainee.press("ctrl+q")
+        assert terminal.wait_exit(15.0) == 0

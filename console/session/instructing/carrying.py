@@ -6,14 +6,17 @@ nothing times out. A stop goes its own way to the controller, which takes it in 
 
 from __future__ import annotations
 
-from console.session.errors import fault_problem
+from console.session.errors import SessionError, fault_problem
 from console.session.instructing.answer import Answer
 from console.session.instructing.order import Do, Order
+from console.session.instructing.remembering import knowledge_of
 from console.session.station.context import Shop, StationContext, Training
+from console.session.station.state import Activity
 from drivers.errors import LinkError
 from drivers.simulator.hosts.control_address import OK
 from profiles.problem import Problem, ProblemError
 
+MOST_CHECKPOINTS = 8
 PAUSED_LOOK_S = 0.02  # period in which an end of the pause is looked for
 
 
@@ -59,6 +62,13 @@ def _done(context: StationContext, order: Order) -> Answer:
             _set_speed(context, training, 0.0)
         case Do.RESUME:
             _run_on(context, training, training.speed)
+        case Do.CHECKPOINTS:
+            known = training.checkpoints.values()
+            return Answer(lines=tuple(f"{each.name}  {each.at}" for each in known))
+        case Do.CHECKPOINT:
+            _set_checkpoint(context, training, order.name)
+        case Do.RETURN:
+            _return(context, training, order.name)
         case _:
             return Answer(problem=Problem(code="instruct.unknown", value=order.line))
     context.note_anyway("instructed", line=order.line)
@@ -81,6 +91,37 @@ def _set_speed(context: StationContext, training: Training, speed: float) -> Non
         context.tell(speed=speed)
         training.lathe.set_speed(speed)
     context.tell(speed=speed)
+
+
+def _set_checkpoint(context: StationContext, training: Training, name: str) -> None:
+    """Freeze the lathe at rest, set as its profile says: only that is known to be so after a return.
+
+    Raises SessionError: `instruct.not_at_rest`, `instruct.too_many`.
+    """
+    state = context.state
+    at_rest = state.snapshot is not None and state.snapshot.at_rest and not state.is_stale(context.clock.now_s())
+    if not at_rest or state.activity not in (Activity.READY, Activity.STOPPED) or state.armed is not None:
+        raise SessionError(Problem(code="instruct.not_at_rest"))
+    if name not in training.checkpoints and len(training.checkpoints) >= MOST_CHECKPOINTS:
+        raise SessionError(Problem(code="instruct.too_many", limit=str(MOST_CHECKPOINTS)))
+    context.lathe.program.put_back()
+    training.lathe.checkpoint(name)
+    training.checkpoints[name] = knowledge_of(context, name)
+
+
+def _return(context: StationContext, training: Training, name: str) -> None:
+    """Go back to a checkpoint, from any state: for this console it is as if the link were lost, and opened again.
+
+    Raises SessionError: `instruct.no_checkpoint`.
+    """
+    known, reopening = training.checkpoints.get(name), context.reopening
+    if known is None or reopening is None:
+        names = ", ".join(training.checkpoints) or "–"
+        raise SessionError(Problem(code="instruct.no_checkpoint", value=name, limit=names))
+    training.lathe.return_to(name)
+    training.returning = known
+    reopening.lose(Problem(code="link.returned", value=f"{name} ({known.at})"))
+    _run_on(context, training, training.speed)
 
 
 def _fault(context: StationContext, shop: Shop, order: Order) -> Answer:

@@ -15,6 +15,7 @@ from console.session.cut.recording import LogRecorder, Unrecorded
 from console.session.data.records import RunRecord
 from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError
+from console.session.instructing.knowledge import Knowledge
 from console.session.station.actions import alarm_events, command_event
 from console.session.station.alarms import Alarms, Priority, cleared, raised
 from console.session.station.commands import Adjust, Command, HoldFeed, Instruct, ResumeFeed
@@ -46,20 +47,32 @@ class Shop(Workshop, Protocol):
         """Inject a fault: `inject NAME [KEY=VALUE ...]`; or end all of them: `clear`."""
 
 
-class Paceable(Protocol):
-    """A simulated lathe whose time its instructor changes."""
+class Trained(Protocol):
+    """A simulated lathe in the hands of an instructor."""
 
     def set_speed(self, speed: float) -> None:
         """Run this many times as fast as real time; 0 pauses."""
 
+    def checkpoint(self, name: str) -> None:
+        """Freeze a copy as it is now."""
+
+    def return_to(self, name: str) -> None:
+        """Go on with a copy of what was frozen, behind another link; its time stands still."""
+
 
 @dataclass(kw_only=True, eq=False)
 class Training:
-    """A lathe in the hands of an instructor, and its time: `speed` is that of the time when it is not paused."""
+    """A lathe in the hands of an instructor, and its time: `speed` is that of the time when it is not paused.
 
-    lathe: Paceable
+    `checkpoints` is what was known at each. `returning` is that of the one to which the lathe has just gone back,
+    until the link to it is open.
+    """
+
+    lathe: Trained
     clock: TrainingClock
     speed: float = 1.0
+    checkpoints: dict[str, Knowledge] = field(default_factory=dict)
+    returning: Knowledge | None = None
 
 
 @dataclass(kw_only=True, eq=False)

@@ -50,15 +50,15 @@ class Commissioned:
     ) -> None:
         self._client, self._heartbeat, self._machine = client, heartbeat, machine
         self._data, self._simulated = data, simulated
-        self._fingerprint: Fingerprint | None = None
+        self.fingerprint: Fingerprint | None = None
 
     def take_fingerprint(self) -> None:
         """Read the controller's settings once; changes by somebody else from then on are reported before each arm.
 
         A change is accepted by connecting again, not by reading it again.
         """
-        if self._fingerprint is None:
-            self._fingerprint = read_fingerprint(self._client, self._machine, self._client.dialect)
+        if self.fingerprint is None:
+            self.fingerprint = read_fingerprint(self._client, self._machine, self._client.dialect)
 
     def trial_note(self) -> tuple[Problem, ...]:
         """Return that gains are on trial, to explain settings that differ; nothing where none are."""
@@ -67,10 +67,10 @@ class Commissioned:
 
     def wrote(self, values: Mapping[int, float]) -> None:
         """Take I-variables that this console has written into what others' changes are told by."""
-        known = self._fingerprint
+        known = self.fingerprint
         if known is not None:
             configuration = replace(known.configuration, settings={**known.configuration.settings, **values})
-            self._fingerprint = replace(known, configuration=configuration)
+            self.fingerprint = replace(known, configuration=configuration)
 
     def problems(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Return every reason why this machine may not be armed; `snapshot` is of now."""
@@ -93,7 +93,7 @@ class Commissioned:
         return stop_record_problems(client, machine, client.dialect, self._data, False, date.today())
 
     def _changed(self) -> tuple[Problem, ...]:
-        before, dialect = self._fingerprint, self._client.dialect
+        before, dialect = self.fingerprint, self._client.dialect
         if before is None:
             return (Problem(code="alignment.not_verified"),)
         now = read_fingerprint(self._client, self._machine, dialect, before)

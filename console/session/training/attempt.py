@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from console.session.instructing.desk import Act
+from console.session.instructing.order import Do
 from console.session.stages import Stage
 from console.session.station.state import StationState
 from console.session.training.event import Event
@@ -35,7 +36,8 @@ class Attempt:
     `reached` has the time of each milestone that was reached, by its name. The steps of a lesson are reached in
     their order: what happens before its step is due does not count. `seed` is that of its lathe, `trainee` a name
     or "". `given` are the events that have come, by their numbers. `part` is the last one that was measured.
-    `ended_s` is when the trainee ended it: nothing counts any more.
+    `checkpoints` is how many steps were made at each of the instructor's: those made since are made again after a
+    return. `ended_s` is when the trainee ended it: nothing counts any more.
     """
 
     lesson: Lesson
@@ -47,6 +49,7 @@ class Attempt:
     given: frozenset[int] = frozenset()
     found: Found = Found()
     part: PartFact | None = None
+    checkpoints: tuple[tuple[str, int], ...] = ()
     ended_s: float | None = None
     last: StationState | None = None
     stage: Stage | None = None
@@ -137,7 +140,13 @@ class Attempt:
         if word.startswith(INJECT):
             what, word = What.FAULT, word.removeprefix(INJECT)
         fresh = Happening(at_s=act.at_s - self.began_s, what=what, word=word)
-        return replace(self, happened=(*self.happened, fresh))
+        name, steps, reached = act.order.name, dict(self.checkpoints), self.reached
+        if act.order.do is Do.CHECKPOINT:
+            steps[name] = self.step
+        elif act.order.do is Do.RETURN:
+            reached = reached[: steps.get(name, self.step)]
+        marks = tuple(steps.items())
+        return replace(self, happened=(*self.happened, fresh), reached=reached, checkpoints=marks)
 
     def ended(self, now_s: float) -> Attempt:
         """Return the try after the trainee has ended it."""
