@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Protocol
 
 
@@ -14,6 +15,53 @@ class Clock(Protocol):
 
     def wait(self, seconds: float) -> None:
         """Let `seconds` of machine time pass."""
+
+
+class TrainingClock:
+    """Machine time of a simulated lathe that runs `speed` times as fast as real time, or is paused (0).
+
+    It never goes back. `leave` may be called from a signal handler: the time of who leaves is real time.
+    """
+
+    def __init__(
+        self, real_s: Callable[[], float] = time.monotonic, sleep: Callable[[float], None] = time.sleep
+    ) -> None:
+        self.real_s, self._sleep = real_s, sleep
+        began_s = real_s()
+        self._since = began_s, began_s, 1.0  # machine time, real time and speed since then: replaced in one go
+        self.leaving = self.asked_on = False
+
+    @property
+    def speed(self) -> float:
+        """How many times as fast as real time it runs."""
+        return self._since[2]
+
+    @property
+    def paused(self) -> bool:
+        """Whether it stands still."""
+        return self.speed == 0.0
+
+    def set_speed(self, speed: float) -> None:
+        """Run this many times as fast from now on."""
+        self._since = self.now_s(), self.real_s(), speed
+        self.asked_on = False
+
+    def now_s(self) -> float:
+        """Return the machine time."""
+        at_s, real_s, speed = self._since
+        return at_s + (self.real_s() - real_s) * speed
+
+    def wait(self, seconds: float) -> None:
+        """Sleep as long as that takes; while it is paused, as in real time."""
+        self._sleep(seconds / (self.speed or 1.0))
+
+    def ask_on(self) -> None:
+        """Ask that a pause ends; whoever has paused the lathe does it."""
+        self.asked_on = True
+
+    def leave(self) -> None:
+        """Ask that a pause ends, and that there is no further one."""
+        self.leaving = True
 
 
 class RealClock:

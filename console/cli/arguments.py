@@ -44,6 +44,10 @@ def contradiction(options: argparse.Namespace, text: Catalogue) -> str:
         return text("usage.before_alone")
     if options.from_file is not None and (not options.sim or options.link or options.lesson is not None):
         return text("usage.from_alone")
+    if options.instructor is not None and options.command is not None:
+        return text("usage.instructor_with_command")
+    if options.instructor is not None and not options.sim:
+        return text("usage.instructor_without_sim")
     if getattr(options, "ts", None) is not None:
         from drivers.cutting.strategy import TAKING_TS
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from console.cli.arguments import LINK, PLANT, add_practice, add_shared
+from console.cli.arguments import LINK, PLANT, add_practice, add_shared, control_address
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
@@ -26,6 +26,7 @@ COMMANDS = {
     "run": "console.cli.machine.run",
     "simulator": "console.cli.machine.simulator",
     "fault": "console.cli.machine.fault",
+    "instruct": "console.cli.machine.instruct",
     "roundness": "console.cli.measured.roundness",
     "report": "console.cli.measured.report",
     "controller": "console.cli.machine.controller",
@@ -61,6 +62,8 @@ def build(text: Catalogue) -> Parser:
     parser.add_argument("--trainee", metavar="NAME", help=text("help.trainee"))
     add_practice(parser, text)
     parser.add_argument("--blind", action="store_true", help=text("help.blind"))
+    instructor_help = text("help.instructor")
+    parser.add_argument("--instructor", metavar="ADDRESS", type=control_address, help=instructor_help)
     add_shared(parser, text, "machine", *LINK, "data", *PLANT, "lang", absent=None)
     title = text("help.commands")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title=title, parser_class=_CommandParser)

@@ -81,7 +81,7 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     """
     text, state = frame.text, frame.state
     head: list[tuple[str, Token]] = (
-        [(f" {text('sim')} ", Token.SIM), ("  ", Token.TEXT)] if state.simulated else [(" ", Token.TEXT)]
+        [(f" {sim(text, state)} ", Token.SIM), ("  ", Token.TEXT)] if state.simulated else [(" ", Token.TEXT)]
     )
     if frame.badge:
         head = [(f" {frame.badge} ", Token.SELECTED), *head]
@@ -105,6 +105,13 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     machine, job = _names(state.machine, frame, room)
     names = [(f"{name} · ", token) for name, token in ((machine, Token.DIM), (job, Token.STRONG)) if name]
     return [ranged((*head, *names, (activity, token)), right, width)]
+
+
+def sim(text: Catalogue, state: StationState) -> str:
+    """Return SIM, with what the instructor has done to its time."""
+    if state.speed == 0.0:
+        return text("sim.paused")
+    return text("sim") if state.speed == 1.0 else text("sim.speed", speed=f"{state.speed:g}")
 
 
 def _names(machine: str, frame: Frame, room: int) -> tuple[str, str]:
@@ -208,7 +215,9 @@ def next_row(frame: Frame, width: int) -> list[Line]:
     step: Line = frame.next_step
     if answer_of(frame) and unseen_alarm(state) is not None:
         return _answer(frame, width)
-    if lost := lost_step(text, state):
+    if state.speed == 0.0:
+        step = line((text("frame.instructor_paused"), Token.ACTION))
+    elif lost := lost_step(text, state):
         step = line((lost, Token.ACTION))
     elif state.activity is Activity.CONNECTING:
         step = line(dim(text("frame.connecting")))
@@ -235,6 +244,8 @@ def stop_row(frame: Frame, width: int) -> list[Line]:
 
 def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:
     stop = state.stop
+    if state.stop_waits:
+        return text("frame.stop_waits"), Token.WARNING
     if is_watched(state):
         return text("lost_link.not_delivered"), Token.WARNING
     if stop is not None and not stop.delivered:
@@ -310,6 +321,8 @@ def small_rows(text: Catalogue, state: StationState, smallest: tuple[int, int], 
     """Return the required size; before it what cannot wait: a stop that failed, an alarm."""
     title = text("small.title") if state.simulated else text("small.real")
     rows = [line((f" {title} ", Token.SIM if state.simulated else Token.STRONG))]
+    if state.speed != 1.0:
+        rows.append(line((f" {sim(text, state)} ", Token.SIM)))
     if state.stop is not None and not state.stop.delivered:
         rows += wrapped(f"!!! {text('frame.not_delivered')}", width, Token.ALARM)
     alarm = unseen_alarm(state)

@@ -22,7 +22,9 @@ class StandingOrders:
         """Return why an action of every page has no effect now."""
         state, code = self._ui.control.state, ""
         match action:
-            case "recover" if state.stop is None and (state.snapshot is None or not state.snapshot.lost):
+            case "recover" if (
+                state.speed and state.stop is None and (state.snapshot is None or not state.snapshot.lost)
+            ):
                 code = "screen.nothing_to_recover"
             case "acknowledge" if not state.alarms:
                 code = "screen.nothing_to_acknowledge"

@@ -28,10 +28,12 @@ from console.session.terminal_place import remote_client
 from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
+from console.tui.application.with_instructor import instructed
 from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
 from console.tui.lesson_start import begun
 from console.tui.theme import COLOUR, COLOUR_VARIABLE, MONO
+from drivers.clock import TrainingClock
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.tracing import Tracing
 from profiles.problem import Problem, ProblemError
@@ -40,7 +42,7 @@ from profiles.store import LoadedMachine
 if TYPE_CHECKING:
     from console.session.flight.recorder import Recorder
     from console.session.practice.begins import Begins
-    from console.session.station.station import Opened
+    from console.session.station.link.opening import Opened
     from console.session.training.attempt import Attempt
     from console.tui.practising import TakenUp
 
@@ -66,7 +68,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     machine = calibrated_or_stated(machine_of(options), data) if taken is None else taken.machine
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     address = address_of(machine.machine, options.link, simulated=options.sim)
-    inbox = Inbox(time.monotonic)
+    trained = None if options.instructor is None else TrainingClock()
+    inbox = Inbox(time.monotonic if trained is None else trained.now_s)
     trace = None if options.trace is None else Path(options.trace)
     tracing = Tracing(trace, f"console {machine.machine.name}", inbox.put)
     simulated = isinstance(address, SimulatedAddress)
@@ -78,10 +81,21 @@ def main(options: Namespace, text: Catalogue) -> int:
     begins = None if taken is None else taken.begins
     place = taken.address if taken is not None else _lathe_of(attempt) or requested or address
     appearance = _appearance(options.configuration, text)
-    link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, place, data, tracing, begins))
+    link = LinkThread(
+        machine.machine.name,
+        simulated,
+        lambda: _open(machine, place, data, tracing, begins, trained),
+        clock=trained,
+    )
     app, control = _recorded(link, inbox, machine, data, (text, appearance, options.configuration))
     app.ui.attempt = attempt
     app.ui.work = None if taken is None else taken.work
+    with instructed(options.instructor, app, link, data):
+        return _run(link, app, control, tracing)
+
+
+def _run(link: LinkThread, app: ConsoleApp, control: RecordedControl, tracing: Tracing) -> int:
+    """Run the screens to their end, and leave the machine; return the exit code."""
     ending = _Ending(link, app)
     ending.install()
     link.start()
@@ -91,7 +105,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         if control.recorder is not None:
             control.recorder.leave()
         text = app.ui.text  # in the language that was chosen last
-        _keep_lesson(app, data)
+        _keep_lesson(app)
         _leave(link, ending, text)
         if control.recorder is not None:
             control.recorder.close(ending.reason or ("crash" if app.fault is not None else ""))
@@ -123,14 +137,14 @@ def _attempt(options: Namespace, data: Path, text: Catalogue) -> Attempt | None:
     return None if options.lesson is None else begun(options, data, text)
 
 
-def _keep_lesson(app: ConsoleApp, data: Path) -> None:
+def _keep_lesson(app: ConsoleApp) -> None:
     """Keep the try of a lesson that is left, so that it can be continued."""
     if app.ui.attempt is None:
         return
     from console.session.training.left import keep_left
 
     try:
-        keep_left(data, app.ui.attempt, app.ui.control.now_s())
+        keep_left(app.ui.data, app.ui.attempt, app.ui.control.now_s())
     except ProblemError as error:
         for problem in error.problems:
             _say(app.ui.text.problem(problem))
@@ -198,16 +212,21 @@ def _recorder(
         """Return what is recorded now; all of it is read by reference, in the thread of the recorder."""
         return Moment(state=control.state, page=app.page, work=work_of(app.ui.work), said=app.ui.said)
 
-    return Recorder(data, machine, observed, inbox)
+    return Recorder(data, machine, observed, inbox, now_s=control.now_s)
 
 
 def _open(
-    machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing, begins: Begins | None
+    machine: LoadedMachine,
+    address: LinkAddress,
+    data: Path,
+    tracing: Tracing,
+    begins: Begins | None,
+    trained: TrainingClock | None,
 ) -> Opened:
     """Open the machine in the link thread: its imports take longer than the first paint."""
-    from console.session.station.station import open_machine
+    from console.session.station.link.opening import open_machine
 
-    return open_machine(machine, address, data, tracing, begins)
+    return open_machine(machine, address, data, tracing, begins, trained)
 
 
 def _taken_up(options: Namespace, data: Path, text: Catalogue) -> TakenUp | None:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from drivers.errors import DriverError
 
-GONE = frozenset(("link.lost", "link.closed"))  # codes of the problems after which this link is dead
+GONE = frozenset(("link.lost", "link.closed", "link.returned"))  # problems after which this link is dead
 
 
 def is_gone(error: DriverError) -> bool:

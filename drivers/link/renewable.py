@@ -17,9 +17,13 @@ class RenewableLink(PassingLink):
     that sends and receives.
     """
 
-    def drop(self) -> None:
-        """Close a lost connection: a serial line, or a board, may admit no second one beside it."""
-        before, self._link = self._link, _NoLink(self.address, self._link.checks_bytes)
+    def drop(self, problem: Problem | None = None) -> None:
+        """Close a lost connection: a serial line, or a board, may admit no second one beside it.
+
+        Whatever is sent until `renew` is refused with the `problem`.
+        """
+        problem = problem or Problem(code="link.lost", where=self.address, value="not connected")
+        before, self._link = self._link, _NoLink(self.address, self._link.checks_bytes, problem)
         before.close()
 
     def renew(self, link: Link) -> None:
@@ -28,12 +32,12 @@ class RenewableLink(PassingLink):
 
 
 class _NoLink:
-    """The absence of a connection. Everything sent raises `link.lost`."""
+    """The absence of a connection, for a reason that everything sent raises."""
 
     stop_way = StopWay.DIRECT
 
-    def __init__(self, address: str, checks_bytes: bool) -> None:
-        self.address, self.checks_bytes = address, checks_bytes
+    def __init__(self, address: str, checks_bytes: bool, problem: Problem) -> None:
+        self.address, self.checks_bytes, self._problem = address, checks_bytes, problem
 
     def send(self, data: bytes) -> None:
         self._refuse()
@@ -48,4 +52,4 @@ class _NoLink:
         """Do nothing."""
 
     def _refuse(self) -> NoReturn:
-        raise LinkError(Problem(code="link.lost", where=self.address, value="not connected"))
+        raise LinkError(self._problem)

@@ -10,11 +10,12 @@ import argparse
 import asyncio
 import socket
 import time
+from functools import partial
 
 from drivers.placed import placed_of
 from drivers.simulator.hosts.channel import converse
 from drivers.simulator.hosts.pty import PtyHost
-from drivers.simulator.hosts.real_time import ending_signals, keep_time, patient
+from drivers.simulator.hosts.real_time import Pace, ending_signals, keep_time, patient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import MOUNTED, plant_named
 from drivers.simulator.plant.true_parameters import begun_at
@@ -39,16 +40,28 @@ def main() -> None:
     lathe = SimulatedLathe(machine, true, blind=options.blind)
     if placed is not None:
         lathe.take_over(placed)
-    asyncio.run(_serve(lathe, options.channel))
+    asyncio.run(_serve(lathe, options.channel, Pace()))
 
 
-async def _serve(lathe: SimulatedLathe, channel: socket.socket) -> None:
+def _go_on(lathe: SimulatedLathe, channel: socket.socket) -> None:
+    """Serve a copy of the lathe, from its checkpoint on: its time stands still until it is told to go on."""
+    lathe.disconnect_all()
+    asyncio.run(_serve(lathe, channel, Pace(0.0)))
+
+
+async def _serve(lathe: SimulatedLathe, channel: socket.socket, pace: Pace) -> None:
     ended = ending_signals()
     reader, writer = await asyncio.open_connection(sock=channel)
     host = PtyHost(lathe)
+
+    def heard_s() -> float | None:
+        """Return when the host was heard last; in a pause it may be silent."""
+        return None if lathe.lines.cut or host.heard_s is None else max(host.heard_s, pace.changed_s)
+
     try:
-        advance = patient(lathe.wait, lambda: None if lathe.lines.cut else host.heard_s, time.monotonic)
-        await keep_time(advance, (host,), ended.wait(), converse(lathe, host.device, reader, writer))
+        advance = patient(lathe.wait, heard_s, time.monotonic)
+        talk = converse(lathe, host.device, reader, writer, pace, partial(_go_on, lathe))
+        await keep_time(advance, (host,), ended.wait(), talk, pace=pace)
     finally:
         host.close()
         writer.transport.abort()

@@ -98,6 +98,11 @@ class SimulatedLathe:
             port.disconnect()
             self._ports.remove(port)
 
+    def disconnect_all(self) -> None:
+        """Disconnect every host that is not cut off already."""
+        for port in tuple(self._ports):
+            self.disconnect(port)
+
     def forget(self, port: Port) -> None:
         """Disconnect a host without notification: a buffer that it has opened stays open."""
         if port in self._ports:

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from console.session.station.commands import Acknowledge, Command, EnableDrives, Home
+from console.session.station.link.opening import Opened
 from console.session.station.link_thread import LinkThread
 from console.session.station.state import Activity, StationState
-from console.session.station.station import Opened
 from drivers.errors import LinkError
 from drivers.lathe.snapshot import Snapshot
 from profiles.problem import Problem

@@ -42,9 +42,9 @@ from console.session.station.commands import (
     Verify,
 )
 from console.session.station.handlers import HANDLERS
+from console.session.station.link.opening import Opened
 from console.session.station.link_thread import LinkThread
 from console.session.station.state import Activity, Armed
-from console.session.station.station import Opened
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.standing import Standing

@@ -12,6 +12,7 @@ from drivers.simulator.hosts.real_time import (
     MOST_CATCH_UP_S,
     SLICE_S,
     TICK_S,
+    Pace,
     WallClock,
     run_clock,
 )
@@ -57,7 +58,7 @@ class Heard:
 def run(late_s: list[float], speed: float = 1.0) -> tuple[Heard, list[float]]:
     heard, lags_s = Heard(), list[float]()
     with suppress(AllOverError):
-        asyncio.run(run_clock(heard.wait, (heard,), HandClock(late_s), speed, lags_s))
+        asyncio.run(run_clock(heard.wait, (heard,), HandClock(late_s), Pace(speed), lags_s))
     return heard, lags_s
 
 

@@ -273,7 +273,7 @@ def test_a_simulator_that_does_not_answer_is_given_up_and_ended(
     simulator: SimulatorProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("drivers.simulator.hosts.process.REQUEST_TIMEOUT_S", 0.3)
-    monkeypatch.setattr("drivers.simulator.hosts.process.END_TIMEOUT_S", 0.3)
+    monkeypatch.setattr("drivers.simulator.hosts.child.END_TIMEOUT_S", 0.3)
     pid = pid_of(simulator)
     os.kill(pid, signal.SIGSTOP)
     began = time.monotonic()

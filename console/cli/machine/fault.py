@@ -13,8 +13,8 @@ from console.cli.arguments import WRONG_USAGE, control_address
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 from drivers.errors import LinkError
-from drivers.link.address import TcpAddress
 from drivers.simulator.hosts.control_address import REFUSED, ControlAddress
+from drivers.simulator.hosts.control_client import connected, unreachable
 from profiles.problem import Problem
 
 TIMEOUT_S = 5.0
@@ -46,28 +46,12 @@ def main(options: Namespace, text: Catalogue) -> int:
 def _answer(address: ControlAddress, line: str) -> list[str]:
     """Return the lines of the reply, the verdict last."""
     try:
-        with closing(_connected(address)) as link:
+        with closing(connected(address, TIMEOUT_S)) as link:
             link.sendall(line.encode("utf-8") + b"\n")
             link.shutdown(socket.SHUT_WR)
             reply = b"".join(iter(lambda: link.recv(CHUNK), b""))
     except OSError as error:
-        codes = {ConnectionRefusedError: "link.refused", TimeoutError: "link.no_answer"}
-        code = next((code for kind, code in codes.items() if isinstance(error, kind)), "link.failed")
-        value = error.strerror or str(error)
-        raise LinkError(Problem(code=code, where=str(address), value=value)) from error
+        raise unreachable(address, error) from error
     if not reply.endswith(b"\n"):
         raise LinkError(Problem(code="link.lost", where=str(address), value="EOF"))
     return reply.decode("utf-8", "replace").splitlines()
-
-
-def _connected(address: ControlAddress) -> socket.socket:
-    if isinstance(address, TcpAddress):
-        return socket.create_connection((address.host, address.port), timeout=TIMEOUT_S)
-    link = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        link.settimeout(TIMEOUT_S)
-        link.connect(address.path)
-    except OSError:
-        link.close()
-        raise
-    return link

@@ -9,10 +9,12 @@ from drivers.cutting.bounds import Adjustable
 from drivers.lathe.snapshot import AxisName
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from console.session.data.identified import ChosenResponse
+    from console.session.instructing.answer import Answer
+    from console.session.instructing.order import Order
     from console.session.station.state import StationState
     from drivers.beside.side_line import SideLine
     from drivers.cutting.strategy import Strategy
@@ -198,6 +200,15 @@ class InjectFault(Command):
 
     line: str
     logged: ClassVar[bool] = False  # a trainee has to find it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instruct(Command):
+    """An order of the instructor; `answered` is called with what came of it, from the link thread."""
+
+    order: Order
+    answered: Callable[[Answer], None]
+    logged: ClassVar[bool] = False  # the desk of the instructor does it
 
 
 class AskTruth(Command):

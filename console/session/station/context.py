@@ -15,17 +15,18 @@ from console.session.cut.recording import LogRecorder, Unrecorded
 from console.session.data.records import RunRecord
 from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError
+from console.session.instructing.knowledge import Knowledge
 from console.session.practice.begins import Begins
 from console.session.station.actions import alarm_events, command_event
 from console.session.station.alarms import Alarms, Priority, cleared, raised
-from console.session.station.commands import Adjust, Command, HoldFeed, ResumeFeed
+from console.session.station.commands import Adjust, Command, HoldFeed, Instruct, ResumeFeed
 from console.session.station.link.onlookers import Onlookers
 from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning
 from console.session.station.reaching import Commissioned
 from console.session.station.state import Armed, StationState
 from drivers.beside.side_line import SideLine
-from drivers.clock import Clock
+from drivers.clock import Clock, TrainingClock
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
@@ -47,6 +48,34 @@ class Shop(Workshop, Protocol):
         """Inject a fault: `inject NAME [KEY=VALUE ...]`; or end all of them: `clear`."""
 
 
+class Trained(Protocol):
+    """A simulated lathe in the hands of an instructor."""
+
+    def set_speed(self, speed: float) -> None:
+        """Run this many times as fast as real time; 0 pauses."""
+
+    def checkpoint(self, name: str) -> None:
+        """Freeze a copy as it is now."""
+
+    def return_to(self, name: str) -> None:
+        """Go on with a copy of what was frozen, behind another link; its time stands still."""
+
+
+@dataclass(kw_only=True, eq=False)
+class Training:
+    """A lathe in the hands of an instructor, and its time: `speed` is that of the time when it is not paused.
+
+    `checkpoints` is what was known at each. `returning` is that of the one to which the lathe has just gone back,
+    until the link to it is open.
+    """
+
+    lathe: Trained
+    clock: TrainingClock
+    speed: float = 1.0
+    checkpoints: dict[str, Knowledge] = field(default_factory=dict)
+    returning: Knowledge | None = None
+
+
 @dataclass(kw_only=True, eq=False)
 class StationContext:
     """Everything that one command needs. `state` is replaced by `tell`, from any thread.
@@ -58,8 +87,9 @@ class StationContext:
     `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
     `hold_asked` is the last command about a feed hold not yet passed on, `adjust_asked` those about override and
-    trim, `faults_asked` faults for the simulated lathe. `side` sends what worker threads
-    ask, between two polls. `begins` is how a simulated lathe is taken over, None at power-up.
+    trim, `faults_asked` faults for the simulated lathe, `orders` those of its instructor, for which it
+    is in `training`. `side` sends what worker
+    threads ask, between two polls. `begins` is how a simulated lathe is taken over, None at power-up.
     """
 
     lathe: Lathe
@@ -85,6 +115,8 @@ class StationContext:
     adjust_asked: deque[Adjust] = field(default_factory=deque)
     faults_asked: deque[str] = field(default_factory=deque)
     begins: Begins | None = None
+    orders: deque[Instruct] = field(default_factory=deque)
+    training: Training | None = None
     _incomplete_told: bool = field(default=False, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _state: StationState = field(init=False)
@@ -144,6 +176,10 @@ class StationContext:
         for problem in problems:
             if not any(alarm.active and alarm.problem == problem for alarm in self._state.alarms):
                 self.alarm(problem)
+
+    def screen_s(self) -> float:
+        """Return the time by which a screen is alive: real time, however fast a simulated lathe runs."""
+        return self.clock.now_s() if self.training is None else self.training.clock.real_s()
 
     def change_alarms(self, change: Callable[[Alarms], Alarms]) -> None:
         """Publish changed alarms; none that another thread raises meanwhile is lost."""

@@ -22,8 +22,9 @@ from profiles.problem import ProblemError
 
 if TYPE_CHECKING:
     from console.session.station.commands import Command
-    from console.session.station.station import Opened
+    from console.session.station.link.opening import Opened
     from drivers.beside.side_line import SideLine
+    from drivers.clock import TrainingClock
 
 LOOK_PERIOD_S = 0.1  # poll period of an idle machine
 LEAVE_S = 3.0  # timeout for a screen that cannot write to its terminal to leave, once the machine is at rest
@@ -32,7 +33,8 @@ LEAVE_S = 3.0  # timeout for a screen that cannot write to its terminal to leave
 class LinkThread:
     """The real `Control`: everything public but `join` returns at once, from any thread and a signal handler.
 
-    `give_up` ends the process with an exit code when nothing else can; a test may pass another function.
+    `give_up` ends the process with an exit code when nothing else can; a test may pass another function. `clock`
+    is machine time where that is not real time.
     """
 
     def __init__(
@@ -41,10 +43,11 @@ class LinkThread:
         simulated: bool,
         open_machine: Callable[[], Opened],
         *,
+        clock: TrainingClock | None = None,
         leave_s: float = LEAVE_S,
         give_up: Callable[[int], object] = os._exit,
     ) -> None:
-        self._open = open_machine
+        self._open, self._clock = open_machine, clock
         self._leave_s, self._give_up = leave_s, give_up
         self._opened: Opened | None = None
         self._unopened = StationState(machine=machine, simulated=simulated)
@@ -76,7 +79,7 @@ class LinkThread:
 
     def now_s(self) -> float:
         """Return machine time."""
-        return time.monotonic()
+        return time.monotonic() if self._clock is None else self._clock.now_s()
 
     def start(self) -> None:
         """Start the thread. It opens nothing yet; from now on it ends the process when necessary."""
@@ -124,6 +127,8 @@ class LinkThread:
         asked = self._ending is not None and (self._must_leave or not must_leave)
         self._ending = self._ending or reason
         self._must_leave = self._must_leave or must_leave
+        if self._clock is not None:
+            self._clock.leave()
         if self._opened is not None and not asked:
             stop, state = self._opened.stop, self.state
             if must_leave:
@@ -145,7 +150,7 @@ class LinkThread:
         except Exception as error:
             state, alarms = self.state, self.state.alarms
             for problem in error.problems if isinstance(error, ProblemError) else (fault_problem(error),):
-                alarms = raised(alarms, problem, Priority.HIGH, time.monotonic())
+                alarms = raised(alarms, problem, Priority.HIGH, self.now_s())
             self._unopened = replace(state, activity=Activity.LOST, alarms=alarms)
             self._opened = None
             self._wait_until(lambda: self._ending is not None)

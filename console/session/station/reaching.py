@@ -50,15 +50,15 @@ class Commissioned:
     ) -> None:
         self._client, self._heartbeat, self._machine = client, heartbeat, machine
         self._data, self._simulated = data, simulated
-        self._fingerprint: Fingerprint | None = None
+        self.fingerprint: Fingerprint | None = None
 
     def take_fingerprint(self) -> None:
         """Read the controller's settings once; changes by somebody else from then on are reported before each arm.
 
         A change is accepted by connecting again, not by reading it again.
         """
-        if self._fingerprint is None:
-            self._fingerprint = read_fingerprint(self._client, self._machine, self._client.dialect)
+        if self.fingerprint is None:
+            self.fingerprint = read_fingerprint(self._client, self._machine, self._client.dialect)
 
     def trial_note(self) -> tuple[Problem, ...]:
         """Return that gains are on trial, to explain settings that differ; nothing where none are."""
@@ -67,10 +67,10 @@ class Commissioned:
 
     def wrote(self, values: Mapping[int, float]) -> None:
         """Take I-variables that this console has written into what others' changes are told by."""
-        known = self._fingerprint
+        known = self.fingerprint
         if known is not None:
             configuration = replace(known.configuration, settings={**known.configuration.settings, **values})
-            self._fingerprint = replace(known, configuration=configuration)
+            self.fingerprint = replace(known, configuration=configuration)
 
     def problems(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Return every reason why this machine may not be armed; `snapshot` is of now."""
@@ -93,7 +93,7 @@ class Commissioned:
         return stop_record_problems(client, machine, client.dialect, self._data, False, date.today())
 
     def _changed(self) -> tuple[Problem, ...]:
-        before, dialect = self._fingerprint, self._client.dialect
+        before, dialect = self.fingerprint, self._client.dialect
         if before is None:
             return (Problem(code="alignment.not_verified"),)
         now = read_fingerprint(self._client, self._machine, dialect, before)
@@ -129,10 +129,11 @@ def reach(
     tracing: Tracing,
     seen: Callable[[Snapshot], None] | None = None,
     heard: Heard | None = None,
+    clock: Clock | None = None,
 ) -> Reached:
     """Open the link; for a simulated machine, start it first. `data` is the folder of this user.
 
-    `heard` keeps what goes over the link.
+    `heard` keeps what goes over the link. `clock` is the time of a lathe whose time is no real time.
 
     Raises:
         LinkError: a code for each kind of failure; `simulator.not_started`.
@@ -147,10 +148,9 @@ def reach(
         link, reopening = _renewable(address, process)
         opened.callback(link.close)
         opened.callback(reopening.close)
-        clock = RealClock()
+        clock = clock or RealClock()
         traced = tracing.of(link, clock.now_s)
-        if heard is not None:
-            traced = TappedLink(traced, heard.tap)
+        traced = traced if heard is None else TappedLink(traced, heard.tap)
         stop, client = StopPath(traced), PmacClient(traced, clock)
         ownership = Ownership(client)
         heartbeat = Heartbeat(client, clock, loaded.machine, owner_seen=ownership.see)
@@ -194,7 +194,7 @@ def _renewable(address: WiredAddress, process: SimulatorProcess | None) -> tuple
     """Open a link that may be opened anew; that of a simulator only as long as its process lives."""
     link = RenewableLink(open_link(address))
     over = (lambda: not process.alive) if process is not None else (lambda: False)
-    return link, Reopening(link, lambda: open_link(address), over)
+    return link, Reopening(link, lambda: open_link(address if process is None else process.address), over)
 
 
 def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) -> None:

@@ -183,7 +183,8 @@ class StationState:
     `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
     read last, `tested` the name of the file with the last test of the tool. `trial` are gains that were applied on
     trial, as the controller had them when it was compared last. `truth` is what is so at a simulated lathe, once
-    it was asked.
+    it was asked. `speed` is how many times as fast as real time that runs, 0 while its instructor has paused it;
+    `stop_waits` is whether a stop was sent to it meanwhile.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -222,6 +223,8 @@ class StationState:
     tested: str = ""
     trial: StandingTrial | None = None
     truth: Truth | None = None
+    speed: float = 1.0
+    stop_waits: bool = False
 
     @property
     def moving(self) -> bool:

@@ -10,16 +10,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
-from datetime import datetime
-from pathlib import Path
 
 from console.session.cut.alignment import observed
 from console.session.cut.trip_cause import BY_FRICTION, with_cause
-from console.session.data.calibrated_chuck import warnings_of
-from console.session.data.records import LEFT_IN_PART, killed_or_refused
+from console.session.data.records import LEFT_IN_PART
 from console.session.errors import SessionError, fault_problem
-from console.session.practice.begins import Begins
+from console.session.instructing.carrying import carry_out
 from console.session.station.adjusting.at_once import taken_at_once
 from console.session.station.alarms import OF_A_CUT, Priority
 from console.session.station.armed_watch import watch_armed
@@ -37,7 +33,6 @@ from console.session.station.handlers import HANDLERS, begin_as
 from console.session.station.link.holding import HolderWatch
 from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
-from console.session.station.reaching import Commissioned, reach
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops, leaves_tool_in_part
 from console.session.station.watches import (
@@ -49,18 +44,12 @@ from console.session.station.watches import (
     watch_phase,
     watch_poll,
 )
-from drivers.beside.heard import Heard
 from drivers.beside.side_line import Moment, SideLine
-from drivers.clock import RealClock
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.stop import StopPath, StoppedError
-from drivers.link.address import LinkAddress
+from drivers.lathe.stop import StoppedError
 from drivers.link.base import GONE
-from drivers.link.tracing import Tracing
-from profiles.files import remove_all_left
 from profiles.problem import Problem, ProblemError
-from profiles.store import LoadedMachine
 
 SCREEN_TIMEOUT_S = 2.0  # timeout of a silent screen while something moves
 OBSERVERS_COMMANDS = (Verify, Recover, TakeControl, ReadLoop)
@@ -114,9 +103,10 @@ class Station:
             context.end_alarms(*OF_A_CUT)
         if not self._stops.leaving:  # whoever leaves looks at the chuck no more, and an answer may take its time
             give_faults(context)
+            carry_out(context)
             self._sight.sample()
         context.check_record()
-        silent = self._beat_s is not None and context.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
+        silent = self._beat_s is not None and context.screen_s() - self._beat_s > SCREEN_TIMEOUT_S
         if silent and context.state.activity in MOVING and context.lathe.stop.reason is None:
             context.lathe.stop.stop("screen")
             context.alarm(Problem(code="session.screen_silent", limit=f"{SCREEN_TIMEOUT_S:g} s"))
@@ -192,7 +182,7 @@ class Station:
 
     def beat(self) -> None:
         """Note that the screen is alive."""
-        self._beat_s = self._context.clock.now_s()
+        self._beat_s = self._context.screen_s()
 
     def step(self) -> None:
         """Settle a stop, or carry out a command, or poll. Never raises."""
@@ -209,6 +199,7 @@ class Station:
     def _step(self, command: Command | None) -> None:
         context = self._context
         give_faults(context)
+        carry_out(context)
         if self._stops.gone:
             if context.side is not None:  # nobody polls any more, and somebody may wait for an answer
                 context.side.serve(Moment(at_rest=False, controls=False, lost=True))
@@ -329,64 +320,3 @@ class Station:
         for problem in explained:
             if problem not in now:
                 context.alarm(problem)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Opened:
-    """An opened machine: its station, its stop, and a function that closes the link and what belongs to it."""
-
-    station: Station
-    stop: StopPath
-    close: Callable[[], None]
-
-
-def open_machine(
-    machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing, begins: Begins | None = None
-) -> Opened:
-    """Connect to a machine; a simulated one is started first, and connected to like a real one.
-
-    `begins` is how a simulated lathe that was placed so is taken over.
-
-    Raises:
-        LinkError: a code for each kind of failure; `simulator.not_started`.
-        DriverError: `safety.bad_input`, in the profile.
-    """
-    # Polls arrive once station and lathe both exist; `connect` makes the first.
-    seen: list[Station] = []
-
-    def tell(snapshot: Snapshot) -> None:
-        for station in seen:
-            station.seen(snapshot)
-
-    heard = Heard(RealClock().now_s)
-    reached = reach(machine, address, data, tracing, tell, heard)
-    stop = reached.stop
-    context = StationContext(
-        lathe=reached.lathe,
-        owning=reached.owning,
-        loaded_machine=machine,
-        clock=reached.clock,
-        shop=reached.shop,
-        records=data,
-        local_time=_local_time,
-        side=SideLine(reached.client, reached.clock, heard, lambda: stop.reason is not None),
-        client=reached.client,
-        commissioned=Commissioned(
-            reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
-        ),
-        reopening=reached.reopening,
-        onlookers=reached.onlookers,
-        begins=begins,
-    )
-    context.tell(address=reached.address)
-    for problem in warnings_of(machine):
-        context.alarm(problem, Priority.LOW)
-    remove_all_left(data)
-    for problem in killed_or_refused(data, machine.machine.name, simulated=reached.simulated):
-        context.alarm(problem, Priority.MEDIUM)
-    seen.append(Station(context))
-    return Opened(station=seen[0], stop=reached.stop, close=reached.close)
-
-
-def _local_time() -> str:
-    return datetime.now().astimezone().strftime("%H:%M")

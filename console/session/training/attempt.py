@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from console.session.instructing.desk import Act
+from console.session.instructing.order import Do
 from console.session.stages import Stage
 from console.session.station.state import StationState
 from console.session.training.event import Event
@@ -11,6 +13,8 @@ from console.session.training.happened import Happening, PartFact, What, happeni
 from console.session.training.lesson import Lesson
 from console.session.training.milestones import MILESTONES, Change
 from console.session.training.question import STEP
+
+INJECT = "inject "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +38,8 @@ class Attempt:
     their order: what happens before its step is due does not count. `seed` is that of its lathe, `trainee` a name
     or "". `given` are the events that have come, by their numbers. `part` is the last one that was measured.
     `answer` is the one that was chosen, from 0. `continued` is the number of steps with which a try went on that
-    had been left. `ended_s` is when the trainee ended it: nothing counts any more.
+    had been left. `checkpoints` is how many steps were made at each of the instructor's: those made since are made
+    again after a return. `ended_s` is when the trainee ended it: nothing counts any more.
     """
 
     lesson: Lesson
@@ -48,6 +53,7 @@ class Attempt:
     part: PartFact | None = None
     answer: int | None = None
     continued: int = 0
+    checkpoints: tuple[tuple[str, int], ...] = ()
     ended_s: float | None = None
     last: StationState | None = None
     stage: Stage | None = None
@@ -76,6 +82,11 @@ class Attempt:
     def stops(self) -> int:
         """How many stops there were."""
         return sum(each.what is What.STOP for each in self.happened)
+
+    @property
+    def faults(self) -> int:
+        """How many faults were given, by the lesson or by an instructor."""
+        return sum(each.what is What.FAULT for each in self.happened)
 
     @property
     def met(self) -> tuple[str, ...]:
@@ -138,6 +149,22 @@ class Attempt:
     def answered(self, number: int) -> Attempt:
         """Return the try with the question answered: once, when it is due."""
         return replace(self, answer=number) if self.asks_now else self
+
+    def instructed(self, act: Act) -> Attempt:
+        """Return the try after the instructor has done something: a fault counts as those of the lesson do."""
+        if self.ended_s is not None:
+            return self
+        what, word = What.INSTRUCTOR, act.order.line
+        if word.startswith(INJECT):
+            what, word = What.FAULT, word.removeprefix(INJECT)
+        fresh = Happening(at_s=act.at_s - self.began_s, what=what, word=word)
+        name, steps, reached = act.order.name, dict(self.checkpoints), self.reached
+        if act.order.do is Do.CHECKPOINT:
+            steps[name] = self.step
+        elif act.order.do is Do.RETURN:
+            reached = reached[: steps.get(name, self.step)]
+        marks = tuple(steps.items())
+        return replace(self, happened=(*self.happened, fresh), reached=reached, checkpoints=marks)
 
     def ended(self, now_s: float) -> Attempt:
         """Return the try after the trainee has ended it."""

@@ -11,7 +11,10 @@ from profiles.problem import Problem
 
 
 class What(StrEnum):
-    """Kinds: a step, a stop, a collision, an alarm raised, one that was seen, a fault, a part, the lesson left."""
+    """Kinds: a step, a stop, a collision, an alarm raised, one that was seen, a fault, a part, the lesson left.
+
+    `INSTRUCTOR` is what the instructor did that is no fault.
+    """
 
     STEP = "step"
     STOP = "stop"
@@ -21,13 +24,14 @@ class What(StrEnum):
     FAULT = "fault"
     PART = "part"
     LEFT = "left"
+    INSTRUCTOR = "instructor"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Happening:
-    """One, `at_s` s since the lesson began. `word` is a step, a reason, a kind, a code, a fault or a RONt.
+    """One, `at_s` s since the lesson began.
 
-    An alarm has its `problem`.
+    `word` is a step, a reason, a kind, a code, a fault, a RONt or an order. An alarm has its `problem`.
     """
 
     at_s: float

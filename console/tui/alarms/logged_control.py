@@ -37,6 +37,10 @@ class LoggedControl(PassingControl):
         self._posted.append(command_entry(type(intent).__name__, taken=taken, at=self._local_time(), **given))
         return taken
 
+    def note(self, entry: LogEntry) -> None:
+        """Add an entry that is no command of the operator."""
+        self._posted.append(entry)
+
     def followed(self, state: StationState, said: tuple[Problem, ...], *, typed: bool) -> SessionLog:
         """Return the log up to this state and answer (`with_state`)."""
         if self._posted:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from textual import events
 
@@ -14,6 +15,10 @@ from console.tui.layout import is_small
 from console.tui.scanning.scans import Scans
 from console.tui.ui_context import UiContext
 from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from console.session.instructing.desk import Desk
+    from console.tui.alarms.logged_control import LoggedControl
 
 
 class ListeningApp(LeavingApp):
@@ -79,6 +84,12 @@ class ListeningApp(LeavingApp):
         """Handle what such keys were."""
         self.safely(lambda: self.scans.take(scanned.scan, small=is_small(self.size)))
         self.tick()
+
+    def instructed(self, desk: Desk, control: LoggedControl) -> None:
+        """Let the instructor see this screen, and note what he has done."""
+        from console.tui.application.instructed import report  # not for the first page
+
+        self.safely(lambda: report(desk, self.screen, self.ui, control))
 
     def say_changed(self, action: Action) -> None:
         """Report that a key which asks for something else has stopped the machine."""

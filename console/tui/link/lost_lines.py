@@ -27,8 +27,11 @@ def lost_step(text: Catalogue, state: StationState) -> str:
         return text("lost_link.watching", age=_age(lost))
     if not lost.validity:
         return ""
+    valid, void = (_named(text, lost, holds=holds) for holds in (True, False))
+    if lost.returned:
+        return text("lost_link.returned", name=lost.returned, valid=valid, void=void)
     key = "lost_link.back" if state.controls else "lost_link.observing"
-    return text(key, age=_age(lost), valid=_named(text, lost, holds=True), void=_named(text, lost, holds=False))
+    return text(key, age=_age(lost), valid=valid, void=void)
 
 
 def is_watched(state: StationState) -> bool:
@@ -48,7 +51,10 @@ def lost_rows(text: Catalogue, state: StationState, width: int) -> list[Line]:
         return [BLANK, *hanging(("– ", Token.WARNING), last, width, Token.WARNING)]
     if not lost.validity:
         return []
-    rows = [BLANK, line((text("lost_link.title", age=_age(lost)), Token.TITLE))]
+    title = text("lost_link.title", age=_age(lost))
+    if lost.returned:
+        title = text("lost_link.returned_title", name=lost.returned)
+    rows = [BLANK, line((title, Token.TITLE))]
     for each in lost.validity:
         mark, token = ("✓ ", Token.TEXT) if each.holds else ("✗ ", Token.WARNING)
         rows += hanging((mark, token), _why(text, each), width, token)
@@ -56,6 +62,8 @@ def lost_rows(text: Catalogue, state: StationState, width: int) -> list[Line]:
 
 
 def _lost(text: Catalogue, lost: LostLink) -> str:
+    if lost.returned and not lost.for_ever:
+        return text("lost_link.returning")
     if lost.for_ever:
         return text("lost_link.for_ever")
     return text("lost_link.silent") if lost.silent else text("lost_link.trying", attempts=lost.attempts)

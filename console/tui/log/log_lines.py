@@ -67,6 +67,8 @@ def entry_words(entry: LogEntry, text: Catalogue) -> str:
             return text.reason(entry.word)
         case LogKind.REST:
             return text("alarms_page.log_rest", seconds=entry.word)
+        case LogKind.INSTRUCTOR:
+            return entry.word
     words = text(f"records.command.{entry.word}")
     if not entry.axis:
         return words

@@ -42,13 +42,14 @@ def export_log(data: Path, log: SessionLog, machine: str, now: datetime, text: C
     ]
     path = data / FOLDER / f"session-{now:%Y%m%d-%H%M%S}.txt"
     make_folder(path.parent)
-    rows = [*head, *(_row(entry, text) for entry in log.entries)]
+    rows = [*head, *(log_row(entry, text) for entry in log.entries)]
     content = "".join(f"{escaped_line(row)}\n" for row in rows)
     write_atomically(path, content.encode("utf-8"), overwrite=False, private=True)
     return path
 
 
-def _row(entry: LogEntry, text: Catalogue) -> str:
+def log_row(entry: LogEntry, text: Catalogue) -> str:
+    """Return an entry on one row, with its whole date."""
     times = f" ×{entry.times}" if entry.times > 1 else ""
     kind = text(f"alarms_page.log.{entry.kind}")
     return f"{entry.at.isoformat(timespec='seconds'):{_TIME}}{kind:{_KIND}}{entry_words(entry, text)}{times}"

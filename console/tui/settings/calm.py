@@ -18,7 +18,8 @@ class Calm:
 
     def is_due(self, state: StationState, now_s: float, shown: tuple[Hashable, ...]) -> bool:
         """Whether to draw now: once a second, and when an alarm, an answer, a stop or the activity is new."""
-        news = (state.activity, state.stop, state.alarms, state.refusals, state.armed, state.snapshot is None)
+        unknown, pace = state.snapshot is None, (state.speed, state.stop_waits)
+        news = (state.activity, state.stop, state.alarms, state.refusals, state.armed, unknown, pace)
         before, self._news = self._news, (*news, *shown)
         alike = len(before) == len(self._news) and all(
             old is new or old == new for old, new in zip(before, self._news, strict=True)

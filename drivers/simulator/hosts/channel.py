@@ -1,41 +1,54 @@
 """The private channel between the process of the simulated lathe and the one that started it.
 
 It is a stream of JSON lines, one reply for each request: `{"do": "mount", "job": {...}}`, `{"do": "measure"}`,
-`{"do": "look"}`, `{"do": "truth"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it)
-and `{"do": "fault", "line": "..."}` (see `control_line`). The reply to an impossible request is
-`{"refused": reason}`. Before any request, one line `{"ready": device}` names the device of the controller.
+`{"do": "look"}`, `{"do": "truth"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it),
+`{"do": "pace", "speed": 2.0}` (0 pauses) and `{"do": "fault", "line": "..."}` (see `control_line`). The reply to
+an impossible request is `{"refused": reason}`. Before any request, one line `{"ready": device}` names the device
+of the controller. The reply to `{"do": "checkpoint"}` comes with the line to a frozen copy, see `frozen`.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
+import os
+import socket
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 from drivers.simulator.hosts import control_line
 from drivers.simulator.hosts.control_address import REFUSED
+from drivers.simulator.hosts.frozen import GoOn, freeze
+from drivers.simulator.hosts.real_time import Pace
 from drivers.simulator.machine import SimulatedLathe
 from profiles.job import job_from_table
-from profiles.own_values import from_json
+from profiles.own_values import from_json, positive
 from profiles.problem import ProfileError
 
 
 async def converse(
-    lathe: SimulatedLathe, device: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    lathe: SimulatedLathe,
+    device: str,
+    reader: asyncio.StreamReader,
+    writer: asyncio.StreamWriter,
+    pace: Pace,
+    go_on: GoOn,
 ) -> None:
-    """Announce the device, then answer until the other side disconnects."""
+    """Announce the device, then answer until the other side disconnects. Copies of this process `go_on`."""
     await _say(writer, {"ready": device})
     try:
         while line := await reader.readline():
-            await _say(writer, answer(lathe, line))
+            if _is_checkpoint(line):
+                _say_with_copy(writer, go_on)
+            else:
+                await _say(writer, answer(lathe, line, pace))
     except (ConnectionError, ValueError):
         return  # disconnected in the middle of a line, or a line without end: there is no one to reply to
 
 
-def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
-    """Execute the request in a line."""
+def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict[str, Any]:
+    """Execute the request in a line; that of another pace changes `pace`."""
     try:
         request = from_json(line)
         match request["do"]:
@@ -53,6 +66,9 @@ def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
             case "spindle":
                 lathe.set_spindle(request["rpm"])
                 return {}
+            case "pace" if pace is not None:
+                pace.set(positive(request["speed"]) if request["speed"] else 0.0)
+                return {}
             case "fault":
                 said = control_line.answer(lathe, str(request["line"]))
                 refused = said.startswith(REFUSED)
@@ -63,6 +79,26 @@ def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
         return {"refused": str(error)}
     except (ValueError, TypeError, KeyError) as error:
         return {"refused": f"no request: {error!r}"}
+
+
+def _is_checkpoint(line: bytes) -> bool:
+    try:
+        request = from_json(line)
+    except ValueError:
+        return False
+    return isinstance(request, dict) and request.get("do") == "checkpoint"
+
+
+def _say_with_copy(writer: asyncio.StreamWriter, go_on: GoOn) -> None:
+    """Freeze a copy and pass the line to it on: nothing else is on its way, so there is room."""
+    with socket.socket(fileno=os.dup(writer.get_extra_info("socket").fileno())) as channel:
+        try:
+            line = freeze(go_on)
+        except OSError as error:
+            channel.sendall(json.dumps({"refused": error.strerror or str(error)}).encode("ascii") + b"\n")
+            return
+        with line:
+            socket.send_fds(channel, [b"{}\n"], [line.fileno()])
 
 
 async def _say(writer: asyncio.StreamWriter, message: Mapping[str, Any]) -> None:

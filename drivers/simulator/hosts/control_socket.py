@@ -7,6 +7,7 @@ import errno
 import os
 import socket
 import stat
+from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 
 from drivers.link.address import TcpAddress
@@ -85,21 +86,25 @@ class ControlHost(asyncio.Protocol):
         return more and not self._full
 
 
-async def listen_for_control(lathe: SimulatedLathe, address: ControlAddress, opened: ExitStack) -> str:
+async def listen_for_control(
+    made: Callable[[], asyncio.Protocol], address: ControlAddress, opened: ExitStack
+) -> str:
     """Listen, and return the address that was bound; `opened` closes it, and removes it from the file system.
+
+    `made` makes what serves one client.
 
     Raises OSError: it cannot be done; also where the path is taken by anything but a socket that nobody serves.
     """
     loop = asyncio.get_running_loop()
     if isinstance(address, TcpAddress):
-        server = await loop.create_server(lambda: ControlHost(lathe), address.host, address.port)
+        server = await loop.create_server(made, address.host, address.port)
         opened.callback(server.close)
         host, port = server.sockets[0].getsockname()[:2]
         return f"{PREFIX}{TcpAddress(host=host, port=port)}"
     with closing(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)) as listening:
         _bind(listening, address)
         opened.callback(_remove, address.path, os.stat(address.path).st_ino)
-        server = await loop.create_unix_server(lambda: ControlHost(lathe), sock=listening.dup())
+        server = await loop.create_unix_server(made, sock=listening.dup())
     opened.callback(server.close)
     return f"{PREFIX}{address}"
 

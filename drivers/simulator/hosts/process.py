@@ -6,47 +6,36 @@ look at the chuck, put the part on the gauge) use a private channel, see `driver
 
 from __future__ import annotations
 
-import json
 import os
-import socket
-import subprocess
-import sys
-import tempfile
-import time
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import MappingProxyType
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.errors import LinkError
 from drivers.link.address import SerialAddress
 from drivers.placed import Placed, placed_text
+from drivers.simulator.hosts.child import REQUEST_TIMEOUT_S, Child, FrozenCopy, plain
 from drivers.simulator.hosts.control_address import LONGEST_LINE
 from drivers.simulator.hosts.pty import remove_name
 from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
 from profiles.files import printable
 from profiles.job import Job
-from profiles.own_values import from_json
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from profiles.traces import Trace
 
-REQUEST_TIMEOUT_S = 5.0
-END_TIMEOUT_S = 2.0
-CHUNK = 65_536
-LAST_WORDS_BYTES = 2000
-
 
 class SimulatorProcess:
     """One running simulator. It is used from one thread, and ends with the process that started it."""
 
-    def __init__(self, child: _Child, address: SerialAddress) -> None:
+    def __init__(self, child: Child, address: SerialAddress) -> None:
         """Use `start` instead."""
         self.address = address
         self._child = child
         self._over = ""
+        self._frozen: dict[str, FrozenCopy] = {}
 
     @classmethod
     def start(
@@ -74,12 +63,12 @@ class SimulatorProcess:
         arguments += ["--blind"] if blind else []
         arguments += [] if placed is None else ["--placed", placed_text(placed)]
         arguments += [] if seed is None else ["--seed", str(seed)]
-        child: _Child | None = None
+        child: Child | None = None
         try:
-            child = _Child(arguments)
+            child = Child(arguments)
             device = str(child.read(timeout_s)["ready"])
         except (OSError, ValueError, KeyError) as error:
-            reason = child.end(error) if child else _plain(error)
+            reason = child.end(error) if child else plain(error)
             where = printable(str(machine_path))
             raise LinkError(Problem(code="simulator.not_started", where=where, value=reason)) from error
         return cls(child, SerialAddress(device=device))
@@ -125,6 +114,38 @@ class SimulatorProcess:
             raise self._error("simulator.refused", "fault", f"a line has at most {LONGEST_LINE} bytes")
         return str(self._ask("fault", line=line)["said"])
 
+    def set_speed(self, speed: float) -> None:
+        """Let time run this many times as fast as real time, 0 not at all. Raises LinkError: `simulator.gone`."""
+        self._ask("pace", speed=speed)
+
+    def checkpoint(self, name: str) -> None:
+        """Freeze a copy of the lathe as it is now, instead of one of the same name.
+
+        Raises LinkError: `simulator.gone`; `simulator.refused`, the system has no room for it.
+        """
+        copies: list[FrozenCopy] = []
+        self._ask("checkpoint", copies)
+        if not copies:
+            raise self._error("simulator.refused", "checkpoint", "no copy")
+        if name in self._frozen:
+            self._frozen.pop(name).close()
+        self._frozen[name] = copies[0]
+
+    def return_to(self, name: str) -> None:
+        """Go on with a copy of what was frozen, at another `address`; its time stands still until `set_speed`.
+
+        Raises LinkError: `simulator.gone`; `simulator.refused`, there is no such copy, and nothing has changed.
+        """
+        try:
+            channel = self._frozen[name].thawed(REQUEST_TIMEOUT_S)
+            before, device = self.address.device, self._child.turn_to(channel, REQUEST_TIMEOUT_S)
+        except KeyError as error:
+            raise self._error("simulator.refused", "return", name) from error
+        except (OSError, ValueError) as error:
+            raise self._error("simulator.refused", "return", plain(error)) from error
+        self.address = SerialAddress(device=device)
+        remove_name(before)
+
     @property
     def alive(self) -> bool:
         """Whether the process still runs; one that has ended comes back only with a new console."""
@@ -135,11 +156,12 @@ class SimulatorProcess:
         if not self._over:
             self._end(ConnectionError("closed"))
 
-    def _ask(self, what: str, **content: Any) -> dict[str, Any]:
+    def _ask(self, what: str, copies: list[FrozenCopy] | None = None, **content: Any) -> dict[str, Any]:
+        """Send a request; return the reply, with the copies that come with it."""
         if self._over:
             raise self._error("simulator.gone", what, self._over)
         try:
-            said = self._child.ask({"do": what, **content})
+            said = self._child.ask({"do": what, **content}, copies)
         except (OSError, ValueError) as error:
             # A late reply may still come: later replies would no longer match their requests.
             self._end(error)
@@ -150,82 +172,10 @@ class SimulatorProcess:
 
     def _end(self, cause: Exception) -> None:
         """Kill the process; a name left behind would lead to whoever gets that pseudo-terminal next."""
+        for copy in self._frozen.values():
+            copy.close()
         self._over = self._child.end(cause)
         remove_name(self.address.device)
 
     def _error(self, code: str, what: str, reason: str) -> LinkError:
         return LinkError(Problem(code=code, where=str(self.address), key=what, value=reason))
-
-
-class _Child:
-    """The process, its channel and its error output. Raises `OSError` and `ValueError`."""
-
-    def __init__(self, arguments: list[str]) -> None:
-        # A file instead of a pipe: nothing reads it in normal operation, and it must not block then.
-        self._complaints: IO[bytes] = tempfile.TemporaryFile()
-        self._channel, theirs = socket.socketpair()
-        self._kept = b""
-        # -P: do not import modules from the current folder.
-        command = [sys.executable, "-P", "-m", "drivers.simulator", "--channel", str(theirs.fileno()), *arguments]
-        try:
-            self._process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=self._complaints,
-                pass_fds=(theirs.fileno(),),
-                start_new_session=True,
-            )
-        except OSError:
-            self._channel.close()
-            self._complaints.close()
-            raise
-        finally:
-            theirs.close()
-
-    @property
-    def alive(self) -> bool:
-        """Whether it has not ended."""
-        return self._process.poll() is None
-
-    def ask(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Send a request and return the reply."""
-        self._channel.settimeout(REQUEST_TIMEOUT_S)
-        self._channel.sendall(json.dumps(request).encode("ascii") + b"\n")
-        return self.read(REQUEST_TIMEOUT_S)
-
-    def read(self, timeout_s: float) -> dict[str, Any]:
-        """Return the next message."""
-        deadline = time.monotonic() + timeout_s
-        while b"\n" not in self._kept:
-            left_s = deadline - time.monotonic()
-            if left_s <= 0.0:
-                raise TimeoutError("no answer")
-            self._channel.settimeout(left_s)
-            data = self._channel.recv(CHUNK)
-            if not data:
-                raise ConnectionError("ended")
-            self._kept += data
-        line, _, self._kept = self._kept.partition(b"\n")
-        said = from_json(line)
-        if not isinstance(said, dict):
-            raise ValueError("no answer")
-        return said
-
-    def end(self, cause: Exception) -> str:
-        """End it, and return the reason: the last line of its error output, if any, otherwise `cause`."""
-        self._channel.close()
-        try:
-            self._process.wait(END_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            with suppress(subprocess.TimeoutExpired):
-                self._process.wait(END_TIMEOUT_S)
-        with self._complaints as complaints:
-            left = max(os.fstat(complaints.fileno()).st_size - LAST_WORDS_BYTES, 0)
-            words = os.pread(complaints.fileno(), LAST_WORDS_BYTES, left).decode("utf-8", "replace").split("\n")
-        return next((printable(line) for line in reversed(words) if line.strip()), _plain(cause))
-
-
-def _plain(error: Exception) -> str:
-    return (isinstance(error, OSError) and error.strerror) or str(error)

@@ -8,6 +8,7 @@ longer silences are real ones.
 from __future__ import annotations
 
 import asyncio
+import math
 import signal
 import time
 from collections.abc import Callable, Collection, Coroutine
@@ -16,11 +17,22 @@ from typing import Any, Protocol
 TICK_S = 0.005
 MOST_CATCH_UP_S = 0.1  # most real time made up for in one tick; a suspended process loses the rest
 SLICE_S = 0.01  # simulated time advanced in one go: in between, hosts and signals are served
-HEARD_S = 0.18  # how far time runs without input: shorter than a watchdog timeout just renewed
+HEARD_S = 0.18  # how far simulated time runs without input: shorter than a watchdog timeout just renewed
 TIMEOUT_S = 2.0  # how long a silence is attributed to the computer
 
 
 Advance = Callable[[float], None]  # advances the time of a lathe by so many seconds
+
+
+class Pace:
+    """How many times as fast as real time simulated time runs; 0 while it is paused. `changed_s` is real time."""
+
+    def __init__(self, speed: float = 1.0) -> None:
+        self.speed, self.changed_s = speed, -math.inf
+
+    def set(self, speed: float) -> None:
+        """Run this many times as fast from now on."""
+        self.speed, self.changed_s = speed, time.monotonic()
 
 
 class Host(Protocol):
@@ -54,14 +66,14 @@ async def keep_time(
     advance: Advance,
     hosts: Collection[Host],
     *endings: Coroutine[Any, Any, object],
-    speed: float = 1.0,
+    pace: Pace | None = None,
     lags_s: list[float] | None = None,
 ) -> None:
     """Keep simulated time in step with real time until one of `endings` is over; raise its error.
 
-    Simulated time runs `speed` times as fast. The delay of each tick is appended to `lags_s`.
+    `pace` may change meanwhile; without one it is real time. The delay of each tick is appended to `lags_s`.
     """
-    clock = run_clock(advance, hosts, WallClock(), speed, lags_s)
+    clock = run_clock(advance, hosts, WallClock(), pace or Pace(), lags_s)
     tasks = {asyncio.create_task(work) for work in (clock, *endings)}
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -73,7 +85,7 @@ async def keep_time(
 
 
 async def run_clock(
-    advance: Advance, hosts: Collection[Host], clock: WallClock, speed: float, lags_s: list[float] | None = None
+    advance: Advance, hosts: Collection[Host], clock: WallClock, pace: Pace, lags_s: list[float] | None = None
 ) -> None:
     """Advance a tick at a time, without an end."""
     last_s = clock.now_s()
@@ -82,9 +94,9 @@ async def run_clock(
         now_s = clock.now_s()
         if lags_s is not None:
             lags_s.append(now_s - last_s - TICK_S)
-        behind_s = min(now_s - last_s, MOST_CATCH_UP_S) * speed
+        behind_s = min(now_s - last_s, MOST_CATCH_UP_S) * pace.speed
         last_s = now_s
-        while behind_s > 0.0:
+        while behind_s > 0.0 and pace.speed > 0.0:
             advance(min(behind_s, SLICE_S))
             behind_s -= SLICE_S
             for host in tuple(hosts):
@@ -93,11 +105,19 @@ async def run_clock(
 
 
 def patient(advance: Advance, heard_s: Callable[[], float | None], now_s: Callable[[], float]) -> Advance:
-    """Skip time while a lathe waits for its host. `heard_s` is the time of its last input, None: never."""
+    """Skip time while a lathe waits for its host. `heard_s` is the time of its last input, None: never.
+
+    What counts is the simulated time since then, however fast it runs.
+    """
+    heard, ran_s = heard_s(), 0.0
 
     def wait(seconds: float) -> None:
+        nonlocal heard, ran_s
         last_s = heard_s()
-        if last_s is None or not HEARD_S < now_s() - last_s < TIMEOUT_S:
+        if last_s != heard:
+            heard, ran_s = last_s, 0.0
+        if last_s is None or ran_s <= HEARD_S or now_s() - last_s >= TIMEOUT_S:
+            ran_s += seconds
             advance(seconds)
 
     return wait

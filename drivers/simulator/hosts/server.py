@@ -15,10 +15,10 @@ from drivers.errors import LinkError
 from drivers.link.address import SerialAddress, TcpAddress
 from drivers.simulator.hosts.connection import Connection, PlainStream
 from drivers.simulator.hosts.control_address import PREFIX, ControlAddress
-from drivers.simulator.hosts.control_socket import listen_for_control
+from drivers.simulator.hosts.control_socket import ControlHost, listen_for_control
 from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.hosts.pty import PtyHost
-from drivers.simulator.hosts.real_time import Host, ending_signals, keep_time
+from drivers.simulator.hosts.real_time import Host, Pace, ending_signals, keep_time
 from drivers.simulator.machine import SimulatedLathe
 from profiles.problem import Problem
 
@@ -50,7 +50,7 @@ async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[s
         addresses = [address async for address in listen(lathe, listeners, hosts, opened)]
         for address in addresses:
             ready(address)
-        await keep_time(lathe.wait, hosts, ended.wait(), speed=speed)
+        await keep_time(lathe.wait, hosts, ended.wait(), pace=Pace(speed))
         for connected in tuple(hosts):
             connected.flush()
 
@@ -80,7 +80,7 @@ async def listen(
         yield str(SerialAddress(device=line.device))
     if listeners.control:
         try:
-            yield await listen_for_control(lathe, listeners.control, opened)
+            yield await listen_for_control(lambda: ControlHost(lathe), listeners.control, opened)
         except OSError as error:
             raise _refusal(f"{PREFIX}{listeners.control}", error) from error
 

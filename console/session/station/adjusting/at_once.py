@@ -14,6 +14,8 @@ from console.session.station.commands import (
     EndCut,
     HoldFeed,
     InjectFault,
+    Instruct,
+    Recover,
     ResumeFeed,
 )
 from console.session.station.context import StationContext
@@ -44,6 +46,12 @@ def taken_at_once(context: StationContext, intent: Command) -> tuple[Problem, ..
             problem = None if context.shop is not None else Problem(code="session.not_simulated")
             if problem is None:
                 context.faults_asked.append(intent.line)
+        case Instruct():
+            context.orders.append(intent)
+        case Recover() if context.state.speed == 0.0 and context.training is not None:
+            context.training.clock.ask_on()  # its instructor may be gone
+        case _ if context.state.speed == 0.0:
+            problem = Problem(code="instruct.paused")
         case _:
             return None
     return () if problem is None else (problem,)

@@ -35,11 +35,12 @@ class LogKind(StrEnum):
     STOPPED = "stopped"
     REST = "rest"
     MESSAGE = "message"
+    INSTRUCTOR = "instructor"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogEntry:
-    """One entry: the name of a command or a reason, a problem, the number of an alarm; `times` in a row.
+    """One entry: the name of a command, a reason or an order, a problem, the number of an alarm; `times` in a row.
 
     `axis` and `distance` (mm or degrees, signed) are those of a jog. `at` is local time, of the first.
     """

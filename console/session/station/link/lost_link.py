@@ -27,7 +27,7 @@ class LostLink:
 
     `attempts` counts how often it was tried to open it, `problem` is why the last attempt failed. `silent`: the
     link is there, and nothing answers on it. `for_ever`: there is nothing left to connect to. `validity` is known
-    once the machine was read.
+    once the machine was read. `returned` names the checkpoint, where an instructor has gone back to one.
     """
 
     since_s: float
@@ -37,6 +37,7 @@ class LostLink:
     problem: Problem | None = None
     back_s: float | None = None
     validity: tuple[Validity, ...] = ()
+    returned: str = ""
 
     @property
     def away_s(self) -> float:

@@ -14,7 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from console.session.cut.alignment import Alignment
-from console.session.station.alarms import recovered
+from console.session.instructing.remembering import restore
+from console.session.station.alarms import Priority, recovered
 from console.session.station.context import StationContext
 from console.session.station.gain_trial import trial_problems, verified
 from console.session.station.link.lost_link import LostLink, Validity, validity_of
@@ -87,9 +88,9 @@ class Reconnecting:
         state = context.state
         since_s = context.clock.now_s() if state.snapshot is None else state.snapshot.asked_s
         self._begun, self._before, self._undelivered = True, state.alignment, context.lathe.stop.count
-        context.tell(lost_link=LostLink(since_s=since_s, silent=silent))
+        context.tell(lost_link=LostLink(since_s=since_s, silent=silent, returned=self._returning))
 
-    def _say(self, **changes: int | float | Problem | None) -> None:
+    def _say(self, **changes: int | float | str | Problem | None) -> None:
         lost = self._context.state.lost_link
         if lost is not None and (after := replace(lost, **changes)) != lost:  # type: ignore[arg-type]
             self._context.tell(lost_link=after)
@@ -97,6 +98,7 @@ class Reconnecting:
     def _return(self, stops: int) -> None:
         """Read the machine at the end of a connection that was just opened."""
         context = self._context
+        self._know_again()
         try:
             context.lathe.reconnect()
         except ProblemError as error:
@@ -111,6 +113,24 @@ class Reconnecting:
         # Somebody who has pressed a stop meanwhile wants it now, wherever the tool is.
         self._watch = _Watch(until_s=until_s, stops=self._undelivered)
         self._watch_ending(self._watch)
+
+    @property
+    def _returning(self) -> str:
+        training = self._context.training
+        known = None if training is None else training.returning
+        return "" if known is None else f"{known.name} ({known.at})"
+
+    def _know_again(self) -> None:
+        """Where an instructor has gone back to a checkpoint, know of the lathe what was known there."""
+        context, training = self._context, self._context.training
+        if training is None or training.returning is None:
+            return
+        self._say(returned=self._returning)
+        restore(context, training.returning)
+        context.alarm_once(Problem(code="link.returned", value=self._returning), Priority.MEDIUM)
+        self._before, training.returning = context.state.alignment, None
+        context.lathe.in_doubt()  # of what the drives do: those stops were another lathe's
+        context.lathe.stop.stop("link.returned")
 
     def _back(self) -> None:
         context = self._context

@@ -39,6 +39,13 @@ class Reopening:
         self._link.drop()
         self.attempts, self.problem, self._next_s = 0, None, now_s
 
+    def lose(self, problem: Problem) -> None:
+        """Give up a connection that is good, for this reason: what is sent from now on fails with it."""
+        self._link.drop(problem)
+        if self._attempt is not None:
+            self._attempt.abandon()
+            self._attempt = None
+
     @property
     def for_ever(self) -> bool:
         """Whether there is nothing left to connect to."""

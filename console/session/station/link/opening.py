@@ -1,0 +1,104 @@
+"""A machine that is opened: its link, its lathe, and the station on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from console.session.data.calibrated_chuck import warnings_of
+from console.session.data.records import killed_or_refused
+from console.session.practice.begins import Begins
+from console.session.station.alarms import Priority
+from console.session.station.context import StationContext, Training
+from console.session.station.reaching import Commissioned, Reached, reach
+from console.session.station.station import Station
+from drivers.beside.heard import Heard
+from drivers.beside.side_line import SideLine
+from drivers.clock import RealClock, TrainingClock
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.stop import StopPath
+from drivers.link.address import LinkAddress
+from drivers.link.tracing import Tracing
+from profiles.files import remove_all_left
+from profiles.store import LoadedMachine
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opened:
+    """An opened machine: its station, its stop, and a function that closes the link and what belongs to it."""
+
+    station: Station
+    stop: StopPath
+    close: Callable[[], None]
+
+
+def open_machine(
+    machine: LoadedMachine,
+    address: LinkAddress,
+    data: Path,
+    tracing: Tracing,
+    begins: Begins | None = None,
+    trained: TrainingClock | None = None,
+) -> Opened:
+    """Connect to a machine; a simulated one is started first, and connected to like a real one.
+
+    `begins` is how a simulated lathe that was placed so is taken over. With `trained` it is in the hands of an
+    instructor, and that is its time.
+
+    Raises:
+        LinkError: a code for each kind of failure; `simulator.not_started`.
+        DriverError: `safety.bad_input`, in the profile.
+    """
+    # Polls arrive once station and lathe both exist; `connect` makes the first.
+    seen: list[Station] = []
+
+    def tell(snapshot: Snapshot) -> None:
+        for station in seen:
+            station.seen(snapshot)
+
+    heard = Heard((trained or RealClock()).now_s)
+    reached = reach(machine, address, data, tracing, tell, heard, trained)
+    context = _context(reached, machine, data, heard, begins, trained)
+    context.tell(address=reached.address)
+    for problem in warnings_of(machine):
+        context.alarm(problem, Priority.LOW)
+    remove_all_left(data)
+    for problem in killed_or_refused(data, machine.machine.name, simulated=reached.simulated):
+        context.alarm(problem, Priority.MEDIUM)
+    seen.append(Station(context))
+    return Opened(station=seen[0], stop=reached.stop, close=reached.close)
+
+
+def _context(
+    reached: Reached,
+    machine: LoadedMachine,
+    data: Path,
+    heard: Heard,
+    begins: Begins | None,
+    trained: TrainingClock | None,
+) -> StationContext:
+    stop = reached.stop
+    return StationContext(
+        lathe=reached.lathe,
+        owning=reached.owning,
+        loaded_machine=machine,
+        clock=reached.clock,
+        shop=reached.shop,
+        records=data,
+        local_time=_local_time,
+        side=SideLine(reached.client, reached.clock, heard, lambda: stop.reason is not None),
+        client=reached.client,
+        commissioned=Commissioned(
+            reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
+        ),
+        reopening=reached.reopening,
+        onlookers=reached.onlookers,
+        begins=begins,
+        training=None if trained is None or reached.shop is None else Training(lathe=reached.shop, clock=trained),
+    )
+
+
+def _local_time() -> str:
+    return datetime.now().astimezone().strftime("%H:%M")
