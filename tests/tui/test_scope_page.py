@@ -155,6 +155,25 @@ def test_a_damaged_record_is_refused_with_its_name(tmp_path: Path) -> None:
     play(tmp_path, scene)
 
 
+def test_the_list_of_kept_records_has_its_keys_and_is_walked_by_the_page(tmp_path: Path) -> None:
+    folder = tmp_path / "scope"
+    folder.mkdir()
+    for number in range(30):
+        (folder / f"lathe-202601{number:02d}.csv").write_text(record_text(scope_stage.record()), encoding="utf-8")
+
+    async def scene(stage: Stage) -> None:
+        assert "Nothing gathered" in await stage.press() and "mm, um, ° over s" in await stage.press()
+        assert "g gather" in await stage.press()
+        shown = await stage.press("o")
+        assert "o close" in shown and "g gather" not in shown
+        for key, number in (("end", 0), ("pageup", 15), ("home", 29), ("pagedown", 14)):
+            assert f"▶ lathe-202601{number:02d}.csv" in await stage.press(key), key
+        shown = await stage.press("o")
+        assert "g gather" in shown and "▶ lathe" not in shown
+
+    play(tmp_path, scene)
+
+
 def test_one_to_six_channels_are_gathered() -> None:
     setup = ScopeSetup()
     for row in range(len(CHANNELS)):
