@@ -140,13 +140,15 @@ def test_a_damaged_record_is_refused_with_its_name(tmp_path: Path) -> None:
     folder.mkdir()
     text = record_text(scope_stage.record())
     for number, damaged in enumerate(
-        (text.replace("scope 1", "scope 9"), text.replace("[m]", "[um]"), text[:200])
+        (text.replace("scope 1", "scope 9"), text.replace("[m]", "[um]"), text[:200], "", text[: len(text) // 2])
     ):
         path = folder / f"lathe-2026010{number}.csv"
         path.write_text(damaged, encoding="utf-8")
         with pytest.raises(ProfileError) as refused:
             read_record(path)
         assert refused.value.problems[0].code == "scope.unreadable" and path.name in str(refused.value)
+    last = text[: len(text) // 2].count("\n") + 1
+    assert refused.value.problems[0].value == f"damaged or cut short at line: {last}"
 
     async def scene(stage: Stage) -> None:
         await stage.press("o", "enter")
