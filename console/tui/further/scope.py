@@ -95,7 +95,9 @@ class ScopePage(Page):
         elif action == "scope.cancel":
             self._errand.cancel()
         elif action == "scope.list":
-            self._listing, self._files, self._file = True, records_of(self.ui.data), 0
+            with self.ui.answering():
+                self._files = records_of(self.ui.data)
+                self._listing, self._file = True, 0
         elif action == "scope.keep" and self._record is not None:
             with self.ui.answering():
                 path = keep_record(self.ui.data, self._record)

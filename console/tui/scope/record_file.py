@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from console.session.data.kept_files import folder_name, make_folder
+from console.session.data.kept_files import folder_name, make_folder, names_in
 from drivers.beside.scope_gather import Record
 from drivers.beside.scope_setup import Channel, Trigger, channel_of
 from profiles.arrays import Floats
@@ -83,12 +83,10 @@ def _numbers(lines: list[str], columns: int) -> Floats:
 
 
 def records_of(data: Path) -> tuple[Path, ...]:
-    """Return the kept records, newest first by the times in their names."""
-    try:
-        found = [path for path in (data / FOLDER).iterdir() if path.suffix == ".csv" and path.is_file()]
-    except OSError:
-        return ()
-    return tuple(sorted(found, key=lambda path: path.stem.rpartition("-")[2], reverse=True))
+    """Return the kept records, newest first by the times in their names; ProfileError `file.unreadable`."""
+    return tuple(
+        sorted(names_in(data / FOLDER, ".csv"), key=lambda path: path.stem.rpartition("-")[2], reverse=True)
+    )
 
 
 def _channel(head: str) -> Channel:
