@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from datetime import date
 from enum import Enum
 from types import NoneType, UnionType
@@ -122,7 +122,7 @@ def read_own(
     """
     try:
         if not isinstance(table, Mapping):
-            raise TypeError(f"{type(table).__name__} in the place of an object")
+            raise TypeError("no object")
         version = table["schema"]
         if type(version) is not int or version != schema:
             shown = printable(str(version), 60)
@@ -131,8 +131,8 @@ def read_own(
         found = record(kind, {key: value for key, value in table.items() if key != "schema" or key in own})
         judge(found)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
-        value = printable(" ".join(f"{type(error).__name__}: {error}".split()))
-        raise refused(code, where=where, value=value) from error
+        said = f"{error.args[0]} missing" if isinstance(error, KeyError) and error.args else str(error)
+        raise refused(code, where=where, value=printable(" ".join(said.split()))) from error
     return found
 
 
@@ -142,9 +142,13 @@ def record(kind: type[Record], table: Mapping[str, Any]) -> Record:
     Raises `TypeError`, `ValueError`: a value of another type, a key that is missing, or one that is unknown.
     """
     hints = get_type_hints(kind)
-    known = {field.name for field in fields(kind)}  # type: ignore[arg-type]
+    own = fields(kind)  # type: ignore[arg-type]
+    known = {each.name for each in own}
     if strange := table.keys() - known:
-        raise TypeError(f"unknown {sorted(strange)}")
+        raise TypeError(f"unknown {', '.join(sorted(map(str, strange)))}")
+    needed = {each.name for each in own if each.default is MISSING and each.default_factory is MISSING}
+    if missing := needed - table.keys():
+        raise TypeError(f"{', '.join(sorted(missing))} missing")
     return kind(**{name: _typed(hints[name], value) for name, value in table.items()})
 
 

@@ -9,7 +9,7 @@ import stat
 from datetime import UTC, datetime
 from pathlib import Path
 
-from console.session.data.kept_files import file_error, jobs_folder, make_folder
+from console.session.data.kept_files import file_error, jobs_folder, make_folder, there
 from profiles.files import TOML_CAP_BYTES, printable, read_regular_file, write_atomically
 from profiles.problem import Problem, ProfileError
 from profiles.store import load_job
@@ -28,7 +28,7 @@ def delete_job(data: Path, path: Path) -> Path:
     make_folder(folder)
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f") + "Z"
     names = itertools.chain([stamp], (f"{stamp}-{number}" for number in itertools.count(2)))
-    target = next(each for name in names if not (each := folder / f"{path.stem}.{name}.toml").exists())
+    target = next(each for name in names if not there(each := folder / f"{path.stem}.{name}.toml"))
     _move(path, target)
     return target
 
@@ -101,7 +101,7 @@ def export_job(data: Path, path: Path) -> Path:
     folder = data / EXPORTED
     make_folder(folder)
     names = itertools.chain([path.stem], (f"{path.stem}-{number}" for number in itertools.count(2)))
-    target = next(each for name in names if not (each := folder / f"{name}.toml").exists())
+    target = next(each for name in names if not there(each := folder / f"{name}.toml"))
     write_atomically(target, content, overwrite=False, private=True)
     return target
 

@@ -282,6 +282,7 @@ class ConsoleApp(ListeningApp):
             own=self.ui.appearance.keys,
             silent=self.ui.appearance.bell == "off",
             client=self.ui.terminal.client,
+            keys=page.keys,
         )
         width = max(self.size.width - 2, 1)
         if self._list.is_palette:

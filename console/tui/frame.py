@@ -9,6 +9,7 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cache
 
 from rich.cells import cell_len
 
@@ -17,7 +18,8 @@ from console.session.station.alarms import Alarm, Priority, foremost, unseen
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
-from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, actions_of, written_key
+from console.tui.key_help import written_key
+from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, RowKey, actions_of
 from console.tui.lines import (
     BLANK,
     Line,
@@ -54,7 +56,8 @@ class Frame:
 
     `job` is the open one, `jobs` are all saved ones: where it is shortened it looks like none of them.
     `own` are keys of the operator's own. `silent`: no alarm rings. `client` is where a terminal comes from that is
-    not at this computer. `badge` is shown before everything else: what is shown is not a machine.
+    not at this computer. `badge` is shown before everything else: what is shown is not a machine. `keys` are in
+    the key row in place of those of the page.
     """
 
     text: Catalogue
@@ -72,6 +75,7 @@ class Frame:
     badge: str = ""
     silent: bool = False
     client: str = ""
+    keys: tuple[RowKey, ...] = ()
 
 
 def state_row(frame: Frame, width: int) -> list[Line]:
@@ -281,18 +285,31 @@ def keys_row(frame: Frame, width: int) -> list[Line]:
     pieces: list[tuple[str, Token]] = [(" ", Token.TEXT)]
     helping = [("?", Token.KEY), (f" {frame.text('key.help')}", Token.DIM)]
     room = width - 1 - width_of(tuple(helping))
-    for action in actions_of(frame.page):
-        written = action.shown if action.row is None else action.row
-        if not written:
-            continue
-        if (mine := frame.own.get(action.id)) is not None:
-            written = f"{written_key(mine)} {action.row or ''}".rstrip()
-        fresh = [(written, Token.KEY), (f" {frame.text(f'key.{action.id}')}  ", Token.DIM)]
+    for key in frame.keys or _keys_of(frame.page):
+        written = key.shown
+        if (mine := frame.own.get(key.action)) is not None:
+            written = f"{written_key(mine)} {key.shown if key.doubled else ''}".rstrip()
+        fresh = [(written, Token.KEY), (f" {frame.text(key.words)}  ", Token.DIM)]
         room -= width_of(tuple(fresh))
         if room < 0:
             break
         pieces += fresh
     return [(*pieces, *helping)]
+
+
+@cache
+def _keys_of(page: PageName) -> tuple[RowKey, ...]:
+    """Return the keys that the row shows of a page."""
+    return tuple(
+        RowKey(
+            action=action.id,
+            shown=action.shown if action.row is None else action.row,
+            words=f"key.{action.id}",
+            doubled=bool(action.row),
+        )
+        for action in actions_of(page)
+        if action.row != ""
+    )
 
 
 ROWS: dict[str, Callable[[Frame, int], list[Line]]] = {

@@ -1,4 +1,4 @@
-"""Key bindings, each defined once: action, pages, and whether it can move the machine; and the lists of `?`.
+"""Key bindings, each defined once: action, pages, and whether it can move the machine.
 
 A key is bound by its Textual name ("f5", "up") or, where it writes something, by its character, so that a Hangul
 layout works, too: a letter has the jamo of its key beside it. No motion is on a letter or on Enter. Stop is no
@@ -13,9 +13,6 @@ from enum import Enum, StrEnum, auto
 from functools import cache
 
 from console.session.appearance import OwnKeys
-from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, dim, fitted, line, wrapped
-from console.tui.theme import Token
 
 STOP_KEYS = ("space", "escape", "f12")
 """Space and F12 anywhere but in free text, where it is F12; Escape second: a terminal may lose it.
@@ -24,9 +21,6 @@ Escape closes the list of keys where one is open and nothing moves.
 """
 
 KILL_KEYS = ("f9",)
-
-KEY_WIDTH = 8
-LISTS = 2  # lists of keys
 
 
 class PageName(StrEnum):
@@ -92,6 +86,19 @@ class Action:
         """The page of the key, by which its id begins; None for a key of every page."""
         name, dot, _ = self.id.partition(".")
         return _PAGES.get(name) if dot else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowKey:
+    """A key in the key row: its action, how it is written, and the key of its words in the catalogues.
+
+    One of the operator's own is beside it where it is `doubled`, else in its place.
+    """
+
+    action: str
+    shown: str
+    words: str
+    doubled: bool = False
 
 
 CLOSE = Action(id="close", keys=("backspace",), shown="⌫")
@@ -265,6 +272,10 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="tune.view", keys=("v", "ㅍ"), shown="v"),
     Action(id="tune.up", keys=("up",), shown="↑", row="↑↓"),
     Action(id="tune.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="tune.page_up", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="tune.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="tune.first", keys=("home",), shown="Home", row=""),
+    Action(id="tune.last", keys=("end",), shown="End", row="", beside=True),
     Action(id="tune.read", keys=("r", "ㄱ"), shown="r"),
     Action(id="tune.kind", keys=("x", "ㅌ"), shown="x"),
     Action(id="tune.arm", keys=("f5",), shown="F5", once=True),
@@ -275,6 +286,10 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="calibrate.view", keys=("p", "ㅔ"), shown="p"),
     Action(id="calibrate.up", keys=("up",), shown="↑", row="↑↓"),
     Action(id="calibrate.down", keys=("down",), shown="↓", row="", beside=True),
+    Action(id="calibrate.page_up", keys=("pageup",), shown="PgUp", row=""),
+    Action(id="calibrate.page_down", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="calibrate.first", keys=("home",), shown="Home", row=""),
+    Action(id="calibrate.last", keys=("end",), shown="End", row="", beside=True),
     Action(id="calibrate.new", keys=("n", "ㅜ"), shown="n"),
     Action(id="calibrate.take", keys=("enter",), shown="Enter", row=""),
     Action(id="calibrate.import", keys=("i", "ㅑ"), shown="i"),
@@ -311,6 +326,8 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="scope.right", keys=("right",), shown="→", row="", beside=True),
     Action(id="scope.far_left", keys=("pageup",), shown="PgUp", row=""),
     Action(id="scope.far_right", keys=("pagedown",), shown="PgDn", row="", beside=True),
+    Action(id="scope.first", keys=("home",), shown="Home", row=""),
+    Action(id="scope.last", keys=("end",), shown="End", row="", beside=True),
     Action(id="scope.cursor", keys=("tab",), shown="Tab", row=""),
     Action(id="scope.channel", keys=("n", "ㅜ"), shown="n"),
     Action(id="scope.angle", keys=("v", "ㅍ"), shown="v"),
@@ -348,53 +365,7 @@ def action_of(key: str, character: str | None, page: PageName, own: OwnKeys = NO
     return next((action for action in mine if action.page in (None, page)), None)
 
 
-def written_key(key: str) -> str:
-    """Return a letter or a function key as the screens write it: "q", "F10"."""
-    return key.upper() if len(key) > 1 else key
-
-
-def shown_key(action: Action, own: OwnKeys) -> str:
-    """Return the keys of an action in the lists: an own one first, alone where both have no room."""
-    mine = own.get(action.id)
-    if mine is None:
-        return action.shown
-    both = f"{written_key(mine)} {action.shown}"
-    return both if len(both) < KEY_WIDTH else written_key(mine)
-
-
 @cache
 def actions_of(page: PageName) -> tuple[Action, ...]:
     """Return the actions of one page alone."""
     return tuple(action for action in ACTIONS if action.page is page)
-
-
-def words_of(text: Catalogue, action: Action) -> str:
-    """Return what the help says of an action; one without a row of its own has the words of the key before."""
-    key = f"key_help.{action.id}"
-    if not action.beside or text(key) != key:
-        return text(key)
-    before = ACTIONS[: ACTIONS.index(action)]
-    return text(f"key_help.{next(each.id for each in reversed(before) if not each.beside)}")
-
-
-def help_lines(text: Catalogue, page: PageName, number: int, width: int, own: OwnKeys = NO_KEYS) -> list[Line]:
-    """Return the list `number`, from 1 to `LISTS`; a long sentence continues in the next row."""
-    if number == 1:
-        rows = [line((text(f"page.{page}"), Token.TITLE))]
-        for action in actions_of(page):
-            if not action.beside or action.id in own:
-                rows += _row(shown_key(action, own), words_of(text, action), width)
-        return [*rows, BLANK, line(dim(text("help.more")))]
-    rows = [line((text("help.everywhere"), Token.TITLE))]
-    for shown, said in (("Space", text("help.stop")), ("F9", text("help.kill")), ("", text("help.unbound"))):
-        rows += _row(shown, said, width)
-    for action in ACTIONS:
-        if action.page is None and action is not CLOSE and (not action.beside or action.id in own):
-            rows += _row(shown_key(action, own), words_of(text, action), width)
-    return [*rows, line(dim(text("help.terms")))]
-
-
-def _row(shown: str, said: str, width: int) -> list[Line]:
-    head, *more = wrapped(said, max(width - KEY_WIDTH, 1))
-    rows: list[Line] = [((fitted(shown, KEY_WIDTH), Token.KEY), *head)]
-    return rows + [(dim(" " * KEY_WIDTH), *row) for row in more]

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from console.text.catalogue import Catalogue
 from console.tui.frame import MARKS, Frame, answer_of
 from console.tui.glossary import glossary_lines
-from console.tui.keymap import LISTS, Action, help_lines
+from console.tui.key_help import LISTS, help_lines
+from console.tui.keymap import Action
 from console.tui.lines import BLANK, Line, Sheet, dim, hanging, line, wrapped
 from console.tui.link.lost_lines import lost_rows
 from console.tui.pages.fields import named

@@ -12,7 +12,7 @@ from textual.geometry import Size
 from textual.widget import Widget
 
 from console.tui.gate import FieldKind
-from console.tui.keymap import PageName
+from console.tui.keymap import PageName, RowKey
 from console.tui.layout import TALL_ROWS, WIDE
 from console.tui.lines import Line
 from console.tui.ui_context import UiContext, View
@@ -76,6 +76,11 @@ class Page(Container):
     def chosen_alarm(self) -> Problem | None:
         """The alarm that the key of every page acknowledges here; None for the foremost."""
         return None
+
+    @property
+    def keys(self) -> tuple[RowKey, ...]:
+        """The keys of what is open in the place of the page; empty for those of the page."""
+        return ()
 
     @property
     def field(self) -> FieldKind:

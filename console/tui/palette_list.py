@@ -7,17 +7,15 @@ from dataclasses import dataclass
 
 from console.session.appearance import OwnKeys
 from console.text.catalogue import Catalogue
+from console.tui.key_help import KEY_WIDTH, shown_key, words_of
 from console.tui.keymap import (
     ACTIONS,
     CLOSE,
-    KEY_WIDTH,
     NO_KEYS,
     PALETTE,
     Action,
     PageName,
     actions_of,
-    shown_key,
-    words_of,
 )
 from console.tui.lines import Line, dim, fitted, hanging, line, ranged, width_of, wrapped
 from console.tui.pages.fields import named

@@ -134,8 +134,8 @@ _DISPLAY = {  # unit, and how many of it are one SI unit
     (False, Quantity.FOLLOWING_ERROR): ("um", 1e6),
     (False, Quantity.VELOCITY): ("mm/s", 1e3),
     (False, Quantity.OUTPUT): ("V", 1.0),
-    (True, Quantity.ACTUAL): ("deg", 57.29577951308232),
-    (True, Quantity.FOLLOWING_ERROR): ("deg", 57.29577951308232),
+    (True, Quantity.ACTUAL): ("°", 57.29577951308232),
+    (True, Quantity.FOLLOWING_ERROR): ("°", 57.29577951308232),
     (True, Quantity.VELOCITY): ("rpm", 9.549296585513721),
 }
 

@@ -6,7 +6,7 @@ import os
 import signal
 import sqlite3
 from argparse import Namespace
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,12 +15,19 @@ import pytest
 from console.cli.library import data_of
 from console.cli.machine.data_folder_checks import data_folder_checks
 from console.session.data import calibrations, learned_store, stop_records
+from console.session.data.controller_backups import backups_of
 from console.session.data.history import last_results
-from console.session.data.kept_files import jobs_folder
+from console.session.data.identified import kept_responses
+from console.session.data.kept_files import jobs_folder, require_open
 from console.session.data.records import RunRecord, killed_runs
+from console.session.data.trace_folder import offered
 from console.session.errors import SessionError
 from console.session.station.owning import take_lock
 from console.session.work import opened, saved_as
+from console.tui.controller.watch_file import read_watch, watch_path
+from console.tui.controller.watching import WatchTable
+from console.tui.scope.record_file import records_of
+from drivers.cutting.strategy import Strategy
 from profiles.files import made_locked, remove_all_left
 from profiles.findings import Severity
 from profiles.problem import ProfileError
@@ -201,6 +208,37 @@ def test_a_folder_that_was_copied_by_hand_and_is_closed_is_said_not_taken_for_em
 
     for folder in (data / "jobs", data / "stops", learned):
         folder.chmod(0o700)
+    as_account(B, is_said)
+
+
+def test_a_folder_that_is_closed_while_the_console_runs_is_said_not_taken_for_empty(data: Path) -> None:
+    machine = MACHINE
+    folders: dict[str, Callable[[], object]] = {
+        "backups": lambda: backups_of(data, machine.name),
+        "scope": lambda: records_of(data),
+        "watch": lambda: read_watch(watch_path(data, machine.name)),
+        "identified": lambda: kept_responses(data, machine, Strategy.PVT),
+        "jobs": lambda: require_open(jobs_folder(data)),
+        "traces": lambda: offered(data / "traces"),
+    }
+
+    def makes() -> None:
+        for name in folders:
+            (data / name / machine.name).mkdir(parents=True)
+            (data / name).chmod(0o700)
+
+    def is_said() -> None:
+        for name, reads in folders.items():
+            with pytest.raises(ProfileError) as unreadable:
+                reads()
+            (problem,) = unreadable.value.problems
+            assert problem.code == "file.unreadable" and problem.where.startswith(str(data / name)), name
+        table = WatchTable(data, machine.name)
+        table.load()
+        with pytest.raises(ProfileError):  # and not written over
+            table.remove()
+
+    as_account(A, makes)
     as_account(B, is_said)
 
 

@@ -105,7 +105,45 @@ def test_a_value_that_is_none_stays_in_the_entry_and_says_why(tmp_path: Path) ->
             assert (stage.codes, stage.field()) == ([code], FieldKind.NUMBER), words
             stage.ui.said = ()
         await stage.enter("10", "")
-        assert stage.field() == FieldKind.NONE and "not stored: 0 points" in stage.words, "half a point is none"
+        assert stage.field() == FieldKind.NONE and "not stored" not in stage.words, "half a point is none"
+
+    play_on(CalibrateScene, scene, tmp_path)
+
+
+def test_before_the_first_point_nothing_is_wrong_and_an_entry_of_nothing_leaves_nothing(tmp_path: Path) -> None:
+    async def scene(stage: CalibrateScene) -> None:
+        await stage.show()
+        await stage.act_on("calibrate.kind", "calibrate.new")
+        assert "Young's modulus" in stage.words and "!" not in stage.words
+        await stage.enter("")
+        assert "None is stored" in stage.words and stage.field() == FieldKind.NONE
+        await stage.act_on("calibrate.keep")
+        assert stage.codes == ["screen.calibrate_nothing"] and kept_files(tmp_path) == []
+
+    play_on(CalibrateScene, scene, tmp_path)
+
+
+def test_a_long_list_is_walked_by_the_page_and_from_end_to_end(tmp_path: Path) -> None:
+    for day in range(10, 30):
+        keep_wrench(tmp_path, date=f"2025-11-{day}T08:00:00.000Z")
+
+    async def scene(stage: CalibrateScene) -> None:
+        await stage.show()
+        assert "▶ 2025-11-29" in stage.words
+        for action, day in (("last", 10), ("page_up", 15), ("page_up", 20), ("page_down", 15), ("first", 29)):
+            await stage.act_on(f"calibrate.{action}")
+            assert f"▶ 2025-11-{day}" in stage.words, action
+
+    play_on(CalibrateScene, scene, tmp_path, size=(80, 18))
+
+
+def test_empty_plots_name_their_units(tmp_path: Path) -> None:
+    async def scene(stage: CalibrateScene) -> None:
+        await stage.show()
+        await stage.act_on("calibrate.view")
+        for units in ("N over N m", "um: measured over fitted", "No plot"):
+            assert units in stage.text
+            await stage.act_on("calibrate.kind")
 
     play_on(CalibrateScene, scene, tmp_path)
 

@@ -25,7 +25,8 @@ from console.tui.frame import (
     stop_row,
 )
 from console.tui.gate import FieldKind
-from console.tui.keymap import LISTS, PageName, actions_of, help_lines
+from console.tui.key_help import LISTS, help_lines
+from console.tui.keymap import PageName, actions_of
 from console.tui.lines import line, plain, width_of
 from console.tui.theme import Token
 from drivers.lathe.snapshot import FAULT_FLAGS, AxisName, AxisState, Snapshot

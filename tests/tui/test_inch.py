@@ -99,7 +99,7 @@ def test_the_scope_reads_off_inches_what_it_reads_off_millimetres() -> None:
     for name, unit, other, size, digit in (
         ("Tool cmd", "mm", "in", 25.4, 1e-6),
         ("Tool FE", "um", "uin", 0.0254, 0.01),
-        ("Spindle act", "deg", "deg", 1.0, 0.01),
+        ("Spindle act", "°", "°", 1.0, 0.01),
     ):
         before, after = reading(metric, f"{name} {unit}"), reading(inch, f"{name} {other}")
         assert after == pytest.approx([value / size for value in before], abs=digit + 0.0005 / size), name

@@ -22,7 +22,8 @@ from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver, Written
 from console.tui.gate import FieldKind, HeldKeys, Situation
-from console.tui.keymap import ACTIONS, CLOSE, PALETTE, PageName, actions_of, words_of
+from console.tui.key_help import words_of
+from console.tui.keymap import ACTIONS, CLOSE, PALETTE, PageName, actions_of
 from console.tui.pace import Pace
 from console.tui.palette_list import STOPPING, Entry, entries, found
 from console.tui.scanning.collector import Collector

@@ -140,17 +140,38 @@ def test_a_damaged_record_is_refused_with_its_name(tmp_path: Path) -> None:
     folder.mkdir()
     text = record_text(scope_stage.record())
     for number, damaged in enumerate(
-        (text.replace("scope 1", "scope 9"), text.replace("[m]", "[um]"), text[:200])
+        (text.replace("scope 1", "scope 9"), text.replace("[m]", "[um]"), text[:200], "", text[: len(text) // 2])
     ):
         path = folder / f"lathe-2026010{number}.csv"
         path.write_text(damaged, encoding="utf-8")
         with pytest.raises(ProfileError) as refused:
             read_record(path)
         assert refused.value.problems[0].code == "scope.unreadable" and path.name in str(refused.value)
+    last = text[: len(text) // 2].count("\n") + 1
+    assert refused.value.problems[0].value == f"damaged or cut short at line: {last}"
 
     async def scene(stage: Stage) -> None:
         await stage.press("o", "enter")
         assert stage.codes == ["scope.unreadable"]
+
+    play(tmp_path, scene)
+
+
+def test_the_list_of_kept_records_has_its_keys_and_is_walked_by_the_page(tmp_path: Path) -> None:
+    folder = tmp_path / "scope"
+    folder.mkdir()
+    for number in range(30):
+        (folder / f"lathe-202601{number:02d}.csv").write_text(record_text(scope_stage.record()), encoding="utf-8")
+
+    async def scene(stage: Stage) -> None:
+        assert "Nothing gathered" in await stage.press() and "mm, um, ° over s" in await stage.press()
+        assert "g gather" in await stage.press()
+        shown = await stage.press("o")
+        assert "o close" in shown and "g gather" not in shown
+        for key, number in (("end", 0), ("pageup", 15), ("home", 29), ("pagedown", 14)):
+            assert f"▶ lathe-202601{number:02d}.csv" in await stage.press(key), key
+        shown = await stage.press("o")
+        assert "g gather" in shown and "▶ lathe" not in shown
 
     play(tmp_path, scene)
 

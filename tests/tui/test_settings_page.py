@@ -20,7 +20,8 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.frame import keys_row
-from console.tui.keymap import PageName, help_lines
+from console.tui.key_help import help_lines
+from console.tui.keymap import PageName
 from console.tui.lines import plain, width_of
 from console.tui.settings.glyphs import in_ascii
 from console.tui.settings.own_keys import REMAPPABLE

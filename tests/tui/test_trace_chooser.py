@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import os
+import threading
+import time
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -73,7 +75,7 @@ class Staged:
             self.page.show(self.view)
             await pilot.pause()
             choice = self.page._chooser._choice
-            if choice is None or choice.file is None or choice.found is not None:
+            if choice is None or (choice.listed and (choice.file is None or choice.found is not None)):
                 break
         for _ in range(2):
             self.page.show(self.view)
@@ -214,3 +216,57 @@ def test_a_file_that_comes_while_the_list_is_open_is_listed_and_the_selection_st
     first, second = staged.play(scene)
     assert "▸ first.csv" in first
     assert "▸ first.csv" in second and "  second.csv" in second
+
+
+def test_a_folder_that_hangs_holds_no_key_and_the_list_comes_when_it_answers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a network folder whose server is gone: every look at it waits."""
+    gauge(tmp_path, "part.csv", state="free", direction="ccw", start_mark="jaw 1")
+    answers = threading.Event()
+    there = os.stat
+
+    def waits(path: Any, **options: Any) -> os.stat_result:
+        if str(path).endswith("traces"):
+            answers.wait(20.0)
+        return there(path, **options)
+
+    staged = Staged(tmp_path)
+
+    async def scene(pilot: Pilot[None]) -> tuple[str, str, float, str]:
+        monkeypatch.setattr(os, "stat", waits)
+        began = time.monotonic()
+        staged.page.act("inspect.import")
+        staged.page.show(staged.view)
+        staged.page.act("inspect.down")
+        staged.page.show(staged.view)
+        await pilot.pause()
+        waited, during, step = time.monotonic() - began, grid(staged.app), staged.next_step
+        answers.set()
+        return during, step, waited, await staged.do(pilot, "inspect.up")
+
+    during, step, waited, after = staged.play(scene)
+    assert "Reading the folder" in during and "No trace file yet" not in during
+    assert "i: close" in step
+    assert waited < 5.0
+    assert "▸ part.csv" in after
+
+
+def test_the_key_row_has_the_keys_of_the_open_list(tmp_path: Path) -> None:
+    gauge(tmp_path, "part.csv", direction="cw")
+    staged = Staged(tmp_path)
+
+    async def scene(pilot: Pilot[None]) -> list[set[str]]:
+        rows = [{each.shown for each in staged.page.keys}]
+        for action in ("inspect.import", "inspect.state", "inspect.mark", "inspect.path", "inspect.next"):
+            await staged.do(pilot, action)
+            rows.append({each.shown for each in staged.page.keys})
+        await staged.do(pilot, "inspect.import")
+        return [*rows, {each.shown for each in staged.page.keys}]
+
+    before, opened, _, answered, typing, listed, closed = staged.play(scene)
+    assert before == closed == set()  # those of the page
+    assert opened == {"↑↓", "s", "j", "p", "i"}  # the direction is stated, and nothing can be taken yet
+    assert answered == opened | {"Enter"}
+    assert typing == {"Enter"}
+    assert listed == answered

@@ -25,8 +25,8 @@ from drivers.cutting.strategy import Strategy
 from drivers.identification.tool_loop import ToolLoop
 from drivers.lathe.snapshot import AxisState, Snapshot
 from drivers.lathe.standing import Standing
-from tests.tui import run_stage, tune_stage
-from tests.tui.machine_states import ON, REST
+from tests.tui import align_stage, run_stage, tune_stage
+from tests.tui.machine_states import ON, REST, aligned
 from tests.tui.page_stage import PageScene, play_on
 from tests.tui.stage import LANGUAGES, lathe
 
@@ -252,6 +252,35 @@ def test_a_test_is_refused_with_its_reason(state: StationState, code: str, tmp_p
     async def scene(stage: TuneScene) -> None:
         await stage.act("tune.arm")
         assert stage.codes == [code] and not [o for o in stage.control.orders if o != ReadLoop()]
+
+    play_on(TuneScene, scene, tmp_path, state=state)
+
+
+def test_before_the_first_test_the_page_says_what_one_does_and_in_which_unit(tmp_path: Path) -> None:
+    async def scene(stage: TuneScene) -> None:
+        await stage.act("tune.view")
+        await stage.act("tune.view")
+        assert "Step, um over ms" in stage.text and "a sine of 40 Hz" in stage.words
+        await stage.act("tune.kind")
+        assert "it swings by" in stage.words
+
+    play_on(TuneScene, scene, tmp_path, state=SET_UP, size=(80, 18))
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        (STATE, "A test needs drives enabled and axes homed"),
+        (SET_UP, "F5 arms"),
+        (replace(SET_UP, alignment=aligned(76.1), snapshot=align_stage.IN_PART), "jog it away"),
+        (replace(SET_UP, armed=run_stage.armed()), "F5 says why"),
+    ],
+    ids=["drives off", "ready", "at the part", "cut armed"],
+)
+def test_the_next_step_is_what_a_test_still_lacks(state: StationState, words: str, tmp_path: Path) -> None:
+    async def scene(stage: TuneScene) -> None:
+        await stage.act("tune.kind")
+        assert words in stage.next_step
 
     play_on(TuneScene, scene, tmp_path, state=state)
 

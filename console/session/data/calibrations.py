@@ -21,6 +21,7 @@ from console.session.data.kept_files import (
     keep,
     kept,
     make_folder,
+    there,
 )
 from profiles.files import printable
 from profiles.job import Job, copy_of
@@ -113,7 +114,7 @@ def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
     folder = jobs_folder(data)
     make_folder(folder)
     paths = (folder / f"{loaded.path.stem}-{number}.toml" for number in itertools.count(2))
-    path = next(path for path in paths if not path.exists())
+    path = next(path for path in paths if not there(path))
     save_job(copy_of(job, path.stem, loaded.job.name), path, private=True)
     return load_job(str(path))
 

@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from console.session.data.kept_files import folder_name, make_folder
+from console.session.data.kept_files import folder_name, make_folder, names_in
 from drivers.errors import RefusedError
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.problem import Problem
@@ -39,13 +39,12 @@ def backup_path(data: Path, machine: str) -> Path:
 
 
 def backups_of(data: Path, machine: str) -> tuple[Path, ...]:
-    """Return the backups of a machine in the data folder, newest first by their names."""
+    """Return the backups of a machine in the data folder, newest first by their names.
+
+    Raises ProfileError: `file.unreadable`.
+    """
     named = f"{folder_name(machine)}-"
-    try:
-        found = [path for path in (data / FOLDER).iterdir() if path.name.startswith(named)]
-    except OSError:
-        return ()
-    kept = (path for path in found if path.suffix == SUFFIX and path.is_file())
+    kept = (path for path in names_in(data / FOLDER, SUFFIX) if path.name.startswith(named))
     return tuple(sorted(kept, key=lambda path: path.name, reverse=True))[:MOST_LISTED]
 
 

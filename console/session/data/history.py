@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from console.session.errors import SessionError
 from profiles.own_values import from_json, number, text
+from profiles.problem import ProblemError
 
 RECENT = 20  # parts of a job that are kept one by one
 LOCK_TIMEOUT_S = 0.1  # how long to wait for a writer; a list of jobs is not worth more
@@ -52,7 +52,7 @@ def last_results(folder: Path, *, simulated: bool) -> LastResults:
 
     try:
         measured = rows(folder, _QUERY, (int(simulated),), LOCK_TIMEOUT_S)
-    except (SessionError, sqlite3.Error):
+    except (ProblemError, sqlite3.Error):
         return {}
     results: dict[str, LastResult] = {}
     for data, at_utc in measured:

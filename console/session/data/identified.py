@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.session.data.kept_files import file_error, folder_name, keep, kept
+from console.session.data.kept_files import file_error, folder_name, keep, kept, names_in, there
 from console.session.errors import SessionError, refuse
 from drivers.cutting.strategy import Strategy
 from drivers.identification.result import IdentifiedResponse, as_response, as_table, from_table, unfit_problems
@@ -99,10 +99,11 @@ def kept_responses(
 
     Raises:
         SessionError: `response.none_kept`; where none applies, every reason of the newest.
-        ProfileError: where none applies and the newest cannot be read.
+        ProfileError: the folder cannot be read; where none applies, the newest cannot be read.
     """
     folder = data / FOLDER / folder_name(machine.name)
-    files = sorted(folder.glob(f"{path}-*.json"), reverse=True)[:MOST_OFFERED]
+    files = sorted((file for file in names_in(folder, ".json") if file.match(f"{path}-*")), reverse=True)
+    files = files[:MOST_OFFERED]
     if not files:
         raise SessionError(Problem(code="response.none_kept", key=machine.name, value=path))
     found: list[ChosenResponse] = []
@@ -127,7 +128,7 @@ def asked_response(
     if asked == NEWEST:
         return kept_responses(data, machine, path, simulated=simulated)[0]
     file = Path(asked)
-    if not file.exists():
+    if not there(file):
         file = kept_file(data, machine, asked) or file
     return _chosen_in(file, machine, path, simulated=simulated)
 
@@ -135,7 +136,7 @@ def asked_response(
 def kept_file(data: Path, machine: MachineProfile, name: str) -> Path | None:
     """Return the file of a kept response by its name, None where there is none."""
     file = data / FOLDER / folder_name(machine.name) / name
-    return file if Path(name).name == name and file.is_file() else None
+    return file if Path(name).name == name and there(file) else None
 
 
 def response_problems(

@@ -41,6 +41,39 @@ def file_error(code: str, path: Path, error: OSError) -> ProfileError:
     return ProfileError(Problem(code=code, where=printable(str(path)), value=error.strerror or str(error)))
 
 
+def there(path: Path) -> bool:
+    """Return whether there is anything at a path. Raises ProfileError: `file.unreadable`, its folder is closed."""
+    try:
+        return path.exists()
+    except OSError as error:
+        raise file_error("file.unreadable", path, error) from error
+
+
+def require_open(folder: Path) -> None:
+    """Raise ProfileError `file.unreadable` where a folder cannot be listed or entered; a missing one is fine."""
+    try:
+        first = next(folder.iterdir(), None)
+        if first is not None:
+            first.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except OSError as error:
+        raise file_error("file.unreadable", folder, error) from error
+
+
+def names_in(folder: Path, suffix: str) -> list[Path]:
+    """Return the files of a folder with a suffix, none where there is no folder.
+
+    Raises ProfileError: `file.unreadable`, it cannot be read: closed is not empty.
+    """
+    try:
+        return [path for path in folder.iterdir() if path.suffix == suffix and path.is_file()]
+    except (FileNotFoundError, NotADirectoryError):  # it is made with the first file
+        return []
+    except OSError as error:
+        raise file_error("file.unreadable", folder, error) from error
+
+
 def keep(path: Path, table: Mapping[str, Any]) -> None:
     """Write a new file, creating its folder; ProfileError `file.exists`, `file.not_writable`."""
     make_folder(path.parent)

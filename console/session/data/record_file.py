@@ -9,6 +9,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, TypeVar
 
+from console.session.data.kept_files import there
 from console.session.data.record_schema import SCHEMA, create, migrate
 from console.session.errors import SessionError
 from profiles.files import make_private_file, make_private_folder, printable
@@ -62,7 +63,7 @@ def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Con
 def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -> list[Any]:
     """Return the rows of a query, none without records; SessionError `record.other_schema`, sqlite3.Error."""
     path = folder / FILE_NAME
-    if not path.exists():
+    if not there(path):
         return []
     with closing(opened_to_read(path, timeout_s)) as database:
         _schema_of(database, path)

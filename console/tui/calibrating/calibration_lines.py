@@ -97,7 +97,7 @@ def _fit_rows(facts: ChuckFacts, text: Catalogue) -> list[tuple[str, str]]:
 def _lobe_lines(lobe: dict[str, Any], kept: KeptCalibration, text: Catalogue, width: int) -> list[Line]:
     """Return the lobe that a job has taken from a part."""
     assert kept.kept is not None  # one without numbers has no lobe
-    rows = [("error", "error_um_pp", "error_ci_um_pp", "um"), ("phase", "crest_deg", "crest_ci_deg", "deg")]
+    rows = [("error", "error_um_pp", "error_ci_um_pp", "um"), ("phase", "crest_deg", "crest_ci_deg", "°")]
     room, lines = min(width, WIDEST), list[Line]()
     for label, key, ci, unit in rows:
         value, half = lobe.get(key), lobe.get(ci)
@@ -106,7 +106,7 @@ def _lobe_lines(lobe: dict[str, Any], kept: KeptCalibration, text: Catalogue, wi
             lines.append(_valued(text(f"calibrate.{label}"), shown + (" p-p" if unit == "um" else ""), room))
     past = lobe.get("past_jaw_deg")
     if isinstance(past, float):
-        lines.append(_valued(text("calibrate.past_jaw"), f"{past:.2f} deg", room))
+        lines.append(_valued(text("calibrate.past_jaw"), f"{past:.2f} °", room))
     job = text("calibrate_page.job", job=printable(kept.kept.subject, 60))
     source = text("calibrate_page.rests_on", file=printable(kept.kept.file, 200))
     lines += hanging(dim("  "), job, width) + hanging(dim("  "), source, width, Token.DIM)

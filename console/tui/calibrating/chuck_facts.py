@@ -31,7 +31,9 @@ class ChuckFacts:
 
 
 def draft_facts(draft: Draft, machine: MachineProfile) -> ChuckFacts:
-    """Fit the points that were entered or imported."""
+    """Fit the points that were entered or imported; before the first one there is nothing to say yet."""
+    if not (draft.rows or draft.content):
+        return ChuckFacts()
     try:
         measured = draft.measured()
     except ProfileError as error:

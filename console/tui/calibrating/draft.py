@@ -44,6 +44,11 @@ class Draft:
         """Whether the modulus of the bar has to be entered first."""
         return self.kind is CalibrationKind.DEFLECTION and self.modulus_gpa is None and not self.content
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing of it has been entered yet."""
+        return not (self.rows or self.content) and self.modulus_gpa is None
+
     def with_row(self, row: tuple[float, ...]) -> Draft:
         """Return it with one more point; points that were imported become a table of one's own."""
         return replace(self, rows=(*self.rows, row), file="", content=b"")

@@ -17,6 +17,7 @@ from console.tui.records.beside import Problems
 from console.tui.theme import Token
 from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext
+from profiles.calibration.table import CalibrationKind
 from profiles.fields import Field
 from profiles.problem import Problem
 
@@ -100,9 +101,9 @@ class CalibratePanels(Horizontal):
         self.rows.show(lines, title)
 
     def show_facts(
-        self, facts: ChuckFacts | Problems | None, kept: KeptCalibration | None, draft: Draft | None
+        self, facts: ChuckFacts | Problems | None, kept: KeptCalibration | None, draft: Draft | None, kind: str
     ) -> None:
-        """Show the selected calibration: its fit, its points, its plots."""
+        """Show the selected calibration of a kind: its fit, its points, its plots with their units."""
         text = self._text
         size, points = self.fit_sheet.size, self.points.size
         titles = text("calibrate_page.fit"), text("calibrate_page.points")
@@ -118,5 +119,7 @@ class CalibratePanels(Horizontal):
         of_fit, of_residuals = pictures(facts, text.units)
         self.plot.show(of_fit)
         self.residual.show(of_residuals)
-        entitle(self.plot, text("calibrate_page.plot"))
-        entitle(self.residual, text("calibrate_page.residuals"))
+        known = kind in (CalibrationKind.WRENCH, CalibrationKind.DEFLECTION)
+        axes = text(f"calibrate_page.axes.{kind}") if known else ""
+        entitle(self.plot, text("calibrate_page.plot" if known else "calibrate_page.no_plot"), axes)
+        entitle(self.residual, text("calibrate_page.residuals" if known else "calibrate_page.no_plot"), axes)

@@ -205,7 +205,9 @@ class ControllerViews:
 
     def _list_backups(self) -> None:
         before = self._backups[self._chosen : self._chosen + 1]
-        self._backups = backups_of(self.ui.data, self.ui.machine.machine.name)
+        self._backups = ()
+        with self.ui.answering():
+            self._backups = backups_of(self.ui.data, self.ui.machine.machine.name)
         self._chosen = self._backups.index(before[0]) if before and before[0] in self._backups else 0
         if self._reading.found is not None and self._reading.found.action == "backup":
             self._chosen = 0

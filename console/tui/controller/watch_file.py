@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from console.session.data.kept_files import folder_name, kept, make_folder
+from console.session.data.kept_files import folder_name, kept, make_folder, there
 from profiles.files import printable, write_atomically
 from profiles.problem import Problem, ProfileError
 
@@ -24,7 +24,7 @@ def read_watch(path: Path) -> tuple[str, ...]:
 
     Raises ProfileError: `watch.unreadable`, it is not such a table; or as `read_regular_file`.
     """
-    if not path.exists():
+    if not there(path):
         return ()
     found = kept(path, "watch.unreadable")
     items = found.get("items") if isinstance(found, dict) and found.get("schema") == _TITLE else None

@@ -46,6 +46,7 @@ class WatchTable:
         self.problems: tuple[Problem, ...] = ()
         self._path = watch_path(data, machine)
         self._read = False
+        self._unread: tuple[Problem, ...] = ()
         self._errand: Errand[tuple[tuple[str, str | None], ...]] = Errand()
         self._asked_s, self._taken, self._next = float("-inf"), 0, 0
 
@@ -54,9 +55,9 @@ class WatchTable:
         if not self._read:
             self._read = True
             try:
-                self.rows = tuple(Watched(item) for item in read_watch(self._path))
+                self.rows, self._unread = tuple(Watched(item) for item in read_watch(self._path)), ()
             except ProfileError as error:
-                self.problems = tuple(error.problems)
+                self.problems = self._unread = tuple(error.problems)
 
     def add(self, typed: str, side: SideLine) -> None:
         """Add an item, at the end.
@@ -64,6 +65,7 @@ class WatchTable:
         Raises RefusedError: it cannot be watched; ProfileError: `watch.full`, `watch.twice`, or the file.
         """
         item = watched(typed, side.dialect)
+        self._require_read()
         if any(row.item == item for row in self.rows):
             raise ProfileError(Problem(code="watch.twice", value=item))
         if len(self.rows) >= MOST:
@@ -72,7 +74,8 @@ class WatchTable:
         self.selected = len(self.rows) - 1
 
     def remove(self) -> None:
-        """Remove the selected item. Raises ProfileError: the file cannot be written."""
+        """Remove the selected item. Raises ProfileError: the file cannot be read or written."""
+        self._require_read()
         self._keep(tuple(row for place, row in enumerate(self.rows) if place != self.selected))
         self.selected = max(min(self.selected, len(self.rows) - 1), 0)
 
@@ -108,6 +111,14 @@ class WatchTable:
         self.problems = self._errand.problems
         found = dict(self._errand.found or ()) if not self.problems else {}
         self.rows = tuple(_with(row, found, now_s) for row in self.rows)
+
+    def _require_read(self) -> None:
+        """Read again a file that could not be read: what may be in it is not written over."""
+        if self._unread:
+            self._read = False
+            self.load()
+        if self._unread:
+            raise ProfileError(*self._unread)
 
     def _keep(self, rows: tuple[Watched, ...]) -> None:
         write_watch(self._path, tuple(row.item for row in rows))

@@ -29,7 +29,8 @@ from profiles.fields import Field
 from profiles.problem import Problem
 
 KINDS = (CalibrationKind.WRENCH.value, CalibrationKind.DEFLECTION.value, LOBE)
-STEPS = {"calibrate.up": -1, "calibrate.down": 1}
+STEPS = {"calibrate.up": -1, "calibrate.down": 1, "calibrate.first": -sys.maxsize, "calibrate.last": sys.maxsize}
+PAGES = {"calibrate.page_up": -1, "calibrate.page_down": 1}
 OF_DRAFT = ("calibrate.undo", "calibrate.drop", "calibrate.keep", "calibrate.offset")
 WRITES = ("calibrate.new", "calibrate.import", "calibrate.keep")
 STATISTICS = "scipy.stats"
@@ -72,8 +73,9 @@ class CalibratePage(Page):
             self._end_entry()
         if self.ui.answers(self.why_not(action, self.ui.view)):
             return
-        if action in STEPS:
-            self._selected = min(max(self._selected + STEPS[action], 0), max(self._count - 1, 0))
+        if action in STEPS or action in PAGES:
+            by = STEPS[action] if action in STEPS else PAGES[action] * self._list_rows
+            self._selected = min(max(self._selected + by, 0), max(self._count - 1, 0))
         elif action == "calibrate.kind":
             self._kind, self._selected = (self._kind + 1) % len(KINDS), 0
         elif action == "calibrate.view":
@@ -108,7 +110,9 @@ class CalibratePage(Page):
         draft, facts = self._fitted
         if draft is not self._draft or facts is None:
             return (Problem(code="screen.calibrate_select"),)
-        return facts.problems if isinstance(facts, ChuckFacts) else facts
+        if not isinstance(facts, ChuckFacts):
+            return facts
+        return facts.problems or (() if facts.fit is not None else (Problem(code="screen.calibrate_nothing"),))
 
     def fit(self) -> None:
         """Choose the layout for the room."""
@@ -138,7 +142,7 @@ class CalibratePage(Page):
         note = "" if can_fit(view.state) else self.ui.text("calibrate_page.at_rest")
         title = self.ui.text(f"calibrate_page.kind.{KINDS[self._kind]}")
         self._all.show_list(self._kept, self._draft_here, self._selected, title, note)
-        self._all.show_facts(self._facts, row, draft)
+        self._all.show_facts(self._facts, row, draft, KINDS[self._kind])
 
     @property
     def field(self) -> FieldKind:
@@ -205,6 +209,11 @@ class CalibratePage(Page):
         return len(kept) + (self._draft_here is not None)
 
     @property
+    def _list_rows(self) -> int:
+        """Rows that PgUp and PgDn go in the list."""
+        return max(self._all.rows.size.height - 1, 1)
+
+    @property
     def _sizes(self) -> tuple[Size, ...]:
         return (self.size, *self._all.sizes)
 
@@ -262,6 +271,9 @@ class CalibratePage(Page):
             self._next_value()
 
     def _end_entry(self) -> None:
+        """Close the entry; one that came to nothing leaves nothing behind."""
+        if self._all.entry.is_open and self._draft is not None and self._draft.is_empty:
+            self._draft = self._before.pop()
         self._partial = ()
         self._all.entry.close()
         self._all.row.display = False

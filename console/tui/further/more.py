@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from textual.widget import Widget
 
-from console.tui.keymap import ACTIONS, FURTHER, PageName, help_lines
+from console.tui.key_help import help_lines
+from console.tui.keymap import ACTIONS, FURTHER, PageName
 from console.tui.lines import Line, Sheet, dim, fitted, line, wrapped
 from console.tui.page import Page
 from console.tui.theme import Token

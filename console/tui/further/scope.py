@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from textual.containers import Vertical
 
 from console.session.station.state import StationState
 from console.tui.controller.errand import Errand
-from console.tui.keymap import PageName
+from console.tui.keymap import PageName, RowKey
 from console.tui.lines import Line, Sheet, dim, entitle, line, wrapped
 from console.tui.page import Page
 from console.tui.plot.trace_view import TraceView
@@ -26,7 +27,13 @@ from profiles.problem import Problem
 
 COARSE = 20  # part of the picture that PgUp and PgDn move a cursor by
 _SETS = {"scope.up": -1, "scope.down": 1}
-_MOVES = {"scope.left": -1, "scope.right": 1}
+_PAGES = {"scope.far_left": -1, "scope.far_right": 1}
+_ENDS = {"scope.first": -sys.maxsize, "scope.last": sys.maxsize}
+LIST_KEYS = (
+    RowKey(action="scope.up", shown="↑↓", words="key.list.choose", doubled=True),
+    RowKey(action="scope.more", shown="Enter", words="key.list.open"),
+    RowKey(action="scope.list", shown="o", words="key.list.close"),
+)
 
 
 class ScopePage(Page):
@@ -88,7 +95,9 @@ class ScopePage(Page):
         elif action == "scope.cancel":
             self._errand.cancel()
         elif action == "scope.list":
-            self._listing, self._files, self._file = True, records_of(self.ui.data), 0
+            with self.ui.answering():
+                self._files = records_of(self.ui.data)
+                self._listing, self._file = True, 0
         elif action == "scope.keep" and self._record is not None:
             with self.ui.answering():
                 path = keep_record(self.ui.data, self._record)
@@ -105,7 +114,7 @@ class ScopePage(Page):
             return (Problem(code="screen.scope_channels"),)
         if word == "cancel" and not self._errand.running:
             return (Problem(code="screen.nothing_gathers"),)
-        looks = ("keep", "angle", "channel", "cursor", "left", "right", "far_left", "far_right")
+        looks = ("keep", "angle", "channel", "cursor", "left", "right", "far_left", "far_right", "first", "last")
         if word in looks and self._record is None:
             return (Problem(code="screen.no_record_yet"),)
         if word == "angle" and not self._over_angle and self._record is not None:
@@ -119,8 +128,9 @@ class ScopePage(Page):
 
     def _in_list(self, action: str) -> bool:
         """Do what a key does in the list of kept records; False for one that does the same as elsewhere."""
-        if action in _SETS:
-            self._file = max(min(self._file + _SETS[action], len(self._files) - 1), 0)
+        steps = {**_SETS, **_ENDS, **{key: by * max(self._list.size.height - 1, 1) for key, by in _PAGES.items()}}
+        if action in steps:
+            self._file = max(min(self._file + steps[action], len(self._files) - 1), 0)
         elif action in ("scope.list", "scope.left"):
             self._listing = False
         elif action == "scope.more" and self._files:
@@ -164,7 +174,7 @@ class ScopePage(Page):
         else:
             size = len(sight.axis)
             step = max(size // COARSE, 1) if "far" in action else max(size // 300, 1)
-            by = step * (-1 if "left" in action else 1)
+            by = _ENDS.get(action, step * (-1 if "left" in action else 1))
             self._cursors[self._active] = min(max(self._cursors[self._active] + by, 0), size - 1)
 
     def _choices(self, record: Record) -> tuple[Channel, ...]:
@@ -199,6 +209,11 @@ class ScopePage(Page):
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return the readings of every channel."""
         return [] if self._sight is None else self._readings(self._sight, width)
+
+    @property
+    def keys(self) -> tuple[RowKey, ...]:
+        """Those of the list of kept records while it is open."""
+        return LIST_KEYS if self._listing else ()
 
     def leave(self) -> None:
         """Close the list of kept records; what is being gathered goes on."""
@@ -245,7 +260,7 @@ class ScopePage(Page):
     def _paint(self) -> None:
         sight, text = self._sight, self.ui.text
         if sight is None:
-            entitle(self._plot, text("scope_page.nothing"), "")
+            entitle(self._plot, text("scope_page.nothing"), text("scope_page.units"))
             self._read.show(wrapped(text("scope_page.how"), max(self._read.size.width, 1), Token.DIM))
             return
         words = [channel_words(each, text) for each in reversed(sight.drawn)]

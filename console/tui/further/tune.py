@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 from textual.events import Resize
 from textual.geometry import Size
 
@@ -28,8 +30,15 @@ from console.tui.ui_context import UiContext, View, refusal, waiting
 from drivers.identification.request import AMPLITUDE_UM
 from profiles.problem import Problem
 
-STEPS = {"tune.up": -1, "tune.down": 1}
+STEPS = {"tune.up": -1, "tune.down": 1, "tune.first": -sys.maxsize, "tune.last": sys.maxsize}
+PAGES = {"tune.page_up": -1, "tune.page_down": 1}
 MOST_TESTS = 200
+BEFORE_A_TEST = {
+    "alignment.drives_off": "align",
+    "alignment.not_homed": "align",
+    "machine.tool_in_part": "away",
+}
+"""What comes before a test, by the reason why it cannot be armed."""
 
 
 class TunePage(Page):
@@ -77,8 +86,9 @@ class TunePage(Page):
             self._visits += 1
         elif action == "tune.view":
             self._next_view()
-        elif action in STEPS:
-            self._selected = min(max(self._selected + STEPS[action], 0), max(self._count - 1, 0))
+        elif action in STEPS or action in PAGES:
+            by = STEPS[action] if action in STEPS else PAGES[action] * self._list_rows
+            self._selected = min(max(self._selected + by, 0), max(self._count - 1, 0))
         elif action == "tune.kind":
             self._kind = KINDS[(KINDS.index(self._kind) + 1) % len(KINDS)]
             self._view = TuneView.TESTS
@@ -134,11 +144,11 @@ class TunePage(Page):
         armed = self._armed_lines(view.now_s)
         trial = self._trial_lines(view)
         found = (id(self._facts), id(self._tests), id(self._proposed))
-        shown: tuple[object, ...] = (*found, self._selected, self._view, self._sizes)
+        shown: tuple[object, ...] = (*found, self._selected, self._view, self._kind, self._sizes)
         if (shown, armed, trial) != self._shown:
             self._shown = (shown, armed, trial)
             if self._view is TuneView.TESTS:
-                self._health.show(self._tests, self._selected, armed)
+                self._health.show(self._tests, self._selected, armed, self._kind)
             elif self._view is TuneView.GAINS:
                 size = self._proposal.size
                 lines = [*trial, *self._proposal_lines(max(size.width, 1))]
@@ -161,13 +171,18 @@ class TunePage(Page):
         elif self._asked is not None:
             step = "write" if self._asked.action == APPLY else "write_back"
         elif self._view is TuneView.TESTS:
-            step = "arm" if not arm_reasons(self._kind, view.state, self.ui.machine.machine) else "align"
+            step = self._test_step(view)
         elif self._view is TuneView.GAINS:
             step = "gains" if view.state.trial is None else "trial"
         elif self._view is TuneView.LOOP and self.size.width < WIDE:
             step = "plots"
         kind = self.ui.text(f"tune_page.kind.{self._kind}")
         return line((self.ui.text(f"tune_page.next.{step}", kind=kind), Token.ACTION))
+
+    def _test_step(self, view: View) -> str:
+        """Return what comes before a test; what else stands against it F5 says."""
+        first = next(iter(arm_reasons(self._kind, view.state, self.ui.machine.machine)), None)
+        return "arm" if first is None else BEFORE_A_TEST.get(first.code, "not_now")
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return margins, gains and the reasons against the selected response; or what F6 will do."""
@@ -240,6 +255,12 @@ class TunePage(Page):
         if self._view is TuneView.GAINS:
             return 0
         return len(self._facts.responses) if isinstance(self._facts, LoopFacts) else 0
+
+    @property
+    def _list_rows(self) -> int:
+        """Rows that PgUp and PgDn go in the list that is shown."""
+        panel = self._health.trend if self._view is TuneView.TESTS else self._loop.responses
+        return max(panel.size.height - 1, 1)
 
     @property
     def _sizes(self) -> tuple[Size, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from console.session.data.run_reader import PartPoint
 from console.text.catalogue import Catalogue
 from console.tui.inspecting.other_part import OtherPart, OtherParts, WhichParts
+from console.tui.keymap import RowKey
 from console.tui.lines import Line, Sheet, dim, fitted, hanging, line, ranged, wrapped
 from console.tui.pages.inspect_lines import made_of_point
 from console.tui.records.list_lines import local
@@ -18,6 +19,12 @@ KEYS = frozenset(
     f"inspect.{name}" for name in ("beside", "next", "up", "down", "page_up", "page_down", "first", "last")
 )
 """Actions of the chooser."""
+
+OPEN_KEYS = (
+    RowKey(action="inspect.up", shown="↑↓", words="key.list.choose", doubled=True),
+    RowKey(action="inspect.next", shown="Enter", words="key.list.take"),
+    RowKey(action="inspect.beside", shown="b", words="key.list.close"),
+)
 
 
 class PartChooser(Sheet):

@@ -6,10 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from console.session.data.history import LastResults
+from console.session.data.kept_files import jobs_folder, require_open
 from console.tui.jobs.index import JobIndex, Order
 from console.tui.pages.jobs_lines import Loaded
+from console.tui.ui_context import UiContext
 from profiles.problem import ProfileError
-from profiles.store import LibraryEntry, load_job
+from profiles.store import LibraryEntry, list_jobs, load_job
+
+
+def listed_jobs(ui: UiContext) -> tuple[LibraryEntry, ...]:
+    """Return all jobs; the answer says that the own ones are left out where their folder is closed."""
+    folder = jobs_folder(ui.data)
+    with ui.answering():
+        require_open(folder)
+    return list_jobs(folder)
 
 
 class Shelf:

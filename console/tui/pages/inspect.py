@@ -13,8 +13,8 @@ from console.tui.inspecting.evaluation import VERDICT, Looked, supported_upr, wi
 from console.tui.inspecting.next_words import fails, next_word, where
 from console.tui.inspecting.other_part import which_parts
 from console.tui.inspecting.panels import MOST_ZOOM, InspectCharts, full_lines
-from console.tui.inspecting.part_chooser import PartChooser
-from console.tui.keymap import PageName
+from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
+from console.tui.keymap import PageName, RowKey
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, wrapped
 from console.tui.page import ChartPage
 from console.tui.pages.learn_lines import head_lines, learn_lines, learn_title
@@ -157,6 +157,11 @@ class InspectPage(ChartPage):
         if action in LOOKS and view.state.measured is not None:
             return self._why_not_looked(action, view)
         return inspect_reasons(action, view)
+
+    @property
+    def keys(self) -> tuple[RowKey, ...]:
+        """Those of an open chooser."""
+        return self._chooser.keys if self._chooser.is_open else OPEN_KEYS if self._parts.is_open else ()
 
     @property
     def field(self) -> FieldKind:

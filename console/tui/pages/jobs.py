@@ -17,7 +17,7 @@ from console.tui.gate import FieldKind
 from console.tui.jobs import changes
 from console.tui.jobs.entry import JobsEntry, Typing
 from console.tui.jobs.refusals import CHANGES, ENDS, OPENS, PAGES, READS, STEPS, refused_now
-from console.tui.jobs.shelf import Shelf
+from console.tui.jobs.shelf import Shelf, listed_jobs
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, name_in, wrapped
 from console.tui.page import Page
@@ -279,7 +279,7 @@ class JobsPage(Page):
         elif target is None and work is not None:
             target = work.loaded.path
         results = last_results(self.ui.data, simulated=self._simulated)
-        listed = list_jobs(jobs_folder(self.ui.data))
+        listed = listed_jobs(self.ui)
         self.ui.jobs = tuple(printable(each.name) for each in listed)
         shelf.fill(listed, results, target)
         self._fresh, self._shown = True, None

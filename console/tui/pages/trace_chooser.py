@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,11 +11,13 @@ from textual.widgets import Input
 
 from console.session.data.learned_store import asked_for
 from console.session.data.made_parts import CutPart, newest_part
-from console.session.data.trace_folder import offered, trace_folder
+from console.session.data.trace_folder import FOLDER
 from console.session.learning.imported import QUESTIONS, ImportedTrace, examined
 from console.session.station.commands import TakeTrace
+from console.tui.inspecting.trace_listing import Changed, Look, TraceListing
+from console.tui.keymap import RowKey
 from console.tui.lines import Line, Sheet, clipped, line, name_in
-from console.tui.pages.trace_lines import Choice, fact_lines, file_lines, next_words
+from console.tui.pages.trace_lines import KEYS, Choice, fact_lines, file_lines, next_words
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.fields import TEXT_CAP_CHARACTERS
@@ -28,6 +29,17 @@ Found = ImportedTrace | tuple[Problem, ...]
 ANSWERS = {"inspect.state": "state", "inspect.direction": "direction", "inspect.mark": "start_mark"}
 """Question that an action answers."""
 
+OPEN_KEYS = (
+    RowKey(action="inspect.up", shown="↑↓", words="key.list.choose", doubled=True),
+    RowKey(action="inspect.next", shown="Enter", words="key.list.take"),
+    *(
+        RowKey(action=action, shown=KEYS[question], words=f"trace_import.key.{question}")
+        for action, question in ANSWERS.items()
+    ),
+    RowKey(action="inspect.path", shown="p", words="trace_import.key.path"),
+    RowKey(action="inspect.import", shown="i", words="key.list.close"),
+)
+
 _ALWAYS = frozenset(
     f"inspect.{name}" for name in ("import", "path", "up", "down", "page_up", "page_down", "first", "last")
 )
@@ -38,7 +50,7 @@ class _Question:
     """A file as it was when it was asked for, and what is known besides."""
 
     path: Path
-    changed: tuple[int, int]
+    changed: Changed
     job: Job
     answers: tuple[tuple[str, str], ...]
     simulated: bool
@@ -98,10 +110,12 @@ class TraceChooser(Horizontal):
         self._entry.cursor_blink = False
         self._entry.max_length = TEXT_CAP_CHARACTERS
         self._reader = _Reader()
+        self._listing = TraceListing(ui.data)
         self._typed: tuple[Path, ...] = ()
+        self._checked: Path | None = None
         self._choice: Choice | None = None
+        self._look: Look | None = None
         self._shown: object = None
-        self._listed = 0, 0
         self.display = False
 
     def compose(self) -> list[Sheet | Input]:
@@ -119,11 +133,10 @@ class TraceChooser(Horizontal):
         return bool(self._entry.display)
 
     def open(self) -> None:
-        """Show the files as they are now. Raises ProfileError, SessionError: folder or record cannot be read."""
-        folder = trace_folder(self._ui.data)
-        self._listed, files = _changed(folder), (*self._typed, *offered(folder))
-        self._choice = Choice(folder=folder, files=files, part=self._part())
-        self._shown = None
+        """Show the files as they are now: folder and record are read beside the screen."""
+        self._listing.begin()
+        self._choice = Choice(folder=self._ui.data / FOLDER)
+        self._look = self._checked = self._shown = None
 
     def close(self) -> None:
         """Show the page again."""
@@ -150,6 +163,13 @@ class TraceChooser(Horizontal):
         given = choice.answers.get(key)
         following = answers[0 if given is None else (answers.index(given) + 1) % len(answers)]
         self._choice = replace(choice, answers={**choice.answers, key: following})
+
+    @property
+    def keys(self) -> tuple[RowKey, ...]:
+        """The keys that can be used now: of the answers those that the file leaves open."""
+        if self.is_typing:
+            return tuple(each for each in OPEN_KEYS if each.action == "inspect.next")
+        return tuple(each for each in OPEN_KEYS if not self.why_not(each.action))
 
     def why_not(self, action: str) -> tuple[Problem, ...]:
         """Return why a key cannot be used while the chooser is open."""
@@ -196,7 +216,10 @@ class TraceChooser(Horizontal):
             return
         if self.is_typing and self.screen.focused is not self._entry:
             self.screen.set_focus(self._entry, scroll_visible=False)
-        choice = self._with_new_files(choice)
+        seen = self._with_files_of_now(choice)
+        if seen is None:
+            return
+        choice = self._with_checked(seen)
         found = None if work is None else self._ask(choice, work.job, simulated=view.state.simulated)
         self._choice = choice = replace(choice, found=found, in_chuck=view.state.cut_done)
         shown = (choice, self.is_typing, self._files.size, self._facts.size)
@@ -216,17 +239,41 @@ class TraceChooser(Horizontal):
         """Return all that is said of the selected file."""
         return [] if self._choice is None else fact_lines(self._choice, self._ui.text, width)
 
-    def _with_new_files(self, choice: Choice) -> Choice:
-        """List the folder again where something in it has come or gone; the selection stays on its file."""
-        listed = _changed(choice.folder)
-        if listed == self._listed:
+    def _with_files_of_now(self, choice: Choice) -> Choice | None:
+        """Return the choice with the files of the newest look; the selection stays on its file.
+
+        None where nothing can be read: the answer says why, and the list is closed.
+        """
+        look = self._listing.look(choice.file, self._typed, self._part)
+        if look is None or look is self._look:
             return choice
-        self._listed, files = listed, choice.files
-        with self._ui.answering():
-            files = (*self._typed, *offered(choice.folder))
-        if choice.file not in files:
-            return replace(choice, files=files, selected=0, answers={})
-        return replace(choice, files=files, selected=files.index(choice.file))
+        if not isinstance(look, Look):
+            self._ui.said = look
+            self.close()
+            return None
+        if look.problems and (self._look is None or look.problems != self._look.problems):
+            self._ui.said = look.problems
+        self._look = look
+        choice = replace(choice, listed=True, folder=look.folder, part=look.part, dates_ns=look.dates_ns)
+        if look.files == choice.files:
+            return choice
+        if choice.file in look.files:
+            return replace(choice, files=look.files, selected=look.files.index(choice.file))
+        return replace(choice, files=look.files, selected=0, answers={})
+
+    def _with_checked(self, choice: Choice) -> Choice:
+        """Return the choice with the file of a typed path, once it is known to be one; what is none is refused."""
+        path = self._checked
+        found = None if path is None else self._listing.is_file(path)
+        if path is None or found is None:
+            return choice
+        self._checked = None
+        if not found:
+            self._ui.say("trace.unreadable", value=printable(str(path), 60))
+            return choice
+        self._typed = (path, *(each for each in self._typed if each != path))
+        files = (path, *(each for each in choice.files if each != path))
+        return replace(choice, files=files, selected=0, answers={})
 
     def _part(self) -> CutPart | None:
         """Return the newest part of the open job in the record; an edited job has none."""
@@ -239,9 +286,11 @@ class TraceChooser(Horizontal):
     def _ask(self, choice: Choice, job: Job, *, simulated: bool) -> Found | None:
         if choice.file is None:
             return None
-        changed = _changed(choice.file)
+        look = self._look
+        if look is None or look.file != choice.file:
+            return None  # it has just been selected
         answers = tuple(sorted(choice.answers.items()))
-        question = _Question(path=choice.file, changed=changed, job=job, answers=answers, simulated=simulated)
+        question = _Question(path=choice.file, changed=look.changed, job=job, answers=answers, simulated=simulated)
         return self._reader.answer(question)
 
     def _take_path(self, choice: Choice) -> None:
@@ -250,13 +299,8 @@ class TraceChooser(Horizontal):
         if not typed:
             return
         path = Path(typed).expanduser()
-        path = path if path.is_absolute() else choice.folder / path
-        if not path.is_file():
-            self._ui.say("trace.unreadable", value=printable(str(path), 60))
-            return
-        self._typed = (path, *(each for each in self._typed if each != path))
-        files = (path, *(each for each in choice.files if each != path))
-        self._choice = replace(choice, files=files, selected=0, answers={})
+        self._checked = path if path.is_absolute() else choice.folder / path
+        self._listing.check()
 
     def _end_typing(self) -> None:
         if self.is_typing:
@@ -272,12 +316,3 @@ class TraceChooser(Horizontal):
         name = "" if choice.file is None else name_in(printable(choice.file.name), max(facts.width - 4, 1))
         rows = fact_lines(choice, text, max(facts.width, 1))
         self._facts.show(clipped(rows, facts.height, text("panel.more")), name)
-
-
-def _changed(path: Path) -> tuple[int, int]:
-    """Return when a file or a folder was changed, ns, and its size; zeros where it is gone."""
-    try:
-        status = os.stat(path)
-    except OSError:
-        return 0, 0
-    return status.st_mtime_ns, status.st_size

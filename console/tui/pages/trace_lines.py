@@ -26,14 +26,17 @@ _LABEL_CELLS = 14
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """What the chooser shows: `found` is the trace of the selected file, or why it cannot be read; None: not yet.
+    """What the chooser shows: the files once they are `listed`, and when they were changed.
 
+    `found` is the trace of the selected file, or why it cannot be read; None: not yet.
     `part` is the part in the record that a trace is taken for, None where it is the one in the chuck (`in_chuck`)
     or there is none.
     """
 
     folder: Path
+    listed: bool = False
     files: tuple[Path, ...] = ()
+    dates_ns: Mapping[Path, int] = field(default_factory=dict)
     selected: int = 0
     found: ImportedTrace | tuple[Problem, ...] | None = None
     answers: Mapping[str, str] = field(default_factory=dict)
@@ -55,12 +58,14 @@ class Choice:
 def file_lines(choice: Choice, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the list of files, newest first, around the selected one; or where to put them."""
     where = wrapped(text("trace_import.folder", folder=printable(str(choice.folder))), width, Token.DIM)
+    if not choice.listed:
+        return [line(dim(text("trace_import.listing"))), BLANK, *where]
     if not choice.files:
         return [*wrapped(text("trace_import.none"), width), BLANK, *where]
     room = max(height - len(where) - 1, 1)
     first = min(max(choice.selected - room // 2, 0), max(len(choice.files) - room, 0))
     rows = [
-        _file_row(path, place == choice.selected, width)
+        _file_row(path, choice.dates_ns.get(path, 0), place == choice.selected, width)
         for place, path in enumerate(choice.files[first : first + room], start=first)
     ]
     return [*rows, BLANK, *where]
@@ -68,6 +73,8 @@ def file_lines(choice: Choice, text: Catalogue, width: int, height: int) -> list
 
 def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     """Return what the selected trace is, what it would be taken for, and what has to be answered."""
+    if not choice.listed:
+        return []
     rows = _part_lines(choice, text, width)
     if choice.file is None:
         return rows
@@ -90,6 +97,8 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
 def next_words(choice: Choice, text: Catalogue) -> str:
     """Return what to do in the chooser."""
     found = choice.found
+    if not choice.listed:
+        return text("trace_import.next.listing")
     if choice.file is None:
         return text("trace_import.next.none")
     if not choice.in_chuck and choice.part is None:
@@ -116,15 +125,15 @@ def _part_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     return rows
 
 
-def _file_row(path: Path, selected: bool, width: int) -> Line:
+def _file_row(path: Path, changed_ns: int, selected: bool, width: int) -> Line:
     mark, token = ("▸ ", Token.STRONG) if selected else ("  ", Token.TEXT)
     name = name_in(printable(path.name), max(width - len(mark) - _DATE_CELLS - 1, 1))
-    return ranged(line((mark + name, token)), line(dim(f" {_changed(path)}")), width)
+    return ranged(line((mark + name, token)), line(dim(f" {_date(changed_ns)}")), width)
 
 
-def _changed(path: Path) -> str:
+def _date(changed_ns: int) -> str:
     try:
-        return datetime.fromtimestamp(path.stat().st_mtime).strftime("%m-%d %H:%M")
+        return datetime.fromtimestamp(changed_ns / 1e9).strftime("%m-%d %H:%M") if changed_ns else NOTHING
     except (OSError, OverflowError, ValueError):
         return NOTHING
 

@@ -139,13 +139,13 @@ class _Axis:
     def along_decades(cls, limits: Limits, columns: int, unit: str) -> Self:
         places = decade_ticks(limits, columns // _COLUMNS_PER_TICK + 1)
         labels = [label(10.0**place) for place in places]
-        return cls(limits=limits, ticks=places, labels=(*labels[:-1], labels[-1] + unit))
+        return cls(limits=limits, ticks=places, labels=(*labels[:-1], _with_x_unit(labels[-1], unit)))
 
     @classmethod
     def along_x(cls, limits: Limits, columns: int, unit: str) -> Self:
         places = _FULL_TURN_TICKS if limits == _FULL_TURN else ticks(limits, columns // _COLUMNS_PER_TICK + 1)
         labels = [label(place) for place in places]
-        return cls(limits=limits, ticks=places, labels=(*labels[:-1], labels[-1] + unit))
+        return cls(limits=limits, ticks=places, labels=(*labels[:-1], _with_x_unit(labels[-1], unit)))
 
     @classmethod
     def along_y(cls, limits: Limits, rows: int, unit: str) -> Self:
@@ -211,6 +211,11 @@ def _axes(columns: int, rows: int, x: _Axis, y: _Axis) -> list[str]:
     # Without data plotext draws no ticks.
     figure.scatter([x.limits[0]], [y.limits[0]], marker=" ")
     return figure.uncolorize(figure.build()).split("\n")[:rows]
+
+
+def _with_x_unit(label: str, unit: str) -> str:
+    """Return the last label with the unit of the axis, as one writes it: 360°, 0.4 s."""
+    return label + unit if unit in ("", "°") else f"{label} {unit}"
 
 
 def _with_unit(text: list[str], data_rows: int, width: int, unit: str) -> list[str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from console.session.flight.playback import Playback
 from console.text.catalogue import Catalogue
-from console.tui.keymap import KEY_WIDTH
+from console.tui.key_help import KEY_WIDTH
 from console.tui.lines import BLANK, Line, dim, fitted, line, width_of, wrapped
 from console.tui.theme import Token
 

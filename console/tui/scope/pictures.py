@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 DEGREES = 57.29577951308232
 _TOKENS = (Token.AFTER, Token.COMMAND, Token.BEFORE, Token.WANTED)
 _NUMBER = 10
-_DECIMALS = {"mm": 4, "um": 3, "deg": 2}
+_DECIMALS = {"mm": 4, "um": 3, "°": 2}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,7 +99,7 @@ def picture(sight: Sight, cursors: tuple[int, int], units: Units = METRIC) -> Tr
         x_limits=ends,
         y_limits=limits,
         y_unit=units.unit(unit),
-        x_unit="deg" if sight.averages is not None else "s",
+        x_unit="°" if sight.averages is not None else "s",
     )
 
 

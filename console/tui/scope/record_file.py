@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from console.session.data.kept_files import folder_name, make_folder
+from console.session.data.kept_files import folder_name, make_folder, names_in
 from drivers.beside.scope_gather import Record
 from drivers.beside.scope_setup import Channel, Trigger, channel_of
+from profiles.arrays import Floats
 from profiles.files import printable, read_regular_file, write_atomically
+from profiles.own_values import DAMAGED_AT
 from profiles.problem import Problem, ProfileError
 
 FOLDER = "scope"
@@ -43,19 +45,15 @@ def read_record(path: Path) -> Record:
     """Return a kept record. Raises ProfileError: `scope.unreadable`, or as `read_regular_file`."""
     where = printable(str(path))
     try:
-        lines = read_regular_file(path, cap_bytes=CAP_BYTES).decode("utf-8").splitlines()
-        if lines[0] != TITLE:
-            raise ValueError(lines[0])
+        text = read_regular_file(path, cap_bytes=CAP_BYTES).decode("utf-8")
+        lines = text.splitlines()
+        if len(lines) < 5 or lines[0] != TITLE:
+            raise ValueError(lines[0] if lines else f"{DAMAGED_AT}: 1")
         facts = dict(line.removeprefix("# ").split(": ", 1) for line in lines[1:4])
+        if not text.endswith("\n"):  # its last number may be half of one
+            raise ValueError(f"{DAMAGED_AT}: {len(lines)}")
         channels = [_channel(each) for each in lines[4].split(",")[1:]]
-        rows = np.array([line.split(",") for line in lines[5:]], dtype=np.float64)
-        if (
-            rows.ndim != 2
-            or rows.shape[0] < 2
-            or rows.shape[1] != len(channels) + 1
-            or not np.isfinite(rows).all()
-        ):
-            raise ValueError(f"{len(rows)}")
+        rows = _numbers(lines[5:], len(channels) + 1)
         return Record(
             machine=facts["machine"],
             taken=facts["taken"],
@@ -68,13 +66,27 @@ def read_record(path: Path) -> Record:
         raise ProfileError(problem) from error
 
 
+def _numbers(lines: list[str], columns: int) -> Floats:
+    """Return the samples, a row for each. Raises ValueError: the number of the first line that is none."""
+    found = []
+    for number, each in enumerate(lines, start=6):
+        try:
+            row = [float(value) for value in each.split(",")]
+        except ValueError:
+            row = []
+        if len(row) != columns or not np.isfinite(row).all():
+            raise ValueError(f"{DAMAGED_AT}: {number}")
+        found.append(row)
+    if len(found) < 2:
+        raise ValueError(f"{DAMAGED_AT}: {len(lines) + 6}")
+    return np.array(found, dtype=np.float64)
+
+
 def records_of(data: Path) -> tuple[Path, ...]:
-    """Return the kept records, newest first by the times in their names."""
-    try:
-        found = [path for path in (data / FOLDER).iterdir() if path.suffix == ".csv" and path.is_file()]
-    except OSError:
-        return ()
-    return tuple(sorted(found, key=lambda path: path.stem.rpartition("-")[2], reverse=True))
+    """Return the kept records, newest first by the times in their names; ProfileError `file.unreadable`."""
+    return tuple(
+        sorted(names_in(data / FOLDER, ".csv"), key=lambda path: path.stem.rpartition("-")[2], reverse=True)
+    )
 
 
 def _channel(head: str) -> Channel:

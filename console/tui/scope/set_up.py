@@ -26,7 +26,7 @@ _Value = TypeVar("_Value")
 SETTINGS = ("period", "length", "trigger", "level_of", "level")
 ROWS = (*CHANNELS, *SETTINGS)
 LABEL = 10
-_STEP = {"um": 1.0, "mm": 0.1, "mm/s": 0.1, "deg": 1.0, "rpm": 10.0, "V": 0.1}
+_STEP = {"um": 1.0, "mm": 0.1, "mm/s": 0.1, "°": 1.0, "rpm": 10.0, "V": 0.1}
 _INCH_STEP = {"um": 50.0, "mm": 0.005, "mm/s": 0.005}
 """Steps of a level, in the unit in which it is shown: round numbers in either system."""
 

@@ -10,7 +10,8 @@ import re
 
 from console.session.appearance import RESERVED_KEYS, OwnKeys
 from console.text.catalogue import Catalogue
-from console.tui.keymap import ACTIONS, CLOSE, KILL_KEYS, PALETTE, Action, written_key
+from console.tui.key_help import written_key
+from console.tui.keymap import ACTIONS, CLOSE, KILL_KEYS, PALETTE, Action
 from profiles.problem import Problem
 
 REMAPPABLE = tuple(action for action in ACTIONS if action not in (CLOSE, PALETTE))

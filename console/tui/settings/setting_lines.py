@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from console.session.appearance import OwnKeys
 from console.session.configuration import Origin
 from console.text.catalogue import Catalogue
-from console.tui.keymap import Action, words_of, written_key
+from console.tui.key_help import words_of, written_key
+from console.tui.keymap import Action
 from console.tui.lines import BLANK, Line, dim, fitted, line, name_in, ranged, wrapped
 from console.tui.settings.changing import FIXED, SETTINGS, choices_of, place_of, value_of
 from console.tui.settings.own_keys import REMAPPABLE

@@ -111,6 +111,12 @@ def step_picture(test: HealthResult | None, before: HealthResult | None, units: 
     return TracePicture(series=series, x_limits=limits, y_limits=y_limits, y_unit=units.unit("um"), x_unit="ms")
 
 
+def kind_lines(kind: str, text: Catalogue, width: int, *, step_um: float) -> list[Line]:
+    """Return what a test of this kind does, before one was made."""
+    step, way = text.units.show(step_um, "um", 0), text.units.show(CARRIAGE_WAY_MM, "mm", 0)
+    return wrapped(text(f"tune_page.will.{kind}", step=step, way=way), width, Token.DIM)
+
+
 def armed_lines(kind: str, text: Catalogue, width: int, *, step_um: float, left_s: float) -> list[Line]:
     """Return what F6 will move, and how long it may still be pressed."""
     step, way = text.units.show(step_um, "um", 0), text.units.show(CARRIAGE_WAY_MM, "mm", 0)

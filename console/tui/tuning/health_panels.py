@@ -11,9 +11,16 @@ from console.session.data.health import KeptHealth
 from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
 from console.tui.plot.trace_view import TraceView
 from console.tui.records.beside import Problems
-from console.tui.tuning.health_lines import figure_lines, other_gain_lines, step_picture, trend_lines
+from console.tui.tuning.health_lines import (
+    figure_lines,
+    kind_lines,
+    other_gain_lines,
+    step_picture,
+    trend_lines,
+)
 from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext
+from drivers.identification.request import AMPLITUDE_UM
 from profiles.problem import Problem
 
 Tests = tuple[KeptHealth, ...]
@@ -50,8 +57,11 @@ class HealthPanels(Vertical):
         """Give the trend more room on a tall terminal."""
         self.set_class(size.height >= 30, "-tall")
 
-    def show(self, tests: Tests | Problems | None, selected: int, armed: Sequence[Line]) -> None:
-        """Show the tests; in the place of the figures what F6 will do, where a test is armed."""
+    def show(self, tests: Tests | Problems | None, selected: int, armed: Sequence[Line], kind: str) -> None:
+        """Show the tests; in the place of the figures what F6 will do, where a test is armed.
+
+        Before the first test they say what one of this `kind` does.
+        """
         text, size = self._text, self.figures.size
         width = max(size.width, 1)
         kept = [each for each in tests or () if isinstance(each, KeptHealth)]
@@ -59,6 +69,7 @@ class HealthPanels(Vertical):
         test = kept[selected] if selected < len(kept) else None
         before = kept[selected + 1].result if selected + 1 < len(kept) else None
         lines = list(armed) or problem_lines(problems, text, width) or figure_lines(test, before, text, width)
+        lines = lines or kind_lines(kind, text, width, step_um=AMPLITUDE_UM)
         if test is not None and not armed:
             lines += other_gain_lines(test, self._stated, text, width)
         if tests is None:
