@@ -171,13 +171,16 @@ def _part(client: Controller, part: range, form: str) -> Iterator[tuple[int, str
 
 
 def _axes(client: Controller, dialect: Dialect, motors: Sequence[int]) -> Iterator[tuple[int, AxisEntry]]:
+    """Yield the definitions; a motor is asked for in its own system, since in another one it has none."""
     for start in range(0, len(motors), MOTORS_A_LINE):
         part = motors[start : start + MOTORS_A_LINE]
-        items = [item for motor in part for item in (f"#{motor}->", f"#{motor}?")]
-        found = client.query(*items, again=True)
-        for motor, text, status in zip(part, found[::2], found[1::2], strict=True):
+        states = client.query(*(f"#{motor}?" for motor in part), again=True)
+        systems = [_system_of(state, dialect, client.link.address) for state in states]
+        asked = (f"&{system}#{motor}-> &1" for system, motor in zip(systems, part, strict=True))
+        found = client.query(*asked, again=True)
+        for motor, system, text in zip(part, systems, found, strict=True):
             if text.strip() != "0":
-                yield motor, AxisEntry(_system_of(status, dialect, client.link.address), text.strip())
+                yield motor, AxisEntry(system, text.strip())
 
 
 def _system_of(status: str, dialect: Dialect, where: str) -> int:

@@ -105,7 +105,7 @@ def test_the_first_line_of_a_client_is_answered_with_the_version_alone(client: C
 def test_lines_are_answered_up_to_their_acknowledgement_or_error(client: Client) -> None:
     assert client.response(b"P1=25 P2=50 P1..2") == b"25\r50\r\x06"
     assert client.response(b"UUU") == b"\x07ERR003\r"
-    assert client.response(b"P1 UUU P2") == b"25\r\x07ERR003\r"
+    assert client.response(b"P1 CLEAR P2") == b"25\r\x07ERR005\r"
     assert client.response(b"") == b"\x06"
     assert client.response(b"P1\0P2") == b"25\r\x06"
 

@@ -81,10 +81,15 @@ def test_commands_need_no_separators(bench: Bench, line: str, values: int) -> No
     assert reply.count(b"\r") == values
 
 
-@pytest.mark.parametrize("line", ["#1->#2->", "#1-> #2->", "#1->,#2->", "#1->&2#2->"])
+@pytest.mark.parametrize("line", ["#1->#2->", "#1-> #2->", "#1->,#2->", "#1->&1#2->"])
 def test_definitions_are_asked_for_one_after_the_other(bench: Bench, line: str) -> None:
     bench.client.request("#2->7Y+5")
     assert bench.raw(line + "\r") == b"X\r7Y+5\r\x06"
+
+
+def test_a_motor_has_no_definition_in_the_other_systems_and_none_to_clear_there(bench: Bench) -> None:
+    bench.client.request("#2->7Y+5")
+    assert bench.raw("&2#2->\r#2->0\r&1#2->\r") == b"0\r\x06\x067Y+5\r\x06"
 
 
 def test_a_definition_is_asked_for_in_front_of_one_that_is_made(bench: Bench) -> None:
@@ -112,7 +117,7 @@ def test_expressions_are_calculated_by_the_rules_of_the_language(bench: Bench) -
 
 def test_data_of_the_commands_before_an_error_precede_the_bell_and_the_rest_is_not_done(bench: Bench) -> None:
     bench.client.request("P1=25 P2=1")
-    assert bench.raw("P1 P1=26 UUU P2=99\r") == b"25\r\x07ERR003\r"
+    assert bench.raw("P1 P1=26 CLEAR P2=99\r") == b"25\r\x07ERR005\r"
     assert bench.client.numbers("P1", "P2") == (26, 1)
 
 

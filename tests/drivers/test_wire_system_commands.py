@@ -156,7 +156,8 @@ def test_axis_definitions_are_asked_for_as_clients_do(card: Wire) -> None:
 
 def test_undefine_forgets_the_axes_of_a_system_and_undefine_all_those_of_all(card: Wire) -> None:
     card.tell("#3->0", "&2 #3->A", "&1 UNDEFINE")
-    assert card.ask("#1-> #2-> #3->") == ["0", "0", "A"]
+    assert card.ask("#1-> #2-> #3->") == ["0", "0", "0"]
+    assert card.ask("&2#3->&1") == ["A"]
     card.tell("UNDEFINE ALL")
-    assert card.ask("#3->") == ["0"]
+    assert card.ask("&2#3->&1") == ["0"]
     assert card.refusal("&1 B1R") == 14

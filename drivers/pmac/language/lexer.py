@@ -45,6 +45,14 @@ class Scanner:
         """The rest of the line: upper case, without white space and comment."""
         return self._text[self._cursor :]
 
+    @property
+    def inside_word(self) -> bool:
+        """Whether the cursor is between two letters (or `$`) with no white space between them."""
+        place = self._cursor
+        if not 0 < place < len(self._text) or self._columns[place] != self._columns[place - 1] + 1:
+            return False
+        return _is_letter(self._text[place - 1]) and _is_letter(self._text[place])
+
     def mark(self) -> int:
         """Return the cursor, for `reset`."""
         return self._cursor
@@ -132,6 +140,10 @@ class Scanner:
             return None
         self._cursor = found.end()
         return found.group()
+
+
+def _is_letter(character: str) -> bool:
+    return character.isalpha() or character == "$"
 
 
 @lru_cache(maxsize=64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.simulator.card import buffers
-from drivers.simulator.context import LINE_WORK, Context, Handler, act
+from drivers.simulator.context import LINE_WORK, Context, Handler, Reading, Step, act
 from profiles.problem import ProfileError
 
 _SPELLINGS = {"VER": "VERSION", "CHKS": "CHECKSUM"}
@@ -14,13 +14,13 @@ _IDENTITIES = ("VERSION", "TYPE", "DATE", "CID", "CPU", "VID", "CHECKSUM", "TIME
 
 
 def _identify(word: str) -> Handler:
-    def command(_: Scanner, context: Context) -> None:
-        reply = context.dialect.replies.get(word)
+    def read(scanner: Scanner, reading: Reading) -> Step:
+        reply = reading.dialect.replies.get(word)
         if reply is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"{word} is no word of this family")
-        context.lines.append(reply)
+        return lambda context: context.lines.append(reply)
 
-    return command
+    return read
 
 
 def _save(context: Context) -> None:
@@ -33,11 +33,13 @@ def _save(context: Context) -> None:
 
 def _reset(context: Context) -> None:
     context.controller.reset()
+    context.sends_program = False
     context.work += _work_of_all(context)
 
 
 def _factory_reset(context: Context) -> None:
     context.controller.reset(context.dialect.factory)
+    context.sends_program = False
     context.work += _work_of_all(context)
 
 
@@ -48,13 +50,13 @@ def _work_of_all(context: Context) -> int:
     return kept + buffers.stored_lines_in(controller) * LINE_WORK
 
 
-def _password(scanner: Scanner, context: Context) -> None:
+def _password(scanner: Scanner, reading: Reading) -> Step:
     """`PASSWORD=text`: everything up to the end of the line, as typed."""
     scanner.expect("=")
     rest = len(scanner.rest)
-    text = context.text[scanner.position :]
+    text = reading.text[scanner.position :]
     scanner.reset(scanner.mark() + rest)
-    context.controller.password.give(text)
+    return lambda context: context.controller.password.give(text)
 
 
 WORDS: dict[str, Handler] = {
