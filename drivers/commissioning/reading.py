@@ -16,6 +16,7 @@ from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.expressions import HIGHEST_PLC
+from drivers.pmac.language.listing import without_end
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 
@@ -115,6 +116,11 @@ def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> 
         raise
 
 
+def holds_program(client: Controller, number: int) -> bool:
+    """Whether there is anything in the buffer of a motion program."""
+    return bool(without_end(ask_or_none(client, f"LIST PROG{number}") or ()))
+
+
 def number_in(text: str, where: str) -> float:
     """Parse an I-variable as reported, in any format of I9. Raises LinkError: `link.out_of_step`."""
     try:
@@ -205,8 +211,9 @@ def _listings(
                 raise
             locked.append(f"{kind} {number}")
             continue
-        if lines:
-            yield number, tuple(line.strip() for line in lines)
+        kept = without_end(line.strip() for line in lines or ())
+        if kept:
+            yield number, kept
 
 
 def _tables(client: Controller, motors: Sequence[int], unlisted: int | None) -> Iterator[tuple[int, TableEntry]]:

@@ -167,7 +167,7 @@ def test_a_buffer_that_somebody_else_opened_protects_the_card_from_a_second_body
     other.tell("OPEN PROG 5 CLEAR")
     assert ready.refusal("OPEN PROG 6 CLEAR") == 7
     assert ready.refusal("P1=1") == 5
-    assert other.ask("LIST PROG 5") == []
+    assert other.listed("PROG 5") == []
     ready.tell("#1K")  # a stop is no program text
     assert not ready.card.motors[1].amplifier_enabled
 
@@ -178,7 +178,7 @@ def test_a_body_does_not_act_when_somebody_else_closes_its_buffer(ready: Wire) -
     other.tell("CLOSE")
     assert ready.refusal("P1=1") == 5
     ready.tell("CLOSE")
-    assert ready.ask("P1 LIST PROG 5") == ["7", "X1"]
+    assert ready.ask("P1 LIST PROG 5") == ["7", "X1", "RETURN"]
 
 
 def test_a_line_that_opens_and_closes_is_its_own_body(ready: Wire) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import string
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import (
@@ -303,8 +303,11 @@ def parse_line(text: str) -> Line:
     The axis words of a line are one move, see `gather_moves`. Raises PmacError 003: something on the line
     is not a statement of a motion program; 004: a character above 127 outside a comment.
     """
-    scanner = Scanner(text)
-    statements: list[Statement] = []
+    return gather_moves(statements_of(Scanner(text)))
+
+
+def statements_of(scanner: Scanner) -> Iterator[Statement]:
+    """Yield the statements of a line in the order in which they stand. Raises as `parse_line` does."""
     after_call = False
     while not scanner.at_end:
         statement = parse_statement(scanner)
@@ -312,9 +315,8 @@ def parse_line(text: str) -> Line:
             statement = parse_argument(scanner)
         if statement is None:
             raise scanner.refusal("no statement of a motion program")
-        statements.append(statement)
+        yield statement
         after_call = isinstance(statement, CallProgram) or (after_call and may_be_argument(statement))
-    return gather_moves(statements)
 
 
 def parse_statement(scanner: Scanner) -> Statement | None:

@@ -6,7 +6,7 @@ lines, and addresses of its own; it has no motion, no labels, jumps or calls, an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import reduce
 
@@ -29,14 +29,16 @@ def parse_plc_line(text: str) -> syntax.PlcLine:
     Raises PmacError: 003, something on the line is not a statement of a PLC; 004, a character above 127 outside a
     comment.
     """
-    scanner = Scanner(text)
-    statements: list[syntax.PlcStatement] = []
+    return tuple(plc_statements_of(Scanner(text)))
+
+
+def plc_statements_of(scanner: Scanner) -> Iterator[syntax.PlcStatement]:
+    """Yield the statements of a line. Raises as `parse_plc_line` does."""
     while not scanner.at_end:
         statement = parse_plc_statement(scanner)
         if statement is None:
             raise scanner.refusal("no statement of a PLC")
-        statements.append(statement)
-    return tuple(statements)
+        yield statement
 
 
 def parse_plc_statement(scanner: Scanner) -> syntax.PlcStatement | None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from decimal import Decimal
 from itertools import zip_longest
 
 from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import PRODUCTS
+from drivers.pmac.language.numbers import DECIMALS as DECIMALS
+from drivers.pmac.language.numbers import format_constant as format_constant
+from drivers.pmac.language.numbers import format_number as format_number
 from drivers.pmac.language.parser import ARGUMENTS, control_letter, gather_moves, is_control, may_be_argument
-
-DECIMALS = 10  # Maximum decimals that `format_number` writes
 
 _WORDS: Mapping[type, str] = {
     syntax.EndWhile: "ENDWHILE",
@@ -28,19 +28,6 @@ _SUM, _PRODUCT, _OPERAND = range(3)
 # Which junction may be inside which without parentheses.
 _ON_THE_LEFT = {("OR", "OR"), ("OR", "AND"), ("AND", "AND")}
 _ON_THE_RIGHT = {("OR", "AND")}
-
-
-def format_number(value: float) -> str:
-    """Format a number rounded to 10 decimals: never an exponent, a trailing zero or `-0`."""
-    if value % 1.0 == 0.0:
-        return str(int(value))  # most of the thousands of values that a host may query at once
-    return _plain(f"{value:.{DECIMALS}f}")
-
-
-def format_constant(value: float) -> str:
-    """Format a number with as many decimals as it takes to read the same number back; no exponent."""
-    short = format_number(value)
-    return short if float(short) == value else _plain(f"{Decimal(repr(float(value))):f}")
 
 
 def format_expression(expression: syntax.Expression) -> str:
@@ -160,12 +147,6 @@ def format_line(line: syntax.Line) -> str:
 def format_plc_line(line: syntax.PlcLine) -> str:
     """Format a line of a PLC without a line end. Raises ValueError as `format_condition` does."""
     return " ".join(map(format_statement, line))
-
-
-def _plain(digits: str) -> str:
-    if "." in digits:
-        digits = digits.rstrip("0").rstrip(".")
-    return "0" if digits == "-0" else digits
 
 
 def _check_neighbours(line: syntax.Line) -> None:

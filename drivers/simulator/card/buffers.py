@@ -7,9 +7,9 @@ from contextlib import suppress
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.expressions import HIGHEST_PROGRAM, TRAILING_CLOSE
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.listing import StoredLine, StoredPlcLine, stored_line, stored_plc_lines
 from drivers.pmac.language.parser import parse_line
-from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
-from drivers.pmac.language.syntax import Line, PlcLine
+from drivers.pmac.language.plc_statements import parse_plc_line
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.program_buffer import OpenBuffer
 from drivers.simulator.context import Context, Filling, Reading, Step
@@ -106,12 +106,12 @@ def read_stored(scanner: Scanner, reading: Reading) -> Step:
     closing = TRAILING_CLOSE.search(rest)
     text = rest[: closing.start()] if closing else rest
     reading.opens = reading.opens and closing is None
-    plc_lines: tuple[PlcLine, ...] = ()
-    line: Line = ()
+    plc_lines: tuple[StoredPlcLine, ...] = ()
+    line: StoredLine | None = None
     if reading.filling is Filling.PLC:
-        plc_lines = stored_lines(parse_plc_line(text))
+        plc_lines = stored_plc_lines(text)
     else:
-        line = parse_line(text)
+        line = stored_line(text)
 
     def step(context: Context) -> None:
         context.work += len(rest) // _CHARACTERS_A_VALUE
@@ -123,12 +123,12 @@ def read_stored(scanner: Scanner, reading: Reading) -> Step:
     return step
 
 
-def _store(controller: Controller, line: Line, plc_lines: tuple[PlcLine, ...]) -> None:
+def _store(controller: Controller, line: StoredLine | None, plc_lines: tuple[StoredPlcLine, ...]) -> None:
     opened = _opened(controller)
     if opened.program is not None:
         lines = controller.programs[opened.program]
         _refuse_full(controller, len(lines), 1)
-        lines += [line] if line else []
+        lines += [line] if line is not None and line.statements else []
     elif opened.plc is not None:
         stored = controller.plcs.buffers[opened.plc]
         _refuse_full(controller, len(stored), len(plc_lines))

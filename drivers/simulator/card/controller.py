@@ -12,8 +12,8 @@ from contextlib import suppress
 from drivers.pmac.axes import AxisDefinition, refuse_singular
 from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.listing import StoredLine
 from drivers.pmac.language.structure import Code, link
-from drivers.pmac.language.syntax import Line
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.simulator.card.conversion import Conversion
 from drivers.simulator.card.coordinate import CoordinateSystem
@@ -57,7 +57,7 @@ class Controller:
         self.variables = TimedVariables(i_variables, dialect, lambda: self.cycles)
         self.host = CardHost(self.switch_plc)
         self.plcs = PlcPrograms(self.variables, self.host)
-        self.programs: dict[int, list[Line]] = {}
+        self.programs: dict[int, list[StoredLine]] = {}
         self.open_buffer: OpenBuffer | None = None
         self.password = Password()
         self.flash = flash or Flash()
@@ -268,7 +268,7 @@ class Controller:
     def _program_code(self, number: int) -> Code | None:
         """Return a stored program, None if there is none. Raises PmacError: 009 or 016, it is not well formed."""
         lines = self.programs.get(number)
-        return None if lines is None else link(tuple(lines))
+        return None if lines is None else link(tuple([line.statements for line in lines]))
 
     def _define_axes(self) -> None:
         for definition in self._profile[1]:

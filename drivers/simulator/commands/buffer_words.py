@@ -6,6 +6,8 @@ Entries of a compensation table are the constants that its host sends after DEFI
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from drivers.pmac.compensation.table_text import definition_text, entry_lines, scan_definition, scan_entries
 from drivers.pmac.gathering.gather import listing
@@ -20,9 +22,9 @@ from drivers.pmac.language.expressions import (
     PROGRAM,
 )
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.listing import listed
 from drivers.pmac.language.parser import MESSAGE_READERS
 from drivers.pmac.language.syntax import PlcSwitch
-from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.simulator.card import buffers
 from drivers.simulator.context import Context, Filling, Handler, Reading, Step, act, say
 
@@ -59,17 +61,33 @@ def _close(scanner: Scanner, reading: Reading) -> Step:
     return step
 
 
-def _part_of_listing(scanner: Scanner) -> tuple[int, int | None]:
-    """`,10` from line 10, `,10,5` five lines; as a slice."""
-    first = (scanner.take_integer() or 0) if scanner.accept(",") else 0
-    count = scanner.take_integer() if scanner.accept(",") else None
-    return first, None if count is None else first + count
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """`,10` from line 10, `,10,5` five lines, `,,5` the first five; `numbered` when there is either."""
+
+    first: int = 0
+    count: int | None = None
+    numbered: bool = False
+
+    def of(self, texts: Sequence[str]) -> list[str]:
+        """Return the lines of it, with their numbers. A part behind the end has none."""
+        whole = listed(texts)
+        if not self.numbered:
+            return list(whole)
+        part = range(len(whole))[self.first : None if self.count is None else self.first + self.count]
+        return [f"{number}:{whole[number]}" for number in part]
+
+
+def _part(scanner: Scanner) -> _Part:
+    if not scanner.accept(","):
+        return _Part()
+    first = scanner.take_integer() or 0
+    return _Part(first, scanner.take_integer() if scanner.accept(",") else None, numbered=True)
 
 
 def _list_program(scanner: Scanner, reading: Reading) -> Step:
     """`LIST PROG 1`, `LIST PROG 1,10` from line 10, `LIST PROG 1,10,5` five lines."""
-    number = _program_number(scanner)
-    first, last = _part_of_listing(scanner)
+    number, part = _program_number(scanner), _part(scanner)
 
     def step(context: Context) -> None:
         controller = context.controller
@@ -77,13 +95,13 @@ def _list_program(scanner: Scanner, reading: Reading) -> Step:
         lines = controller.programs.get(number)
         if lines is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"program {number} does not exist")
-        context.list_lines([format_line(line) for line in lines[first:last]])
+        context.list_lines(part.of([line.text for line in lines]))
 
     return step
 
 
 def _list_plc(scanner: Scanner, reading: Reading) -> Step:
-    number = _plc_number(scanner)
+    number, part = _plc_number(scanner), _part(scanner)
 
     def step(context: Context) -> None:
         controller = context.controller
@@ -91,7 +109,7 @@ def _list_plc(scanner: Scanner, reading: Reading) -> Step:
         lines = controller.plcs.buffers.get(number)
         if lines is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"PLC {number} does not exist")
-        context.list_lines([format_plc_line(line) for line in lines])
+        context.list_lines(part.of([line.text for line in lines]))
 
     return step
 

@@ -9,7 +9,7 @@ from drivers.pmac.axes import AXIS_LETTERS
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.expressions import HIGHEST_PROGRAM, parse_expression
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.text import format_line, format_number
+from drivers.pmac.language.text import format_number
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.program_motion import Place
 from drivers.simulator.context import Context, Handler, Reading, Step, act, say
@@ -82,7 +82,7 @@ def _list_from(context: Context, place: Place, count: int) -> None:
     program, first = place
     buffer = context.controller.programs.get(program)
     lines = buffer[first : first + count] if buffer is not None else []
-    context.list_lines([f"P{program}:{first + n}:{format_line(line)}" for n, line in enumerate(lines)])
+    context.list_lines([f"P{program}:{first + n}:{line.text}" for n, line in enumerate(lines)])
     if not lines:
         context.lines.append(_place(place))
 
