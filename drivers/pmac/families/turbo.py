@@ -57,6 +57,8 @@ TURBO = Dialect(
         "CHECKSUM": "5C2A91",
         "TIME": "00:00:00",
         "TODAY": "01/01/2012",
+        "IDNUMBER": "0",
+        "SID": "0",
     },
     motor_count=32,
     system_count=16,

@@ -112,7 +112,12 @@ _LETTERS = tuple(string.ascii_uppercase)
 _RADIUS = "R"
 _WAITS = {"DWELL": "DWELL", "DWE": "DWELL", "DELAY": "DELAY", "DLY": "DELAY"}
 _HOMES = {"HOME": False, "HM": False, "HOMEZ": True, "HMZ": True}
-_SWITCHES = {"ENABLEPLC": True, "ENAPLC": True, "DISABLEPLC": False, "DISPLC": False}
+_SWITCHES = {  # word: on, keeping the place
+    **dict.fromkeys(("ENABLEPLC", "ENAPLC"), (True, False)),
+    **dict.fromkeys(("DISABLEPLC", "DISPLC"), (False, False)),
+    "PAUSEPLC": (False, True),
+    "RESUMEPLC": (True, True),
+}
 _TALKERS = {"COMMAND": "CMD", "CMD": "CMD", "SEND": "SEND"}
 _WITH_PORT = {f"{word}{port}": (name, port) for word, name in _TALKERS.items() for port in ("", *PORTS)}
 _SHORT_MODES = {"LIN": "LINEAR", "RPD": "RAPID", "CIR1": "CIRCLE1", "CIR2": "CIRCLE2"}
@@ -221,6 +226,8 @@ def _axis(scanner: Scanner, word: str) -> syntax.Move | None:
     if not at_data(scanner):
         return None
     value = parse_data(scanner)
+    if scanner.accept("^"):
+        return syntax.Move((syntax.AxisWord(word, value, past_trigger=parse_data(scanner)),))
     velocity = parse_data(scanner) if scanner.accept(":") else None
     return syntax.Move((syntax.AxisWord(word, value, velocity),))
 
@@ -259,7 +266,9 @@ MESSAGE_READERS: Mapping[str, Reader] = {
     ),
     **dict.fromkeys(
         _SWITCHES,
-        lambda scanner, word: syntax.PlcSwitch(_SWITCHES[word], parse_numbers(scanner, 0, HIGHEST_PLC)),
+        lambda scanner, word: syntax.PlcSwitch(
+            _SWITCHES[word][0], parse_numbers(scanner, 0, HIGHEST_PLC), keeping=_SWITCHES[word][1]
+        ),
     ),
 }
 

@@ -74,15 +74,15 @@ def stored_lines(line: syntax.PlcLine) -> tuple[syntax.PlcLine, ...]:
 
 
 def _address(scanner: Scanner, word: str) -> syntax.Address:
-    """Parse `#1`, `&2` or both, in either order."""
-    motor: int | None = None
-    system: int | None = None
+    """Parse `#1`, `&2` or both, in either order; a number may be a variable, as in `#P5`."""
+    motor: int | syntax.Variable | None = None
+    system: int | syntax.Variable | None = None
     while (motor is None and scanner.peek("#")) or (system is None and scanner.peek("&")):
         if scanner.accept("#"):
-            motor = parse_number(scanner, 1, HIGHEST_MOTOR)
+            motor = parse_variable(scanner) or parse_number(scanner, 1, HIGHEST_MOTOR)
         else:
             scanner.expect("&")
-            system = parse_number(scanner, 1, HIGHEST_SYSTEM)
+            system = parse_variable(scanner) or parse_number(scanner, 1, HIGHEST_SYSTEM)
     if motor is None and system is None:
         raise scanner.refusal("expected a motor or a coordinate system as in ADDRESS#1&2")
     return syntax.Address(motor, system)

@@ -22,6 +22,13 @@ _WORDS: Mapping[type, str] = {
 }
 """The statements without parts."""
 
+_SWITCHES = {
+    (True, False): "ENABLE",
+    (False, False): "DISABLE",
+    (True, True): "RESUME",
+    (False, True): "PAUSE",
+}
+
 _LARGEST_PLAIN_INDEX = 10**15
 _SUM, _PRODUCT, _OPERAND = range(3)
 
@@ -98,9 +105,9 @@ def format_statement(statement: syntax.Statement | syntax.PlcStatement) -> str:
         case syntax.Read(letters):
             return f"READ({','.join(letters)})"
         case syntax.Address(motor, system):
-            return f"ADDRESS{'' if motor is None else f'#{motor}'}{'' if system is None else f'&{system}'}"
-        case syntax.PlcSwitch(enable, numbers):
-            return f"{'ENABLE' if enable else 'DISABLE'} PLC {','.join(map(str, numbers))}"
+            return f"ADDRESS{_addressed('#', motor)}{_addressed('&', system)}"
+        case syntax.PlcSwitch(enable, numbers, keeping):
+            return f"{_SWITCHES[enable, keeping]} PLC {','.join(map(str, numbers))}"
         case _:
             return _format_motion(statement)
 
@@ -169,9 +176,19 @@ def _in_parentheses(letters: tuple[str, ...]) -> str:
 
 def _axis_words(words: tuple[syntax.AxisWord, ...]) -> str:
     return " ".join(
-        f"{word.axis}{format_data(word.value)}{f':{format_data(word.velocity)}' if word.velocity else ''}"
+        f"{word.axis}{format_data(word.value)}{_suffix(':', word.velocity)}{_suffix('^', word.past_trigger)}"
         for word in words
     )
+
+
+def _suffix(sign: str, value: syntax.Expression | None) -> str:
+    return "" if value is None else f"{sign}{format_data(value)}"
+
+
+def _addressed(sign: str, number: int | syntax.Variable | None) -> str:
+    if number is None:
+        return ""
+    return f"{sign}{format_expression(number) if isinstance(number, syntax.Variable) else number}"
 
 
 def _operand(expression: syntax.Expression, level: int) -> str:

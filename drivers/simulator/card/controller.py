@@ -142,13 +142,15 @@ class Controller:
                 self._trip(motor, alarm)
         self.plcs.scan_background()
 
-    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
-        """ENABLE PLC and DISABLE PLC, from any source. It switches all of them or none.
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...], keeping: bool = False) -> None:
+        """ENABLE, DISABLE, RESUME (`keeping`) and PAUSE PLC, from any source. It switches all of them or none.
 
         Raises PmacError: 007, one to be enabled is open; 009 or 016, it is not well formed.
         """
         opened = self.open_buffer
-        if not enable:
+        if keeping:
+            (self.plcs.resume if enable else self.plcs.pause)(numbers)
+        elif not enable:
             self.plcs.disable(numbers)
         elif opened is not None and opened.plc in numbers:
             raise PmacError(ErrorCode.BUFFER_IN_USE, f"{opened} is open")

@@ -84,6 +84,14 @@ class PlcPrograms:
         """Disable PLCs."""
         self.switches = self.switches.disable(numbers)
 
+    def pause(self, numbers: Sequence[int]) -> None:
+        """PAUSE PLC: those that are enabled keep their place."""
+        self.switches = self.switches.pause(numbers)
+
+    def resume(self, numbers: Sequence[int]) -> None:
+        """RESUME PLC: those that are paused continue."""
+        self.switches = self.switches.resume(numbers)
+
     def disable_all(self) -> None:
         """Control-D."""
         self.switches = PlcSwitches()

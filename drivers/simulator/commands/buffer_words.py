@@ -29,6 +29,7 @@ from drivers.simulator.card import buffers
 from drivers.simulator.context import Context, Filling, Handler, Reading, Step, act, say
 
 _NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", "UBUFFER", "LOOKAHEAD")  # never defined
+_PLC_SWITCHES = ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC", "PAUSEPLC", "RESUMEPLC")
 _GATHER = ("GATHER", "GAT")
 _CONSTANT = re.compile(r"[+-]?[\d.]")  # first characters of a line of entries; `$` is a command
 
@@ -128,7 +129,7 @@ def _switch_plc(word: str) -> Handler:
     def command(scanner: Scanner, reading: Reading) -> Step:
         switch = MESSAGE_READERS[word](scanner, word)
         assert isinstance(switch, PlcSwitch)
-        return lambda context: context.controller.switch_plc(switch.enable, switch.numbers)
+        return lambda context: context.controller.switch_plc(switch.enable, switch.numbers, switch.keeping)
 
     return command
 
@@ -178,6 +179,18 @@ def _define_gather(scanner: Scanner, reading: Reading) -> Step:
         gather.define(size)
 
     return step
+
+
+def _define_nothing(scanner: Scanner, reading: Reading) -> Step:
+    """DEFINE LOOKAHEAD 1000,100 and DEFINE UBUFFER 256: accepted, and neither changes anything.
+
+    Moves are calculated as without lookahead, and the words of a user buffer are plain memory in any case.
+    """
+    if scanner.take_integer() is None:
+        raise scanner.refusal("a size as in DEFINE UBUFFER 256")
+    if scanner.accept(","):
+        scanner.take_integer()
+    return _refuse_open
 
 
 def _gather(scanner: Scanner, reading: Reading) -> Step:
@@ -254,6 +267,8 @@ _DELETED: dict[str, Handler] = {
     "PLC": _delete_plc,
     **dict.fromkeys(_GATHER, act(lambda context: context.controller.gather.delete())),
     "COMP": act(_delete_table),
+    # The temporary buffers; of those there is only the one to gather into.
+    **dict.fromkeys(("TEMPS", "TEMPORARY"), act(lambda context: context.controller.gather.delete())),
 }
 
 WORDS: dict[str, Handler] = {
@@ -269,13 +284,14 @@ WORDS: dict[str, Handler] = {
     **dict.fromkeys(_GATHER, _gather),
     **dict.fromkeys(("ENDGATHER", "ENDG"), act(_end_gather)),
     **{f"LIST{word}": _list_gather for word in _GATHER},
+    **{f"{define}{word}": _define_nothing for define in ("DEFINE", "DEF") for word in ("LOOKAHEAD", "UBUFFER")},
     **dict.fromkeys(("DEFINECOMP", "DEFCOMP"), _define_table),
     "LISTCOMP": act(_list_table),
     "LISTCOMPDEF": say(_table_definition),
 }
 
 SHARED_WORDS: dict[str, Handler] = {
-    **{word: _switch_plc(word) for word in ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC")},
+    **{word: _switch_plc(word) for word in _PLC_SWITCHES},
     **dict.fromkeys(("AND(", "OR(", "ADDRESS", "ADR", "SEND"), _plc_text),
 }
 """Programs have them too."""

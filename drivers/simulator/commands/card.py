@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.expressions import parse_expression, parse_variable
 from drivers.pmac.language.lexer import Scanner
 from drivers.simulator.card import buffers
 from drivers.simulator.context import LINE_WORK, Context, Handler, Reading, Step, act
 from profiles.problem import ProfileError
 
 _SPELLINGS = {"VER": "VERSION", "CHKS": "CHECKSUM"}
-_IDENTITIES = ("VERSION", "TYPE", "DATE", "CID", "CPU", "VID", "CHECKSUM", "TIME", "TODAY", *_SPELLINGS)
+_IDENTITIES = (
+    *("VERSION", "TYPE", "DATE", "CID", "CPU", "VID", "CHECKSUM", "TIME", "TODAY", "IDNUMBER", "SID"),
+    *_SPELLINGS,
+)
 """The replies, and which words a family has, are in its dialect."""
+
+_HIGHEST_STATION = 63  # of a MACRO ring
 
 
 def _identify(word: str) -> Handler:
@@ -59,6 +65,27 @@ def _password(scanner: Scanner, reading: Reading) -> Step:
     return lambda context: context.controller.password.give(text)
 
 
+def _ring(scanner: Scanner, reading: Reading) -> Step:
+    """MS, MSR, MSW, MSCLRF: words for a station of a MACRO ring, and there is no ring.
+
+    Raises PmacError: 003, no station; the step, 008, it does not answer.
+    """
+    station = scanner.take_integer()
+    if station is None or station > _HIGHEST_STATION:
+        raise scanner.refusal(f"a station as in MS0,I910, 0 to {_HIGHEST_STATION}")
+    while scanner.accept(","):
+        scanner.accept("M")  # MI910, a variable of the station
+        if parse_variable(scanner) is None:
+            raise scanner.refusal("a variable as in MS0,I910")
+    if scanner.accept("="):
+        parse_expression(scanner)
+
+    def step(context: Context) -> None:
+        raise PmacError(ErrorCode.MACRO_COMMUNICATION, "there is no MACRO ring")
+
+    return step
+
+
 WORDS: dict[str, Handler] = {
     **{word: _identify(_SPELLINGS.get(word, word)) for word in _IDENTITIES},
     # There is no absolute encoder: the motor is killed, and its present position is 0.
@@ -67,4 +94,5 @@ WORDS: dict[str, Handler] = {
     "$$$": act(_reset),
     "$$$***": act(_factory_reset),
     "PASSWORD": _password,
+    **dict.fromkeys(("MS", "MSR", "MSW", "MSCLRF"), _ring),
 }

@@ -91,6 +91,7 @@ WORDS: dict[str, Handler] = {
     "PC": say(lambda context: _place(context.system.program_counter())),
     "PE": say(lambda context: _place(context.system.executing())),
     "PR": say(lambda _: "0"),
+    "MOVETIME": say(lambda context: format_number(round(context.system.motion.left_ms, 3))),
     "PMATCH": act(lambda context: context.system.match_positions()),
     "LISTPC": _list_place(CoordinateSystem.program_counter),
     "LISTPE": _list_place(CoordinateSystem.executing),
@@ -99,6 +100,21 @@ WORDS: dict[str, Handler] = {
     "\\": act(lambda context: context.system.quick_hold()),
 }
 
+
+def _close_loops(context: Context) -> None:
+    """`E`: close the loops of all motors of the system where they stand. Raises PmacError: 001, 013, 014."""
+    system, motors = context.system, context.system.frame.motors
+    if system.running or system.moving:
+        raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"&{system.number}")
+    if not motors:
+        raise PmacError(ErrorCode.NO_MOTORS, f"&{system.number}")
+    for motor in motors:
+        if not motor.activated:
+            raise PmacError(ErrorCode.NOT_ACTIVATED, f"motor {motor.number}")
+    for motor in motors:
+        motor.enable()
+
+
 LETTERS: dict[str, Handler] = {
     "B": _point,
     "R": _start(CoordinateSystem.run),
@@ -106,5 +122,6 @@ LETTERS: dict[str, Handler] = {
     "H": act(lambda context: context.system.hold()),
     "Q": act(lambda context: context.system.quit()),
     "A": act(lambda context: context.system.abort()),
+    "E": act(_close_loops),
     "Z": act(lambda context: context.system.zero_axes()),
 }
