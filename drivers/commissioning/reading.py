@@ -16,6 +16,7 @@ from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.expressions import HIGHEST_PLC
+from drivers.pmac.language.listing import without_end
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 
@@ -115,6 +116,11 @@ def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> 
         raise
 
 
+def holds_program(client: Controller, number: int) -> bool:
+    """Whether there is anything in the buffer of a motion program."""
+    return bool(without_end(ask_or_none(client, f"LIST PROG{number}") or ()))
+
+
 def number_in(text: str, where: str) -> float:
     """Parse an I-variable as reported, in any format of I9. Raises LinkError: `link.out_of_step`."""
     try:
@@ -171,13 +177,16 @@ def _part(client: Controller, part: range, form: str) -> Iterator[tuple[int, str
 
 
 def _axes(client: Controller, dialect: Dialect, motors: Sequence[int]) -> Iterator[tuple[int, AxisEntry]]:
+    """Yield the definitions; a motor is asked for in its own system, since in another one it has none."""
     for start in range(0, len(motors), MOTORS_A_LINE):
         part = motors[start : start + MOTORS_A_LINE]
-        items = [item for motor in part for item in (f"#{motor}->", f"#{motor}?")]
-        found = client.query(*items, again=True)
-        for motor, text, status in zip(part, found[::2], found[1::2], strict=True):
+        states = client.query(*(f"#{motor}?" for motor in part), again=True)
+        systems = [_system_of(state, dialect, client.link.address) for state in states]
+        asked = (f"&{system}#{motor}-> &1" for system, motor in zip(systems, part, strict=True))
+        found = client.query(*asked, again=True)
+        for motor, system, text in zip(part, systems, found, strict=True):
             if text.strip() != "0":
-                yield motor, AxisEntry(_system_of(status, dialect, client.link.address), text.strip())
+                yield motor, AxisEntry(system, text.strip())
 
 
 def _system_of(status: str, dialect: Dialect, where: str) -> int:
@@ -202,8 +211,9 @@ def _listings(
                 raise
             locked.append(f"{kind} {number}")
             continue
-        if lines:
-            yield number, tuple(line.strip() for line in lines)
+        kept = without_end(line.strip() for line in lines or ())
+        if kept:
+            yield number, kept
 
 
 def _tables(client: Controller, motors: Sequence[int], unlisted: int | None) -> Iterator[tuple[int, TableEntry]]:

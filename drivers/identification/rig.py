@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from drivers.clock import Clock
-from drivers.commissioning.reading import ask_or_none
+from drivers.commissioning.reading import ask_or_none, holds_program
 from drivers.errors import ControllerError
 from drivers.identification.excitation import PROGRAM
 from drivers.lathe.lathe import Lathe
@@ -74,10 +74,12 @@ def homed(snapshot: Snapshot) -> bool:
 def _in_use(rig: Rig) -> Iterator[Problem]:
     """Find what somebody else uses: a program of that number, a table of the tool, a running gather."""
     motor = rig.machine.tool.motor
-    queries = {f"LIST PROG{PROGRAM}": f"PROG {PROGRAM}", f"#{motor}LIST COMP DEF": f"#{motor} COMP"}
-    for line, key in queries.items():
-        if ask_or_none(rig.client, line):
-            yield Problem(code="identify.in_use", where=rig.where, key=key)
+    used = {
+        f"PROG {PROGRAM}": holds_program(rig.client, PROGRAM),
+        f"#{motor} COMP": bool(ask_or_none(rig.client, f"#{motor}LIST COMP DEF")),
+    }
+    for key in [key for key, found in used.items() if found]:
+        yield Problem(code="identify.in_use", where=rig.where, key=key)
     (digits,) = rig.client.query("???", again=True)
     if "gathering" in decode(digits.strip(), rig.dialect.global_bits):
         yield Problem(code="identify.in_use", where=rig.where, key="GATHER")

@@ -55,7 +55,7 @@ _RULES = (
     _rule(r"(?:VERSION|VER|TYPE|DATE|CID|CPU|VID|CHECKSUM|CHKS|SIZE|TIME|TODAY|PC|PE)(?![A-Z])", 1, reads=True),
     _rule(r"RH?(?:X|Y|L|DP?|F)\s*:?\s*(?:\$[0-9A-F]++|\d++)(?:,\d++)?" + _GAP, None, reads=True),
     _rule(r"\?{1,3}", 1, reads=True),
-    _rule(r"##?\d++->(?=\s*(?:#|$))", 1, reads=True),
+    _rule(r"##?\d++->(?=\s*(?:[#&]|$))", 1, reads=True),
     (re.compile(rf"M{_VARIABLES}->(?=\s*(?:[#&IPQM?]|$))"), _range_lines, True),
     _rule(r"(?:##?|&)\d++(?!->)", 0, reads=True),
     _rule(rf"M{_VARIABLES}->(?:\*|{_PLACE})" + _GAP, 0, reads=False),

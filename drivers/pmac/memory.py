@@ -42,6 +42,8 @@ class Pointer:
             return f"{self.space}:${self.address:X}"
         sign = ",S" if self.signed else ""
         if self.space in SHORT_SPACES:
+            if self.width == WORD_BITS:
+                return f"{self.space}:${self.address:X},{WHOLE_WORD}{sign}"
             width = f",{self.width}" if self.width != 1 or self.signed else ""
             return f"{self.space}:${self.address:X},{self.offset}{width}{sign}"
         if self.space == "TWS":

@@ -18,6 +18,7 @@ from drivers.pmac.compensation.table_text import TextTable, definition_text, sca
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.listing import without_end
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.syntax import Program
 from drivers.pmac.language.text import format_line
@@ -114,7 +115,7 @@ def verify_program(client: Controller, program: ProgramText) -> None:
 
 
 def _compare(client: Controller, number: int, lines: Program) -> None:
-    target = tuple(format_line(line) for line in lines)
+    target = without_end(format_line(line) for line in lines)
     found = _listing(client, number, target)
     if found != target:
         # The number of lines of a listing is not known before: an extra empty line does not make it differ.
@@ -139,7 +140,7 @@ def _listing_timeout_s(target: Iterable[str]) -> float:
 
 def _listing(client: Controller, number: int, target: Sequence[str]) -> tuple[str, ...]:
     """List the whole program at once: some controllers count the start of a partial listing in memory words."""
-    return tuple(map(_normal_form, client.question(f"LIST PROG{number}", _listing_timeout_s(target))))
+    return tuple(map(_normal_form, without_end(client.question(f"LIST PROG{number}", _listing_timeout_s(target)))))
 
 
 def _normal_form(line: str) -> str:

@@ -101,6 +101,18 @@ class HomeRequest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TriggerRequest(_ToTargets):
+    """Come to rest; the axes in `moving` go to their targets as a jog does, and some end at a trigger on the way.
+
+    `past_trigger` is how far past it they end, in user units, by axis. The program continues when all are done,
+    whether there was a trigger or not.
+    """
+
+    moving: frozenset[str]
+    past_trigger: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PresetRequest:
     """Come to rest; the axes are then at `positions` without having moved."""
 
@@ -124,7 +136,7 @@ class Finished:
 
 
 MoveRequest = LinearRequest | CircleRequest | RapidRequest | SplineRequest | PvtRequest
-Request = MoveRequest | DwellRequest | HomeRequest | PresetRequest | BlendBreak | Halt | Finished
+Request = MoveRequest | DwellRequest | HomeRequest | TriggerRequest | PresetRequest | BlendBreak | Halt | Finished
 
 
 class ProgramHost(Protocol):
@@ -142,8 +154,8 @@ class ProgramHost(Protocol):
         """DISPLAY: text for the display port."""
         return
 
-    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
-        """ENABLE or DISABLE PLC."""
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...], keeping: bool = False) -> None:
+        """ENABLE or DISABLE PLC; `keeping` its place, RESUME or PAUSE PLC."""
         return
 
 

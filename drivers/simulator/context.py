@@ -1,15 +1,16 @@
-"""The addressing of one host with its pending data, and the form of a command that acts for it."""
+"""The addressing of one host with its pending data, and how its commands are read before they act."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import StrEnum, auto
 
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import evaluate
-from drivers.pmac.language.expressions import parse_expression
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.syntax import Expression
 from drivers.pmac.variables import SystemVariables
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.coordinate import CoordinateSystem
@@ -25,8 +26,8 @@ class Context:
     """The addressing of one port. Two ports are never equal, however alike.
 
     `motor_bank` is the group of eight motors that the control characters report, from 0. `card_number` is the
-    controller addressed with `@n`, None before any was. `text` is the line being executed, as typed. `work` is the
-    cost of its commands: values read or set, and lines of data.
+    controller addressed with `@n`, None before any was. `work` is the cost of its commands: values read or set,
+    and lines of data. `sends_program` is whether the host has sent an OPEN and no CLOSE since, refused or not.
     """
 
     controller: Controller
@@ -34,9 +35,9 @@ class Context:
     system_number: int = 1
     motor_bank: int = 0
     card_number: int | None = None
-    text: str = ""
     lines: list[str] = field(default_factory=list)
     work: int = 0
+    sends_program: bool = False
 
     @property
     def dialect(self) -> Dialect:
@@ -72,10 +73,18 @@ class Context:
         opened = self.controller.open_buffer
         return opened is not None and opened.owner is self
 
-    def expression(self, scanner: Scanner) -> float:
-        """Parse an expression; return its value. Raises PmacError: 003, no expression, or one without a value."""
+    @property
+    def filling(self) -> Filling:
+        """Where program text from this host goes."""
+        if self.fills_buffer:
+            opened = self.controller.open_buffer
+            return Filling.PLC if opened is not None and opened.plc is not None else Filling.PROGRAM
+        return Filling.REFUSED if self.sends_program else Filling.NOWHERE
+
+    def value(self, expression: Expression) -> float:
+        """Return the value of an expression. Raises PmacError: 003, it has none."""
         degrees = self.controller.variables.i(15) == 0
-        return evaluate(parse_expression(scanner), self.variables, degrees, strict=False)
+        return evaluate(expression, self.variables, degrees, strict=False)
 
     def list_lines(self, lines: list[str]) -> None:
         """Reply with lines of a listing."""
@@ -83,21 +92,52 @@ class Context:
         self.lines += lines
 
 
-Handler = Callable[[Scanner, Context], None]  # a command: parses its own arguments, acts for its host
+Step = Callable[[Context], None]  # a command that was read: it acts for its host
+
+
+class Filling(StrEnum):
+    """Where program text of a host goes while a line is read."""
+
+    NOWHERE = auto()  # no buffer is open for it: commands act at once
+    PROGRAM = auto()
+    PLC = auto()
+    REFUSED = auto()  # its OPEN was refused, or somebody else has closed the buffer: the body must not act
+
+
+@dataclass(slots=True)
+class Reading:
+    """What the reading of a line depends on: its text, as typed, the family, and where program text goes.
+
+    `opens` is whether an OPEN has been read in the line.
+    """
+
+    text: str
+    dialect: Dialect
+    filling: Filling = Filling.NOWHERE
+    opens: bool = False
+
+    @property
+    def fills(self) -> bool:
+        """Whether program text goes into a buffer."""
+        return self.filling in (Filling.PROGRAM, Filling.PLC)
+
+
+Handler = Callable[[Scanner, Reading], Step]
+"""Reads the arguments of a command. Nothing acts before the whole line has been read."""
 
 
 def say(report: Callable[[Context], str]) -> Handler:
     """Return a command that replies one line."""
-    return lambda _, context: context.lines.append(report(context))
+    return act(lambda context: context.lines.append(report(context)))
 
 
 def act(action: Callable[[Context], object]) -> Handler:
     """Return a command without arguments."""
 
-    def command(_: Scanner, context: Context) -> None:
+    def step(context: Context) -> None:
         action(context)
 
-    return command
+    return lambda scanner, reading: step
 
 
 def signed_constant(scanner: Scanner) -> float | None:

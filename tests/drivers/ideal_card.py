@@ -11,7 +11,7 @@ import pytest
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language.errors import PmacError
-from drivers.pmac.language.parser import parse_line
+from drivers.pmac.language.listing import stored_line
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.settings import settings_with
 from drivers.simulator.card.controller import Controller
@@ -70,7 +70,7 @@ class IdealCard:
         self.system.point(number)
 
     def store(self, *lines: str, number: int) -> None:
-        self.controller.programs[number] = [parse_line(line) for line in lines]
+        self.controller.programs[number] = [stored_line(line) for line in lines]
 
     def wait(self, ms: float) -> None:
         """Advance by whole background cycles."""

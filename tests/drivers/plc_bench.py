@@ -29,7 +29,7 @@ class PlcListener:
     def display(self, text: str) -> None:
         self.heard.append(("display", text))
 
-    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...], keeping: bool = False) -> None:
         self.heard.append(("enable" if enable else "disable", *numbers))
 
 

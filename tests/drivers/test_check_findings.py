@@ -172,9 +172,20 @@ def test_a_tool_that_is_left_in(machine: MachineProfile) -> None:
 
 
 def test_a_run_time_error_is_told_with_its_line(machine: MachineProfile) -> None:
-    found = checked("TA10 TS5 TM20\nX100\nP1=1/P2\nX200", machine)
+    found = checked("TA10 TS5 TM20\nX100\nGOTO77\nX200", machine)
     finding = only(found, Code.RUN_TIME_ERROR)
     assert (finding.lines, finding.severity) == ((6,), Severity.REFUSAL)
+    assert [move.motors[0].target for move in found.moves] == [100]
+
+
+def test_a_calculation_without_a_result_is_told_as_the_controller_takes_it(
+    machine: MachineProfile,
+) -> None:
+    """It stops nothing there, so that it is no run-time error."""
+    found = checked("TA10 TS5 TM20\nX100\nP1=1/P2\nX200", machine)
+    finding = only(found, Code.NO_RESULT)
+    assert (finding.lines, finding.severity) == ((6,), Severity.REFUSAL)
+    assert finding.values["error"] == "a division by 0; the controller goes on with its largest number, 2^47"
     assert [move.motors[0].target for move in found.moves] == [100]
 
 
@@ -225,7 +236,7 @@ def test_where_a_program_leaves_the_tool_is_not_said_of_one_that_was_not_followe
     machine: MachineProfile, rest: str
 ) -> None:
     found = codes(checked(f"TA100 TS0 TM200\nX500\n{rest}", machine))
-    assert found & {Code.ENDLESS_WITHOUT_FLAG, Code.RUN_TIME_ERROR}
+    assert found & {Code.ENDLESS_WITHOUT_FLAG, Code.RUN_TIME_ERROR, Code.NO_RESULT}
     assert found & {Code.ENDS_DEEPER, Code.PLUNGE} == set()
 
 
@@ -248,7 +259,7 @@ def test_a_circle_is_judged_by_i13_as_it_was_then(machine: MachineProfile) -> No
 
 
 def test_values_have_the_types_of_what_they_are(machine: MachineProfile) -> None:
-    found = checked("TA10 TS5 TM20\nWHILE(M26=0)\nX10\nX-10\nENDW\nP1=1/P2", machine)
+    found = checked("TA10 TS5 TM20\nWHILE(M26=0)\nX10\nX-10\nENDW\nGOTO77", machine)
     assert repr(only(found, Code.ENDLESS_LOOP).values["repeats"]) == "True"
     number = only(found, Code.RUN_TIME_ERROR).values["number"]
     assert type(number) is int

@@ -76,9 +76,9 @@ def test_what_was_read_is_in_the_file(plain: Configuration) -> None:
         3: AxisEntry(1, "Z"),
         4: AxisEntry(2, "2000A+10"),
     }
-    assert found.pointers == {26: "Y:$FFC2,8", 70: "D:$28", 71: "D:$28", 72: "X:$700,0,24,S"}
+    assert found.pointers == {26: "Y:$FFC2,8", 70: "D:$28", 71: "D:$28", 72: "X:$700,24,S"}
     assert found.plcs == {3: ("P5=P5+1",)}
-    assert found.programs == {7: ("LINEAR F20 X10", "DWELL0")}
+    assert found.programs == {7: ("LINEARF20X10", "DWELL0")}
     assert (found.tables[1].definition, found.tables[1].entry_count) == ("4,#2,#1,10000", 4)
     backup = read_backup(backup_text(found, DATE), "file")
     assert backup.configuration == found

@@ -105,7 +105,7 @@ def test_the_first_line_of_a_client_is_answered_with_the_version_alone(client: C
 def test_lines_are_answered_up_to_their_acknowledgement_or_error(client: Client) -> None:
     assert client.response(b"P1=25 P2=50 P1..2") == b"25\r50\r\x06"
     assert client.response(b"UUU") == b"\x07ERR003\r"
-    assert client.response(b"P1 UUU P2") == b"25\r\x07ERR003\r"
+    assert client.response(b"P1 CLEAR P2") == b"25\r\x07ERR005\r"
     assert client.response(b"") == b"\x06"
     assert client.response(b"P1\0P2") == b"25\r\x06"
 
@@ -194,7 +194,7 @@ def test_lines_of_a_write_buffer_are_typed_and_answered_as_one(client: Client) -
     lines = b"OPEN PROG 1\0CLEAR\0X10\0X20\0CLOSE\0P5=42\0"
     assert client.ask(RequestCode.WRITEBUFFER, lines) == b"\0\0\0\0"
     assert client.fetched() == b"\0"
-    assert client.response(b"LIST PROG 1") == b"X10\rX20\r\x06"
+    assert client.response(b"LIST PROG 1") == b"X10\rX20\rRETURN\r\x06"
     assert client.ask(RequestCode.WRITEBUFFER, lines[:-1]) == b"\0\0\0\0"
     assert client.response(b"P5") == b"42\r\x06"
 

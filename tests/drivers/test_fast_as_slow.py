@@ -165,7 +165,7 @@ def slowly(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], None]]:
         patch(ServoAxis, "follow", SlowAxis.follow)
         patch(ServoAxis, "_drift", SlowAxis._drift)
         patch(Stretch, "length", lambda *_: 1)
-        patch(line, "compiled", lambda *_: None)
+        patch(line, "_remembered", line._remembered.__wrapped__)
         patch(CollisionWatch, "misses", lambda *_: False)
         patch(Spindle, "_creeps", lambda *_: False)
         patch(CardMemory, "bits_of", lambda *_: None)

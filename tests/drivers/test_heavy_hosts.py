@@ -178,7 +178,7 @@ def test_the_answers_of_a_long_line_are_the_same_as_those_of_short_ones(card: Wi
 
 
 def test_an_error_ends_a_line_that_is_done_in_parts(card: Wire) -> None:
-    assert card.raw(b"P1..8191=P1+1P1..8191=P1+1UUUP1=7\r") == b"\x07ERR003\r"
+    assert card.raw(b"P1..8191=P1+1P1..8191=P1+1CLEAR P1=7\r") == b"\x07ERR005\r"
     assert p1(card) == 2
 
 

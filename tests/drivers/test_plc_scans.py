@@ -213,7 +213,7 @@ def test_angles_follow_i15_from_the_next_scan_on() -> None:
         ("P1=1\nIF(M(0-1)=0)\nENDIF\nP2=1", 1, "M-1"),
         ("P1=1\nADDRESS#9\nP2=1", 1, "motor 9"),
         ("P1=1\n\nADDRESS&9\nP2=1", 1, "coordinate system 9"),
-        ("P1=1\nP3=EXP(1000)\nP2=1", 1, "range"),
+        ("P1=1\nP3=EXP(1000)\nP2=1", 1, "too large"),
     ],
 )
 def test_a_run_time_error_ends_the_scan_and_says_where_and_what(text: str, line: int, words: str) -> None:

@@ -10,6 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
+from drivers.pmac.language.plc_statements import parse_plc_line
 from drivers.pmac.language.syntax import PlcLine
 from drivers.pmac.language.text import format_plc_line
 from drivers.simulator.hosts.port import LINE_LIMIT
@@ -31,13 +32,13 @@ def test_a_plc_is_listed_in_one_spelling_with_what_stands_behind_a_condition_bel
     store(card, 4, 'if (p1=1) adr&2#4 ; here\n  and(p2 !> 3)\nElse P2=2 cmd"#1j/"\nendi', on=False)
     listed = [
         "IF(P1=1)",
-        "ADDRESS#4&2",
+        "ADDRESS&2#4",
         "AND(P2!>3)",
         "ELSE",
-        'P2=2 CMD"#1j/"',
+        'P2=2COMMAND"#1j/"',
         "ENDIF",
     ]
-    assert card.ask("LIST PLC 4") == listed
+    assert card.listed("PLC 4") == listed
 
 
 @given(lines=st.lists(plc_lines, min_size=1, max_size=5))
@@ -49,10 +50,10 @@ def test_every_plc_that_is_typed_is_stored_and_its_listing_is_the_same_plc(
     assume(all(len(text) <= LINE_LIMIT for text in texts))
     card = wire(machine)
     card.tell("OPEN PLC 1 CLEAR", *texts, "CLOSE")
-    listed = card.ask("LIST PLC 1")
-    assert " ".join(listed) == " ".join(texts)
+    listed = card.listed("PLC 1")
+    assert [s for text in listed for s in parse_plc_line(text)] == [s for line in lines for s in line]
     card.tell("OPEN PLC 2 CLEAR", *listed, "CLOSE")
-    assert card.ask("LIST PLC 2") == listed
+    assert card.listed("PLC 2") == listed
 
 
 @pytest.mark.parametrize("text", ["X10", "LINEAR", "DWELL10", "GOTO5", "N5", "M1==1", "IF(P1)", "CALL5", "G1"])
@@ -60,7 +61,7 @@ def test_what_belongs_to_motion_programs_is_refused_and_not_stored(card: Wire, t
     card.tell("OPEN PLC 1 CLEAR", "P1=1")
     assert card.refusal(text) == 3
     card.tell("CLOSE")
-    assert card.ask("LIST PLC 1") == ["P1=1"]
+    assert card.listed("PLC 1") == ["P1=1"]
 
 
 @pytest.mark.parametrize(
@@ -153,8 +154,8 @@ def test_a_reset_brings_saved_plcs_back_and_switches_them_on(card: Wire) -> None
     assert values(card, "P1 P2 P4") == [1, 4, 0]
     card.tell("SAVE", "OPEN PLC 1 CLEAR", "CLOSE", "DELETE PLC 3")
     reset(card)
-    assert card.ask("LIST PLC 1") == text.split("\n")
-    assert card.ask("LIST PLC 2") == ["ENDIF"]
+    assert card.listed("PLC 1") == text.split("\n")
+    assert card.listed("PLC 2") == ["ENDIF"]
     assert card.card.plcs.switches.enabled == {1, 3}, "what is not well formed stays off"
     run_for(card, 2)
     assert values(card, "P1 P2 P4") == [2, 6, 2], "from its top"
@@ -203,7 +204,7 @@ def test_a_saved_plc_without_an_end_comes_back_and_cannot_be_switched_on(
     second = wire(machine, saved=path)
     run_for(second, 3)
     assert values(second, "P1 P2") == [3, 0]
-    assert second.ask("LIST PLC 6") == ["IF(P1=1)", "P2=9"]
+    assert second.listed("PLC 6") == ["IF(P1=1)", "P2=9"]
     assert second.refusal("ENABLE PLC 6") == 16
 
 
@@ -232,4 +233,4 @@ def test_a_full_plc_takes_no_more(card: Wire) -> None:
     card.tell("P1=1")
     assert card.refusal("P1=1") == 6
     card.tell("CLOSE")
-    assert len(card.ask("LIST PLC 1")) == 20_000
+    assert len(card.listed("PLC 1")) == 20_000

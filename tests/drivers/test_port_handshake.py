@@ -81,10 +81,15 @@ def test_commands_need_no_separators(bench: Bench, line: str, values: int) -> No
     assert reply.count(b"\r") == values
 
 
-@pytest.mark.parametrize("line", ["#1->#2->", "#1-> #2->", "#1->,#2->", "#1->&2#2->"])
+@pytest.mark.parametrize("line", ["#1->#2->", "#1-> #2->", "#1->,#2->", "#1->&1#2->"])
 def test_definitions_are_asked_for_one_after_the_other(bench: Bench, line: str) -> None:
     bench.client.request("#2->7Y+5")
     assert bench.raw(line + "\r") == b"X\r7Y+5\r\x06"
+
+
+def test_a_motor_has_no_definition_in_the_other_systems_and_none_to_clear_there(bench: Bench) -> None:
+    bench.client.request("#2->7Y+5")
+    assert bench.raw("&2#2->\r#2->0\r&1#2->\r") == b"0\r\x06\x067Y+5\r\x06"
 
 
 def test_a_definition_is_asked_for_in_front_of_one_that_is_made(bench: Bench) -> None:
@@ -112,7 +117,7 @@ def test_expressions_are_calculated_by_the_rules_of_the_language(bench: Bench) -
 
 def test_data_of_the_commands_before_an_error_precede_the_bell_and_the_rest_is_not_done(bench: Bench) -> None:
     bench.client.request("P1=25 P2=1")
-    assert bench.raw("P1 P1=26 UUU P2=99\r") == b"25\r\x07ERR003\r"
+    assert bench.raw("P1 P1=26 CLEAR P2=99\r") == b"25\r\x07ERR005\r"
     assert bench.client.numbers("P1", "P2") == (26, 1)
 
 
@@ -164,7 +169,7 @@ def test_only_the_port_that_opened_a_buffer_fills_it(bench: Bench) -> None:
     assert other.take_output() == b"\x06\x07ERR005\r\x07ERR007\r"
     bench.client.request("P1=9")
     bench.client.request("CLOSE")
-    assert bench.client.request("LIST PROG 1") == ("P1=9",)
+    assert bench.client.request("LIST PROG 1") == ("P1=9", "RETURN")
     assert bench.number("P1") == 5
 
 
@@ -184,7 +189,7 @@ def test_a_host_that_goes_leaves_the_buffer_of_another_open(bench: Bench) -> Non
     bench.sim.disconnect(passer_by)
     bench.client.request("X100")
     bench.client.request("CLOSE")
-    assert bench.client.request("LIST PROG 1") == ("X100",)
+    assert bench.client.request("LIST PROG 1") == ("X100", "RETURN")
 
 
 def test_a_stored_line_goes_into_the_buffer_and_is_not_executed(bench: Bench) -> None:
@@ -193,7 +198,7 @@ def test_a_stored_line_goes_into_the_buffer_and_is_not_executed(bench: Bench) ->
     assert bench.raw("P1\r") == b"\x07ERR003\r"
     bench.client.request("X10 Y20 CLOSE")
     assert bench.number("P1") == 1
-    assert bench.client.request("LIST PROG 1") == ("P1=2", "X10 Y20")
+    assert bench.client.request("LIST PROG 1") == ("P1=2", "X10Y20", "RETURN")
 
 
 @pytest.mark.parametrize(("i3", "like"), [(0, 0), (1, 0), (2, 2), (3, 2)])

@@ -57,9 +57,7 @@ def test_a_run_time_error_in_linear_moves_ends_the_motion_at_its_target_without_
     assert closed.lathe.snapshot().loops_closed
 
 
-@pytest.mark.parametrize(
-    "error", ["P(0-1)=3", "TA0 Z500:0", "LINEAR TM100 Z900", "DWELL10", "PVT0", "Z(EXP(700))"]
-)
+@pytest.mark.parametrize("error", ["P(0-1)=3", "TA0 Z500:0", "LINEAR TM100 Z900", "PVT0", "Z(EXP(700))"])
 def test_a_run_time_error_in_pvt_ramps_the_speed_down_without_a_jump(closed: Bench, error: str) -> None:
     """4 counts/ms at Ix15 = 0.5 of the carriage, 0.5 of the spindle and 40 of the tool: 16 counts more."""
     commands = run(closed, *PVT_MOVES, error)

@@ -201,7 +201,7 @@ def test_what_is_no_status_is_refused(digits: str) -> None:
 
 def test_a_reset_keeps_the_settings_of_the_machine_and_forgets_where_it_stands(closed: Bench) -> None:
     closed.lathe.home()
-    closed.program("INC", "X5")
+    closed.program("INC", "X5", "RETURN")
     closed.client.request("#1J=3000")
     closed.settle()
     closed.client.request("I116=3 #1->7X")
@@ -210,7 +210,7 @@ def test_a_reset_keeps_the_settings_of_the_machine_and_forgets_where_it_stands(c
     closed.lathe.connect()
     assert closed.number("I116") == 500
     assert closed.ask("#1->") == "X"
-    assert closed.client.request("LIST PROG 1") == ("INC", "X5")
+    assert closed.client.request("LIST PROG 1") == ("INC", "X5", "RETURN")
     snapshot = closed.lathe.snapshot()
     assert not snapshot.loops_closed
     assert not snapshot.homed

@@ -154,7 +154,7 @@ def test_somebodys_program_is_left_and_the_cuts_are_not_measured(machine: Machin
     card.tell("OPEN PROG999", "CLEAR", "DWELL1", "CLOSE")
     found = prove_stops(made)
     assert {e.origin for e in found.entries} == {Origin.JOG}
-    assert card.client.request("LIST PROG999") == ("DWELL1",)
+    assert card.client.request("LIST PROG999") == ("DWELL1", "RETURN")
 
 
 @ON_ONE

@@ -7,6 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
+from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.syntax import Line
 from drivers.pmac.language.text import format_line
 from drivers.simulator.hosts.port import LINE_LIMIT
@@ -22,13 +23,13 @@ def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
 
 
 def listing(card: Wire, number: int = 1) -> list[str]:
-    return card.ask(f"LIST PROG {number}")
+    return card.listed(f"PROG {number}")
 
 
 def test_what_exists_on_line_and_in_programs_goes_into_the_open_buffer(card: Wire) -> None:
     before = card.ask("P1 I5 M1")
     card.tell("OPEN PROG 1 CLEAR", "P1=1", "I5=2", "M1", "I100", "F50", "HOME1", "ENABLE PLC 3", "CLOSE")
-    assert listing(card) == ["P1=1", "I5=2", "M1", "I100", "F50", "HOME1", "ENABLE PLC 3"]
+    assert listing(card) == ["P1=1", "I5=2", "M1", "I100", "F50", "HOME1", "ENABLEPLC3"]
     assert card.ask("P1 I5 M1") == before
     assert card.card.plcs.switches.enabled == set()
 
@@ -53,7 +54,7 @@ def test_on_line_commands_act_at_once_while_a_buffer_is_open(card: Wire) -> None
 
 def test_the_centre_of_a_circle_is_no_jog(card: Wire) -> None:
     card.tell("OPEN PROG 1 CLEAR", "CIRCLE1 X10 Y10 I5 J-5", "J-", "X10 I0 J(P1)", "CLOSE")
-    assert listing(card) == ["CIRCLE1 X10 Y10 I5 J-5", "X10 I0 J(P1)"]
+    assert listing(card) == ["CIRCLE1X10Y10I5J-5", "X10I0J(P1)"]
     assert card.card.motors[1].jogging
 
 
@@ -67,19 +68,20 @@ def test_the_poll_of_a_client_is_refused_while_its_buffer_is_open(card: Wire) ->
 
 def test_close_at_the_end_of_a_line_closes(card: Wire) -> None:
     card.tell("OPEN PROG 1 CLEAR X10 Y20 CLOSE")
-    assert listing(card) == ["X10 Y20"]
+    assert listing(card) == ["X10Y20"]
 
 
 def test_a_text_may_contain_a_semicolon_and_the_word_close(card: Wire) -> None:
     card.tell("OPEN PROG 1 CLEAR", 'SEND"a;b CLOSE"', 'CMD"P1=5" ; remark CLOSE', "CLOSE")
-    assert listing(card) == ['SEND"a;b CLOSE"', 'CMD"P1=5"']
+    assert listing(card) == ['SEND"a;b CLOSE"', 'COMMAND"P1=5"']
 
 
 def test_a_part_of_a_program_is_listed(card: Wire) -> None:
     card.tell("OPEN PROG 1 CLEAR", *(f"X{n}" for n in range(10)), "CLOSE")
-    assert card.ask("LIST PROG 1,7") == ["X7", "X8", "X9"]
-    assert card.ask("LIST PROG 1,2,3") == ["X2", "X3", "X4"]
-    assert card.ask("LIST PROG 1,,2") == ["X0", "X1"]
+    assert card.ask("LIST PROG 1,7") == ["7:X7", "8:X8", "9:X9", "10:RETURN"]
+    assert card.ask("LIST PROG 1,2,3") == ["2:X2", "3:X3", "4:X4"]
+    assert card.ask("LIST PROG 1,,2") == ["0:X0", "1:X1"]
+    assert card.ask("LIST PROG 1,11,1") == []
     assert card.ask("LIST PROGRAM 1,20") == []
 
 
@@ -134,7 +136,9 @@ def test_007_no_deletion_of_what_is_open(card: Wire) -> None:
 def test_plcs_are_kept_listed_and_switched(card: Wire) -> None:
     lines = ["IF(P1=1)", "P2=P2+1", 'CMD"#1J/"', "ENDIF"]
     card.tell("ENABLE PLC 5", "OPEN PLC 5 CLEAR", *lines, "CLOSE")
-    assert card.ask("LIST PLC 5") == lines
+    assert card.listed("PLC 5") == [line.replace("CMD", "COMMAND") for line in lines]
+    assert card.ask("LIST PLC 5,1,1") == ["1:P2=P2+1"]
+    assert card.ask("LIST PLC 5,9,1") == []
     assert card.card.plcs.switches.enabled == set()
     card.tell("ENABLE PLC 1,5..7", "DISABLE PLC 6")
     assert card.card.plcs.switches.enabled == {1, 5, 7}
@@ -213,7 +217,7 @@ def test_every_program_that_is_typed_is_stored_and_listed_as_it_is(
     assume(all(len(text) <= LINE_LIMIT for text in texts))
     card = wire(machine)
     card.tell("OPEN PROG 1 CLEAR", *texts, "CLOSE")
-    assert listing(card) == texts
+    assert [parse_line(text) for text in listing(card)] == [line for line in lines if line]
     card.tell("OPEN PROG 2 CLEAR", *listing(card), "CLOSE")
     assert card.card.programs[2] == card.card.programs[1]
 

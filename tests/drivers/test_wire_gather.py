@@ -102,7 +102,7 @@ def test_a_part_of_the_buffer_is_listed(card: Wire) -> None:
 def test_a_listing_costs_its_host_as_much_as_one_of_a_program(card: Wire) -> None:
     card.tell("DEFINE GATHER 320", "GATHER")
     pass_cycles(card, 320)
-    card.tell("OPEN PROG 1 CLEAR", *(f"X{n}" for n in range(20)), "CLOSE")
+    card.tell("OPEN PROG 1 CLEAR", *(f"X{n}" for n in range(19)), "CLOSE")
     contexts = [Context(card.card), Context(card.card)]
     for context, line in zip(contexts, ("LIST PROG 1", "LIST GATHER"), strict=True):
         for _ in commands(line, context):
@@ -177,7 +177,7 @@ def test_007_not_while_a_program_is_entered(card: Wire) -> None:
 
 def test_the_words_act_at_once_while_a_program_is_entered(card: Wire) -> None:
     card.tell("DEFINE GATHER 1000", "OPEN PROG 1 CLEAR", "GATHER", "X10", "ENDG", "CLOSE")
-    assert card.ask("LIST PROG 1") == ["X10"]
+    assert card.listed("PROG 1") == ["X10"]
     assert words(card) == []
 
 

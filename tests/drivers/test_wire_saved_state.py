@@ -32,8 +32,8 @@ def set_up(card: Wire) -> None:
 
 
 def check(card: Wire) -> None:
-    assert card.ask("I116 M5-> LIST PLC 4 #3->") == ["77.125", "X:$700,4,8,S", "P1=P1+1", "0.5A-7"]
-    assert card.ask("LIST PROG 5") == ["WHILE(P1<3)", "F1.1 X(SIN(P1)/3)", "ENDWHILE"]
+    assert card.ask("I116 M5-> LIST PLC 4 &2#3->&1") == ["77.125", "X:$700,4,8,S", "P1=P1+1", "RETURN", "0.5A-7"]
+    assert card.listed("PROG 5") == ["WHILE(P1<3)", "X(SIN(P1)/3)F1.1", "ENDWHILE"]
 
 
 def test_what_was_saved_comes_back_with_a_reset(card: Wire) -> None:

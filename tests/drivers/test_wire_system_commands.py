@@ -107,7 +107,7 @@ def test_percent_sets_and_reports_the_time_base(card: Wire) -> None:
 def test_the_program_counter_and_what_is_executed(card: Wire) -> None:
     """P{program}:{line}; the counter is ahead of the motion by a move."""
     card.tell("B1")
-    assert card.ask("PC LIST PC LIST PE,2") == ["P1:0", *["P1:0:INC TA10 TS0 TM100"] * 2, "P1:1:Z30"]
+    assert card.ask("PC LIST PC LIST PE,2") == ["P1:0", *["P1:0:INCTA10TS0TM100"] * 2, "P1:1:Z30"]
     card.tell("R")
     card.sim.wait(0.05)
     (counter,) = card.ask("PC")
@@ -156,7 +156,8 @@ def test_axis_definitions_are_asked_for_as_clients_do(card: Wire) -> None:
 
 def test_undefine_forgets_the_axes_of_a_system_and_undefine_all_those_of_all(card: Wire) -> None:
     card.tell("#3->0", "&2 #3->A", "&1 UNDEFINE")
-    assert card.ask("#1-> #2-> #3->") == ["0", "0", "A"]
+    assert card.ask("#1-> #2-> #3->") == ["0", "0", "0"]
+    assert card.ask("&2#3->&1") == ["A"]
     card.tell("UNDEFINE ALL")
-    assert card.ask("#3->") == ["0"]
+    assert card.ask("&2#3->&1") == ["0"]
     assert card.refusal("&1 B1R") == 14

@@ -114,9 +114,14 @@ def test_what_is_no_range_and_no_value(card: Wire, line: str) -> None:
     assert card.refusal(line) == 3
 
 
-def test_what_the_line_did_before_an_error_stays_done(card: Wire) -> None:
-    assert card.raw("P1=5 P1 P2=6 UUU P3=7\r") == b"5\r\x07ERR003\r"
+def test_what_the_line_did_before_a_command_is_refused_stays_done(card: Wire) -> None:
+    assert card.raw("P1=5 P1 P2=6 CLEAR P3=7\r") == b"5\r\x07ERR005\r"
     assert card.ask("P1..3") == ["5", "6", "0"]
+
+
+def test_of_a_line_that_is_not_understood_nothing_is_done(card: Wire) -> None:
+    assert card.raw("P1=5 P1 P2=6 UUU P3=7\r") == b"\x07ERR003\r"
+    assert card.ask("P1..3") == ["0", "0", "0"]
 
 
 def test_the_factory_leaves_the_line_as_its_documents_say(card: Wire) -> None:

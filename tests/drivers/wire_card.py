@@ -44,6 +44,12 @@ class Wire:
         assert not data or data.endswith("\r")
         return data.split("\r")[:-1]
 
+    def listed(self, buffer: str) -> list[str]:
+        """Return the lines of a buffer (`PROG 1`), without the end that every listing has."""
+        lines = self.ask(f"LIST {buffer}")
+        assert lines[-1] == "RETURN"
+        return lines[:-1]
+
     def tell(self, *lines: str) -> None:
         """Send lines that answer nothing."""
         for line in lines:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.commissioning.check import Check
 from drivers.commissioning.proofs.bench import POLL_S, SETTLE_S, ProofRig, proof, unproven
 from drivers.commissioning.proofs.tables import ENTRY, spindle_table
-from drivers.commissioning.reading import ask_or_none
+from drivers.commissioning.reading import holds_program
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.gathering.gather_client import DataGathering, GatheredData
@@ -54,7 +54,7 @@ def source_delay(bench: ProofRig) -> Check:
 
 def pvt_rounding(bench: ProofRig) -> Check:
     """Measure PVT segments of fractional ms; the carriage oscillates by ten counts."""
-    if ask_or_none(bench.client, f"LIST PROG{PROGRAM}"):
+    if holds_program(bench.client, PROGRAM):
         return unproven(["pvt_rounding"])[0]  # somebody else's program is there
     value = bench.client.numbers(COUNTER, again=True)[0]
     try:

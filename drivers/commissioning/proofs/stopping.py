@@ -17,7 +17,7 @@ from drivers.commissioning.judged import Judged, JudgedAxis
 from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, air_cut, air_cut_lines, lobe_ends
 from drivers.commissioning.proofs.bench import REASON, ProofRig, proof, stop_name
 from drivers.commissioning.proofs.guarded import TRIES, Guarded
-from drivers.commissioning.reading import ask_or_none
+from drivers.commissioning.reading import holds_program
 from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
 from drivers.commissioning.stops import after_abort, after_jog_stop, jog_settings_of
 from drivers.errors import DriverError, LinkError, RefusedError
@@ -228,7 +228,7 @@ def _all(bench: ProofRig, axes: Guarded, origins: tuple[Origin, ...]) -> Measure
 
 def _load(bench: ProofRig, axes: Guarded) -> bool:
     """Enter the air cut, unless somebody else's program is there; return whether it was entered."""
-    if ask_or_none(bench.client, f"LIST PROG{PROGRAM}"):
+    if holds_program(bench.client, PROGRAM):
         return False
     policy = Policy(bench.judged.machine.heartbeat.policy)
     bench.client.download(air_cut_lines(bench.judged, policy, axes.begin("tool"), axes.begin("carriage")))

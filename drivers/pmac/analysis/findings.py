@@ -21,6 +21,7 @@ class Code(StrEnum):
     TABLE_THROWS = auto()
     TABLE_THROWS_OTHER = auto()
     RUN_TIME_ERROR = auto()
+    NO_RESULT = auto()
     BEYOND_LIMIT = auto()
     BEYOND_TRAVEL = auto()
     TOO_FAST = auto()
@@ -76,6 +77,7 @@ _REFUSALS = frozenset(
         Code.LINE_REFUSED,
         Code.TABLE_ORDER,
         Code.RUN_TIME_ERROR,
+        Code.NO_RESULT,
         Code.BEYOND_LIMIT,
         Code.BEYOND_TRAVEL,
         Code.TOO_FAST,
@@ -110,7 +112,7 @@ class ProgramFinding:
 
     @property
     def severity(self) -> Severity:
-        """A refusal: the controller refuses or stops it, or the machine is moved beyond a limit.
+        """A refusal: the controller refuses or stops it, the machine is moved beyond a limit, or the check ends.
 
         A warning: it runs, but does something other than it says. A notice: worth knowing.
         """

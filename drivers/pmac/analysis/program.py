@@ -25,6 +25,7 @@ from drivers.pmac.analysis.walk import Ending, Left, walk
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import TableOrderError
 from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.language.errors import NoResultError
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
 from drivers.pmac.settings import settings_with
@@ -38,8 +39,11 @@ def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Pro
     findings = [_refused(line) for line in refused]
     if walk.error is not None:
         lines = (subject.place_of(walk.steps[-1].program, walk.steps[-1].line),)
-        error, number = str(walk.error), int(walk.error.code)
-        findings.append(finding(Code.RUN_TIME_ERROR, lines, error=error, number=number))
+        if isinstance(walk.error, NoResultError):
+            findings.append(finding(Code.NO_RESULT, lines, error=walk.error.detail))
+        else:
+            error, number = str(walk.error), int(walk.error.code)
+            findings.append(finding(Code.RUN_TIME_ERROR, lines, error=error, number=number))
     findings += [_endless(subject, left) for left in walk.left]
     if walk.ending is Ending.TOO_LONG:
         findings.append(finding(Code.TOO_LONG, steps=len(walk.steps)))

@@ -25,7 +25,7 @@ from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.structure import link
 from drivers.pmac.language.syntax import Assign, VariableKind
 from drivers.pmac.program_text import ProgramText
-from drivers.pmac.requests import Finished, HomeRequest, PresetRequest, Request
+from drivers.pmac.requests import Finished, HomeRequest, PresetRequest, Request, TriggerRequest
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, position_at
 from drivers.pmac.trajectory.planned import Event, Planned
 from drivers.pmac.trajectory.planner import MotionPlanner
@@ -278,11 +278,15 @@ class _Walker:
         self._steps.append(Step(*self._run.taken.popleft(), planned, segment_ms, begins_ms, ends_ms, at))
 
     def _carry_out(self, event: Event, at: Vector) -> Vector:
-        """Do what the program waits for: homing succeeds at zero, a PSET is taken as is, a STOP is resumed."""
+        """Do what the program waits for: homing succeeds at zero, no trigger comes, a STOP is resumed."""
         definitions = self._definitions
         if isinstance(event, HomeRequest):
             at = tuple(0.0 if d.motor in event.motors else p for d, p in zip(definitions, at, strict=True))
         shifted = tuple(d.shifted(self._origins) for d in definitions)
+        if isinstance(event, TriggerRequest):
+            moved = [not event.moving.isdisjoint(d.axes) for d in shifted]
+            ends = [d.counts(event.targets) for d in shifted]
+            at = tuple(end if moves else p for end, moves, p in zip(ends, moved, at, strict=True))
         if isinstance(event, PresetRequest):
             self._origins = preset_origins(self._origins, self._positions(shifted, at), event.positions)
             shifted = tuple(d.shifted(self._origins) for d in definitions)

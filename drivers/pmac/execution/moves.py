@@ -132,6 +132,24 @@ class Moves:
             return self._linear(aim, self.times.linear_ms(aim.start, targets))
         return self._request(mode, aim, words, vector)
 
+    def move_until_trigger(
+        self, line: int, words: Sequence[Word], past: Sequence[tuple[str, Value]]
+    ) -> requests.TriggerRequest | None:
+        """`X10^1`. Raises PmacError: 003, not in RAPID mode."""
+        if self._modes.mode != "RAPID":
+            raise PmacError(ErrorCode.DATA_ERROR, "a move until a trigger (X10^1) belongs to RAPID moves")
+        request = self.move(line, words)
+        if not isinstance(request, requests.RapidRequest):
+            return None
+        return requests.TriggerRequest(
+            line=line,
+            targets=request.targets,
+            absolute=request.absolute,
+            deferred=request.deferred,
+            moving=request.moving,
+            past_trigger={axis: value(self._values) for axis, value in past if axis in request.targets},
+        )
+
     def delay(self, line: int, duration_ms: float) -> requests.LinearRequest:
         """DELAY: a LINEAR move of zero distance."""
         here = self._positions
@@ -225,6 +243,9 @@ class StepMaker:
                 return self._assign(statement)
             case syntax.Move():
                 words = self._words(statement.words)
+                past = [(w.axis, self.compile_value(w.past_trigger)) for w in statement.words if w.past_trigger]
+                if past:
+                    return lambda: moves.move_until_trigger(line, words, past)
                 return lambda: moves.move(line, words)
             case syntax.Set(word, expression):
                 value = self.compile_value(expression)
@@ -247,7 +268,7 @@ class StepMaker:
             case syntax.Message():
                 return lambda: self._say(statement)
             case syntax.PlcSwitch():
-                return lambda: self.host.switch_plc(statement.enable, statement.numbers)
+                return lambda: self.host.switch_plc(statement.enable, statement.numbers, statement.keeping)
 
     def _assign(self, statement: syntax.Assign) -> Step:
         value, values, target = self.compile_value(statement.value), self.values, statement.target

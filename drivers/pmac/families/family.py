@@ -106,9 +106,11 @@ class Setting(StrEnum):
     """Use of flags and what a fault disables: bit 17 no travel limits, bits 21 and 22 the neighbours."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Dialect:
     """One family of controllers. `replies` are the replies to words such as VERSION, without an end of line.
+
+    It is equal to itself only, so that it can be a key.
 
     `type_prefix` is how the reply to TYPE begins, whichever controller of the family it is.
 

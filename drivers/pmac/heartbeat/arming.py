@@ -22,6 +22,7 @@ from drivers.pmac.heartbeat.watchdog import (
 )
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.listing import without_end
 from drivers.pmac.language.plc_statements import parse_plc_line
 from drivers.pmac.language.syntax import PlcStatement
 from drivers.pmac.language.text import format_number, format_plc_line
@@ -159,7 +160,7 @@ def _text(
         return
     target = _statements(plc_lines(machine, dialect, policy))
     try:
-        found = _statements(listing)
+        found = _statements(without_end(listing))
     except PmacError as unreadable:
         yield Problem(code="heartbeat.plc_differs", key=PLC, value=unreadable.detail, limit=policy)
         return

@@ -20,6 +20,8 @@ UnaryFunction = Callable[[float], float]
 
 def divide(left: float, right: float) -> float:
     """Divide. Raises ZeroDivisionError, or OverflowError for a divisor that has overflowed."""
+    if right == 0.0:
+        raise ZeroDivisionError("a division by 0; the controller goes on with its largest number, 2^47")
     if not math.isfinite(right):
         raise OverflowError("divisor too large")
     return left / right
@@ -33,6 +35,8 @@ def modulo(left: float, right: float) -> float:
     """
     if not (math.isfinite(left) and math.isfinite(right)):
         raise OverflowError("operand too large")
+    if right == 0.0:
+        raise ZeroDivisionError("a remainder of a division by 0; the controller goes on with 0")
     if right >= 0.0:
         return left % right
     return (left - right) % (-2.0 * right) + right

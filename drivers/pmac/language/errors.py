@@ -43,4 +43,8 @@ class PmacError(Exception):
 
 
 class EvaluationError(PmacError):
-    """A calculation without a usable result: a division by zero, SQRT(-1), LN(0), an overflow."""
+    """A calculation without a usable result: an overflow, or one for which the controller has a substitute."""
+
+
+class NoResultError(EvaluationError):
+    """A division by zero, SQRT(-1) or LN(0): the controller goes on with a substitute."""

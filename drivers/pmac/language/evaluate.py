@@ -9,7 +9,8 @@ from operator import eq, ge, gt, le, lt, ne
 from typing import Protocol
 
 from drivers.pmac.language import arithmetic, syntax
-from drivers.pmac.language.errors import ErrorCode, EvaluationError
+from drivers.pmac.language.errors import ErrorCode, EvaluationError, NoResultError
+from drivers.pmac.language.numbers import format_number
 
 NEAR = 1.0  # `~` holds when two values differ by less than this (PMAC User Manual, Comparators)
 
@@ -55,10 +56,12 @@ def compile_expression(expression: syntax.Expression, degrees: bool = True, *, s
     def calculate(variables: Variables) -> float:
         try:
             value = value_of(variables)
-        except (ArithmeticError, ValueError) as fault:
+        except (ZeroDivisionError, ValueError) as fault:
+            raise NoResultError(ErrorCode.DATA_ERROR, str(fault)) from fault
+        except ArithmeticError as fault:
             raise EvaluationError(ErrorCode.DATA_ERROR, str(fault)) from fault
         if not math.isfinite(value):
-            raise EvaluationError(ErrorCode.DATA_ERROR, "overflow")
+            raise EvaluationError(ErrorCode.DATA_ERROR, "a number that is too large for the controller")
         return value
 
     return calculate
@@ -133,7 +136,13 @@ class _Compiler:
             value = argument(variables)
             if not math.isfinite(value):
                 raise OverflowError(f"argument of {name} too large")
-            return function(value, variables)
+            try:
+                return function(value, variables)
+            except ValueError as fault:
+                without = f"{name}({format_number(value)}) has no value; the controller goes on with 0"
+                raise ValueError(without) from fault
+            except OverflowError as fault:
+                raise OverflowError(f"{name}({format_number(value)}) is too large a number") from fault
 
         return call
 

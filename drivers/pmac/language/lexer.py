@@ -12,6 +12,7 @@ from bisect import bisect_right
 from functools import lru_cache
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.numbers import format_constant
 
 HIGHEST_CHARACTER = 127
 """Characters above this are refused outside a comment (PMAC Software Reference, I6: ERR004)."""
@@ -19,6 +20,7 @@ HIGHEST_CHARACTER = 127
 _WHITE = frozenset(" \t\r\n")
 # A point that begins `..` belongs to a range of variables (P1..3), not to the number before it.
 _NUMBER = re.compile(r"\$[0-9A-F]+|[0-9]+(?:\.(?!\.)[0-9]*)?|\.[0-9]+")
+_OTHER_FORM = re.compile(r'[$"]|\.(?!\.)|(?<![\d.])0\d')
 _INTEGER = re.compile(r"\$[0-9A-F]{1,12}(?![0-9A-F])|[0-9]{1,18}(?![0-9])")
 
 
@@ -45,6 +47,14 @@ class Scanner:
         """The rest of the line: upper case, without white space and comment."""
         return self._text[self._cursor :]
 
+    @property
+    def inside_word(self) -> bool:
+        """Whether the cursor is between two letters (or `$`) with no white space between them."""
+        place = self._cursor
+        if not 0 < place < len(self._text) or self._columns[place] != self._columns[place - 1] + 1:
+            return False
+        return _is_letter(self._text[place - 1]) and _is_letter(self._text[place])
+
     def mark(self) -> int:
         """Return the cursor, for `reset`."""
         return self._cursor
@@ -52,6 +62,31 @@ class Scanner:
     def reset(self, mark: int) -> None:
         """Go back to a mark."""
         self._cursor = mark
+
+    def typed(self, begin: int, end: int) -> str:
+        """Return the text between two marks as the controller keeps it: constants in decimals, texts as typed."""
+        piece = self._text[begin:end]
+        if _OTHER_FORM.search(piece) is None:
+            return piece
+        kept: list[str] = []
+        here = self._cursor
+        self._cursor = begin
+        while self._cursor < end:
+            text = self.take_string()
+            if text is not None:
+                kept.append(f'"{text}"')
+                continue
+            if self.accept(".."):
+                kept.append("..")
+                continue
+            value = self.take_number() if self.peek("$.0123456789") else None
+            if value is None:
+                kept.append(self._text[self._cursor])
+                self._cursor += 1
+            else:
+                kept.append(format_constant(value))
+        self._cursor = here
+        return "".join(kept)
 
     def peek(self, characters: str) -> bool:
         """Whether the next character is one of `characters`."""
@@ -132,6 +167,10 @@ class Scanner:
             return None
         self._cursor = found.end()
         return found.group()
+
+
+def _is_letter(character: str) -> bool:
+    return character.isalpha() or character == "$"
 
 
 @lru_cache(maxsize=64)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import string
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import (
@@ -112,7 +112,12 @@ _LETTERS = tuple(string.ascii_uppercase)
 _RADIUS = "R"
 _WAITS = {"DWELL": "DWELL", "DWE": "DWELL", "DELAY": "DELAY", "DLY": "DELAY"}
 _HOMES = {"HOME": False, "HM": False, "HOMEZ": True, "HMZ": True}
-_SWITCHES = {"ENABLEPLC": True, "ENAPLC": True, "DISABLEPLC": False, "DISPLC": False}
+_SWITCHES = {  # word: on, keeping the place
+    **dict.fromkeys(("ENABLEPLC", "ENAPLC"), (True, False)),
+    **dict.fromkeys(("DISABLEPLC", "DISPLC"), (False, False)),
+    "PAUSEPLC": (False, True),
+    "RESUMEPLC": (True, True),
+}
 _TALKERS = {"COMMAND": "CMD", "CMD": "CMD", "SEND": "SEND"}
 _WITH_PORT = {f"{word}{port}": (name, port) for word, name in _TALKERS.items() for port in ("", *PORTS)}
 _SHORT_MODES = {"LIN": "LINEAR", "RPD": "RAPID", "CIR1": "CIRCLE1", "CIR2": "CIRCLE2"}
@@ -221,6 +226,8 @@ def _axis(scanner: Scanner, word: str) -> syntax.Move | None:
     if not at_data(scanner):
         return None
     value = parse_data(scanner)
+    if scanner.accept("^"):
+        return syntax.Move((syntax.AxisWord(word, value, past_trigger=parse_data(scanner)),))
     velocity = parse_data(scanner) if scanner.accept(":") else None
     return syntax.Move((syntax.AxisWord(word, value, velocity),))
 
@@ -259,7 +266,9 @@ MESSAGE_READERS: Mapping[str, Reader] = {
     ),
     **dict.fromkeys(
         _SWITCHES,
-        lambda scanner, word: syntax.PlcSwitch(_SWITCHES[word], parse_numbers(scanner, 0, HIGHEST_PLC)),
+        lambda scanner, word: syntax.PlcSwitch(
+            _SWITCHES[word][0], parse_numbers(scanner, 0, HIGHEST_PLC), keeping=_SWITCHES[word][1]
+        ),
     ),
 }
 
@@ -303,8 +312,11 @@ def parse_line(text: str) -> Line:
     The axis words of a line are one move, see `gather_moves`. Raises PmacError 003: something on the line
     is not a statement of a motion program; 004: a character above 127 outside a comment.
     """
-    scanner = Scanner(text)
-    statements: list[Statement] = []
+    return gather_moves(statements_of(Scanner(text)))
+
+
+def statements_of(scanner: Scanner) -> Iterator[Statement]:
+    """Yield the statements of a line in the order in which they stand. Raises as `parse_line` does."""
     after_call = False
     while not scanner.at_end:
         statement = parse_statement(scanner)
@@ -312,9 +324,8 @@ def parse_line(text: str) -> Line:
             statement = parse_argument(scanner)
         if statement is None:
             raise scanner.refusal("no statement of a motion program")
-        statements.append(statement)
+        yield statement
         after_call = isinstance(statement, CallProgram) or (after_call and may_be_argument(statement))
-    return gather_moves(statements)
 
 
 def parse_statement(scanner: Scanner) -> Statement | None:

@@ -6,7 +6,7 @@ lines, and addresses of its own; it has no motion, no labels, jumps or calls, an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import reduce
 
@@ -29,14 +29,16 @@ def parse_plc_line(text: str) -> syntax.PlcLine:
     Raises PmacError: 003, something on the line is not a statement of a PLC; 004, a character above 127 outside a
     comment.
     """
-    scanner = Scanner(text)
-    statements: list[syntax.PlcStatement] = []
+    return tuple(plc_statements_of(Scanner(text)))
+
+
+def plc_statements_of(scanner: Scanner) -> Iterator[syntax.PlcStatement]:
+    """Yield the statements of a line. Raises as `parse_plc_line` does."""
     while not scanner.at_end:
         statement = parse_plc_statement(scanner)
         if statement is None:
             raise scanner.refusal("no statement of a PLC")
-        statements.append(statement)
-    return tuple(statements)
+        yield statement
 
 
 def parse_plc_statement(scanner: Scanner) -> syntax.PlcStatement | None:
@@ -72,15 +74,15 @@ def stored_lines(line: syntax.PlcLine) -> tuple[syntax.PlcLine, ...]:
 
 
 def _address(scanner: Scanner, word: str) -> syntax.Address:
-    """Parse `#1`, `&2` or both, in either order."""
-    motor: int | None = None
-    system: int | None = None
+    """Parse `#1`, `&2` or both, in either order; a number may be a variable, as in `#P5`."""
+    motor: int | syntax.Variable | None = None
+    system: int | syntax.Variable | None = None
     while (motor is None and scanner.peek("#")) or (system is None and scanner.peek("&")):
         if scanner.accept("#"):
-            motor = parse_number(scanner, 1, HIGHEST_MOTOR)
+            motor = parse_variable(scanner) or parse_number(scanner, 1, HIGHEST_MOTOR)
         else:
             scanner.expect("&")
-            system = parse_number(scanner, 1, HIGHEST_SYSTEM)
+            system = parse_variable(scanner) or parse_number(scanner, 1, HIGHEST_SYSTEM)
     if motor is None and system is None:
         raise scanner.refusal("expected a motor or a coordinate system as in ADDRESS#1&2")
     return syntax.Address(motor, system)

@@ -135,11 +135,15 @@ class Normal:
 
 @dataclass(frozen=True, slots=True)
 class AxisWord:
-    """`X(P500)`, or `X10:5` with an end velocity in PVT mode; `I J K R` define a circle's centre."""
+    """`X(P500)`, or `X10:5` with an end velocity in PVT mode; `I J K R` define a circle's centre.
+
+    `X10^1` in RAPID mode moves until the trigger, toward 10, and ends 1 past it (`past_trigger`).
+    """
 
     axis: str
     value: Expression
     velocity: Expression | None = None
+    past_trigger: Expression | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,10 +264,11 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class PlcSwitch:
-    """ENABLE PLC or DISABLE PLC."""
+    """ENABLE PLC or DISABLE PLC; `keeping` the place where it is: RESUME PLC or PAUSE PLC."""
 
     enable: bool
     numbers: tuple[int, ...]
+    keeping: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -309,10 +314,13 @@ class FurtherCondition:
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """`ADDRESS#1&2`: the motor and the coordinate system that a PLC addresses from now on; None: as before."""
+    """`ADDRESS#1&2`: the motor and the coordinate system that a PLC addresses from now on; None: as before.
 
-    motor: int | None = None
-    system: int | None = None
+    A variable, as in `ADDRESS#P5`, has the number when the statement is executed.
+    """
+
+    motor: int | Variable | None = None
+    system: int | Variable | None = None
 
 
 Modal = Set | SelectMode | Positioning | Feedrate | Normal  # Modal statements for the moves that follow

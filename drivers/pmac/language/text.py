@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from decimal import Decimal
 from itertools import zip_longest
 
 from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import PRODUCTS
+from drivers.pmac.language.numbers import DECIMALS as DECIMALS
+from drivers.pmac.language.numbers import format_constant as format_constant
+from drivers.pmac.language.numbers import format_number as format_number
 from drivers.pmac.language.parser import ARGUMENTS, control_letter, gather_moves, is_control, may_be_argument
-
-DECIMALS = 10  # Maximum decimals that `format_number` writes
 
 _WORDS: Mapping[type, str] = {
     syntax.EndWhile: "ENDWHILE",
@@ -22,25 +22,19 @@ _WORDS: Mapping[type, str] = {
 }
 """The statements without parts."""
 
+_SWITCHES = {
+    (True, False): "ENABLE",
+    (False, False): "DISABLE",
+    (True, True): "RESUME",
+    (False, True): "PAUSE",
+}
+
 _LARGEST_PLAIN_INDEX = 10**15
 _SUM, _PRODUCT, _OPERAND = range(3)
 
 # Which junction may be inside which without parentheses.
 _ON_THE_LEFT = {("OR", "OR"), ("OR", "AND"), ("AND", "AND")}
 _ON_THE_RIGHT = {("OR", "AND")}
-
-
-def format_number(value: float) -> str:
-    """Format a number rounded to 10 decimals: never an exponent, a trailing zero or `-0`."""
-    if value % 1.0 == 0.0:
-        return str(int(value))  # most of the thousands of values that a host may query at once
-    return _plain(f"{value:.{DECIMALS}f}")
-
-
-def format_constant(value: float) -> str:
-    """Format a number with as many decimals as it takes to read the same number back; no exponent."""
-    short = format_number(value)
-    return short if float(short) == value else _plain(f"{Decimal(repr(float(value))):f}")
 
 
 def format_expression(expression: syntax.Expression) -> str:
@@ -111,9 +105,9 @@ def format_statement(statement: syntax.Statement | syntax.PlcStatement) -> str:
         case syntax.Read(letters):
             return f"READ({','.join(letters)})"
         case syntax.Address(motor, system):
-            return f"ADDRESS{'' if motor is None else f'#{motor}'}{'' if system is None else f'&{system}'}"
-        case syntax.PlcSwitch(enable, numbers):
-            return f"{'ENABLE' if enable else 'DISABLE'} PLC {','.join(map(str, numbers))}"
+            return f"ADDRESS{_addressed('#', motor)}{_addressed('&', system)}"
+        case syntax.PlcSwitch(enable, numbers, keeping):
+            return f"{_SWITCHES[enable, keeping]} PLC {','.join(map(str, numbers))}"
         case _:
             return _format_motion(statement)
 
@@ -162,12 +156,6 @@ def format_plc_line(line: syntax.PlcLine) -> str:
     return " ".join(map(format_statement, line))
 
 
-def _plain(digits: str) -> str:
-    if "." in digits:
-        digits = digits.rstrip("0").rstrip(".")
-    return "0" if digits == "-0" else digits
-
-
 def _check_neighbours(line: syntax.Line) -> None:
     after_call = False
     for statement, following in zip_longest(line, line[1:]):
@@ -188,9 +176,19 @@ def _in_parentheses(letters: tuple[str, ...]) -> str:
 
 def _axis_words(words: tuple[syntax.AxisWord, ...]) -> str:
     return " ".join(
-        f"{word.axis}{format_data(word.value)}{f':{format_data(word.velocity)}' if word.velocity else ''}"
+        f"{word.axis}{format_data(word.value)}{_suffix(':', word.velocity)}{_suffix('^', word.past_trigger)}"
         for word in words
     )
+
+
+def _suffix(sign: str, value: syntax.Expression | None) -> str:
+    return "" if value is None else f"{sign}{format_data(value)}"
+
+
+def _addressed(sign: str, number: int | syntax.Variable | None) -> str:
+    if number is None:
+        return ""
+    return f"{sign}{format_expression(number) if isinstance(number, syntax.Variable) else number}"
 
 
 def _operand(expression: syntax.Expression, level: int) -> str:

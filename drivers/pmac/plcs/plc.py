@@ -65,8 +65,8 @@ class PlcHost(Protocol):
     def display(self, text: str) -> None:
         """DISPLAY: text for the display port."""
 
-    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
-        """ENABLE or DISABLE PLC; it may be the running one, whose scan still continues to its end."""
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...], keeping: bool = False) -> None:
+        """ENABLE or DISABLE PLC, RESUME or PAUSE it; it may be the running one: its scan goes on to its end."""
 
 
 class PlcRun:
@@ -136,9 +136,9 @@ class PlcRun:
             case syntax.Message():
                 return lambda: self._say(statement)
             case syntax.PlcSwitch():
-                return lambda: self._host.switch_plc(statement.enable, statement.numbers)
+                return lambda: self._host.switch_plc(statement.enable, statement.numbers, statement.keeping)
             case syntax.Address():
-                return lambda: self._address(statement.motor, statement.system)
+                return lambda: self._address(statement)
 
     def _say(self, statement: syntax.Message) -> None:
         match statement.word:
@@ -149,8 +149,9 @@ class PlcRun:
             case _:
                 self._host.display(statement.text)
 
-    def _address(self, motor: int | None, system: int | None) -> None:
+    def _address(self, statement: syntax.Address) -> None:
         dialect = self._variables.dialect
+        motor, system = self._number(statement.motor), self._number(statement.system)
         if motor is not None:
             _require("motor", motor, dialect.motor_count)
             self.addressed = replace(self.addressed, motor=motor)
@@ -159,12 +160,15 @@ class PlcRun:
             self.addressed = replace(self.addressed, system=system)
             self._values = self._variables.view(system)
 
+    def _number(self, number: int | syntax.Variable | None) -> int | None:
+        return int(self._value(number)(self._values)) if isinstance(number, syntax.Variable) else number
+
     def _value(self, expression: syntax.Expression) -> Value:
         return compile_expression(expression, self._degrees, strict=False)
 
 
 def _require(what: str, number: int, highest: int) -> None:
-    if number > highest:
+    if not 1 <= number <= highest:
         raise PmacError(ErrorCode.DATA_ERROR, f"ADDRESS: {what} {number} does not exist; 1 to {highest}")
 
 
@@ -184,24 +188,38 @@ def timer_variables(dialect: Dialect, activation: float) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True)
 class PlcSwitches:
-    """The enabled PLCs, and those of them that begin at their top because they had no scan since."""
+    """The enabled PLCs, those of them that begin at their top because they had no scan since, and the paused ones.
+
+    A paused PLC is not enabled.
+    """
 
     enabled: frozenset[int] = frozenset()
     at_top: frozenset[int] = frozenset()
+    paused: frozenset[int] = frozenset()
 
     def enable(self, numbers: Iterable[int]) -> PlcSwitches:
-        """ENABLE PLC: one that is already enabled continues where it is."""
+        """ENABLE PLC: one that is already enabled continues where it is, a paused one begins at its top."""
         new = frozenset(numbers) - self.enabled
-        return PlcSwitches(self.enabled | new, self.at_top | new)
+        return PlcSwitches(self.enabled | new, self.at_top | new, self.paused - new)
 
     def disable(self, numbers: Iterable[int]) -> PlcSwitches:
         """DISABLE PLC, OPEN PLC, control-D or a run-time error: the place in a WHILE is lost."""
         off = frozenset(numbers)
-        return PlcSwitches(self.enabled - off, self.at_top - off)
+        return PlcSwitches(self.enabled - off, self.at_top - off, self.paused - off)
+
+    def pause(self, numbers: Iterable[int]) -> PlcSwitches:
+        """PAUSE PLC: one that is enabled keeps its place."""
+        off = frozenset(numbers) & self.enabled
+        return PlcSwitches(self.enabled - off, self.at_top, self.paused | off)
+
+    def resume(self, numbers: Iterable[int]) -> PlcSwitches:
+        """RESUME PLC: one that is paused continues; any other stays as it is."""
+        new = frozenset(numbers) & self.paused
+        return PlcSwitches(self.enabled | new, self.at_top, self.paused - new)
 
     def scanned(self, number: int) -> PlcSwitches:
         """Record that a PLC begins a scan: the next one continues where this one ends."""
-        return PlcSwitches(self.enabled, self.at_top - {number})
+        return PlcSwitches(self.enabled, self.at_top - {number}, self.paused)
 
 
 def power_up(stored: Iterable[int]) -> PlcSwitches:

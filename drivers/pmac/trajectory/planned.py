@@ -6,11 +6,12 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.requests import CircleRequest, Deferred, Halt, HomeRequest, PresetRequest
+from drivers.pmac.requests import CircleRequest, Deferred, Halt, HomeRequest, PresetRequest, TriggerRequest
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece, Vector
 
-Event = HomeRequest | PresetRequest | Halt  # What the owner of the motors has to carry out between two moves
+# What the owner of the motors has to carry out between two moves.
+Event = HomeRequest | TriggerRequest | PresetRequest | Halt
 
 
 class MoveRecord(NamedTuple):

@@ -153,11 +153,13 @@ class MotionPlanner:
             case requests.RapidRequest():
                 return self._rapid(request)
             case requests.DwellRequest():
-                return self._dwell(request.duration_ms, request.deferred)
+                return self._dwell(request.duration_ms, request.deferred, self.settle())
             case requests.BlendBreak():
                 return self._dwell(0.0)
             case requests.HomeRequest() | requests.PresetRequest() | requests.Halt():
                 return self._dwell(0.0)._replace(event=request)
+            case requests.TriggerRequest():
+                return self._dwell(0.0, request.deferred)._replace(event=request)
             case requests.Finished():
                 return Planned(pieces=self._rest(), finished=True)
 
@@ -242,8 +244,14 @@ class MotionPlanner:
             return following.duration_ms
         return duration_ms
 
-    def _dwell(self, duration_ms: float, deferred: tuple[requests.Deferred, ...] = ()) -> Planned:
-        pieces = self._rest()
+    def _dwell(
+        self,
+        duration_ms: float,
+        deferred: tuple[requests.Deferred, ...] = (),
+        settled: tuple[Piece, ...] | None = None,
+    ) -> Planned:
+        """Wait at rest; `settled` are the pieces that have brought it to rest, by default those of `_rest`."""
+        pieces = self._rest() if settled is None else settled
         self._after_break = True
         # At least one real-time interrupt, or a loop without moves would never let time advance.
         wait_ms = max(duration_ms, 0.0 if pieces and not deferred else self._interrupt_ms())

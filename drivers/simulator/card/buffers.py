@@ -7,11 +7,12 @@ from contextlib import suppress
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.expressions import HIGHEST_PROGRAM, TRAILING_CLOSE
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.listing import StoredLine, StoredPlcLine, stored_line, stored_plc_lines
 from drivers.pmac.language.parser import parse_line
-from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
+from drivers.pmac.language.plc_statements import parse_plc_line
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.program_buffer import OpenBuffer
-from drivers.simulator.context import Context
+from drivers.simulator.context import Context, Filling, Reading, Step
 
 MAX_LINES = 20_000  # room for one program; a real controller has some tens of thousands of words for all
 ROOM_LINES = 100_000  # room for all of them
@@ -94,26 +95,44 @@ def delete_all(controller: Controller) -> None:
     controller.tables.replace(())
 
 
-def store(scanner: Scanner, context: Context) -> None:
-    """Store the rest of the line; execute a CLOSE at its end. Raises PmacError: 003 no program, 006 no room."""
-    controller = context.controller
-    opened = _opened(controller)
+def read_stored(scanner: Scanner, reading: Reading) -> Step:
+    """Read the rest of the line as program text; a CLOSE at its end is executed.
+
+    Raises PmacError: 003 no program; the step, 006 no room.
+    """
     begin = scanner.position
     scanner.reset(scanner.mark() + len(scanner.rest))
-    rest = context.text[begin : scanner.position]
-    context.work += len(rest) // _CHARACTERS_A_VALUE
+    rest = reading.text[begin : scanner.position]
     closing = TRAILING_CLOSE.search(rest)
     text = rest[: closing.start()] if closing else rest
+    reading.opens = reading.opens and closing is None
+    plc_lines: tuple[StoredPlcLine, ...] = ()
+    line: StoredLine | None = None
+    if reading.filling is Filling.PLC:
+        plc_lines = stored_plc_lines(text)
+    else:
+        line = stored_line(text)
+
+    def step(context: Context) -> None:
+        context.work += len(rest) // _CHARACTERS_A_VALUE
+        _store(context.controller, line, plc_lines)
+        if closing:
+            context.sends_program = False
+            close(context.controller)
+
+    return step
+
+
+def _store(controller: Controller, line: StoredLine | None, plc_lines: tuple[StoredPlcLine, ...]) -> None:
+    opened = _opened(controller)
     if opened.program is not None:
-        line, lines = parse_line(text), controller.programs[opened.program]
+        lines = controller.programs[opened.program]
         _refuse_full(controller, len(lines), 1)
-        lines += [line] if line else []
+        lines += [line] if line is not None and line.statements else []
     elif opened.plc is not None:
-        plc_lines, stored = stored_lines(parse_plc_line(text)), controller.plcs.buffers[opened.plc]
+        stored = controller.plcs.buffers[opened.plc]
         _refuse_full(controller, len(stored), len(plc_lines))
         stored += plc_lines
-    if closing:
-        close(controller)
 
 
 def room_lines(controller: Controller) -> int:

@@ -12,8 +12,8 @@ from contextlib import suppress
 from drivers.pmac.axes import AxisDefinition, refuse_singular
 from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.listing import StoredLine
 from drivers.pmac.language.structure import Code, link
-from drivers.pmac.language.syntax import Line
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.simulator.card.conversion import Conversion
 from drivers.simulator.card.coordinate import CoordinateSystem
@@ -57,7 +57,7 @@ class Controller:
         self.variables = TimedVariables(i_variables, dialect, lambda: self.cycles)
         self.host = CardHost(self.switch_plc)
         self.plcs = PlcPrograms(self.variables, self.host)
-        self.programs: dict[int, list[Line]] = {}
+        self.programs: dict[int, list[StoredLine]] = {}
         self.open_buffer: OpenBuffer | None = None
         self.password = Password()
         self.flash = flash or Flash()
@@ -142,13 +142,15 @@ class Controller:
                 self._trip(motor, alarm)
         self.plcs.scan_background()
 
-    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
-        """ENABLE PLC and DISABLE PLC, from any source. It switches all of them or none.
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...], keeping: bool = False) -> None:
+        """ENABLE, DISABLE, RESUME (`keeping`) and PAUSE PLC, from any source. It switches all of them or none.
 
         Raises PmacError: 007, one to be enabled is open; 009 or 016, it is not well formed.
         """
         opened = self.open_buffer
-        if not enable:
+        if keeping:
+            (self.plcs.resume if enable else self.plcs.pause)(numbers)
+        elif not enable:
             self.plcs.disable(numbers)
         elif opened is not None and opened.plc in numbers:
             raise PmacError(ErrorCode.BUFFER_IN_USE, f"{opened} is open")
@@ -268,7 +270,7 @@ class Controller:
     def _program_code(self, number: int) -> Code | None:
         """Return a stored program, None if there is none. Raises PmacError: 009 or 016, it is not well formed."""
         lines = self.programs.get(number)
-        return None if lines is None else link(tuple(lines))
+        return None if lines is None else link(tuple([line.statements for line in lines]))
 
     def _define_axes(self) -> None:
         for definition in self._profile[1]:

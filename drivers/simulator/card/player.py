@@ -40,6 +40,11 @@ class Player:
         return not self._queue
 
     @property
+    def left_ms(self) -> float:
+        """How long the present piece still takes."""
+        return max(0.0, self._queue[0].duration_ms - self._elapsed_ms) if self._queue else 0.0
+
+    @property
     def in_real_time(self) -> bool:
         """Whether the present piece runs at the rate of the servo clock, whatever the time base is."""
         return self._entered and bool(self._queue) and self._queue[0].real_time

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from drivers.pmac.language.errors import PmacError
+from drivers.pmac.language.listing import StoredPlcLine
 from drivers.pmac.language.plc_statements import link_plc
-from drivers.pmac.language.syntax import PlcLine
 from drivers.pmac.plcs.plc import (
     FOREGROUND_PLC,
     Addressed,
@@ -32,7 +32,7 @@ class PlcPrograms:
     """
 
     def __init__(self, variables: VariableStore, host: PlcHost) -> None:
-        self.buffers: dict[int, list[PlcLine]] = {}
+        self.buffers: dict[int, list[StoredPlcLine]] = {}
         self.switches = PlcSwitches()
         self.faults: dict[int, PlcFault] = {}
         self._variables = variables
@@ -84,6 +84,14 @@ class PlcPrograms:
         """Disable PLCs."""
         self.switches = self.switches.disable(numbers)
 
+    def pause(self, numbers: Sequence[int]) -> None:
+        """PAUSE PLC: those that are enabled keep their place."""
+        self.switches = self.switches.pause(numbers)
+
+    def resume(self, numbers: Sequence[int]) -> None:
+        """RESUME PLC: those that are paused continue."""
+        self.switches = self.switches.resume(numbers)
+
     def disable_all(self) -> None:
         """Control-D."""
         self.switches = PlcSwitches()
@@ -134,7 +142,7 @@ class PlcPrograms:
             self.disable((number,))
 
     def _run(self, number: int) -> PlcRun:
-        code = link_plc(tuple(self.buffers[number]))
+        code = link_plc(tuple([line.statements for line in self.buffers[number]]))
         return PlcRun(code, self._variables, self._host, self._addressed.get(number))
 
     def _forget(self, number: int) -> None:

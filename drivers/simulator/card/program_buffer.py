@@ -53,10 +53,14 @@ class CardHost:
     once; its refusal is a run-time error of the program or PLC that asks for it.
     """
 
-    def __init__(self, switch_plc: Callable[[bool, tuple[int, ...]], None]) -> None:
+    def __init__(self, switch_plc: Callable[[bool, tuple[int, ...], bool], None]) -> None:
         self.pending_commands: deque[tuple[str, str, Addressed]] = deque(maxlen=PENDING_LIMIT)
         self.host_messages: deque[tuple[str, str]] = deque(maxlen=PENDING_LIMIT)
-        self.switch_plc = switch_plc
+        self._switch_plc = switch_plc
+
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...], keeping: bool = False) -> None:
+        """ENABLE, DISABLE, RESUME and PAUSE PLC."""
+        self._switch_plc(enable, numbers, keeping)
 
     def command(self, text: str, port: str, addressed: Addressed = ADDRESS_OF_PROGRAMS) -> None:
         """CMD."""

@@ -7,7 +7,7 @@ from copy import copy
 
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import PmacError
-from drivers.pmac.requests import Deferred, Halt, HomeRequest, PresetRequest
+from drivers.pmac.requests import Deferred, Halt, HomeRequest, PresetRequest, TriggerRequest
 from drivers.pmac.trajectory.circle import CircleRadiusError
 from drivers.pmac.trajectory.pieces import Piece, Vector
 from drivers.pmac.trajectory.planned import Event
@@ -25,9 +25,9 @@ class ProgramMotion:
     """The program that moves the motors of a coordinate system, or has moved them until it was stopped.
 
     It is `running` while moves are still to be calculated. `single_step` stops it after the next one.
-    `executing_at` is the line being played, `homing` are the motors of a HOME that is under way. The planner is
-    kept as long as the program can be resumed: up to its end, a run-time error, or another program being pointed
-    at. Calculated motion is played to its end without it.
+    `executing_at` is the line being played, `homing` are the motors that move by themselves, in a HOME or until a
+    trigger. The planner is kept as long as the program can be resumed: up to its end, a run-time error, or another
+    program being pointed at. Calculated motion is played to its end without it.
     """
 
     def __init__(
@@ -54,6 +54,7 @@ class ProgramMotion:
         self._event: Event | None = None
         self._newest: tuple[Piece, ...] = ()
         self.homing: tuple[Motor, ...] = ()
+        self._seeks_homes = True
 
     @property
     def moving(self) -> bool:
@@ -70,6 +71,11 @@ class ProgramMotion:
     def dwelling(self) -> bool:
         """Whether a DWELL is under way."""
         return self._player is not None and self._player.in_real_time
+
+    @property
+    def left_ms(self) -> float:
+        """How long the piece of motion that is played still takes at real-time speed; 0 at rest."""
+        return 0.0 if self._player is None else self._player.left_ms
 
     @property
     def resumable(self) -> bool:
@@ -244,6 +250,9 @@ class ProgramMotion:
             case HomeRequest():
                 self._seek_homes(event)
                 return
+            case TriggerRequest():
+                self._seek_triggers(event)
+                return
             case PresetRequest():
                 axes = self._frame.positions()
                 self.preset({axis: place for axis, place in event.positions.items() if axis in axes})
@@ -262,12 +271,24 @@ class ProgramMotion:
             return self._rest(None)
         for motor in motors:
             (motor.home_zero if request.zero else motor.home)()
-        self.homing = motors
+        self.homing, self._seeks_homes = motors, True
+
+    def _seek_triggers(self, request: TriggerRequest) -> None:
+        """A move until a trigger: the motors move by themselves until all of them are done."""
+        self._player = None
+        moving = [d for d in self._frame.shifted if not request.moving.isdisjoint(d.axes)]
+        for definition in moving:
+            triggered = not request.past_trigger.keys().isdisjoint(definition.axes)
+            past = definition.distance(request.past_trigger) if triggered else None
+            motor = self._motors[definition.motor]
+            motor.jog_to(definition.counts(request.targets) + motor.bias, past)
+        self.homing, self._seeks_homes = tuple(self._motors[d.motor] for d in moving), False
 
     def _wait_for_homes(self) -> None:
         if not self.homing or any(motor.jogging for motor in self.homing):
             return
-        homed, self.homing = all(motor.home_complete for motor in self.homing), ()
+        homed = not self._seeks_homes or all(motor.home_complete for motor in self.homing)
+        self.homing = ()
         if not homed or self._planner is None:
             self._fail()
             return self._rest(None)

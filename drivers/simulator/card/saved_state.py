@@ -16,10 +16,7 @@ from drivers.pmac.compensation.table_text import read_table, table_lines
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.parser import parse_line
-from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
-from drivers.pmac.language.syntax import Line
-from drivers.pmac.language.text import format_line, format_plc_line
+from drivers.pmac.language.listing import StoredLine, stored_line, stored_plc_lines
 from drivers.pmac.memory import scan_pointer
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.conversion import Conversion
@@ -61,7 +58,7 @@ class Memories(Protocol):
     """The parts of a controller that SAVE keeps."""
 
     dialect: Dialect
-    programs: dict[int, list[Line]]
+    programs: dict[int, list[StoredLine]]
     plcs: PlcPrograms
     systems: dict[int, CoordinateSystem]
     tables: TableMemory
@@ -127,8 +124,8 @@ def _taken(controller: Memories) -> SavedState:
             for number, system in controller.systems.items()
             if system.frame.definitions
         },
-        programs=_texts({number: map(format_line, lines) for number, lines in controller.programs.items()}),
-        plcs=_texts({number: map(format_plc_line, lines) for number, lines in controller.plcs.buffers.items()}),
+        programs=_texts({number: [line.text for line in lines] for number, lines in controller.programs.items()}),
+        plcs=_texts({number: [line.text for line in lines] for number, lines in controller.plcs.buffers.items()}),
         conversion={str(line): word for line, word in controller.conversion.changed_words.items()},
         tables=_texts({number: table_lines(table) for number, table in controller.tables.tables.items()}),
         password=controller.password.text,
@@ -163,9 +160,9 @@ def _put_back(state: SavedState, controller: Memories) -> None:
             motor = scanner.take_integer() or 0
             scanner.expect("->")
             controller.systems[int(number)].define(motor, scan_definition(scanner, motor))
-    programs = {int(number): [parse_line(line) for line in lines] for number, lines in state.programs.items()}
+    programs = {int(number): [stored_line(line) for line in lines] for number, lines in state.programs.items()}
     plcs = {
-        int(number): [kept for line in lines for kept in stored_lines(parse_plc_line(line))]
+        int(number): [kept for line in lines for kept in stored_plc_lines(line)]
         for number, lines in state.plcs.items()
     }
     controller.programs.clear()

@@ -6,6 +6,8 @@ Entries of a compensation table are the constants that its host sends after DEFI
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from drivers.pmac.compensation.table_text import definition_text, entry_lines, scan_definition, scan_entries
 from drivers.pmac.gathering.gather import listing
@@ -20,88 +22,121 @@ from drivers.pmac.language.expressions import (
     PROGRAM,
 )
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.listing import listed
 from drivers.pmac.language.parser import MESSAGE_READERS
 from drivers.pmac.language.syntax import PlcSwitch
-from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.simulator.card import buffers
-from drivers.simulator.context import Context, Handler, act, say
+from drivers.simulator.context import Context, Filling, Handler, Reading, Step, act, say
 
 _NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", "UBUFFER", "LOOKAHEAD")  # never defined
+_PLC_SWITCHES = ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC", "PAUSEPLC", "RESUMEPLC")
 _GATHER = ("GATHER", "GAT")
 _CONSTANT = re.compile(r"[+-]?[\d.]")  # first characters of a line of entries; `$` is a command
 
 
-def _open_program(scanner: Scanner, context: Context) -> None:
-    buffers.open_program(context, _program_number(scanner))
-
-
-def _open_plc(scanner: Scanner, context: Context) -> None:
-    buffers.open_plc(context, _plc_number(scanner))
-
-
-def _close(scanner: Scanner, context: Context) -> None:
-    scanner.accept("ALL")
-    buffers.close(context.controller)
-
-
-def _list_program(scanner: Scanner, context: Context) -> None:
-    """`LIST PROG 1`, `LIST PROG 1,10` from line 10, `LIST PROG 1,10,5` five lines."""
+def _open_program(scanner: Scanner, reading: Reading) -> Step:
     number = _program_number(scanner)
-    controller = context.controller
-    buffers.refuse_protected(controller, number, buffers.PROTECTED_PROGRAMS)
-    lines = controller.programs.get(number)
-    if lines is None:
-        raise PmacError(ErrorCode.DATA_ERROR, f"program {number} does not exist")
-    first = (scanner.take_integer() or 0) if scanner.accept(",") else 0
-    count = scanner.take_integer() if scanner.accept(",") else None
-    context.list_lines([format_line(line) for line in lines[first : None if count is None else first + count]])
+    _opens(reading, Filling.PROGRAM)
+    return lambda context: buffers.open_program(context, number)
 
 
-def _list_plc(scanner: Scanner, context: Context) -> None:
+def _open_plc(scanner: Scanner, reading: Reading) -> Step:
     number = _plc_number(scanner)
-    controller = context.controller
-    buffers.refuse_protected(controller, number, buffers.PROTECTED_PLCS)
-    lines = controller.plcs.buffers.get(number)
-    if lines is None:
-        raise PmacError(ErrorCode.DATA_ERROR, f"PLC {number} does not exist")
-    context.list_lines([format_plc_line(line) for line in lines])
+    _opens(reading, Filling.PLC)
+    return lambda context: buffers.open_plc(context, number)
 
 
-def _delete(scanner: Scanner, context: Context) -> None:
-    controller = context.controller
-    if scanner.take_word(_NOT_HERE) is not None:
-        return
-    if scanner.accept("ALL"):
-        buffers.delete_all(controller)
-    elif scanner.take_word(PROGRAM) is not None:
-        buffers.delete_program(controller, _program_number(scanner))
-    else:
-        scanner.expect("PLC")
-        buffers.delete_plc(controller, _plc_number(scanner))
+def _opens(reading: Reading, filling: Filling) -> None:
+    """Text after it on its line goes into the buffer; if the OPEN is refused, execution ends there."""
+    reading.filling, reading.opens = filling, True
 
 
-def _abbreviated(target: str) -> Handler:
-    """`DEL GAT`: DEL alone is not a word, so that DELAY does not match."""
+def _close(scanner: Scanner, reading: Reading) -> Step:
+    scanner.accept("ALL")
+    reading.filling, reading.opens = Filling.NOWHERE, False
 
-    def command(scanner: Scanner, context: Context) -> None:
-        scanner.reset(scanner.mark() - len(target))
-        _delete(scanner, context)
+    def step(context: Context) -> None:
+        context.sends_program = False
+        buffers.close(context.controller)
 
-    return command
+    return step
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """`,10` from line 10, `,10,5` five lines, `,,5` the first five; `numbered` when there is either."""
+
+    first: int = 0
+    count: int | None = None
+    numbered: bool = False
+
+    def of(self, texts: Sequence[str]) -> list[str]:
+        """Return the lines of it, with their numbers. A part behind the end has none."""
+        whole = listed(texts)
+        if not self.numbered:
+            return list(whole)
+        part = range(len(whole))[self.first : None if self.count is None else self.first + self.count]
+        return [f"{number}:{whole[number]}" for number in part]
+
+
+def _part(scanner: Scanner) -> _Part:
+    if not scanner.accept(","):
+        return _Part()
+    first = scanner.take_integer() or 0
+    return _Part(first, scanner.take_integer() if scanner.accept(",") else None, numbered=True)
+
+
+def _list_program(scanner: Scanner, reading: Reading) -> Step:
+    """`LIST PROG 1`, `LIST PROG 1,10` from line 10, `LIST PROG 1,10,5` five lines."""
+    number, part = _program_number(scanner), _part(scanner)
+
+    def step(context: Context) -> None:
+        controller = context.controller
+        buffers.refuse_protected(controller, number, buffers.PROTECTED_PROGRAMS)
+        lines = controller.programs.get(number)
+        if lines is None:
+            raise PmacError(ErrorCode.DATA_ERROR, f"program {number} does not exist")
+        context.list_lines(part.of([line.text for line in lines]))
+
+    return step
+
+
+def _list_plc(scanner: Scanner, reading: Reading) -> Step:
+    number, part = _plc_number(scanner), _part(scanner)
+
+    def step(context: Context) -> None:
+        controller = context.controller
+        buffers.refuse_protected(controller, number, buffers.PROTECTED_PLCS)
+        lines = controller.plcs.buffers.get(number)
+        if lines is None:
+            raise PmacError(ErrorCode.DATA_ERROR, f"PLC {number} does not exist")
+        context.list_lines(part.of([line.text for line in lines]))
+
+    return step
+
+
+def _delete_program(scanner: Scanner, reading: Reading) -> Step:
+    number = _program_number(scanner)
+    return lambda context: buffers.delete_program(context.controller, number)
+
+
+def _delete_plc(scanner: Scanner, reading: Reading) -> Step:
+    number = _plc_number(scanner)
+    return lambda context: buffers.delete_plc(context.controller, number)
 
 
 def _switch_plc(word: str) -> Handler:
-    def command(scanner: Scanner, context: Context) -> None:
+    def command(scanner: Scanner, reading: Reading) -> Step:
         switch = MESSAGE_READERS[word](scanner, word)
         assert isinstance(switch, PlcSwitch)
-        context.controller.switch_plc(switch.enable, switch.numbers)
+        return lambda context: context.controller.switch_plc(switch.enable, switch.numbers, switch.keeping)
 
     return command
 
 
-def _plc_text(scanner: Scanner, context: Context) -> None:
+def _plc_text(scanner: Scanner, reading: Reading) -> Step:
     """Prevent a PLC that is typed after a refused OPEN from aborting with `AND(`, or stepping with `SEND`."""
-    raise PmacError(ErrorCode.NO_BUFFER_OPEN, context.text[:20])
+    raise PmacError(ErrorCode.NO_BUFFER_OPEN, reading.text[:20])
 
 
 def _size(context: Context) -> str:
@@ -130,55 +165,78 @@ def _refuse_open(context: Context) -> None:
         raise PmacError(ErrorCode.BUFFER_IN_USE, "a buffer is open; CLOSE first")
 
 
-def _define_gather(scanner: Scanner, context: Context) -> None:
+def _define_gather(scanner: Scanner, reading: Reading) -> Step:
     """`DEFINE GATHER 1000` long words; without a number all available memory, leaving none for programs."""
-    _refuse_open(context)
-    gather = context.controller.gather
-    room = buffers.room_lines(context.controller) + gather.size
-    size = scanner.take_integer()
-    if size is None:
-        size = room
-    if size > room or not room:
-        raise PmacError(ErrorCode.NO_ROOM, f"{size} long words, room for {room}")
-    gather.define(size)
+    wanted = scanner.take_integer()
+
+    def step(context: Context) -> None:
+        _refuse_open(context)
+        gather = context.controller.gather
+        room = buffers.room_lines(context.controller) + gather.size
+        size = room if wanted is None else wanted
+        if size > room or not room:
+            raise PmacError(ErrorCode.NO_ROOM, f"{size} long words, room for {room}")
+        gather.define(size)
+
+    return step
 
 
-def _gather(scanner: Scanner, context: Context) -> None:
+def _define_nothing(scanner: Scanner, reading: Reading) -> Step:
+    """DEFINE LOOKAHEAD 1000,100 and DEFINE UBUFFER 256: accepted, and neither changes anything.
+
+    Moves are calculated as without lookahead, and the words of a user buffer are plain memory in any case.
+    """
+    if scanner.take_integer() is None:
+        raise scanner.refusal("a size as in DEFINE UBUFFER 256")
+    if scanner.accept(","):
+        scanner.take_integer()
+    return _refuse_open
+
+
+def _gather(scanner: Scanner, reading: Reading) -> Step:
     if scanner.accept("TRIGGER"):
         raise PmacError(ErrorCode.DATA_ERROR, "GATHER TRIGGER: this card has no input that starts it; GATHER")
-    context.controller.gather.start()
+    return lambda context: context.controller.gather.start()
 
 
 def _end_gather(context: Context) -> None:
     context.controller.gather.running = False
 
 
-def _list_gather(scanner: Scanner, context: Context) -> None:
+def _list_gather(scanner: Scanner, reading: Reading) -> Step:
     """`LIST GATHER`, `LIST GATHER 100` from long word 100, `LIST GATHER 100,50` fifty of them."""
     first = scanner.take_integer() or 0
     count = scanner.take_integer() if scanner.accept(",") else None
-    context.list_lines(listing(context.controller.gather.long_words(first, count)))
+    return lambda context: context.list_lines(listing(context.controller.gather.long_words(first, count)))
 
 
-def fill_table(scanner: Scanner, context: Context) -> bool:
-    """Take a line of constants for the table that its host is filling; False when it is not such a line.
+def fill_table(scanner: Scanner, reading: Reading) -> Step | None:
+    """Take a line of constants for the table that its host is filling; None when it is not such a line.
 
-    Raises PmacError: 003, an invalid entry, or more than the table expects; then none of the line is accepted.
+    Raises PmacError: 003, an invalid entry. More than the table expects is refused, and none of the line accepted.
     """
-    tables = context.controller.tables
-    if not tables.is_filled_by(context) or context.fills_buffer or not _CONSTANT.match(scanner.rest):
-        return False
+    if reading.fills or not _CONSTANT.match(scanner.rest):
+        return None
     entries = scan_entries(scanner)
-    context.work += len(entries)
-    tables.fill(entries)
-    return True
+
+    def step(context: Context) -> None:
+        context.work += len(entries)
+        context.controller.tables.fill(entries)
+
+    return step
 
 
-def _define_table(scanner: Scanner, context: Context) -> None:
-    _refuse_open(context)
-    definition = scan_definition(scanner, context.motor_number, context.dialect.motor_count)
-    room = buffers.room_lines(context.controller)
-    context.controller.tables.define(definition, context, _buffers_after(context), room)
+def _define_table(scanner: Scanner, reading: Reading) -> Step:
+    text, motor_count = scanner.rest, reading.dialect.motor_count
+    scan_definition(scanner, 1, motor_count)  # once without effect: the addressed motor is known when it acts
+
+    def step(context: Context) -> None:
+        _refuse_open(context)
+        definition = scan_definition(Scanner(text), context.motor_number, motor_count)
+        room = buffers.room_lines(context.controller)
+        context.controller.tables.define(definition, context, _buffers_after(context), room)
+
+    return step
 
 
 def _delete_table(context: Context) -> None:
@@ -198,35 +256,42 @@ def _buffers_after(context: Context) -> tuple[str, ...]:
     return ("GATHER",) if context.controller.gather.size else ()
 
 
+def _delete_nothing(context: Context) -> None:
+    """DELETE of a buffer that nothing here defines."""
+
+
+_DELETED: dict[str, Handler] = {
+    **dict.fromkeys(_NOT_HERE, act(_delete_nothing)),
+    "ALL": act(lambda context: buffers.delete_all(context.controller)),
+    **dict.fromkeys(PROGRAM, _delete_program),
+    "PLC": _delete_plc,
+    **dict.fromkeys(_GATHER, act(lambda context: context.controller.gather.delete())),
+    "COMP": act(_delete_table),
+    # The temporary buffers; of those there is only the one to gather into.
+    **dict.fromkeys(("TEMPS", "TEMPORARY"), act(lambda context: context.controller.gather.delete())),
+}
+
 WORDS: dict[str, Handler] = {
-    **dict.fromkeys(
-        OPEN_PROGRAM, lambda scanner, context: buffers.open_program(context, _program_number(scanner))
-    ),
-    **dict.fromkeys(OPEN_PLC, lambda scanner, context: buffers.open_plc(context, _plc_number(scanner))),
+    **dict.fromkeys(OPEN_PROGRAM, _open_program),
+    **dict.fromkeys(OPEN_PLC, _open_plc),
     **dict.fromkeys(CLEAR, act(lambda context: buffers.clear(context.controller))),
     **dict.fromkeys(CLOSE, _close),
     **{f"LIST{word}": _list_program for word in PROGRAM},
     "LISTPLC": _list_plc,
-    "DELETE": _delete,
-    **{f"DEL{target}": _abbreviated(target) for target in (*_NOT_HERE, "ALL", *PROGRAM, "PLC")},
+    **{f"{delete}{word}": handler for delete in ("DELETE", "DEL") for word, handler in _DELETED.items()},
     "SIZE": say(_size),
     **{f"{define}{word}": _define_gather for define in ("DEFINE", "DEF") for word in _GATHER},
     **dict.fromkeys(_GATHER, _gather),
     **dict.fromkeys(("ENDGATHER", "ENDG"), act(_end_gather)),
     **{f"LIST{word}": _list_gather for word in _GATHER},
-    **{
-        f"{delete}{word}": act(lambda context: context.controller.gather.delete())
-        for delete in ("DELETE", "DEL")
-        for word in _GATHER
-    },
+    **{f"{define}{word}": _define_nothing for define in ("DEFINE", "DEF") for word in ("LOOKAHEAD", "UBUFFER")},
     **dict.fromkeys(("DEFINECOMP", "DEFCOMP"), _define_table),
-    **dict.fromkeys(("DELETECOMP", "DELCOMP"), act(_delete_table)),
     "LISTCOMP": act(_list_table),
     "LISTCOMPDEF": say(_table_definition),
 }
 
 SHARED_WORDS: dict[str, Handler] = {
-    **{word: _switch_plc(word) for word in ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC")},
+    **{word: _switch_plc(word) for word in _PLC_SWITCHES},
     **dict.fromkeys(("AND(", "OR(", "ADDRESS", "ADR", "SEND"), _plc_text),
 }
 """Programs have them too."""

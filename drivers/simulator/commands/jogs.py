@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.trajectory.frame import FARTHEST_COUNTS
 from drivers.simulator.card.motor import Motor
-from drivers.simulator.context import Context, Handler, act, signed_constant
+from drivers.simulator.context import Context, Handler, Reading, Step, act, signed_constant
 
 
 def _free_motor(context: Context) -> Motor:
@@ -16,40 +18,55 @@ def _free_motor(context: Context) -> Motor:
     return motor
 
 
-def _jog(scanner: Scanner, context: Context) -> None:
-    motor = _free_motor(context)
+_Target = Callable[[Motor], float]
+
+
+def _jog(scanner: Scanner, reading: Reading) -> Step:
     for sign, direction in (("+", 1), ("-", -1), ("/", 0)):
         if scanner.accept(sign):
-            motor.jog_speed(direction)
-            return
+            return _jog_speed(direction)
     if scanner.accept("="):
-        target = _amount(scanner, motor)
-        if target is not None:
-            motor.jog_to(_reached(target), _past_trigger(scanner))
-        else:
-            motor.jog_back()
-    elif scanner.accept(":"):
-        distance = _distance(scanner, motor)
-        _reached(motor.desired + distance)
-        motor.jog_by(distance, past_trigger=_past_trigger(scanner))
-    elif scanner.accept("^"):
-        distance = _distance(scanner, motor)
-        _reached(motor.encoder + distance)
-        motor.jog_by(distance, from_actual=True, past_trigger=_past_trigger(scanner))
-    else:
-        raise scanner.refusal("J+ J- J/ J= J: or J^")
+        target = _amount(scanner)
+        return _of_motor(Motor.jog_back) if target is None else _jog_to(target, _past_trigger(scanner))
+    for sign in (":", "^"):
+        if scanner.accept(sign):
+            distance = _amount(scanner)
+            if distance is None:
+                raise scanner.refusal("a distance as in J^1000")
+            return _jog_by(distance, _past_trigger(scanner), from_actual=sign == "^")
+    raise scanner.refusal("J+ J- J/ J= J: or J^")
 
 
-def _distance(scanner: Scanner, motor: Motor) -> float:
-    distance = _amount(scanner, motor)
-    if distance is None:
-        raise scanner.refusal("a distance as in J^1000")
-    return distance
+def _of_motor(action: Callable[[Motor], object]) -> Step:
+    def step(context: Context) -> None:
+        action(_free_motor(context))
+
+    return step
 
 
-def _amount(scanner: Scanner, motor: Motor) -> float | None:
+def _jog_speed(direction: int) -> Step:
+    return _of_motor(lambda motor: motor.jog_speed(direction))
+
+
+def _jog_to(target: _Target, past_trigger: float | None) -> Step:
+    return _of_motor(lambda motor: motor.jog_to(_reached(target(motor)), past_trigger))
+
+
+def _jog_by(distance: _Target, past_trigger: float | None, *, from_actual: bool) -> Step:
+    def act(motor: Motor) -> None:
+        counts = distance(motor)
+        _reached((motor.encoder if from_actual else motor.desired) + counts)
+        motor.jog_by(counts, from_actual=from_actual, past_trigger=past_trigger)
+
+    return _of_motor(act)
+
+
+def _amount(scanner: Scanner) -> _Target | None:
     """Return a constant, or with `*` the motor's variable jog register; None when there is neither."""
-    return motor.variable_jog if scanner.accept("*") else signed_constant(scanner)
+    if scanner.accept("*"):
+        return lambda motor: motor.variable_jog
+    counts = signed_constant(scanner)
+    return None if counts is None else lambda motor: counts
 
 
 def _reached(counts: float) -> float:
@@ -75,11 +92,11 @@ def _kill(context: Context) -> None:
     context.motor.kill()
 
 
-def _open_loop(scanner: Scanner, context: Context) -> None:
+def _open_loop(scanner: Scanner, reading: Reading) -> Step:
     percent = signed_constant(scanner)
     if percent is None:
         raise scanner.refusal("an output in percent as in O10")
-    _free_motor(context).open_loop(percent)
+    return lambda context: _free_motor(context).open_loop(percent)
 
 
 WORDS: dict[str, Handler] = {

@@ -1,21 +1,24 @@
-"""Execute one line of text from a host, command by command.
+"""Read one line of text from a host, whole, and execute it command by command.
 
-A line may contain several commands with or without separators; commands before an error stay executed.
+A line may contain several commands, with or without separators. When any of it is not understood none of it acts;
+what acts before a command is refused for another reason stays done.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Iterator
+from enum import Enum
+from functools import lru_cache
 
+from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card import buffers
 from drivers.simulator.commands import addressing, buffer_words, card, jogs, status, systems, values
-from drivers.simulator.commands.polls import Step, compiled
-from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context, signed_constant
+from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context, Filling, Reading, Step, signed_constant
 
 _DAISY_CHAIN = 2  # bit 1 of I1: several controllers on one line, addressed with `@n`
 _COMMAND_WORK = 5  # cost of any command, in values read or set
@@ -32,13 +35,22 @@ _PROGRAM_OR_LETTER = longest_of((*PROGRAM_WORDS, *_LETTERS))
 _IMMEDIATE = re.compile(r"J(?:[+/=:^]|-(?![\d.($]))|[PVFKRSHQAZ]+(?=[#&?%@]|$)|M\d+(?:\.\.\d+)?->")
 """Commands although their letters are program words: `J+` is a jog, `J-5` is part of the centre of a circle."""
 
+_QUERY = re.compile(r"[IPQM]\d+(?:\.\.\d+|,\d+(?:,\d+)?)?(?=[#&?%@PQVFIM]|$)")
+"""What may be asked in the body of a refused OPEN: it changes nothing."""
 
-def answers(context: Context) -> bool:
-    """Whether this host has addressed the controller; alone on its line, it always has."""
+_OPENING = re.compile(r"O\s*P\s*E\s*N(?!.*C\s*L\s*(?:O\s*)?S)", re.IGNORECASE)
+_STARTS = ("R", "S", "Z")  # letters that do not act in the body of a refused OPEN; a stop always does
+
+MOST_REMEMBERED = 256  # lines that are read once and executed many times: what a host that polls sends
+
+
+def answers(context: Context, number: int | None = None) -> bool:
+    """Whether this host has addressed the controller, or would by `@number`; alone on its line, it always has."""
     variables = context.controller.variables
     if not int(variables.i(1)) & _DAISY_CHAIN:
         return True
-    return context.card_number in (ALL_CARDS, int(variables.i(0)) & HIGHEST_CARD)
+    addressed = context.card_number if number is None else number
+    return addressed in (ALL_CARDS, int(variables.i(0)) & HIGHEST_CARD)
 
 
 def commands(text: str, context: Context) -> Generator[None, None, bool]:
@@ -49,98 +61,150 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
     Returns:
         Whether the line, or a part of it, was for this controller.
 
-    Raises PmacError: the command at which execution stopped.
+    Raises PmacError: the line was not understood, and none of it has acted; or the command at which execution
+        stopped.
     """
     heard = answers(context)
     if not heard and "@" not in text:
         return False
-    if not context.fills_buffer and not context.controller.tables.is_filled_by(context):
-        steps = compiled(text, _word, _PROGRAM_OR_LETTER) if heard else None
-        if steps is not None:
-            context.text = text
-            return (yield from _execute(steps, context))
-    scanner = Scanner(text)
-    context.text = text
-    whole = scanner.mark()
-    ended = scanner.at_end
-    while not ended:
-        if scanner.accept("@"):
-            addressing.address_card(scanner, context)
-        elif answers(context):
-            _command(scanner, context, first=scanner.mark() == whole)
-        else:
-            # Commands for another controller.
-            found = scanner.rest.find("@")
-            scanner.reset(scanner.mark() + (len(scanner.rest) if found < 0 else found))
+    steps = _read(text, context)
+    variables, last = context.controller.variables, len(steps)
+    revision = variables.i_revision
+    for number, step in enumerate(steps, 1):
+        # This line or another host may have changed how controllers are addressed: the rest is not for it then.
+        if variables.i_revision == revision or isinstance(step, addressing.AddressCard) or answers(context):
+            step(context)
         heard = heard or answers(context)
         context.work += _COMMAND_WORK
-        ended = scanner.at_end
-        if not ended:
+        if number < last:
             yield
     return heard
 
 
-def _execute(steps: tuple[Step, ...], context: Context) -> Generator[None, None, bool]:
-    """Execute a line that was read before; it names no controller."""
-    variables, last = context.controller.variables, len(steps)
-    revision = variables.i_revision
-    for number, step in enumerate(steps, 1):
-        # Another host may have changed how controllers are addressed: the rest is not for this one then.
-        heard = variables.i_revision == revision or answers(context)
-        if heard:
-            step(context)
-        context.work += _COMMAND_WORK
-        if not heard or number == last:
-            break
-        yield
-    return True
+def _read(text: str, context: Context) -> tuple[Step, ...]:
+    """Read a line. Raises PmacError: it was not understood; what follows a refused OPEN is still its body."""
+    filling = context.filling
+    try:
+        if "@" in text:
+            steps, opens = _addressed(text, context)
+        elif filling is Filling.NOWHERE and not context.controller.tables.is_filled_by(context):
+            steps, opens = _remembered(text, context.dialect)
+        else:
+            reading = Reading(text, context.dialect, filling)
+            steps = tuple(_commands(Scanner(text), reading, _first_of(context)))
+            opens = reading.opens
+    except PmacError:
+        context.sends_program = context.sends_program or _OPENING.search(text) is not None
+        raise
+    context.sends_program = context.sends_program or opens
+    return steps
 
 
-def _command(scanner: Scanner, context: Context, *, first: bool) -> None:
-    if first and buffer_words.fill_table(scanner, context):
-        return
-    if context.fills_buffer and not _IMMEDIATE.match(scanner.rest):
-        word = scanner.take(_ALWAYS)
-        if word is None:
-            buffers.store(scanner, context)
-            return
+@lru_cache(maxsize=MOST_REMEMBERED)
+def _remembered(text: str, dialect: Dialect) -> tuple[tuple[Step, ...], bool]:
+    """Return the commands of a line that fills nothing: they depend on its text and the family alone."""
+    reading = Reading(text, dialect)
+    return tuple(_commands(Scanner(text), reading, (_constant,))), reading.opens
+
+
+def _addressed(text: str, context: Context) -> tuple[tuple[Step, ...], bool]:
+    """Return the commands of a line that names controllers, without those for another one."""
+    reading, scanner = Reading(text, context.dialect, context.filling), Scanner(text)
+    steps: list[Step] = []
+    heard, first = answers(context), _first_of(context)
+    while not scanner.at_end:
+        if scanner.accept("@"):
+            step = addressing.AddressCard(addressing.read_card(scanner))
+            steps.append(step)
+            heard = heard if step.number is None else answers(context, step.number)
+        elif heard:
+            steps += _commands(scanner, reading, first)
+        else:
+            found = scanner.rest.find("@")
+            scanner.reset(scanner.mark() + (len(scanner.rest) if found < 0 else found))
+        first = ()
+    return tuple(steps), reading.opens
+
+
+_Whole = Callable[[Scanner, Reading], Step | None]
+"""Reads a line that is constants only, or returns None."""
+
+
+def _first_of(context: Context) -> tuple[_Whole, ...]:
+    filled = context.controller.tables.is_filled_by(context)
+    return (buffer_words.fill_table, _constant) if filled else (_constant,)
+
+
+def _commands(scanner: Scanner, reading: Reading, whole: tuple[_Whole, ...]) -> Iterator[Step]:
+    """Yield the commands up to the end of the line, or up to the next `@`.
+
+    A word is taken as long as it can be, and what is left of it is no command: the `R` of RESUME runs nothing. So
+    letters that follow each other without a space are commands only when all of them report (`#1?PVFM190`).
+    """
+    step = next((step for read in whole if (step := read(scanner, reading)) is not None), None)
+    if step is not None:
+        yield step
+    quiet = True
+    while not scanner.at_end and not scanner.peek("@"):
+        joined, begin = scanner.inside_word, scanner.mark()
+        step, kind = _command(scanner, reading)
+        if joined and kind is not _Kind.TEXT and not (quiet and kind is _Kind.REPORT):
+            scanner.reset(begin)
+            raise scanner.refusal("no such word")
+        quiet = kind is _Kind.REPORT
+        yield step
+
+
+class _Kind(Enum):
+    REPORT, ACTION, TEXT = range(3)
+
+
+def _command(scanner: Scanner, reading: Reading) -> tuple[Step, _Kind]:
+    astray = reading.filling is Filling.REFUSED
+    if reading.filling is not Filling.NOWHERE and not _IMMEDIATE.match(scanner.rest):
+        word = _word(scanner, _ALWAYS)
+        if word is None and reading.fills:
+            return buffers.read_stored(scanner, reading), _Kind.TEXT
+        if word is None and not _QUERY.match(scanner.rest):
+            raise PmacError(ErrorCode.NO_BUFFER_OPEN, f"{scanner.rest[:20]}: its OPEN was refused; CLOSE")
     else:
-        word = _word(scanner)
+        word = _word(scanner, _ANY)
     if word is not None:
-        _WORDS[word](scanner, context)
-        return
-    if values.variable(scanner, context) or systems.set_axis(scanner, context):
-        return
+        return _WORDS[word](scanner, reading), _Kind.ACTION
+    step = values.variable(scanner, reading)
+    if step is not None:
+        return step, _Kind.REPORT
+    step = systems.set_axis(scanner)
+    if step is not None:
+        return step, _Kind.ACTION
     letter = scanner.take(_PROGRAM_OR_LETTER)
     if letter is not None:
-        if letter not in _LETTERS:
+        if letter not in _LETTERS or (astray and letter in _STARTS):
             # Never letter by letter: the R of RAPID or RETURN would run the program, the A of ABS abort it.
-            raise PmacError(ErrorCode.NO_BUFFER_OPEN, context.text[:20])
-        _LETTERS[letter](scanner, context)
-        return
-    if first and _constant(scanner, context):
-        return
+            raise PmacError(ErrorCode.NO_BUFFER_OPEN, reading.text[:20])
+        return _LETTERS[letter](scanner, reading), _Kind.REPORT if letter in status.LETTERS else _Kind.ACTION
     if buffers.is_program_text(scanner.rest):
         raise PmacError(ErrorCode.NO_BUFFER_OPEN, scanner.rest[:20])
     raise scanner.refusal("no such command")
 
 
-def _word(scanner: Scanner) -> str | None:
+def _word(scanner: Scanner, words: re.Pattern[str]) -> str | None:
     """Match `RX` only with an address after it: `B1R LIST PC` runs and lists."""
     start = scanner.mark()
-    word = scanner.take(_ANY)
+    word = scanner.take(words)
     if word in values.WORDS and not scanner.peek(values.ADDRESS_STARTS):
         scanner.reset(start)
         return None
     return word
 
 
-def _constant(scanner: Scanner, context: Context) -> bool:
+def _constant(scanner: Scanner, reading: Reading) -> Step | None:
     """Set P0 from a line that is only a number (User Manual, Special-Use P-Variable)."""
     start = scanner.mark()
-    value = signed_constant(scanner)
+    value = None if reading.fills else signed_constant(scanner)
     if value is None or not scanner.at_end:
         scanner.reset(start)
-        return False
-    context.variables.set(VariableKind.P, 0, value)
-    return True
+        return None
+    if reading.filling is Filling.REFUSED:
+        raise PmacError(ErrorCode.NO_BUFFER_OPEN, reading.text[:20])
+    return lambda context: context.variables.set(VariableKind.P, 0, value)

@@ -9,7 +9,7 @@ from drivers.pmac.status import digits_of
 from drivers.simulator.card import reports
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.motor import Motor
-from drivers.simulator.context import ALL_CARDS, Context, Handler, say
+from drivers.simulator.context import ALL_CARDS, Context, Handler, Reading, Step, say
 
 Action = Callable[[Context], str | None]  # the function; it returns the text for the host, None when there is none
 
@@ -83,14 +83,9 @@ def count_marks(scanner: Scanner, text: str) -> int:
     return marks
 
 
-def of_marks(marks: int) -> Callable[[Context], None]:
-    """Return the command `?` of the motor, `??` of the coordinate system or `???` of the controller."""
-    report = _STATUS[marks - 1]
+def _status(scanner: Scanner, reading: Reading) -> Step:
+    report = _STATUS[count_marks(scanner, reading.text) - 1]
     return lambda context: context.lines.append(report(context))
-
-
-def _status(scanner: Scanner, context: Context) -> None:
-    context.lines.append(_STATUS[count_marks(scanner, context.text) - 1](context))
 
 
 _STATUS: tuple[Callable[[Context], str], ...] = (
@@ -108,11 +103,3 @@ _REPORTED: dict[str, Callable[[Context], str]] = {
 }
 
 LETTERS: dict[str, Handler] = {letter: say(report) for letter, report in _REPORTED.items()}
-
-
-def _saying(report: Callable[[Context], str]) -> Callable[[Context], None]:
-    return lambda context: context.lines.append(report(context))
-
-
-REPORTS = {letter: _saying(report) for letter, report in _REPORTED.items()}
-"""The same, without a scanner."""

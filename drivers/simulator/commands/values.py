@@ -6,11 +6,12 @@ import re
 from collections.abc import Callable, Iterator
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.expressions import parse_expression
 from drivers.pmac.language.lexer import Scanner, longest_of
-from drivers.pmac.language.syntax import VariableKind
+from drivers.pmac.language.syntax import Number, VariableKind
 from drivers.pmac.language.text import format_number
 from drivers.pmac.memory import WORD_BITS, Memory, Pointer, scan_pointer
-from drivers.simulator.context import Context, Handler, signed_constant
+from drivers.simulator.context import Context, Handler, Reading, Step, signed_constant
 
 _KINDS = {str(kind): kind for kind in VariableKind}
 _KIND = longest_of(tuple(_KINDS))
@@ -22,60 +23,63 @@ ADDRESS_STARTS = ":$0123456789"
 _SPACES = {"X": WORD_BITS, "Y": WORD_BITS, "D": 2 * WORD_BITS, "L": 0}  # widths, bits; L is a number
 
 
-def variable(scanner: Scanner, context: Context) -> bool:
-    """Report or assign `P1`, `P1..3`, `P1,3,2`, `I130=*`, `M1->...`; False when there is none at the cursor.
+def variable(scanner: Scanner, reading: Reading) -> Step | None:
+    """Report or assign `P1`, `P1..3`, `P1,3,2`, `P(P1+1)`, `I130=*`, `M1->...`; None when it is none of these.
 
     Raises PmacError: 003, no such variable, range or value.
     """
     start = scanner.mark()
     word = scanner.take(_KIND)
     first = scanner.take_integer() if word is not None else None
-    if word is None or (first is None and not (word != "P" and scanner.peek("("))):
+    if word is None or (first is None and not scanner.peek("(")):
         scanner.reset(start)
-        return False
+        return None
     kind = _KINDS[word]
-    if first is None:
-        scanner.expect("(")
-        first = int(context.expression(scanner))
-        scanner.expect(")")
-    indices = _indices(scanner, first, context)
-    context.work += len(indices)
+    indices = _computed(scanner) if first is None else _constant(_indices(scanner, first, reading), kind, reading)
     if kind is VariableKind.M and scanner.peek("-"):
-        if context.text[scanner.position - 1].isspace():
+        if reading.text[scanner.position - 1].isspace():
             # The arrow comes directly after the number (Software Reference, M->).
             raise scanner.refusal("no space in front of -> as in M1->*")
         scanner.expect("->")
-        _point(scanner, context, indices)
-    elif scanner.accept("="):
-        _assign(scanner, context, kind, indices)
-    else:
-        context.lines.extend(_reported(context, kind, indices))
-    return True
+        return _point(scanner, indices, reading)
+    if scanner.accept("="):
+        return _assign(scanner, kind, indices)
+
+    def report(context: Context) -> None:
+        which = indices(context)
+        context.work += len(which)
+        context.lines.extend(_reported(context, kind, which))
+
+    return report
 
 
-def reporting(kind: VariableKind, index: int) -> Callable[[Context], None]:
-    """Return the command that reports one variable, as `variable` does it."""
-    indices = range(index, index + 1)
-
-    def command(context: Context) -> None:
-        context.work += 1
-        context.lines.extend(_reported(context, kind, indices))
-
-    return command
+_Indices = Callable[[Context], range]
 
 
-def setting(kind: VariableKind, index: int, value: float) -> Callable[[Context], None]:
-    """Return the command that sets one variable to a constant, as `variable` does it."""
-
-    def command(context: Context) -> None:
-        context.work += 1
-        context.variables.set(kind, index, value)
-
-    return command
+def _constant(indices: range, kind: VariableKind, reading: Reading) -> _Indices:
+    if indices[-1] > reading.dialect.highest_index:
+        highest = reading.dialect.highest_index
+        raise PmacError(ErrorCode.DATA_ERROR, f"{kind}{indices[-1]} does not exist; 0 to {highest}")
+    return lambda context: indices
 
 
-def _indices(scanner: Scanner, first: int, context: Context) -> range:
-    most = context.dialect.highest_index + 1
+def _computed(scanner: Scanner) -> _Indices:
+    """`(P1+1)`: one variable, whose number is found when the command acts."""
+    scanner.expect("(")
+    expression = parse_expression(scanner)
+    scanner.expect(")")
+
+    def indices(context: Context) -> range:
+        index, highest = int(context.value(expression)), context.dialect.highest_index
+        if not 0 <= index <= highest:
+            raise PmacError(ErrorCode.DATA_ERROR, f"number {index}, 0 to {highest}")
+        return range(index, index + 1)
+
+    return indices
+
+
+def _indices(scanner: Scanner, first: int, reading: Reading) -> range:
+    most = reading.dialect.highest_index + 1
     if scanner.accept(".."):
         last = scanner.take_integer()
         if last is None or last < first or last - first >= most:
@@ -90,16 +94,22 @@ def _indices(scanner: Scanner, first: int, context: Context) -> range:
     return range(first, first + count * step, step)
 
 
-def _assign(scanner: Scanner, context: Context, kind: VariableKind, indices: range) -> None:
-    variables = context.variables
-    if kind is VariableKind.I and scanner.accept("*"):
-        factory = context.dialect.factory
-        for index in indices:
-            variables.set(kind, index, factory.get(index, 0.0))
-        return
-    value = context.expression(scanner)
-    for index in indices:
-        variables.set(kind, index, value)
+def _assign(scanner: Scanner, kind: VariableKind, indices: _Indices) -> Step:
+    factory = kind is VariableKind.I and scanner.accept("*")
+    expression = Number(0.0) if factory else parse_expression(scanner)
+
+    def step(context: Context) -> None:
+        which, variables = indices(context), context.variables
+        context.work += len(which)
+        if factory:
+            for index in which:
+                variables.set(kind, index, context.dialect.factory.get(index, 0.0))
+            return
+        value = context.value(expression)
+        for index in which:
+            variables.set(kind, index, value)
+
+    return step
 
 
 def _reported(context: Context, kind: VariableKind, indices: range) -> Iterator[str]:
@@ -115,62 +125,79 @@ def _reported(context: Context, kind: VariableKind, indices: range) -> Iterator[
         yield f"I{index}={text}" if form & _LONG else text
 
 
-def _point(scanner: Scanner, context: Context, indices: range) -> None:
-    store = context.controller.variables
+def _point(scanner: Scanner, indices: _Indices, reading: Reading) -> Step:
     if not _DEFINITION.match(scanner.rest):
-        long = int(store.i(9)) & _LONG
-        for index in indices:
-            text = str(store.pointers.get(index, "*"))
-            context.lines.append(f"M{index}->{text}" if long else text)
-        return
-    pointer = scan_pointer(scanner, context.dialect.highest_address)
-    if indices[-1] > context.dialect.highest_index:
-        raise PmacError(ErrorCode.DATA_ERROR, f"M{indices[-1]} does not exist")
+        return lambda context: _list_pointers(context, indices(context))
+    pointer = scan_pointer(scanner, reading.dialect.highest_address)
+
+    def step(context: Context) -> None:
+        pointers, which = context.controller.variables.pointers, indices(context)
+        context.work += len(which)
+        for index in which:
+            if pointer is None:
+                pointers.pop(index, None)
+            else:
+                pointers[index] = pointer
+
+    return step
+
+
+def _list_pointers(context: Context, indices: range) -> None:
+    store = context.controller.variables
+    long = int(store.i(9)) & _LONG
+    context.work += len(indices)
     for index in indices:
-        if pointer is None:
-            store.pointers.pop(index, None)
-        else:
-            store.pointers[index] = pointer
+        text = str(store.pointers.get(index, "*"))
+        context.lines.append(f"M{index}->{text}" if long else text)
 
 
 def _read_words(space: str, hexadecimal: bool) -> Handler:
-    def command(scanner: Scanner, context: Context) -> None:
-        first = _address(scanner, context)
+    bits = _SPACES[space]
+
+    def command(scanner: Scanner, reading: Reading) -> Step:
+        first = _address(scanner)
         count = scanner.take_integer() if scanner.accept(",") else 1
         if not count or count > MOST_WORDS:
             raise scanner.refusal(f"a number of words, 1 to {MOST_WORDS}")
-        context.work += count * _WORD_WORK
-        words = (_pointer(space, address, context) for address in range(first, first + count))
-        values = [_memory(context).read(word) for word in words]
-        bits = _SPACES[space]
-        if hexadecimal and bits:
-            texts = [f"{int(value) & (1 << bits) - 1:0{bits // 4}X}" for value in values]
-        else:
-            texts = [format_number(value) for value in values]
-        context.lines.append(" ".join(texts))
+        words = [_pointer(space, address, reading) for address in range(first, first + count)]
+
+        def step(context: Context) -> None:
+            context.work += count * _WORD_WORK
+            values = [_memory(context).read(word) for word in words]
+            if hexadecimal and bits:
+                texts = [f"{int(value) & (1 << bits) - 1:0{bits // 4}X}" for value in values]
+            else:
+                texts = [format_number(value) for value in values]
+            context.lines.append(" ".join(texts))
+
+        return step
 
     return command
 
 
 def _write_words(space: str) -> Handler:
-    def command(scanner: Scanner, context: Context) -> None:
-        address = _address(scanner, context)
+    def command(scanner: Scanner, reading: Reading) -> Step:
+        address = _address(scanner)
         values: list[tuple[Pointer, float]] = []
         while scanner.accept(","):
             value = signed_constant(scanner)
             if value is None:
                 raise scanner.refusal("a value as in WY:$720,$C000")
-            values.append((_pointer(space, address + len(values), context), value))
+            values.append((_pointer(space, address + len(values), reading), value))
         if not values:
             raise scanner.refusal("a value as in WY:$720,$C000")
-        context.work += len(values) * _WORD_WORK
-        for pointer, value in values:
-            _memory(context).write(pointer, value)
+
+        def step(context: Context) -> None:
+            context.work += len(values) * _WORD_WORK
+            for pointer, value in values:
+                _memory(context).write(pointer, value)
+
+        return step
 
     return command
 
 
-def _address(scanner: Scanner, context: Context) -> int:
+def _address(scanner: Scanner) -> int:
     scanner.accept(":")
     address = scanner.take_integer()
     if address is None:
@@ -178,8 +205,8 @@ def _address(scanner: Scanner, context: Context) -> int:
     return address
 
 
-def _pointer(space: str, address: int, context: Context) -> Pointer:
-    highest = context.dialect.highest_address
+def _pointer(space: str, address: int, reading: Reading) -> Pointer:
+    highest = reading.dialect.highest_address
     if address > highest:
         raise PmacError(ErrorCode.DATA_ERROR, f"address ${address:X}, up to ${highest:X}")
     return Pointer(space=space, address=address)

@@ -37,8 +37,10 @@ class Listener:
     def display(self, text: str) -> None:
         self.heard.append(("display", text))
 
-    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
-        self.heard.append(("enable" if enable else "disable", *numbers))
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...], keeping: bool = False) -> None:
+        self.heard.append(
+            (("resume" if enable else "pause") if keeping else ("enable" if enable else "disable"), *numbers)
+        )
 
 
 class Bench:
