@@ -8,7 +8,7 @@ from console.session.instructing.desk import Act
 from console.session.instructing.order import Do
 from console.session.stages import Stage
 from console.session.station.state import StationState
-from console.session.training.event import Event
+from console.session.training.event import CONSOLE, Event
 from console.session.training.happened import Happening, PartFact, What, happenings, part_fact
 from console.session.training.lesson import Lesson
 from console.session.training.milestones import MILESTONES, Change
@@ -85,8 +85,9 @@ class Attempt:
 
     @property
     def faults(self) -> int:
-        """How many faults were given, by the lesson or by an instructor."""
-        return sum(each.what is What.FAULT for each in self.happened)
+        """How many faults were given to the lathe, by the lesson or by an instructor."""
+        given = [each.word for each in self.happened if each.what is What.FAULT]
+        return sum(not word.startswith(CONSOLE) for word in given)
 
     @property
     def met(self) -> tuple[str, ...]:

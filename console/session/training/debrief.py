@@ -9,7 +9,6 @@ from types import MappingProxyType
 
 from console.session.stop_keys import is_by_key
 from console.session.training.attempt import Attempt
-from console.session.training.event import CONSOLE
 from console.session.training.happened import Happening, What
 from console.session.training.item import Item
 from drivers.simulator.plant.workshop_view import Truth
@@ -143,8 +142,7 @@ def _answer(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
 
 
 def _stops(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
-    faults = sum(each.what is What.FAULT and not each.word.startswith(CONSOLE) for each in attempt.happened)
-    asked = sum(step in STOPS for step in attempt.lesson.steps) + faults
+    asked = sum(step in STOPS for step in attempt.lesson.steps) + attempt.faults
     stops = sum(_is_ours(each) for each in attempt.happened)
     yield Mark(item=Item.STOPS, value=stops, limit=asked, lost=_over(stops, asked, 5.0, 15.0))
 
