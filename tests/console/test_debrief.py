@@ -158,6 +158,8 @@ def lucky(data: Path, seed: int) -> Debrief:
     return pupil.debriefed()
 
 
+@pytest.mark.long
+@pytest.mark.timeout(180)
 def test_a_perfect_trainee_scores_near_100_a_careless_one_below_50_a_lucky_one_only_once(tmp_path: Path) -> None:
     scores = {
         who.__name__: [who(tmp_path / who.__name__ / str(seed), seed).score for seed in (1, 2)]
