@@ -48,7 +48,11 @@ class Parser(argparse.ArgumentParser):
         if self.module:
             module, self.module = self.module, ""
             import_module(module).add(self, self.text)
-        return super().parse_known_args(args, namespace)
+        found, left = super().parse_known_args(args, namespace)
+        # Words end at the first option for argparse, which leaves over those behind it.
+        if isinstance(getattr(found, "words", None), list) and not any(word.startswith("-") for word in left):
+            found.words, left = [*found.words, *left], []
+        return found, left
 
     def print_help(self, file: Any = None) -> None:
         """Print the help; unlike argparse, raise write errors to the caller."""

@@ -9,9 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from console.cli.commands import build
 from console.session.errors import SessionError
 from console.session.instructing.answer import Answer, read_answer, written
 from console.session.instructing.order import FASTEST, SLOWEST, Do, read_order
+from console.text.catalogue import load
 from profiles.problem import Problem
 
 WORD = st.sampled_from(("inject", "speed", "pause", "return", "log", "help", "hang", "for=3", "2", '"', "'", "\\"))
@@ -70,3 +72,9 @@ def test_an_answer_arrives_as_it_was_given(lines: list[str], problem: Problem | 
 def test_what_is_no_answer_is_not_taken_for_one(value: object) -> None:
     with pytest.raises(ValueError, match="answer"):
         read_answer(json.dumps({"lines": value}).encode())
+
+
+@pytest.mark.parametrize("typed", ["--data /d speed 2", "speed 2 --data /d", "speed --data /d 2"])
+def test_options_stand_wherever_they_are_typed(typed: str) -> None:
+    options = build(load("en")).parse_args(["instruct", "tcp:127.0.0.1:4444", *typed.split()])
+    assert (options.words, options.data) == (["speed", "2"], "/d")
