@@ -59,7 +59,7 @@ async def _serve(lathe: SimulatedLathe, channel: socket.socket, pace: Pace) -> N
         return None if lathe.lines.cut or host.heard_s is None else max(host.heard_s, pace.changed_s)
 
     try:
-        advance = patient(lathe.wait, heard_s, time.monotonic)
+        advance = patient(lathe.wait, heard_s, time.monotonic, pace)
         talk = converse(lathe, host.device, reader, writer, pace, partial(_go_on, lathe))
         await keep_time(advance, (host,), ended.wait(), talk, pace=pace)
     finally:

@@ -20,6 +20,7 @@ from console.tui.frame import (
     keys_row,
     next_row,
     pages_row,
+    small_rows,
     spindle_stop_s,
     state_row,
     stop_row,
@@ -92,6 +93,18 @@ def test_an_observer_sees_that_a_spindle_coasts_although_nothing_is_commanded() 
 def test_sim_is_the_first_word_on_the_screen() -> None:
     assert plain(state_row(frame(), 80)).startswith(" SIM ")
     assert "SIM" not in plain(state_row(frame(replace(READY, simulated=False)), 80))
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+@pytest.mark.parametrize(("speed", "shown"), [(0.0, r"SIM (paused|멈춤)"), (2.0, "SIM x2"), (0.25, r"SIM x0\.25")])
+def test_the_time_of_an_instructor_is_beside_sim(speed: float, shown: str, language: str) -> None:
+    state = replace(READY, speed=speed)
+    assert re.match(f" {shown} ", plain(state_row(frame(state, language, job="a job with a long name"), 80)))
+    assert re.search(shown, plain(small_rows(load(language), state, (60, 20), 60)))
+    paused = load(language)("frame.instructor_paused")
+    assert (paused in plain(next_row(frame(state, language), 80))) is (speed == 0.0)
+    waits = replace(state, stop_waits=True)
+    assert load(language)("frame.stop_waits") in plain(stop_row(frame(waits, language), 80))
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])

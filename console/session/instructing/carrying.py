@@ -28,7 +28,9 @@ def carry_out(context: StationContext) -> None:
         if training.clock.asked_on or training.clock.leaving:
             _run_on(context, training, training.speed)
             return
-        context.tell(stop_waits=context.lathe.stop.reason is not None and not context.lathe.stop.proven)
+        stop_waits = context.lathe.stop.reason is not None and not context.lathe.stop.proven
+        if stop_waits is not context.state.stop_waits:
+            context.tell(stop_waits=stop_waits)
         training.clock.wait(PAUSED_LOOK_S)
         _carry_out_all(context)
 
@@ -120,6 +122,7 @@ def _return(context: StationContext, training: Training, name: str) -> None:
         raise SessionError(Problem(code="instruct.no_checkpoint", value=name, limit=names))
     training.lathe.return_to(name)
     training.returning = known
+    context.tell(**known.fields)  # nothing may be judged by a part that is not there any more
     reopening.lose(Problem(code="link.returned", value=f"{name} ({known.at})"))
     _run_on(context, training, training.speed)
 

@@ -31,4 +31,5 @@ def restore(context: StationContext, knowledge: Knowledge) -> None:
     stop = context.state.stop
     if stop is not None:  # of what it ended, nothing is there any more
         stop = replace(stop, of_cut=False, mark_mm=None, tool_in_part=None, can_retract=False)
-    context.tell(**knowledge.fields, armed=None, stop=stop)
+    # The last poll was of another lathe: what differs from it has not happened.
+    context.tell(**knowledge.fields, snapshot=None, armed=None, stop=stop)

@@ -172,7 +172,7 @@ class LinkThread:
                 self._wait_until(lambda: self._ending is not None)
             while self._ending is None:
                 station.step()
-                self._wait(LOOK_PERIOD_S)
+                self._wait(LOOK_PERIOD_S if self._clock is None else LOOK_PERIOD_S / max(self._clock.speed, 1.0))
             station.close(self._ending)
             self._at_rest = station.state.activity is not Activity.LOST
         except BaseException:

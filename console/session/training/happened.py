@@ -9,6 +9,8 @@ from console.session.station.alarms import Alarm
 from console.session.station.state import MeasuredPart, StationState
 from profiles.problem import Problem
 
+RETURNED = "link.returned"  # reason of the stop of a lathe that an instructor has put back: nobody's stop
+
 
 class What(StrEnum):
     """Kinds: a step, a stop, a collision, an alarm raised, one that was seen, a fault, a part, the lesson left.
@@ -58,7 +60,7 @@ class PartFact:
 def happenings(before: StationState, now: StationState, at_s: float) -> tuple[Happening, ...]:
     """Return what happened between two states, at the time of the second."""
     found: list[tuple[What, str, Problem | None]] = []
-    if now.stop is not None and before.stop is None:
+    if now.stop is not None and before.stop is None and now.stop.reason != RETURNED:
         found.append((What.STOP, now.stop.reason, None))
     known = before.seen.collisions if before.seen is not None else ()
     met = now.seen.collisions if now.seen is not None else ()

@@ -104,10 +104,13 @@ async def run_clock(
             await clock.sleep(0.0)
 
 
-def patient(advance: Advance, heard_s: Callable[[], float | None], now_s: Callable[[], float]) -> Advance:
+def patient(
+    advance: Advance, heard_s: Callable[[], float | None], now_s: Callable[[], float], pace: Pace | None = None
+) -> Advance:
     """Skip time while a lathe waits for its host. `heard_s` is the time of its last input, None: never.
 
-    What counts is the simulated time since then, however fast it runs.
+    What counts is the simulated time since then; the faster it runs, the less of it: a host that is held up for a
+    moment is later in simulated time, and a watchdog is renewed with one input in a few.
     """
     heard, ran_s = heard_s(), 0.0
 
@@ -116,7 +119,8 @@ def patient(advance: Advance, heard_s: Callable[[], float | None], now_s: Callab
         last_s = heard_s()
         if last_s != heard:
             heard, ran_s = last_s, 0.0
-        if last_s is None or ran_s <= HEARD_S or now_s() - last_s >= TIMEOUT_S:
+        most_s = HEARD_S if pace is None else HEARD_S / max(pace.speed, 1.0)
+        if last_s is None or ran_s <= most_s or now_s() - last_s >= TIMEOUT_S:
             ran_s += seconds
             advance(seconds)
 
