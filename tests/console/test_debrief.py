@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,7 +31,7 @@ from console.session.training.following import followed
 from console.session.training.happened import What
 from console.session.training.item import Item
 from console.session.training.lesson import Lesson, lesson_of
-from console.session.training.tries import Try, check_trainee, files_of, keep_try, tries, try_of
+from console.session.training.tries import Try, check_trainee, files_of, keep_try, told_again, tries, try_of
 from drivers.lathe.snapshot import AxisName
 from profiles.problem import ProfileError
 from tests.console.floor import Floor, experiment_1, open_floor
@@ -306,3 +307,26 @@ def test_a_try_has_its_lathe_and_every_happening(tmp_path: Path) -> None:
     (back,) = tries(tmp_path)
     assert isinstance(back, Try) and (back.seed, back.plant, back.lesson) == (1, "easy", "part")
     assert [each["word"] for each in back.happened if each["what"] == "step"] == ["touched_off"]
+
+
+def test_the_debrief_of_a_try_is_read_again(tmp_path: Path, console: Console) -> None:
+    pupil = Pupil(open_floor(tmp_path / "floor"), part_lesson())
+    pupil.aligns(off_deg=2.0)
+    debrief = pupil.debriefed()
+    keep_try(tmp_path, try_of(pupil.tried, debrief, pupil.floor.sim.now_s()))
+    (one,) = tries(tmp_path)
+    assert told_again(one) == (debrief, pupil.tried.happened)
+    for language, words in (
+        ("en", ("jaw 1 off by", "step made: touch off", "-8")),
+        ("ko", ("조 1 오차",)),
+    ):
+        shown = console("tries", "part", "--show", "--data", str(tmp_path), "--lang", language)
+        assert shown.code == 0 and all(word in shown.out for word in words), shown.out
+
+
+@pytest.mark.parametrize("marks", [[{"item": "luck", "value": 1, "limit": 1, "lost": 0}], [{"item": "jaw"}]])
+def test_a_try_whose_marks_are_damaged_is_told(marks: Any, tmp_path: Path, console: Console) -> None:
+    path = kept_try(tmp_path, "Kim", 54)
+    path.write_text(json.dumps({**json.loads(path.read_text(encoding="utf-8")), "marks": marks}), encoding="utf-8")
+    shown = console("tries", "part", "--show", "--data", str(tmp_path))
+    assert shown.code == 1 and "Traceback" not in shown.out + shown.err

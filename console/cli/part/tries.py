@@ -1,4 +1,4 @@
-"""`console tries`: the tries of lessons that were kept, by trainee: list them, export them, delete them."""
+"""`console tries`: the tries of lessons that were kept, by trainee: list, show, export, delete them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from console.cli.parser import Parser
 from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from profiles.problem import Problem
+from profiles.problem import Problem, ProfileError
 
 if TYPE_CHECKING:
     from console.session.training.tries import Try
@@ -27,6 +27,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("lesson", metavar="NAME", nargs="?", help=text("help.tries_lesson"))
     parser.add_argument("--trainee", metavar="NAME", help=text("help.tries_trainee"))
     one = parser.add_mutually_exclusive_group()
+    one.add_argument("--show", action="store_true", help=text("help.tries_show"))
     one.add_argument("--export", metavar="FILE.csv", help=text("help.tries_export"))
     one.add_argument("--delete", action="store_true", help=text("help.tries_delete"))
 
@@ -44,6 +45,9 @@ def main(options: Namespace, text: Catalogue) -> int:
         show(options, lambda: {"deleted": number}, lambda: [text("tries.deleted", count=number)])
         return 0
     found = tries(data, options.trainee, options.lesson)
+    if options.show:
+        _show_newest(options, found, text)
+        return 0
     if options.export is not None:
         from profiles.files import write_atomically
 
@@ -53,6 +57,46 @@ def main(options: Namespace, text: Catalogue) -> int:
         return 0
     show(options, lambda: {"tries": [_fields(each) for each in found]}, lambda: _lines(found, text))
     return 0
+
+
+def _show_newest(options: Namespace, found: tuple[Try, ...], text: Catalogue) -> None:
+    """Show the debrief of the newest of these tries."""
+    if not found:
+        show(options, lambda: {"tries": []}, lambda: [text("tries.none")])
+        return
+    one = found[-1]
+    fields = {**_fields(one), "marks": list(one.marks), "happened": list(one.happened)}
+    show(
+        options,
+        lambda: fields,
+        lambda: [*_lines(found[-1:], text), "", *_debrief(one, _answers(one, options, text), text)],
+    )
+
+
+def _answers(one: Try, options: Namespace, text: Catalogue) -> tuple[str, ...]:
+    """Return the answers to the question of the lesson, none where it is not there any more."""
+    from console.session.training.lesson import load_lesson
+    from console.session.training.shelf import own_folder
+
+    try:
+        return load_lesson(one.lesson, own_folder(data_of(options))).words[text.language].answers
+    except ProfileError:
+        return ()
+
+
+def _debrief(one: Try, answers: tuple[str, ...], text: Catalogue) -> list[str]:
+    """Return the debrief as the page Train showed it: marks with their points, advice, what happened when."""
+    from console.session.training.tries import told_again
+    from console.text.debrief import clock, happening_words, mark_words
+
+    debrief, happened = told_again(one)
+    marks = [
+        (f"-{mark.lost:.0f}" if mark.lost >= 0.5 else "✓", mark_words(mark, text, answers))
+        for mark in debrief.marks
+    ]
+    advice = text("debrief.next.none" if debrief.worst is None else f"debrief.next.{debrief.worst.item}")
+    times = [(clock(each.at_s), happening_words(each, text)) for each in happened]
+    return [*table(marks, numeric=(0,)), "", advice, "", *table(times, numeric=(0,))]
 
 
 def _fields(one: Try) -> dict[str, object]:

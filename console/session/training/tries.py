@@ -11,9 +11,10 @@ from typing import Any
 
 from console.session.data.kept_files import file_error, folder_name, keep, kept
 from console.session.training.attempt import Attempt
-from console.session.training.debrief import FULL, Debrief
+from console.session.training.debrief import FULL, Debrief, Mark
+from console.session.training.happened import Happening
 from profiles.files import printable
-from profiles.own_values import read_own
+from profiles.own_values import read_own, record
 from profiles.problem import Problem, ProfileError
 
 FOLDER = "training"
@@ -94,6 +95,16 @@ def tries(data: Path, trainee: str | None = None, lesson: str | None = None) -> 
     """
     found = [_read(file) for file in files_of(data, trainee, lesson)]
     return tuple(sorted(found, key=lambda each: each.date))
+
+
+def told_again(one: Try) -> tuple[Debrief, tuple[Happening, ...]]:
+    """Return the debrief of a try that was kept, and what happened in it. Raises ProfileError as `tries`."""
+    try:
+        marks = tuple(record(Mark, mark) for mark in one.marks)
+        return Debrief(score=one.score, marks=marks), tuple(record(Happening, each) for each in one.happened)
+    except (TypeError, ValueError) as error:
+        value = printable(" ".join(str(error).split()))
+        raise ProfileError(Problem(code=UNREADABLE, where=one.lesson, value=value)) from error
 
 
 def files_of(data: Path, trainee: str | None = None, lesson: str | None = None) -> tuple[Path, ...]:
