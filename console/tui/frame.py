@@ -181,7 +181,13 @@ def unseen_alarm(state: StationState) -> Alarm | None:
 def _alarm(text: Catalogue, alarm: Alarm, count: str, token: Token, width: int) -> list[Line]:
     beside = line((f" {count.rstrip()} ", token)) if count else BLANK
     mark = (f" {MARKS[alarm.priority]} ", token)
-    return hanging(mark, text.problem(alarm.problem), width, token, beside=beside)
+    return hanging(mark, alarm_words(text, alarm), width, token, beside=beside)
+
+
+def alarm_words(text: Catalogue, alarm: Alarm) -> str:
+    """Return the sentence of an alarm; of one that is over and waits to be seen, that it is over."""
+    said = text.problem(alarm.problem)
+    return said if alarm.active else text("frame.alarm_over", problem=said)
 
 
 def _answer(frame: Frame, width: int) -> list[Line]:
@@ -344,5 +350,5 @@ def small_rows(text: Catalogue, state: StationState, smallest: tuple[int, int], 
         rows += wrapped(f"!!! {text('frame.not_delivered')}", width, Token.ALARM)
     alarm = unseen_alarm(state)
     if alarm is not None:
-        rows += wrapped(f"{MARKS[alarm.priority]} {text.problem(alarm.problem)}", width, Token.ALARM)
+        rows += wrapped(f"{MARKS[alarm.priority]} {alarm_words(text, alarm)}", width, Token.ALARM)
     return [*rows, *wrapped(text("small.say", columns=smallest[0], rows=smallest[1]), width)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from console.text.catalogue import Catalogue
-from console.tui.frame import MARKS, Frame, answer_of
+from console.tui.frame import MARKS, Frame, alarm_words, answer_of
 from console.tui.glossary import glossary_lines
 from console.tui.key_help import LISTS, help_lines
 from console.tui.keymap import Action
@@ -147,7 +147,7 @@ def message_lines(frame: Frame, of_page: Sequence[Line], width: int) -> list[Lin
     rows = [line((text("messages.alarms", count=len(alarms)), Token.TITLE))]
     for alarm in sorted(alarms, key=lambda each: (each.acknowledged, each.priority, each.at_s)):
         token = Token.WARNING if alarm.acknowledged else Token.ALARM
-        rows += hanging((f"{MARKS[alarm.priority]} ", token), text.problem(alarm.problem), width, token)
+        rows += hanging((f"{MARKS[alarm.priority]} ", token), alarm_words(text, alarm), width, token)
     if answers:
         rows += [BLANK, line((text("messages.answers", count=len(answers)), Token.TITLE))]
     for problem in answers:

@@ -29,6 +29,7 @@ from console.tui.gate import FieldKind
 from console.tui.key_help import LISTS, help_lines
 from console.tui.keymap import PageName, actions_of
 from console.tui.lines import line, plain, width_of
+from console.tui.list_panel import message_lines
 from console.tui.theme import Token
 from drivers.lathe.snapshot import FAULT_FLAGS, AxisName, AxisState, Snapshot
 from drivers.simulator.plant.collision_kind import CollisionKind
@@ -150,6 +151,19 @@ def test_an_alarm_stays_before_everything_else_until_it_was_seen() -> None:
     seen = replace(ALARM, alarms=acknowledged(ALARM.alarms))
     assert "the machine is moving" in plain(alarm_row(frame(seen, said=refused), 80))
     assert "!!!" in plain(alarm_row(frame(seen), 80))
+
+
+@pytest.mark.parametrize(("language", "word"), [("en", "over: "), ("ko", "해제됨: ")])
+def test_an_alarm_that_is_over_and_waits_to_be_seen_says_that_it_is_over(language: str, word: str) -> None:
+    over = replace(ALARM, alarms=tuple(replace(each, active=False) for each in ALARM.alarms))
+    for state, said in ((ALARM, False), (over, True)):
+        shown = frame(state, language)
+        rows = (
+            alarm_row(shown, 80),
+            message_lines(shown, (), 80),
+            small_rows(load(language), state, (80, 24), 60),
+        )
+        assert [word in plain(each) for each in rows] == [said] * 3
 
 
 @pytest.mark.parametrize(("language", "name"), [("en", "force, total"), ("ko", "척킹력, 합계")])
