@@ -33,7 +33,7 @@ SEEN_WITHIN_S = 60.0
 
 TOLD = frozenset(
     {"started", "feed_hold", "resumed", "adjusted", "stopped", "collision", "fault", "link_back"}
-    | {"cut", "held", "ended_early", "measured", "part"}
+    | {"cut", "held", "ended_early", "measured", "part", "result"}
 )
 """Kinds of events that a debrief tells."""
 
@@ -188,6 +188,8 @@ def _happened(story: RunStory) -> Iterator[Told]:
 
 
 def _is_told(event: RunEvent) -> bool:
+    if event.kind == "step":
+        return event.data.get("step") == "cut"
     return event.kind in TOLD or (event.kind == COMMAND and event.data.get("command") in COMMANDS)
 
 

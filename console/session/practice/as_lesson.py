@@ -22,7 +22,7 @@ TOLD = ("title", "goal")
 WordsOf = Callable[[str], Words]
 
 _LINK = ("link_lost", "reconnected", "drives_on")
-_STOPPED = ("acknowledged", "recovered", "drives_on")
+_STOPPED = ("recovered", "drives_on")
 
 
 def steps_of(practice: Practice, *, set_up: bool) -> tuple[str, ...]:
