@@ -69,6 +69,9 @@ def comes_words(practice: Practice, text: Catalogue) -> str:
         return text("practice.comes_after_arming", seconds=seconds, fault=fault)
     if event.fault == "index-lost":
         return text("practice.comes_at_once", fault=fault)
+    if begin.missing:
+        step = text(f"train_page.step.{begin.missing[-1]}")
+        return text("practice.comes_after_step", step=step, seconds=seconds, fault=fault)
     return text("practice.comes_after", seconds=seconds, fault=fault)
 
 
