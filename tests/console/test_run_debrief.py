@@ -168,3 +168,9 @@ def test_a_part_that_was_cut_with_jaw_1_off_has_the_causes_that_inspect_shows(tm
     assert debrief.causes == shown.learning.taught.causes
     first = debrief.causes[0]
     assert first.kind is CauseKind.ANGLE and abs(abs(first.value) - 3.0) < 0.2
+
+
+def test_while_a_machine_moves_the_causes_are_left_for_later(tmp_path: Path) -> None:
+    found = recorded(tmp_path, turned())
+    debrief = run_debrief(found, tmp_path, explains=False)
+    assert debrief.fails_round and debrief.causes == () and "later" in codes(debrief)
