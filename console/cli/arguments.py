@@ -42,7 +42,7 @@ def contradiction(options: argparse.Namespace, text: Catalogue) -> str:
         return text("usage.sim_with_link")
     if options.before is not None and options.from_file is None:
         return text("usage.before_alone")
-    if options.from_file is not None and (not options.sim or options.link or options.lesson is not None):
+    if options.from_file is not None and (not options.sim or options.link or options.lesson or options.machine):
         return text("usage.from_alone")
     if options.instructor is not None and options.command is not None:
         return text("usage.instructor_with_command")

@@ -12,20 +12,26 @@ if TYPE_CHECKING:
     from console.session.training.lesson import Words
 
 LONGEST_TITLE, LONGEST_GOAL = 60, 400
+OF_THE_BEGINNING = frozenset(
+    f"practice.{what}"
+    for what in ("at_start", "tool_out", "as_found", "not_homed", "spindle_stands", "other_blank", "fresh_blank")
+)
+"""What differs where a practice begins."""
 
 
-def practice_lines(practice: Practice, text: Catalogue) -> list[str]:
-    """Return what is said before a practice begins."""
+def practice_lines(practice: Practice, text: Catalogue, *, set_up: bool = False) -> list[str]:
+    """Return what is said before a practice begins; of a lesson that is `set_up` anew, without where it begins."""
     event, begin = practice.event, practice.before
-    seconds = f"{event.at_s - begin.at_s:.0f}"
+    begins = text("practice.begins", seconds=f"{event.at_s - begin.at_s:.0f}")
     lines = [
         text("practice.head", event=event_words(practice, text)),
         where_words(practice, text),
         "",
-        text("practice.begins", seconds=seconds),
+        text("practice.from_the_start") if set_up else begins,
         comes_words(practice, text),
     ]
-    otherwise = [f"- {text.problem(each)}" for each in practice.otherwise]
+    said = [each for each in practice.otherwise if not (set_up and each.code in OF_THE_BEGINNING)]
+    otherwise = [f"- {text.problem(each)}" for each in said]
     return [*lines, *(["", text("practice.otherwise"), *otherwise] if otherwise else [])]
 
 
@@ -63,6 +69,9 @@ def comes_words(practice: Practice, text: Catalogue) -> str:
         return text("practice.comes_after_arming", seconds=seconds, fault=fault)
     if event.fault == "index-lost":
         return text("practice.comes_at_once", fault=fault)
+    if begin.missing:
+        step = text(f"train_page.step.{begin.missing[-1]}")
+        return text("practice.comes_after_step", step=step, seconds=seconds, fault=fault)
     return text("practice.comes_after", seconds=seconds, fault=fault)
 
 

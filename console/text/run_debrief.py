@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
@@ -81,12 +82,25 @@ def _event_words(event: RunEvent, text: Catalogue) -> str:
         case "measured" | "part":
             ront_um = data.get("ront_um")
             shown = f"{ront_um:.2f}" if isinstance(ront_um, int | float) else ""
-            return text("debrief.what.part", words=f"RONt {shown}")
+            return _of_part(data, text, text("debrief.what.part", words=f"RONt {shown}"))
+        case "step":
+            return _of_part(data, text, text(f"step.{data.get('step', '')}"))
         case _:
             words = text(f"report.event.{event.kind}")
     turn = data.get("turn")
     known = isinstance(turn, int | float) and not isinstance(turn, bool)
     return f"{words} ({text('records.turn', turn=f'{turn:.1f}')})" if known else words
+
+
+def _of_part(data: Mapping[str, Any], text: Catalogue, words: str) -> str:
+    """Return words with the part before them, where a run has several."""
+    name = str(data.get("part") or "")
+    if not name:
+        return words
+    word, _, number = name.partition(" ")
+    said = text(f"part.{word}")
+    shown = " ".join((word if said == f"part.{word}" else said, number)).strip()
+    return f"{shown}: {words}"
 
 
 def _met(kind: str, text: Catalogue) -> str:

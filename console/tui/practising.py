@@ -60,10 +60,12 @@ def taken_up(options: Namespace, data: Path, text: Catalogue) -> TakenUp | None:
     recording = read_recording(path_named(options.from_file, data))
     practice = practice_of(recording, options.before)
     folder = tempfile.TemporaryDirectory(prefix="trilobe-practice-")
-    machine = _machine(recording, Path(folder.name))
+    machine = machine_recorded(recording, Path(folder.name))
     address = simulated_address(options, machine.machine) or SimulatedAddress(plant=MOUNTED)
     seed = random.SystemRandom().randrange(SEEDS) if address.seed is None else address.seed
-    work, saved = (None, True) if practice.work is None else _work(practice.work, machine, data, Path(folder.name))
+    work, saved = (
+        (None, True) if practice.work is None else work_recorded(practice.work, machine, data, Path(folder.name))
+    )
     if not saved:
         practice = replace(practice, otherwise=(*practice.otherwise, Problem(code="practice.job_not_saved")))
     _ask(practice, text)
@@ -94,7 +96,7 @@ def _ask(practice: Practice, text: Catalogue) -> None:
         raise SessionError(Problem(code="practice.no_start", value=practice.recording.path.name))
 
 
-def _machine(recording: Recording, folder: Path) -> LoadedMachine:
+def machine_recorded(recording: Recording, folder: Path) -> LoadedMachine:
     """Return the machine as it was recorded, with the file of its profile: the saved one, else one made of it."""
     header = recording.header
     machine = header.machine
@@ -124,7 +126,7 @@ def _stated(value: Any) -> Any:
     return value
 
 
-def _work(recorded: RecordedWork, machine: LoadedMachine, data: Path, folder: Path) -> tuple[Work, bool]:
+def work_recorded(recorded: RecordedWork, machine: LoadedMachine, data: Path, folder: Path) -> tuple[Work, bool]:
     """Return the job open as it was, and whether it is saved like that."""
     saved = _saved(recorded, data)
     loaded = saved or _written_job(recorded, folder)

@@ -18,16 +18,22 @@ from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
 from console.session.data.made_parts import MadeWith, tool_lobe_event
 from console.session.data.records import RunRecord
-from console.session.data.run_reader import RunStory, story
+from console.session.data.run_reader import RunStory, runs, story
 from console.session.learning.run_debrief import Advice, RunDebrief, run_debrief
 from console.session.stages import Stage
+from console.session.station.commands import Measure, Start
+from console.session.training.lesson import load_lesson
 from console.text.catalogue import LANGUAGES, load
 from console.text.run_debrief import debrief_sections
 from console.tui.records.opened_run import opened_run
 from console.tui.records.run_lines import story_lines
 from profiles.compensations.causes import CauseKind
 from profiles.job import Job
+from profiles.store import LoadedJob, job_text
 from profiles.traces import Trace
+from tests.console.floor import open_floor
+from tests.console.test_debrief import JOB as CUT
+from tests.console.test_debrief import Pupil
 from tests.tui.records_stage import ANGLES_DEG, META, described, telemetry
 from tests.tui.stage import experiment, lathe
 
@@ -144,3 +150,27 @@ def test_the_debrief_for_a_program_has_causes_and_codes(console: Console, tmp_pa
     said = json.loads(console("records", "debrief", found.row.run_id, "--data", str(tmp_path), "--json").out)
     assert said["causes"][0]["kind"] == "angle" and said["next"] == ["causes"]
     assert said["unknown"] == ["debrief.no_diameter"]
+
+
+def test_a_part_that_was_cut_with_jaw_1_off_has_the_causes_that_inspect_shows(tmp_path: Path) -> None:
+    floor = open_floor(tmp_path)
+    pupil = Pupil(floor, load_lesson("touch-off", tmp_path))
+    pupil.aligns(off_deg=3.0)
+    loaded = LoadedJob(job=CUT, path=Path("/somewhere.toml"), sha256="0" * 64, text=job_text(CUT))
+    assert floor.arm(CUT, loaded=loaded).armed is not None, floor.state.refusals
+    floor.idle()
+    floor.do(Start())
+    shown = floor.do(Measure()).measured
+    floor.idle()
+    assert shown is not None and shown.learning is not None and shown.learning.taught is not None
+    (row,) = runs(tmp_path)
+    debrief = run_debrief(story(tmp_path, row.run_id), tmp_path)
+    assert debrief.causes == shown.learning.taught.causes
+    first = debrief.causes[0]
+    assert first.kind is CauseKind.ANGLE and abs(abs(first.value) - 3.0) < 0.2
+
+
+def test_while_a_machine_moves_the_causes_are_left_for_later(tmp_path: Path) -> None:
+    found = recorded(tmp_path, turned())
+    debrief = run_debrief(found, tmp_path, explains=False)
+    assert debrief.fails_round and debrief.causes == () and "later" in codes(debrief)

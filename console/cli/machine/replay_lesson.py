@@ -34,7 +34,7 @@ def write_lesson(options: Namespace, recorded: Path | None, text: Catalogue) -> 
     words = {language: lesson_words(practice, steps, load(language)) for language in LANGUAGES}
     lesson = lesson_of_practice(practice, words, plant=PLANT, seed=None, set_up=True)
     machine = practice.recording.header.machine.name
-    remarks = [*practice_lines(practice, text), text("practice.on_machine", machine=machine)]
+    remarks = [*practice_lines(practice, text, set_up=True), text("practice.on_machine", machine=machine)]
     if practice.work is not None:
         remarks.append(text.problem(Problem(code="practice.job_elsewhere", key=practice.work.job.name)))
     content = lesson_text(lesson, tuple(row for row in remarks if row))

@@ -33,7 +33,7 @@ SEEN_WITHIN_S = 60.0
 
 TOLD = frozenset(
     {"started", "feed_hold", "resumed", "adjusted", "stopped", "collision", "fault", "link_back"}
-    | {"cut", "held", "ended_early", "measured", "part"}
+    | {"cut", "held", "ended_early", "measured", "part", "result"}
 )
 """Kinds of events that a debrief tells."""
 
@@ -81,14 +81,19 @@ class RunDebrief:
     advice: tuple[Advice, ...]
 
 
-def run_debrief(story: RunStory, data: Path) -> RunDebrief:
-    """Return the debrief of a run; learned versions are those of the data folder. It raises nothing."""
+def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDebrief:
+    """Return the debrief of a run; learned versions are those of the data folder. It raises nothing.
+
+    Unless it `explains`, causes are left for later: to find them takes a second of numerics.
+    """
     part = next((each for each in reversed(story.parts) if each.product), None)
     judged = part is not None and part.passed is not None and part.tolerance_um is not None
     fails_round = judged and part is not None and part.ront_um > (part.tolerance_um or 0.0)
     causes: tuple[Cause, ...] = ()
     unknown = list(_unknown(story, part))
-    if part is not None and fails_round:
+    if fails_round and not explains:
+        unknown.append(Problem(code="debrief.later"))
+    elif part is not None and fails_round:
         try:
             causes = _causes(story, part, data)
         except ProblemError as error:
@@ -188,6 +193,8 @@ def _happened(story: RunStory) -> Iterator[Told]:
 
 
 def _is_told(event: RunEvent) -> bool:
+    if event.kind == "step":
+        return event.data.get("step") == "cut"
     return event.kind in TOLD or (event.kind == COMMAND and event.data.get("command") in COMMANDS)
 
 

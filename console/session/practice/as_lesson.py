@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
+from console.session.practice.moment_before import SET_UP
 from console.session.practice.practice import Practice
 from console.session.training.event import Event
 from console.session.training.item import Item
@@ -15,42 +16,31 @@ MINUTES = 10.0
 PLACE = 900
 LONGEST_TITLE, LONGEST_GOAL = 60, 400
 
-SET_UP = ("clamped", "drives_on", "homed", "jaw_found", "touched_off")
-"""Steps that lead to where a practice begins."""
-
 TOLD = ("title", "goal")
 WordsOf = Callable[[str], Words]
 
 _LINK = ("link_lost", "reconnected", "drives_on")
-_STOPPED = ("acknowledged", "recovered", "drives_on")
+_STOPPED = ("recovered", "drives_on")
 
 
 def steps_of(practice: Practice, *, set_up: bool) -> tuple[str, ...]:
     """Return the steps to the event, and out of it; with `set_up` also those of the set-up that it had."""
-    steps = [*_set_up(practice)] if set_up else (["drives_on"] if practice.begins.drives_on else [])
+    begin = practice.before
+    if set_up:
+        steps = [step for step, made in SET_UP.items() if made(practice.begins.alignment) or step in begin.missing]
+    else:
+        steps = [*(["drives_on"] if practice.begins.drives_on else []), *begin.missing]
     stopped = "stopped"
-    if practice.before.of_cut:
+    if begin.of_cut:
         steps.append("armed")
-        if practice.before.turn is not None:
+        if begin.turn is not None:
             steps.append("in_cut")
             stopped = "stopped_in_cut"
     if practice.event.fault == "cut-cable":
         return (*steps, *_LINK)
-    if practice.event.fault == "" or not practice.begins.drives_on:
+    if practice.event.fault == "" or not begin.drives_then:
         return (*steps, stopped, "recovered")
     return (*steps, stopped, *_STOPPED)
-
-
-def _set_up(practice: Practice) -> list[str]:
-    alignment = practice.begins.alignment
-    known = {
-        "clamped": alignment.clamping is not None,
-        "drives_on": alignment.drives_on,
-        "homed": alignment.homed,
-        "jaw_found": alignment.jaw is not None,
-        "touched_off": alignment.touch_off is not None,
-    }
-    return [name for name in SET_UP if known[name]]
 
 
 def events_of_practice(practice: Practice, steps: tuple[str, ...]) -> tuple[Event, ...]:
@@ -58,7 +48,7 @@ def events_of_practice(practice: Practice, steps: tuple[str, ...]) -> tuple[Even
     like, begin = practice.event.like, practice.before
     if like is None:
         return ()
-    after = "in_cut" if "in_cut" in steps else "armed" if "armed" in steps else _last(steps, SET_UP)
+    after = "in_cut" if "in_cut" in steps else "armed" if "armed" in steps else _last(steps, tuple(SET_UP))
     # A flag that never comes is not noticed before it is looked for.
     wait_s = 0.0 if practice.event.fault == "index-lost" else begin.after_s
     return (Event(after=after, wait_s=round(wait_s, 2), fault=like.fault),)

@@ -151,6 +151,7 @@ class Station:
         self._carry_out(Verify())
         begins = context.begins
         if begins is not None:
+            context.tell(activity=Activity.SWITCHING)
             self._guarded(lambda: begin_as(context, begins))
         return True
 

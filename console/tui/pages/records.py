@@ -175,7 +175,7 @@ class RecordsPage(ChartPage):
         else:
             pair = self._mode is Mode.PAIR and self._marked is not None
             run_ids = (self._marked or "", self._run_id) if pair else (self._run_id,)
-            self._found = self._reader.opened(run_ids, self._version(state))
+            self._found = self._reader.opened(run_ids, self._version(state), moving=state.may_move)
 
     def _at_its_run(self, listing: Listing) -> RunList:
         """Return a list with the selection on the same run as before, else near it."""

@@ -80,8 +80,8 @@ class OpenedRun:
         return found[-1] if found else None
 
 
-def opened_run(data: Path, run_id: str, machine: LoadedMachine) -> OpenedRun:
-    """Read a run, and compare its job and its machine with the files of today.
+def opened_run(data: Path, run_id: str, machine: LoadedMachine, *, explains: bool = True) -> OpenedRun:
+    """Read a run, and compare its job and its machine with the files of today; `explains` as for `run_debrief`.
 
     Raises SessionError: as `console.session.data.run_reader.story`.
     """
@@ -107,7 +107,7 @@ def opened_run(data: Path, run_id: str, machine: LoadedMachine) -> OpenedRun:
         job=job,
         job_now=_job_now(data, found),
         machine_changed=same_machine and found.machine_sha256 != machine.sha256,
-        debrief=run_debrief(found, data),
+        debrief=run_debrief(found, data, explains=explains),
         problems=tuple(problems),
     )
 

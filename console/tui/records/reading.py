@@ -41,13 +41,16 @@ class RecordsReader:
             self._known = found
         return found
 
-    def opened(self, run_ids: tuple[str, ...], version: tuple[object, ...]) -> Opened | Problems | None:
-        """Return these runs in full."""
+    def opened(
+        self, run_ids: tuple[str, ...], version: tuple[object, ...], *, moving: bool
+    ) -> Opened | Problems | None:
+        """Return these runs in full. While something moves, why a part is not round is left for later."""
+        data, machine, explains = self._data, self._machine, not moving
 
         def read() -> Opened:
-            return Opened(runs=tuple(opened_run(self._data, run_id, self._machine) for run_id in run_ids))
+            return Opened(runs=tuple(opened_run(data, each, machine, explains=explains) for each in run_ids))
 
-        return self._runs.answer((run_ids, version), read)
+        return self._runs.answer((run_ids, explains, version), read)
 
     def chart(
         self, row: RunRow, figure: Figure, version: tuple[object, ...], *, moving: bool

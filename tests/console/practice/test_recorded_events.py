@@ -200,3 +200,25 @@ def test_the_lesson_that_is_written_is_read_as_one(problem: Problem, tmp_path: P
     assert lesson_of(parse_toml(content.encode(), ""), lesson.name, "") == lesson
     assert lesson.steps[:5] == ("clamped", "drives_on", "homed", "jaw_found", "touched_off")
     assert (lesson.job, lesson.events[0].after) == ("flange-52", "in_cut")
+
+
+def test_what_was_set_up_between_the_beginning_and_the_event_is_a_step(tmp_path: Path) -> None:
+    bench = bench_of(tmp_path)
+    bare = replace(bench.state, alignment=replace(ALIGNED, drives_on=False, homed=False, jaw=None, touch_off=None))
+    ready, bench.state = bench.state, bare
+    bench.runs(8.0)
+    bench.state = ready
+    bench.runs(6.0)
+    bench.alarms(Problem(code="machine.fault", value="tool: amplifier_fault"))
+    bench.runs(6.0)
+    recording = bench.frozen[0]
+    # Unasked it begins with everything set up; ten seconds before, it was not.
+    unasked = practice_of(recording)
+    assert unasked.before.missing == () and unasked.before.after_s == pytest.approx(6.0, abs=0.2)
+    asked = practice_of(recording, 10.0)
+    assert asked.before.missing == ("drives_on", "homed", "jaw_found", "touched_off")
+    lesson = lesson_of_practice(asked, words_of(asked), plant="mounted", seed=3)
+    assert (lesson.steps[:4], lesson.events[0].after) == (asked.before.missing, "touched_off")
+    assert lesson.events[0].wait_s == pytest.approx(6.0, abs=0.2)
+    with pytest.raises(ProfileError, match="begins 14"):
+        practice_of(recording, 15.0)
