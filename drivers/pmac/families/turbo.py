@@ -84,6 +84,8 @@ TURBO = Dialect(
         60: 15,
         61: 8,
         68: 15,
+        # The phase clock of the first MACRO and servo chips, 9 kHz, and the servo clock, a quarter of it.
+        **{6800: 6527, 6802: 3, 7000: 6527, 7002: 3},
         5049: 1,
         # The register of `%`, one for each coordinate system.
         **{5093 + 100 * system: 0x1F00 + 0x100 * system for system in range(1, 17)},
@@ -125,6 +127,8 @@ TURBO = Dialect(
     segment_step_ms=1 / 4096,
     longest_segment_ms=4096.0,
     other_axes_speed=86,
+    variable_addresses={"P": 0x6000, "Q": 0x8000},
+    definitions_address=0x4000,
     watchdog=Watchdog(count=4095, number=40),
     system_activation=68,
     timer_numbers=_TIMERS,
