@@ -22,7 +22,7 @@ Include = Callable[[str], str]
 """Returns the text of an included file. Raises PmacError: it cannot be read."""
 
 _DIRECTIVE = re.compile(r"\s*#\s*(define|include|undef|ifdef|ifndef|if|elif|else|endif)\b\s*(.*)", re.IGNORECASE)
-_COMMENT = re.compile(r'((?:[^;"]|"[^"]*"?)*);.*')
+_COMMENT = re.compile(r'((?:[^;"]|"[^"]*+"?+)*+);.*')  # possessive: a `;` in quotes begins none
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _DEFINITION = re.compile(r"([A-Za-z_]\w*)(\(?)\s*(.*)")
 _FILE = re.compile(r'"([^"]+)"|<([^>]+)>|(\S+)')

@@ -20,6 +20,7 @@ from drivers.pmac.language.expressions import (
     TRAILING_CLOSE,
 )
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.listing import stored_plc_lines
 from drivers.pmac.language.parser import parse_line, parse_statement
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.language.syntax import Line, Program
@@ -196,6 +197,7 @@ class _Taken:
             self.program.append(parse_line(text))
             self.places[self.number].append(self.place)
         elif self.plc is not None:
+            stored_plc_lines(text)  # refuses what no PLC can hold
             self.plc.append(text)
         else:
             self._on_line(text)
