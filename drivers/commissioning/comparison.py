@@ -36,7 +36,7 @@ def profile_problems(
     """
     stated, definitions = stated_settings_of(wanted, dialect), read_definitions(wanted.axis_definitions)
     settings = read_settings(client, stated)
-    found = client.query(*(f"#{each.motor}->" for each in definitions), again=True)
+    found = client.query(*(f"&1#{each.motor}->" for each in definitions), again=True)
     others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in motors]
     active = {index: value for index, value in read_settings(client, others).items() if value != 0.0}
     differing = [

@@ -20,7 +20,7 @@ WHOLE_WORD = 24  # Given as an offset, it selects all bits
 
 HIGHEST_MULTIPLEXED = 255
 
-_SPACES = (*SHORT_SPACES, *LONG_SPACES, *MULTIPLEXED_SPACES)
+SPACES = (*SHORT_SPACES, *LONG_SPACES, *MULTIPLEXED_SPACES)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +79,7 @@ def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
     """
     if scanner.accept("*"):
         return None
-    space = scanner.take_word(_SPACES)
+    space = scanner.take_word(SPACES)
     if space is None:
         raise scanner.refusal("a definition as in M1->Y:$C0,8,4")
     scanner.accept(":")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -21,12 +20,12 @@ from drivers.pmac.language.expressions import (
     TRAILING_CLOSE,
 )
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.listing import stored_plc_lines
 from drivers.pmac.language.parser import parse_line, parse_statement
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.language.syntax import Line, Program
+from drivers.pmac.preprocessor import Include, preprocess
 
-_DIRECTIVE = re.compile(r"#\s*(define|include|undef|ifdef|ifndef|if|else|endif)\b", re.IGNORECASE)
-_COMMENT = re.compile(r'((?:[^;"]|"[^"]*"?)*);.*')
 _BUFFER_WORDS = (*OPEN_PROGRAM, *OPEN_PLC, "OPEN", *CLEAR, *CLOSE)
 
 _BUFFERED = (
@@ -91,9 +90,14 @@ class RefusedLine:
 
 
 def read_program(
-    text: str, refused: list[RefusedLine] | None = None, motor_count: int = MOST_MOTORS
+    text: str,
+    refused: list[RefusedLine] | None = None,
+    motor_count: int = MOST_MOTORS,
+    include: Include | None = None,
 ) -> ProgramText:
-    """Parse a text as a controller with this many motors would.
+    """Parse a text as a controller with this many motors would, with its #define, #ifdef and #include carried out.
+
+    `include` returns the text of another file; without it none can be included.
 
     With `refused`, the lines that the controller refuses are collected there and reading continues, as on the
     controller.
@@ -101,19 +105,19 @@ def read_program(
     Raises PmacError: its detail names the wrong line.
     """
     taken = _Taken(tables=TableReader(motor_count))
-    for place, raw in enumerate(text.splitlines(), start=1):
-        commented = _COMMENT.fullmatch(raw)
-        line = (raw if commented is None else commented[1]).strip()
-        if not line:
-            continue
-        taken.lines.append(line)
-        taken.place = place
+    for source in preprocess(text, include):
+        taken.place = source.place
         try:
-            taken.take(line)
+            if source.error is not None:
+                raise source.error
+            taken.lines.append(source.text)
+            taken.take(source.text)
         except PmacError as error:
             if refused is not None:
-                refused.append(RefusedLine(place=place, text=line, error=error))
+                shown = f"{source.source}: {source.text}" if source.source else source.text
+                refused.append(RefusedLine(place=source.place, text=shown, error=error))
                 continue
+            place = f"{source.place}, {source.source}" if source.source else str(source.place)
             raise PmacError(error.code, f"line {place}: {error.detail}") from error
     if not taken.programs:
         raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no OPEN PROG in the text")
@@ -155,10 +159,6 @@ class _Taken:
         )
 
     def take(self, line: str) -> None:
-        directive = _DIRECTIVE.match(line)
-        if directive is not None:
-            name = directive[1].lower()
-            raise PmacError(ErrorCode.DATA_ERROR, f"#{name} is for the host; send the text with it carried out")
         scanner = Scanner(line)
         while (word := scanner.take_word(_BUFFER_WORDS)) is not None:
             self._buffer_word(scanner, word)
@@ -197,6 +197,7 @@ class _Taken:
             self.program.append(parse_line(text))
             self.places[self.number].append(self.place)
         elif self.plc is not None:
+            stored_plc_lines(text)  # refuses what no PLC can hold
             self.plc.append(text)
         else:
             self._on_line(text)

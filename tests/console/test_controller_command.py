@@ -140,7 +140,7 @@ def test_doctor_writes_nothing_without_prove(console: Console, card: Commissione
     settings = dict(card.sim.controller.variables.settings())
     assert console("doctor").code == 0
     assert card.sim.controller.variables.settings() == settings
-    written = [line for line in card.lines if re.search(r"=|->.", line) and not re.fullmatch(r"[#\d?> -]+", line)]
+    written = [line for line in card.lines if re.search(r"=|->.", line) and not re.fullmatch(r"[#&\d?> -]+", line)]
     allowed = re.compile(r"I3=2 I6=1( I4=0)?( I64=1)?.*|I4=0|P1001=\d+ P1001.*|")
     assert [line for line in written if not allowed.fullmatch(line.strip("\x18\n "))] == []
 

@@ -42,4 +42,4 @@ def values(card: Wire, names: str) -> list[float]:
 def reset(card: Wire, word: str = "$$$") -> None:
     """Reset the card, whose handshake is then another one, and set it to ours."""
     card.raw(f"{word}\r")
-    card.raw("\x18I3=2 I6=1\r")
+    card.raw("\x18I3=2 I4=0 I6=1\r")

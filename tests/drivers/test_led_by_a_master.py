@@ -283,7 +283,7 @@ def test_the_set_up_of_a_time_base_is_saved(machine: MachineProfile, dialect: Di
     later.sim.wait(1.0)
     assert float(later.ask("%")[0]) > 5.0
     later.raw("$$$***\r")
-    later.raw("\x18I3=2 I6=1\r")
+    later.raw("\x18I3=2 I4=0 I6=1\r")
     assert later.ask("RY$72A" if dialect is PMAC else "I8008") == ["0" if dialect is PMAC else "$0"]
 
 

@@ -85,7 +85,7 @@ def test_a_watching_plc_does_nothing_when_i5_forbids_it(card: Wire, i5: int) -> 
     assert card.card.plcs.switches.enabled == {4}
 
 
-@pytest.mark.parametrize(("dialect", "i5"), [(PMAC, 0), (TURBO, 1)], ids=["pmac", "turbo"])
+@pytest.mark.parametrize(("dialect", "i5"), [(PMAC, 0), (TURBO, 0)], ids=["pmac", "turbo"])
 def test_no_background_plc_runs_as_the_factory_leaves_the_card(
     machine: MachineProfile, dialect: Dialect, i5: int
 ) -> None:

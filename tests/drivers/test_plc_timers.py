@@ -52,8 +52,8 @@ def test_the_non_turbo_card_has_four_words_of_memory_instead() -> None:
 
 
 def test_background_plcs_are_off_from_the_factory() -> None:
-    """Software Reference, I5: 0; Turbo Software Reference: 1, PLC 0 alone."""
-    assert (PMAC.factory[5], TURBO.factory[5]) == (0, 1)
+    """Software Reference, I5: 0; read out of real Turbos: 0."""
+    assert (PMAC.factory[5], TURBO.factory[5]) == (0, 0)
 
 
 def test_the_watchdog_of_each_family() -> None:

@@ -108,5 +108,5 @@ def test_save_is_acknowledged(card: Wire) -> None:
 
 def test_after_a_reset_a_client_flushes_and_sets_the_link_up_again(card: Wire) -> None:
     card.raw("$$$***\r")
-    card.raw("\x18")
+    card.raw("\x18I4=0\r")
     assert re.fullmatch(rb"^\d+\.\d+\s*\r\x06$", card.raw("i6=1 i3=2 ver\r"))

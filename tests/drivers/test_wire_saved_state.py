@@ -12,7 +12,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from tests.drivers.wire_card import Wire, wire
 
-SPEAK = "I3=2 I6=1\r"
+SPEAK = "I3=2 I4=0 I6=1\r"
 
 
 @pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)

@@ -125,10 +125,24 @@ def test_of_a_line_that_is_not_understood_nothing_is_done(card: Wire) -> None:
 
 
 def test_the_factory_leaves_the_line_as_its_documents_say(card: Wire) -> None:
-    """I4 is 0 for clients in the field, whatever one print says of a Turbo; I9 is not confirmed."""
+    """I4 of a Turbo as read out of real cards: its checksums are on. I9 is not confirmed."""
     card.raw("$$$***\r")
+    assert card.card.variables.i(4) == (card.card.dialect is TURBO)
+    card.raw("I4=0\r")
     settings = (1, 3, 0, 0, 2, 0, 0, 0)
     assert card.raw("I3 I6 I1 I4 I9 I62..64\r") == b"".join(b"\n%d\r" % value for value in settings) + b"\n"
+
+
+def test_a_machine_that_is_set_up_has_no_checksums(card: Wire) -> None:
+    assert card.ask("I4") == ["0"]
+
+
+def test_the_factory_of_a_turbo_as_read_out_of_real_cards(turbo: Wire) -> None:
+    expected = {"I192": "10", "I190": "0", "I5": "0", "I60": "15", "I61": "8", "I167": "4194304", "I187": "64"}
+    hexadecimal = {"I5193": "$2000", "I124": "$40001", "I3224": "$40001"}
+    for name, value in {**expected, **hexadecimal}.items():
+        turbo.tell(f"{name}=*")
+        assert turbo.ask(name) == [value], name
 
 
 @pytest.mark.parametrize("text", ["M5 ->*", "M5 -> D:$28", "M5\t->", "M1..3 ->*"])

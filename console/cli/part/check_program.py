@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 from argparse import ArgumentTypeError, Namespace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from console.text.catalogue import Catalogue
 from drivers.errors import DriverError
 from profiles.files import printable, read_regular_file
 from profiles.machine import MachineProfile
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 
 if TYPE_CHECKING:
     from drivers.pmac.analysis.program import ProgramCheck
@@ -80,9 +81,24 @@ def _checked_file(options: Namespace, machine: MachineProfile) -> ProgramCheck:
     # Invalid UTF-8 stays a character that the controller rejects; in a comment it does no harm.
     program = content.decode("utf-8-sig", "replace")
     try:
-        return check_program(program, machine, options.ta_ms, options.ts_ms, options.start)
+        included = partial(_included, Path(options.file).parent)
+        return check_program(program, machine, options.ta_ms, options.ts_ms, options.start, included)
     except PmacError as error:
         raise DriverError(Problem(code="program.refused", where=where, value=str(error))) from error
+
+
+def _included(folder: Path, name: str) -> str:
+    """Return the text of a file that a program includes, from the folder of the program.
+
+    Raises PmacError: 003, it cannot be read.
+    """
+    from drivers.pmac.language.errors import ErrorCode, PmacError
+
+    try:
+        content = read_regular_file(folder / name.replace("\\", "/"), cap_bytes=CAP_BYTES)
+    except ProblemError as error:
+        raise PmacError(ErrorCode.DATA_ERROR, f"#include {printable(name)}: no file that can be read") from error
+    return content.decode("utf-8-sig", "replace")
 
 
 def _wide_encoding(content: bytes) -> str | None:

@@ -27,6 +27,7 @@ from drivers.pmac.compensation.table import TableOrderError
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.language.errors import NoResultError
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
+from drivers.pmac.preprocessor import Include
 from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
 from drivers.pmac.settings import settings_with
 from profiles.findings import Severity, worst
@@ -102,10 +103,12 @@ def check_program(
     ta_ms: float | None = None,
     ts_ms: float | None = None,
     start: Mapping[str, float] | None = None,
+    include: Include | None = None,
 ) -> ProgramCheck:
     """Check a text on a machine; `ta_ms` and `ts_ms` replace those of the text.
 
     `start` are axis positions (user units); without them a comment of the text gives them, or all is at home.
+    `include` returns the text of a file that the text includes.
 
     Raises:
         PmacError: the controller refuses the program as a whole.
@@ -113,7 +116,7 @@ def check_program(
     """
     refused: list[RefusedLine] = []
     dialect = DIALECTS[machine.controller.family]
-    read = _with_times(read_program(text, refused, dialect.motor_count), ta_ms, ts_ms)
+    read = _with_times(read_program(text, refused, dialect.motor_count, include), ta_ms, ts_ms)
     # The axes of the machine, replaced by those of the text; each motor has one definition.
     own = (*read_definitions(machine.controller.axis_definitions), *read.definitions)
     definitions = {definition.motor: definition for definition in own}.values()

@@ -129,6 +129,9 @@ class Dialect:
     motor, and the bit of it, that keep following out of the position. `no_line_feeds_switch` is the I-variable
     (ASCII through the DPRAM) that removes the line feeds of I3.
 
+    `variable_addresses` are the L words of P0 and Q0, `definitions_address` is the long word of M0's definition;
+    the others follow.
+
     `timer_numbers` are the Ix-numbers of a coordinate system that count down, for the systems up to the value of
     I`system_activation` + 1; `timer_words` are memory words that do, by space and address.
     """
@@ -162,6 +165,8 @@ class Dialect:
     gathering: GatherSettings
     offset_following: tuple[int, int]
     watchdog: Watchdog
+    variable_addresses: Mapping[str, int]
+    definitions_address: int
     segment_time_switch: int | None = None
     segment_step_ms: float = 1.0
     longest_segment_ms: float = 8_388_607.0

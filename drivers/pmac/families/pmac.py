@@ -141,6 +141,8 @@ PMAC = Dialect(
     global_addresses=tuple(range(20, 45)),
     motor_addresses=(2, 3, 4, 5, 10, 25, 81, 83),
     system_addresses=(93,),
+    variable_addresses={"P": 0x1000, "Q": 0x1400},
+    definitions_address=0xBC00,
     watchdog=Watchdog(count=511, of_interrupts=True),
     timer_words=(("X", 0x700), ("Y", 0x700), ("X", 0x701), ("Y", 0x701)),
     registers={

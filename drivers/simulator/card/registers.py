@@ -11,6 +11,7 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 
 from drivers.pmac.memory import WORD_BITS, Pointer
+from drivers.pmac.variable_words import VariableWords
 from drivers.simulator.card import reports
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.countdown import Countdown
@@ -117,6 +118,7 @@ class CardMemory:
         self._timer_places = frozenset(dialect.timer_words)
         self._timers = Countdown(dialect.timer_words, lambda: controller.cycles)
         self._words: dict[tuple[str, int], int] = {}
+        self._variables = VariableWords(controller.variables)
         self._numbers: dict[tuple[str, int, int], float] = {}
 
     def read(self, pointer: Pointer) -> float:
@@ -126,6 +128,8 @@ class CardMemory:
                 width = pointer.width
                 part = self.word(pointer.space, pointer.address) >> pointer.offset & (1 << width) - 1
                 return float(_signed(part, width) if pointer.signed else part)
+            case "P":
+                return float(self._words.get(("P", pointer.address), 0))
             case "D":
                 return float(_signed(self.double(pointer.address), DOUBLE_BITS))
             case "DP":
@@ -137,6 +141,9 @@ class CardMemory:
                 held = self._registers.get((pointer.space, pointer.address))
                 if held is not None:
                     return self._held(held)
+                variable = self._variables.variable_at(pointer.address) if pointer.space == "L" else None
+                if variable is not None:
+                    return self._controller.variables.get(*variable)
                 return self._numbers.get((pointer.space, pointer.address, pointer.offset), 0.0)
 
     def write(self, pointer: Pointer, value: float) -> None:
@@ -146,6 +153,8 @@ class CardMemory:
                 mask = _mask(pointer.width) << pointer.offset
                 kept = self.word(pointer.space, pointer.address) & ~mask
                 self.set_word(pointer.space, pointer.address, kept | _whole(value) << pointer.offset & mask)
+            case "P":
+                self._words["P", pointer.address] = _whole(value) & WORD
             case "D":
                 self.set_double(pointer.address, _whole(value))
             case "DP":
@@ -156,6 +165,10 @@ class CardMemory:
                 name, number = self._registers.get((pointer.space, pointer.address), ("", 0))
                 if name == "variable_jog":
                     self._controller.motors[number].variable_jog = value
+                variable = self._variables.variable_at(pointer.address) if pointer.space == "L" else None
+                if variable is not None:
+                    self._controller.variables.set(*variable, value)
+                    return
                 self._numbers[pointer.space, pointer.address, pointer.offset] = value
 
     def bits_of(self, pointer: Pointer) -> Callable[[], int] | None:
@@ -190,6 +203,9 @@ class CardMemory:
         if line is not None:
             conversion = self._controller.conversion
             return conversion.word(line) if space == "Y" else conversion.result(line)
+        definition = self._variables.word(space, address)
+        if definition is not None:
+            return definition
         if ("D", address) in self._registers:
             return self.double(address) >> (WORD_BITS if space == "X" else 0) & WORD
         return self._words.get(place, 0)
@@ -201,7 +217,7 @@ class CardMemory:
             self._timers.write((space, address), float(_signed(value & WORD, WORD_BITS)))
         elif line is not None and space == "Y":
             self._controller.conversion.set_word(line, value)
-        else:
+        elif not self._variables.set_word(space, address, value & WORD):
             self._words[space, address] = value & WORD
 
     def double(self, address: int) -> int:

@@ -20,7 +20,8 @@ _LONG, _HEXADECIMAL = 1, 2  # bits of I9
 MOST_WORDS = 256  # maximum words read by one command
 _WORD_WORK = 3  # cost of a word, in variables read
 ADDRESS_STARTS = ":$0123456789"
-_SPACES = {"X": WORD_BITS, "Y": WORD_BITS, "D": 2 * WORD_BITS, "L": 0}  # widths, bits; L is a number
+_SPACES = {"X": WORD_BITS, "Y": WORD_BITS, "D": 2 * WORD_BITS, "P": WORD_BITS, "L": 0}
+"""Widths, bits; L is a number, P the memory of the program."""
 
 
 def variable(scanner: Scanner, reading: Reading) -> Step | None:

@@ -1,0 +1,156 @@
+"""The preprocessor of the maker's editor: #define, #undef, #include, #ifdef, #ifndef, #else and #endif.
+
+It works line by line before anything is sent, and every line keeps its place in the text. A name is replaced where
+it is a whole word, as it was typed, also inside the quotes of CMD and not in those of other texts. What it stands
+for may contain further names. Nothing else is carried out: #if and names with arguments are refused.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from drivers.pmac.language.errors import ErrorCode, PmacError
+
+MOST_LEVELS = 10  # of files that include one another
+MOST_LINES = 100_000  # with all included files; more than any controller holds
+MOST_REPLACEMENTS = 20  # of names by names in one line
+MOST_CHARACTERS = 10_000  # of a line after that
+
+Include = Callable[[str], str]
+"""Returns the text of an included file. Raises PmacError: it cannot be read."""
+
+_DIRECTIVE = re.compile(r"\s*#\s*(define|include|undef|ifdef|ifndef|if|elif|else|endif)\b\s*(.*)", re.IGNORECASE)
+_COMMENT = re.compile(r'((?:[^;"]|"[^"]*+"?+)*+);.*')  # possessive: a `;` in quotes begins none
+_NAME = re.compile(r"[A-Za-z_]\w*")
+_DEFINITION = re.compile(r"([A-Za-z_]\w*)(\(?)\s*(.*)")
+_FILE = re.compile(r'"([^"]+)"|<([^>]+)>|(\S+)')
+_COMMAND = re.compile(r"(?:CMD|COMMAND)[SPRA]?\s*$", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class SourceLine:
+    """A line to send, without its comment. `place` is its line in the main text, from 1, `source` names its own.
+
+    A line of an included file has the place of the #include, and `source` is such as `limits.h:5`. With an `error`
+    it is a directive that cannot be carried out.
+    """
+
+    text: str
+    place: int
+    source: str = ""
+    error: PmacError | None = None
+
+
+def preprocess(text: str, include: Include | None = None) -> Iterator[SourceLine]:
+    """Yield the lines that are sent, empty ones left out. Without `include` no other file can be included."""
+    reader = _Reader(include)
+    yield from reader.lines(text, "", 0, 0)
+    if reader.conditions:
+        yield SourceLine("#ifdef", reader.conditions[-1].place, error=_refusal("#ifdef without #endif"))
+
+
+@dataclass(slots=True)
+class _Condition:
+    place: int
+    holds: bool
+    turned: bool = False
+
+
+@dataclass(slots=True)
+class _Reader:
+    include: Include | None
+    names: dict[str, str] = field(default_factory=dict)
+    conditions: list[_Condition] = field(default_factory=list)
+    count: int = 0
+
+    def lines(self, text: str, name: str, place: int, level: int) -> Iterator[SourceLine]:
+        """Yield the lines of a file; `place` is that of its #include, 0 in the main text."""
+        for number, raw in enumerate(text.splitlines(), start=1):
+            at, source = (place, f"{name}:{number}") if place else (number, "")
+            commented = _COMMENT.fullmatch(raw)
+            line = (raw if commented is None else commented[1]).strip()
+            self.count += 1
+            try:
+                if self.count > MOST_LINES:
+                    raise _refusal(f"more than {MOST_LINES} lines with all that is included")
+                directive = _DIRECTIVE.match(line)
+                if directive is not None:
+                    yield from self._directive(directive[1].lower(), directive[2].strip(), at, level)
+                elif line and self._active:
+                    yield SourceLine(self._replaced(line), at, source)
+            except PmacError as error:
+                yield SourceLine(line, at, source, error)
+                if self.count > MOST_LINES:
+                    return
+
+    @property
+    def _active(self) -> bool:
+        return all(condition.holds for condition in self.conditions)
+
+    def _directive(self, word: str, rest: str, place: int, level: int) -> Iterator[SourceLine]:
+        if word in ("ifdef", "ifndef"):
+            name = _name(word, rest)
+            self.conditions.append(_Condition(place, (name in self.names) == (word == "ifdef")))
+        elif word in ("else", "endif"):
+            if not self.conditions or (word == "else" and self.conditions[-1].turned):
+                raise _refusal(f"#{word} without #ifdef")
+            if word == "endif":
+                self.conditions.pop()
+            else:
+                self.conditions[-1].holds, self.conditions[-1].turned = not self.conditions[-1].holds, True
+        elif not self._active:
+            return
+        elif word == "define":
+            self._define(rest)
+        elif word == "undef":
+            self.names.pop(_name(word, rest), None)
+        elif word == "include":
+            yield from self._included(rest, place, level)
+        else:
+            raise _refusal(f"#{word} is not carried out; #ifdef and #ifndef are")
+
+    def _define(self, rest: str) -> None:
+        found = _DEFINITION.fullmatch(rest)
+        if found is None:
+            raise _refusal("a name as in #define SPEED 20")
+        if found[2]:
+            raise _refusal(f"#define {found[1]}(...): a name with arguments is not carried out")
+        self.names[found[1]] = found[3].strip()
+
+    def _included(self, rest: str, place: int, level: int) -> Iterator[SourceLine]:
+        found = _FILE.fullmatch(rest)
+        if found is None:
+            raise _refusal('a file as in #include "limits.h"')
+        if self.include is None:
+            raise _refusal("#include: other files are not read here")
+        if level == MOST_LEVELS:
+            raise _refusal(f"#include more than {MOST_LEVELS} files deep")
+        name = found[1] or found[2] or found[3]
+        yield from self.lines(self.include(name), name, place, level + 1)
+
+    def _replaced(self, line: str) -> str:
+        """Replace the names of a line, again while there are any."""
+        for _ in range(MOST_REPLACEMENTS):
+            pieces = line.split('"')
+            for place, piece in enumerate(pieces):
+                if place % 2 == 0 or _COMMAND.search(pieces[place - 1]):
+                    pieces[place] = _NAME.sub(lambda found: self.names.get(found[0], found[0]), piece)
+            replaced = '"'.join(pieces)
+            if replaced == line:
+                return line
+            if len(replaced) > MOST_CHARACTERS:
+                break
+            line = replaced
+        raise _refusal("a name that is defined by itself, or too long a line")
+
+
+def _name(word: str, rest: str) -> str:
+    if _NAME.fullmatch(rest) is None:
+        raise _refusal(f"a name as in #{word} SPEED")
+    return rest
+
+
+def _refusal(detail: str) -> PmacError:
+    return PmacError(ErrorCode.DATA_ERROR, detail)

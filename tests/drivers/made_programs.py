@@ -1,0 +1,162 @@
+"""Small programs made for the purpose: what each holds is used in public programs, or is refused for a reason."""
+
+from __future__ import annotations
+
+MOTION = (
+    *("X10", "X10 Y20 Z-5", "x(p1) y(p2)", "X.5", "X-0.25", "X($10)", "X(P1+Q2*M3)", "A10 B20 C30", "U1 V2 W3"),
+    *("INC X10", "ABS X10", "INC(X,Y) X1 Y1", "ABS(Z) Z5", "FRAX(X,Y) F20 X5", "NOFRAX TM50 X5", "FRAX X1"),
+    *("LINEAR TA10 TS0 TM100 X5", "ta10ts10tm(P400) X5", "LIN X5", "F(P1*60) X1", "TA(P1) X1"),
+    *("RAPID X5", "RPD X5 Y5", "RAPID X(P1)^(P2)", "RAPID X10^-5 Y2^1", "rapid inc x5^(p1)"),
+    *("SPLINE1 TA40 X5", "SPLINE2 TM40 X5", "PVT50 X5:0", "PVT(P1) X5:(P2) Y1:0", "PVT20 X5:10\nX5\nDWELL10"),
+    *(
+        "CIRCLE1 X10 Y10 I5 J5",
+        "CIR2 X10 Y10 R5",
+        "NORMAL K-1 CIRCLE2 X1 I1",
+        "NRM I0 J0 K-1",
+        "INC(R) CIRCLE1 X1 I1",
+    ),
+    *("DWELL10", "DWE 10", "DELAY(P1)", "DLY100", "DWELL0", "WHILE(P1<3) WAIT", "STOP", "BSTART X1 BSTOP"),
+    *("HOME1", "HM1..3", "HOMEZ1,2", "HMZ 25..27", "PSET X0 Y0", "PSET X(P1)"),
+    *("WHILE(P1<3)\nP1=P1+1\nENDWHILE", "while (p1 !> 3)\np1 = p1 + 1\nend while", "WHILE(P1<3)\nP1=P1+1\nENDW"),
+    *(
+        "IF(P1=1) X1",
+        "IF(P1=1)\nX1\nELSE\nX2\nENDIF",
+        "if (p1=1 and m2=0 or q3>1)\nx1\nendi",
+        "IF(P1~2) X1\nELSE X2",
+    ),
+    *("IF(P1!~2) X1", "IF(P1!<2) X1", "IF(P1&2=2) X1", "IF(INT(P1/2)!=P1%2) X1"),
+    *(
+        "N100 X1",
+        "O5 X1",
+        "N1\nGOTO1",
+        "GOTO(P1)",
+        "GOSUB100\nRETURN\nN100 X1\nRET",
+        "CALL 500",
+        "CALL500.1 X5 Y6",
+    ),
+    *("READ(X,Y,A)", "G1 X5", "G(P1)", "M3", "T2", "D7", "G4 P2000", "S1000", "M03 S500 X1"),
+    *(
+        "P1=5",
+        "Q1=P1",
+        "M1=1",
+        "I5=2",
+        "P(P1+1)=3",
+        "P1=((P2+1))*(3)",
+        "P1=$F|$10",
+        "P1=P2^P3",
+        "P1=-(P2)",
+        "M1==1",
+    ),
+    *(
+        "M1==M1|$F",
+        "M1&=3",
+        "M1|=3",
+        "M1^=3",
+        "P1=SIN(30)+COS(Q1)",
+        "P1=ATAN2(P2)",
+        "P1=SQRT(2)*LN(3)/EXP(1)",
+        "P1=11%-4",
+    ),
+    *(
+        'CMD"#1J/"',
+        'COMMAND"&1A"',
+        'CMDS"P1"',
+        "CMD^A",
+        'SEND"hello; there"',
+        'SENDP"P1"',
+        "SEND^M",
+        'DISPLAY 3 "text"',
+    ),
+    *(
+        "ENABLE PLC 2",
+        "ENA PLC 2,5..7",
+        "DISABLE PLC2..31",
+        "DIS PLC 2",
+        "PAUSE PLC 3",
+        "RESUME PLC 3",
+        "; only a remark",
+    ),
+)
+"""Programs that the card takes."""
+
+PLCS = (
+    *(
+        "P1=P1+1",
+        "IF(P1=1)\nP2=2\nENDIF",
+        "if (p1=1) p2=2\nendi",
+        "IF(P1=1)\nAND(P2=2)\nOR(P3=3)\nP4=4\nELSE\nP4=5\nENDIF",
+    ),
+    *("WHILE(M1=0)\nENDWHILE", "ADDRESS#1&2", "ADR&2#4", "ADDRESS#P5", "ADDRESS&P6", "ADR#Q1"),
+    *(
+        'CMD"#1J+"',
+        'COMMANDP"P1"',
+        'SEND"a"',
+        "DISABLE PLC 5",
+        "PAUSE PLC 6",
+        "RESUME PLC 6",
+        "ENABLE PLC 1..3",
+        "RETURN",
+    ),
+    *("I5111=100*8388608/I10", "M(P1)=1", "IF(I5111!>0)\nDIS PLC 4\nENDIF", "P1=P1\nRET"),
+)
+"""PLCs that the card takes."""
+
+REFUSED_MOTION = (
+    *(
+        "X",
+        "XP1",
+        "X1 0",
+        "X10 bad",
+        "IF(P1<=2) X1",
+        "IF P1=1 X1",
+        "WHILE(P1)",
+        "GOTO",
+        "DWELL",
+        "HOME33",
+        "READ(N)",
+    ),
+    *(
+        "P1==1",
+        "P1=",
+        "P1=5+",
+        "P1=SIN 30",
+        "X(5",
+        'CMD"open',
+        "ADDRESS#1",
+        "AND(P1=1)",
+        "INC(X",
+        "FRAX(K)",
+        "CC1",
+        "!X5",
+    ),
+    *(
+        "LEARN",
+        "TSEL1",
+        "LOOKAHEAD",
+        "DISABLE PLC 32",
+        "ENABLE PLC",
+        "PAUSE",
+        "SPLINE3",
+        "CIRCLE3",
+        "BLOCK",
+        "ABSX",
+        "N300000",
+    ),
+)
+"""Lines that no motion program holds."""
+
+REFUSED_PLCS = (
+    "X10",
+    "DWELL10",
+    "LINEAR",
+    "GOTO5",
+    "N5",
+    "M1==1",
+    "CALL5",
+    "G1",
+    "WAIT",
+    "HOME1",
+    "IF(P1)",
+    "ADDRESS",
+)
+"""Lines that no PLC holds."""
