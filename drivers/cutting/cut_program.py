@@ -175,8 +175,10 @@ class CutProgram:
         self.held = True
         self._set(f"{END_FLAG}=1")
 
-    def trim(self, trim_um: complex) -> None:
+    def trim(self, trim_um: complex, oval_um: complex | None = None) -> None:
         """Set the trim of a running cut, the harmonic Re(c exp(j lobe angle)), c in um; see `cam_trim`.
+
+        `oval_um` is that of twice a turn, None where it is not changed.
 
         Raises:
             StoppedError: somebody stopped the machine; nothing was sent.
@@ -184,7 +186,7 @@ class CutProgram:
         """
         self._stop.check()
         self._sending.refuse_unless_owner()
-        self._set(trim_line(trim_um, self._machine.tool.count_um))
+        self._set(trim_line(trim_um, self._machine.tool.count_um, oval_um))
 
     def _set(self, line: str) -> None:
         """Send a line that only sets a value, a second time when unanswered: that is harmless."""

@@ -9,7 +9,8 @@ from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.own_values import read_own, renamed
 from profiles.problem import Problem
 
-SCHEMA = 1
+SCHEMA = 2
+READ = (1, SCHEMA)  # the first had neither `plain` nor `frozen`
 FILED = {"target": "wanted", "phase_deg": "crest_deg", "fraction": "share"}  # what files call these fields
 MODEL = 0  # the version without learning: the lobe of the job through the response of the machine profile
 
@@ -35,7 +36,7 @@ class PartRead:
 
     It was cut with `fraction` of `version` (0: of the model, nothing learned); `target` is the lobe
     of that path, tool into the work, `lobe` that of the released part, outwards, with the standard error of its
-    amplitude.
+    amplitude. `plain` are the other harmonics of the part as it would have been without a path.
     """
 
     version: int
@@ -44,6 +45,7 @@ class PartRead:
     lobe: PathHarmonic
     lobe_sd_um: float
     ront_um: float
+    plain: tuple[PathHarmonic, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +54,7 @@ class LearnedCompensation:
 
     Versions count from 1. `reverts` is the version that this one restores unchanged; 0 is the model, which has
     no part; None for a new one. `expected_ront_um` is the roundness that its part predicts for the next, None
-    where not recorded. `date` is UTC after ISO 8601.
+    where not recorded. `date` is UTC after ISO 8601. `gain` is that of the lobe, `frozen` are orders that grew.
     """
 
     holds_for: HoldsFor
@@ -64,6 +66,7 @@ class LearnedCompensation:
     date: str
     reverts: int | None = None
     expected_ront_um: float | None = None
+    frozen: tuple[int, ...] = ()
 
     @property
     def is_model(self) -> bool:
@@ -146,7 +149,9 @@ def from_table(table: Any, where: str = "") -> LearnedCompensation:
     Raises `ProfileError`: `schema.unsupported`; `learned.file`, anything else.
     """
     table = renamed(table, {filed: name for name, filed in FILED.items()})
-    return read_own(LearnedCompensation, table, schema=SCHEMA, code="learned.file", where=where, judge=_judge)
+    schema = table.get("schema") if isinstance(table, dict) else None
+    known = schema if type(schema) is int and schema in READ else SCHEMA
+    return read_own(LearnedCompensation, table, schema=known, code="learned.file", where=where, judge=_judge)
 
 
 def _judge(learned: LearnedCompensation) -> None:
@@ -157,7 +162,7 @@ def _judge(learned: LearnedCompensation) -> None:
     harmonics = [
         *learned.path.target.harmonics,
         *learned.path.command.harmonics,
-        *((part.target, part.lobe) if part else ()),
+        *((part.target, part.lobe, *part.plain) if part else ()),
     ]
     if (least := min(harmonic.lobes for harmonic in harmonics)) < 1:
         raise ValueError(f"lobes {least}")

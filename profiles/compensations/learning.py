@@ -63,10 +63,11 @@ class HarmonicFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deviation:
-    """A deviation in um: its mean, and harmonics by order."""
+    """A deviation in um: its mean, and harmonics by order, with the standard error of each of their amplitudes."""
 
     mean_um: float = 0.0
     coefficients_um: Mapping[int, complex]
+    sd_um: float = 0.0
 
 
 def fit_harmonics(angle_deg: ArrayLike, values_um: ArrayLike, orders: Sequence[int]) -> HarmonicFit:
@@ -103,14 +104,21 @@ def learned_command(
 
 
 def learned_part(
-    path: CutPath, part: Deviation, tool: Deviation, response: Callable[[int], complex], gain: float = 1.0
+    path: CutPath,
+    part: Deviation,
+    tool: Deviation,
+    response: Callable[[int], complex],
+    gain: float = 1.0,
+    gains: Mapping[int, float] | None = None,
 ) -> CutPath:
     """Return the path for the next part, after one that deviates by `part` while the tool was off by `tool`.
 
+    `gain` is that of the mean, and of each order that has no other one in `gains`.
     Both are positive where the part stands high or the tool was not deep enough. The tool's deviation corrects
     the command alone; the rest corrects the target, and the command follows by the nominal response.
     """
-    target = {n: gain * (c - tool.coefficients_um.get(n, 0j)) for n, c in part.coefficients_um.items()}
+    of = gains or {}
+    target = {n: of.get(n, gain) * (c - tool.coefficients_um.get(n, 0j)) for n, c in part.coefficients_um.items()}
     mean_um = gain * (part.mean_um - tool.mean_um)
     change = {
         n: (target.get(n, 0j) + tool.coefficients_um.get(n, 0j)) / response(n)

@@ -1,9 +1,9 @@
 """Derive the next compensation from a measured part, and judge whether the parts improve.
 
 Order n of the path W and of the part r, with the fraction s of the path in the cut, should leave (1 - s) W; a
-significant deviation e = r - (1 - s) W is cut deeper: W <- W + gain e. The first part is learned in full,
-because its error is large. Later parts add their own noise (clamping, gauge), and the learned path carries the
-fraction gain / (2 - gain) of its variance: 0.54 at a gain of 0.7, all of it at 1.
+significant deviation e = r - (1 - s) W is cut deeper: W <- W + gain e. The gain of each order is the one that
+leaves the least of it on the next part (`optimal_gain`): near 1 where the error is large, less from part to part,
+since each part adds noise of its own (clamping, gauge).
 
 Two consecutive parts give the actual response of the tool to the path: T'/T = (r1 - r2) / (W2 - W1). An error
 shrinks by |1 - gain T'/T| with each part; from 1 on it does not. This is judged for every learned harmonic: an
@@ -14,12 +14,13 @@ the learned step is recorded: their e is the step of the path over the gain.
 
 from __future__ import annotations
 
-import cmath
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import pairwise
 
+from profiles.compensations.certificate import Certified, Follows
 from profiles.compensations.learned import MODEL, HoldsFor, LearnedCompensation, PartRead
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
@@ -29,18 +30,16 @@ from profiles.compensations.learning import (
     convergence,
     learned_part,
 )
+from profiles.compensations.order_steps import STEP_UM, OrderRules, OrderSeen, OrderSteps, order_steps
 from profiles.compensations.part_harmonics import PartHarmonics
-from profiles.compensations.path import CutPath, PathHarmonic, fraction_of, free_state_lobe
+from profiles.compensations.path import CutPath, PathHarmonic, fraction_of, free_state_lobe, target_path
+from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.problem import Problem, refused
 
 # Gain of the first part, where errors are large, and of later ones, where a part of them is noise.
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
-ROUNDING_UM = 1e-6  # a path step below this is only the rounding of its file
-IN_PLACE_DEG = 30.0
-"""Tolerance of its position in degrees of lobe: a choice. That is half of what makes a
-part worse than none, 10 degrees of spindle with three jaws; dry friction of 3 N makes 12 of it at 50 Hz."""
 
 _NONE = Deviation(coefficients_um={})
 
@@ -78,13 +77,14 @@ class CutWith:
     """What the part was cut with: the whole path, the fraction of it, and the version, None the model.
 
     `parent` is the path of the previous part, from which the version was learned: without it only the
-    convergence of the lobe can be judged.
+    convergence of the lobe can be judged. `history` are the versions that led to this one, which is the last.
     """
 
     path: CutPath
     fraction: float
     version: LearnedCompensation | None
     parent: CutPath | None = None
+    history: tuple[LearnedCompensation, ...] = ()
 
     @property
     def number(self) -> int:
@@ -123,6 +123,7 @@ class LearningStep:
     expected_half_width_um_pp: float
     reasons: tuple[Problem, ...]
     warnings: tuple[Problem, ...] = ()
+    certificate: tuple[Certified, ...] = ()
 
     @property
     def expected_ront_um(self) -> float:
@@ -146,124 +147,113 @@ def next_version(
     number: int,
     gain: float | None,
     orders: Sequence[int],
-    response: Callable[[int], complex],
+    follows: Callable[[int], Follows],
     scatter_um: float,
     date: str,
+    beside: Sequence[int] = (),
+    asked: Sequence[int] = (),
 ) -> LearningStep:
     """Learn from a measured part.
 
-    `number` is that of the new version, `gain` None the usual one, `orders` the harmonics that can be commanded.
-    `response` is the nominal one from command to tool, by order. `scatter_um` is the standard deviation of the
+    `number` is that of the new version, `gain` None the optimal one of each order. `orders` are the harmonics that
+    one part may teach, `beside` those that two must show; of the `orders` some may be `asked` for though they
+    have grown before. `follows` is the tool at an order. `scatter_um` is the standard deviation of the
     lobe's amplitude from clamping to clamping. Raises `ProfileError` (`learned.gain`).
     """
-    used_gain = _gain(gain, cut.version)
-    off = {n: part.coefficients_um[n] - cut.spared_um.get(n, 0j) for n in orders}
-    learned = {n: e for n, e in off.items() if abs(e) > SIGNIFICANT * part.sd_um[n]}
-    path = learned_part(cut.path, Deviation(coefficients_um=learned), _NONE, response, used_gain)
-    read, path_um = _read(cut, part, job.jaws), cut.path.target.harmonics[0].coefficient
+    parts = [_seen(n, cut, part, job) for n in sorted((*orders, *beside)) if n in part.coefficients_um]
+    rules = _rules(cut, job, orders, asked, _judged(gain), follows, scatter_um)
+    gains = order_steps(parts, rules).gains
+    read, path_um = _read(cut, part, job.jaws, parts), cut.path.target.harmonics[0].coefficient
     plain = uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.fraction, job)
-    contractions = _of_lobe(cut, read, job, used_gain, scatter_um) | _of_others(cut, part, orders, used_gain)
-    # The next part is lower by the additional depth of the tool.
-    deeper = {n: cut.spared_um.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*cut.spared_um, *learned}}
-    return LearningStep(
-        next=LearnedCompensation(
-            holds_for=holds_for,
-            version=number,
-            parent=cut.number,
-            gain=used_gain,
-            path=path,
-            part=read,
-            date=date,
-            expected_ront_um=part.ront_um(deeper),
-        ),
-        learned=tuple(sorted(learned)),
-        contractions=contractions,
-        expected_lobe_um_pp=2.0 * abs(part.coefficients_um[job.jaws] - deeper[job.jaws]),
-        expected_half_width_um_pp=half_width_um_pp(read.lobe_sd_um, scatter_um),
-        reasons=(*part.reasons, *(plain.reasons() or _reasons(contractions, job.jaws, learned, cut.version))),
-        warnings=plain.warnings(),
+    contractions = _of_lobe(cut, read, job, gains[job.jaws], scatter_um) | _of_others(cut, part, gains)
+    grown = _grown(contractions, job.jaws)
+    rules = replace(rules, frozen=rules.frozen | grown.keys())
+    steps = order_steps(parts, rules)
+    changes = {**steps.changes_um, **_back(cut, grown)}
+    kept = LearnedCompensation(
+        holds_for=holds_for,
+        version=number,
+        parent=cut.number,
+        gain=gains[job.jaws],
+        path=learned_part(cut.path, Deviation(coefficients_um=changes), _NONE, lambda n: follows(n).response),
+        part=read,
+        date=date,
+        frozen=tuple(sorted(rules.frozen)),
     )
+    reasons = plain.reasons() or _reasons(contractions, job.jaws, changes, cut.version)
+    warnings = (*plain.warnings(), *grown.values())
+    return _step(kept, part, cut, changes, steps, contractions, scatter_um, reasons, warnings)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Uncompensated:
-    """A part as it would have been: coefficients in um, positive outwards, of the lobe alone.
-
-    `whole_um` is what all of the path would leave, `without_um` what no compensation would, `expected_um` the
-    lobe by job and jaw 1; `sd_um` is the standard error of each. `found`: seen on a part before.
-    """
-
-    whole_um: complex
-    without_um: complex
-    expected_um: complex
-    sd_um: float
-    lobes: int
-    found: bool
-
-    @property
-    def off_deg(self) -> float:
-        """How far past its expected position the lobe is, degrees of spindle, if the tool followed its path."""
-        if not self.expected_um or not self.without_um:
-            return 0.0
-        return -math.degrees(cmath.phase(self.without_um / self.expected_um)) / self.lobes
-
-    @property
-    def in_place(self) -> bool:
-        """Whether the lobe stands where it was expected."""
-        return self.lobes * abs(self.off_deg) <= IN_PLACE_DEG
-
-    @property
-    def plain_um(self) -> float:
-        """The amplitude of the lobe without compensation."""
-        return abs(self.expected_um if self.found else self.without_um)
-
-    def reasons(self) -> tuple[Problem, ...]:
-        """Return why nothing may be learned from the part: its compensation makes it worse than none would."""
-        if self.found and self.in_place:
-            return ()
-        if abs(self.whole_um) - self.plain_um <= self._noise_um or self._trivial:
-            return ()
-        value, limit = f"{2 * abs(self.whole_um):.1f} um", f"{2 * self.plain_um:.1f} um"
-        return (Problem(code="learned.worse", key=f"{self.off_deg:+.0f} deg", value=value, limit=limit),)
-
-    def warnings(self) -> tuple[Problem, ...]:
-        """Return what the operator should know before this learning step is kept."""
-        if self.in_place or self._trivial or self.reasons():
-            return ()
-        limit = f"± {IN_PLACE_DEG / self.lobes:.0f} deg"
-        return (Problem(code="learned.lobe_elsewhere", value=f"{self.off_deg:+.0f} deg", limit=limit),)
-
-    @property
-    def _noise_um(self) -> float:
-        return SIGNIFICANT * math.hypot(self.sd_um, REPEATS_SD_UM)
-
-    @property
-    def _trivial(self) -> bool:
-        return min(abs(self.without_um - self.whole_um), self.plain_um) <= 2.0 * self._noise_um
-
-
-def uncompensated(left_um: complex, sd_um: float, path_um: complex, fraction: float, job: Job) -> Uncompensated:
-    """Compare a part that has `left_um` of its lobe, cut with `fraction` of `path_um`."""
-    without_um = left_um + fraction * path_um
-    return Uncompensated(
-        whole_um=without_um - path_um,
-        without_um=without_um,
-        expected_um=free_state_lobe(job).harmonics[0].coefficient,
-        sd_um=sd_um,
+def _rules(
+    cut: CutWith,
+    job: Job,
+    orders: Sequence[int],
+    asked: Sequence[int],
+    gain: float | None,
+    follows: Callable[[int], Follows],
+    scatter_um: float,
+) -> OrderRules:
+    return OrderRules(
         lobes=job.jaws,
-        found=found_on_a_part(job),
+        lobe_um=job.lobe_amplitude_um,
+        scatter=scatter_um / job.lobe_amplitude_um if job.lobe_amplitude_um else 0.0,
+        chucked=frozenset(orders),
+        frozen=frozenset(() if cut.version is None else cut.version.frozen) - frozenset(asked),
+        gain=gain,
+        follows=follows,
     )
 
 
-def _gain(gain: float | None, version: LearnedCompensation | None) -> float:
-    if gain is None:
-        return FIRST_GAIN if version is None else LATER_GAIN
-    if not 0.0 < gain <= 1.0:
+def _step(
+    following: LearnedCompensation,
+    part: PartHarmonics,
+    cut: CutWith,
+    changes: Mapping[int, complex],
+    steps: OrderSteps,
+    contractions: Mapping[int, Contraction],
+    scatter_um: float,
+    reasons: tuple[Problem, ...],
+    warnings: tuple[Problem, ...],
+) -> LearningStep:
+    """Return a learning step, and what is expected of the next part: lower by the additional depth of the tool."""
+    deeper = {n: cut.spared_um.get(n, 0j) + changes.get(n, 0j) for n in {*cut.spared_um, *changes}}
+    lobes = following.path.target.lobes
+    return LearningStep(
+        next=replace(following, expected_ront_um=part.ront_um(deeper)),
+        learned=steps.learned,
+        contractions=contractions,
+        expected_lobe_um_pp=2.0 * abs(part.coefficients_um[lobes] - deeper[lobes]),
+        expected_half_width_um_pp=half_width_um_pp(part.sd_um[lobes], scatter_um),
+        reasons=(*part.reasons, *reasons),
+        warnings=warnings,
+        certificate=steps.certificate,
+    )
+
+
+def _seen(n: int, cut: CutWith, part: PartHarmonics, job: Job) -> OrderSeen:
+    """Return an order as this part and those before it show it."""
+    path_um, spared_um = coefficient_of(cut.path.target, n), cut.spared_um.get(n, 0j)
+    error_um = part.coefficients_um[n] - spared_um
+    paths = [coefficient_of(target_path(job), n), *(coefficient_of(each.path.target, n) for each in cut.history)]
+    before = [h.coefficient for each in cut.history if each.part for h in each.part.plain if h.lobes == n]
+    return OrderSeen(
+        order=n,
+        error_um=error_um,
+        sd_um=part.sd_um[n],
+        path_um=path_um,
+        shown_um=(*before, error_um + path_um),
+        steps_um=[abs(after - first) for first, after in pairwise(paths)],
+    )
+
+
+def _judged(gain: float | None) -> float | None:
+    if gain is not None and not 0.0 < gain <= 1.0:
         raise refused("learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1")
     return gain
 
 
-def _read(cut: CutWith, part: PartHarmonics, lobes: int) -> PartRead:
+def _read(cut: CutWith, part: PartHarmonics, lobes: int, parts: Sequence[OrderSeen]) -> PartRead:
     target = fraction_of(cut.path, cut.fraction).target.harmonics[0]
     return PartRead(
         version=cut.number,
@@ -272,6 +262,7 @@ def _read(cut: CutWith, part: PartHarmonics, lobes: int) -> PartRead:
         lobe=PathHarmonic.of(lobes, part.coefficients_um[lobes]),
         lobe_sd_um=part.sd_um[lobes],
         ront_um=part.ront_um(),
+        plain=tuple(PathHarmonic.of(each.order, each.shown_um[-1]) for each in parts if each.order != lobes),
     )
 
 
@@ -291,22 +282,46 @@ def _of_lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: flo
     return {job.jaws: _contraction(lobe - now.lobe.coefficient, changed, sd_um, gain)}
 
 
-def _of_others(cut: CutWith, part: PartHarmonics, orders: Sequence[int], gain: float) -> dict[int, Contraction]:
+def _back(cut: CutWith, grown: Iterable[int]) -> dict[int, complex]:
+    """Return the changes that set harmonics back to the path of the previous part."""
+    if cut.parent is None:
+        return {}
+    return {n: coefficient_of(cut.parent.target, n) - coefficient_of(cut.path.target, n) for n in grown}
+
+
+def _of_others(cut: CutWith, part: PartHarmonics, gains: Mapping[int, float]) -> dict[int, Contraction]:
     """Return the contractions of the harmonics beside the lobe, if the version has them."""
     version, found = cut.version, {}
     if version is None or version.part is None or cut.parent is None:
         return {}
-    before = version.part
-    for n in orders:
+    before, shown = version.part, {each.lobes: each.coefficient for each in version.part.plain}
+    for n, gain in gains.items():
         then, now = coefficient_of(cut.parent.target, n), coefficient_of(cut.path.target, n)
         changed = cut.fraction * now - before.fraction * then
-        if n == cut.path.target.lobes or min(abs(now - then), abs(changed)) < ROUNDING_UM:
+        if n == cut.path.target.lobes or min(abs(now - then), abs(changed)) < STEP_UM:
             continue
+        # An older version has not recorded what its part showed, and all of it was learned with its one gain.
         left = (now - then) / version.gain + (1.0 - before.fraction) * then
+        if n in shown:
+            left = shown[n] - before.fraction * then
         # A fit over whole turns is equally sure of every harmonic.
         sd_um = math.hypot(before.lobe_sd_um, part.sd_um[n], REPEATS_SD_UM, REPEATS_SD_UM)
         found[n] = _contraction(left - part.coefficients_um[n], changed, sd_um, gain)
     return found
+
+
+def _grown(contractions: Mapping[int, Contraction], lobes: int) -> dict[int, Problem]:
+    """Return the harmonics beside the lobe that certainly grow, with what is told of each."""
+    return {
+        n: Problem(
+            code="learned.harmonic_frozen",
+            key=f"{n}/rev",
+            value=f"{c.value:.2f} ± {c.half_width:.2f}",
+            limit="< 1",
+        )
+        for n, c in sorted(contractions.items())
+        if n != lobes and c.verdict is Verdict.DIVERGES
+    }
 
 
 def _contraction(less: complex, changed: complex, sd_um: float, gain: float) -> Contraction:
@@ -322,19 +337,12 @@ def _contraction(less: complex, changed: complex, sd_um: float, gain: float) -> 
 def _reasons(
     contractions: Mapping[int, Contraction],
     lobes: int,
-    learned: Mapping[int, complex],
+    changes: Mapping[int, complex],
     version: LearnedCompensation | None,
 ) -> tuple[Problem, ...]:
-    back = f"--revert {MODEL if version is None else version.parent}"
-    grows = {
-        n: f"{c.value:.2f} ± {c.half_width:.2f}" for n, c in contractions.items() if c.verdict is Verdict.DIVERGES
-    }
-    if lobes in grows:
-        return (Problem(code="learned.diverges", key=back, value=grows[lobes], limit="< 1"),)
-    if not learned:
-        return (Problem(code="learned.nothing", limit=f"{SIGNIFICANT:g} sd"),)
-    return tuple(
-        Problem(code="learned.harmonic_diverges", key=back, value=f"{n}/rev: {factor}", limit="< 1")
-        for n, factor in sorted(grows.items())
-        if n in learned
-    )
+    lobe = contractions.get(lobes)
+    if lobe is not None and lobe.verdict is Verdict.DIVERGES:
+        back = f"--revert {MODEL if version is None else version.parent}"
+        value = f"{lobe.value:.2f} ± {lobe.half_width:.2f}"
+        return (Problem(code="learned.diverges", key=back, value=value, limit="< 1"),)
+    return () if changes else (Problem(code="learned.nothing", limit=f"{SIGNIFICANT:g} sd"),)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +17,9 @@ from profiles.arrays import Floats
 from profiles.calibration.lobe import INDEX, find_lobe
 from profiles.compensations.learning import SIGNIFICANT
 from profiles.job import Job
+from profiles.lobe.lobe_fit import FittedHarmonic, fit_lobe
 from profiles.metrology.turns import several_turns
-from profiles.problem import Problem
+from profiles.problem import Problem, ProfileError
 from profiles.roundness import evaluate
 from profiles.trace_files.header import TraceHeader, header_of
 from profiles.traces import Trace
@@ -68,10 +69,18 @@ class PartHarmonics:
 
 
 def part_harmonics(
-    trace: Trace, job: Job, *, filter_upr: float, extra: Iterable[int] = (), robust: bool = False
+    trace: Trace,
+    job: Job,
+    *,
+    filter_upr: float,
+    extra: Iterable[int] = (),
+    beside: Sequence[int] = (),
+    robust: bool = False,
 ) -> PartHarmonics:
     """Return the harmonics of a part of this job; `filter_upr` filters its RONt, `extra` are further orders.
 
+    Those of `beside` are fitted for themselves: they change nothing of the others, and where the trace cannot
+    separate them they are missing.
     Raises `ProfileError`: what the fit, or the roundness of such a trace, refuses.
     """
     found = find_lobe(trace, job, extra=extra, robust=robust)
@@ -85,14 +94,15 @@ def part_harmonics(
         turns = several_turns(angle_deg, deviation_um, header.turns)
         angle_deg, deviation_um = turns.angle_deg, turns.repeatable_um
     placed: dict[int, complex] = {}
-    for harmonic in found.fit.harmonics:
+    fitted = {each.n: each for each in (*_beside(trace, job, beside, robust=robust), *found.fit.harmonics)}
+    for harmonic in fitted.values():
         own = complex(harmonic.cos_um, -harmonic.sin_um)
         seen = own.conjugate() if header.against_spindle else own
         placed[harmonic.n] = seen * cmath.exp(-1j * harmonic.n * math.radians(begins_deg))
     return PartHarmonics(
         mean_um=found.fit.mean_um,
         coefficients_um=placed,
-        sd_um={harmonic.n: harmonic.sd_um for harmonic in found.fit.harmonics},
+        sd_um={n: harmonic.sd_um for n, harmonic in fitted.items()},
         angle_deg=angle_deg,
         deviation_um=deviation_um,
         against_spindle=header.against_spindle,
@@ -102,6 +112,17 @@ def part_harmonics(
         reasons=tuple(reasons),
         warnings=found.warnings,
     )
+
+
+def _beside(trace: Trace, job: Job, orders: Sequence[int], *, robust: bool) -> Sequence[FittedHarmonic]:
+    """Return the harmonics of these orders, none where the angles of the trace cannot separate so many."""
+    if not orders:
+        return ()
+    try:
+        found = fit_lobe(trace.angle_deg, trace.deviation_um, job.jaws, extra=orders, robust=robust)
+    except ProfileError:
+        return ()
+    return [harmonic for harmonic in found.harmonics if harmonic.n in orders]
 
 
 def _begins_deg(header: TraceHeader, job: Job) -> float:

@@ -73,13 +73,18 @@ def test_the_second_part_is_rounder_and_one_can_go_back(
     first, second = str(tmp_path / "1.csv"), str(tmp_path / "2.csv")
     before_um = console(*words, "--part", first).json["after"]["RONt_um"]
     lesson = console("learn", first, *of_job, "--keep", "--json").json
-    assert (lesson["next"]["version"], lesson["next"]["gain"]) == (1, 1.0)
+    assert (lesson["next"]["version"], lesson["next"]["gain"] > 0.9) == (1, True)
     assert {3, 9} <= set(lesson["learned_waves"]) <= {3, 6, 9}
+    # One part shows an oval: whether the next blank has the same, only that can show.
+    stands = {each["order"]: each["standing"] for each in lesson["certificate"]}
+    assert (stands[3], stands[2] in ("one_part", "noise")) == ("learned", True)
+    assert all(each["bound"] < 1.0 for each in lesson["certificate"] if each["standing"] == "learned")
     made = console(*words, "--compensation", "newest", "--part", second).json
     assert (made["compensation"], made["stage"]) == (1, "full")
     assert made["after"]["RONt_um"] < 0.5 * before_um < 8.0 < before_um
     lesson = console("learn", second, *of_job, "--keep", "--json").json
-    assert (lesson["next"]["version"], lesson["next"]["parent"], lesson["next"]["gain"]) == (2, 1, 0.7)
+    assert (lesson["next"]["version"], lesson["next"]["parent"]) == (2, 1)
+    assert lesson["next"]["gain"] < 0.7, "two clampings are known now"
     assert lesson["contraction"]["verdict"] != "diverges"
     # The first part again, said to be one of version 1: its trace knows better.
     said = console("learn", first, *of_job, "--compensation", "1", "--keep")

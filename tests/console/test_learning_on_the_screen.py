@@ -130,7 +130,7 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     assert (second.jaw_1_deg - first.jaw_1_deg) % 360.0 == pytest.approx(25.0, abs=0.5)
     assert lobe_um_pp(second) < 3.5 < 7.0 < lobe_um_pp(first)
     two = accept(lesson(second), shop.data)
-    assert (two.version, two.parent, two.gain) == (2, 1, 0.7)
+    assert (two.version, two.parent, two.gain < 0.7) == (2, 1, True)
     assert two.path.target.phase_deg == pytest.approx(one.path.target.phase_deg, abs=1.0)
 
     # The commands learn the same of it, by what the record says of a cut on the screen.

@@ -13,6 +13,7 @@ from console.session.learning.learning import LearnedPart, LearnResult
 from console.session.stages import Stage
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
+from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
 from profiles.compensations.path import PathHarmonic
 from profiles.roundness import RoundnessResult
@@ -76,6 +77,7 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
             ),
             "part_gain": part.part_gain,
             "learned_waves": list(part.learned),
+            "certificate": certificate_fields(part.certificate),
             "frozen": [{"n": each.order, **fields_of(each, "best_um", "grown_um")} for each in part.grown],
         },
     }
@@ -90,7 +92,8 @@ def result_lines(result: RunResult | LearnResult, text: Catalogue) -> list[str]:
     if isinstance(result, RunResult):
         closing = "run.cut_air" if result.plan.stage is Stage.AIR else "run.measure_it"
         return [*_run_lines(result, text), text("run.simulated" if result.simulated else closing)]
-    return [*_run_lines(result.last, text), "", *_series(result, text), text("run.simulated")]
+    certificate = certificate_lines(result.parts[-1].certificate, text)
+    return [*_run_lines(result.last, text), "", *_series(result, text), "", *certificate, text("run.simulated")]
 
 
 def _run_lines(result: RunResult, text: Catalogue) -> list[str]:

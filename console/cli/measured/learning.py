@@ -24,6 +24,7 @@ from console.session.learning.learning_steps import SIMULATED, Taught, reverted,
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
+from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
 from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table
 from profiles.compensations.next_version import Contraction, LearningStep
@@ -134,6 +135,7 @@ def _step_fields(found: Taught) -> dict[str, object]:
             "RONt_um": step.expected_ront_um,
         },
         "contraction": None if step.contraction is None else _contraction_fields(step.contraction, lobes),
+        "certificate": certificate_fields(step.certificate),
         "causes": [asdict(cause) for cause in found.causes],
         "contractions": [{"n": n, **_contraction_fields(c, n)} for n, c in sorted(step.contractions.items())],
     }
@@ -178,6 +180,7 @@ def _step_lines(found: Taught, text: Catalogue, *, fails: bool) -> list[str]:
         (text("learned.lobe"), f"{2 * part.lobe.amplitude_um:.2f}", expected, "um"),
     ]
     lines = [f"{_subject(holds, text)}: {head}", "", *table(rows, numeric=(1, 2)), "", *table(_facts(step, text))]
+    lines += ["", *certificate_lines(step.certificate, text)]
     causes = [f"  {cause_words(cause, text)}" for cause in found.causes]
     return [*lines, "", text("cause.title"), *causes] if fails else lines
 
@@ -219,7 +222,7 @@ def _row(version: LearnedCompensation, asked: HoldsFor, text: Catalogue) -> tupl
         f"{version.date} {text('learned.date_ahead')}" if is_ahead(version.date) else version.date,
         version.holds_for.strategy,
         str(version.parent) if reverts is None else text("learned.again", version=reverts),
-        f"{version.gain:g}",
+        f"{version.gain:.3g}",
         "" if part is None else f"{part.ront_um:.2f}",
         "" if part is None else f"{2 * part.lobe.amplitude_um:.2f}",
         text("learned.holds" if _still_holds(version, asked) else "learned.changed"),
@@ -228,7 +231,7 @@ def _row(version: LearnedCompensation, asked: HoldsFor, text: Catalogue) -> tupl
 
 def _facts(step: LearningStep, text: Catalogue) -> list[tuple[str, str]]:
     learned = ", ".join(str(n) for n in step.learned) or text("learned.no_harmonics")
-    rows = [(text("learned.harmonics"), learned), (text("learned.gain"), f"{step.next.gain:g}")]
+    rows = [(text("learned.harmonics"), learned), (text("learned.gain"), f"{step.next.gain:.3g}")]
     lobes, contraction = step.next.path.target.lobes, step.contraction
     if contraction is not None:
         fraction, late_deg = _arrival(contraction, lobes)

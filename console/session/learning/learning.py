@@ -8,8 +8,7 @@ to its best state and no longer learned.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from console.session.cut.engine import CutContext, Step
@@ -28,7 +27,7 @@ from console.session.cut.run import (
 from console.session.cut.telemetry import CutFigures
 from console.session.errors import SessionError, refuse
 from console.session.learning.learning_beside import AirWatch, CutLearner
-from console.session.learning.learning_steps import scatter_um
+from console.session.learning.order_learning import LearnHow, OrderLearning
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
@@ -36,7 +35,9 @@ from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from profiles.axis.friction import held_back_um
+from profiles.compensations.certificate import Certified
 from profiles.compensations.learning import (
+    SIGNIFICANT,
     Deviation,
     Grown,
     HarmonicFit,
@@ -45,9 +46,10 @@ from profiles.compensations.learning import (
     learned_command,
     learned_part,
 )
-from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN, uncompensated
+from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import CutPath
+from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult
@@ -59,9 +61,7 @@ AIR_ENOUGH_UM_PP = 1.0
 
 AIR_TURNS = 30
 
-OVERTONES = (2, 3)  # harmonics of the lobe that are learned beside it
-OTHERS = (1, 2)
-"""Harmonics that are fitted but not learned: eccentricity and ovality would leak into the others."""
+HOW = LearnHow()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +83,7 @@ class LearnedPart:
     learned: tuple[int, ...]
     grown: tuple[Grown, ...]
     collisions: tuple[str, ...]
+    certificate: tuple[Certified, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +122,9 @@ class LearnResult:
         )
 
 
-def learn(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart, parts: int) -> LearnResult:
+def learn(
+    plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart, parts: int, how: LearnHow | None = None
+) -> LearnResult:
     """Cut `parts` parts on one machine, each corrected by the ones before.
 
     Raises:
@@ -129,7 +132,7 @@ def learn(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart,
             one; what went wrong, see `cut_part`.
     """
     refuse_unlearnable(plan, measured=True)
-    learner = _Learner(plan, open_machine(), tell)
+    learner = _Learner(plan, open_machine(), tell, how or HOW)
     before, floor = learner.reference(), learner.floor()
     learner.in_air()
     made = tuple(learner.part(number) for number in range(1, parts + 1))
@@ -153,10 +156,11 @@ def refuse_unlearnable(plan: RunPlan, *, measured: bool) -> None:
 class _Learner:
     """One machine, and the path as learned so far."""
 
-    def __init__(self, plan: RunPlan, context: CutContext, tell: TellPart) -> None:
+    def __init__(self, plan: RunPlan, context: CutContext, tell: TellPart, how: LearnHow) -> None:
         self._plan, self._context, self._tell = plan, context, tell
         self._job, self._machine, self._strategy = plan.job, plan.machine, plan.cut.strategy
         self._path = nominal_path(plan.job, plan.machine, self._strategy)
+        self._orders = OrderLearning(plan.job, plan.machine, self._strategy, how)
         self._watch = Watch()
         self._air_um: list[float] = []
         self._homed = False
@@ -173,7 +177,7 @@ class _Learner:
 
     def _teaching(self, trace: Trace) -> PartHarmonics:
         """Return the harmonics of a part, or refuse it by the rule that `console learn` and the screen share."""
-        part = part_harmonics(trace, self._job, filter_upr=FILTER_UPR)
+        part = part_harmonics(trace, self._job, filter_upr=FILTER_UPR, beside=self._orders.beside)
         refuse(part.reasons)
         return part
 
@@ -228,22 +232,26 @@ class _Learner:
         return self._job.jaws not in self._watch.frozen
 
     def _learn_in_air(self, error: HarmonicFit) -> None:
-        left = self._learnable(error.coefficients_um)
+        left = {n: c for n, c in error.coefficients_um.items() if n in self._orders.learned}
         # Friction couples the overtones to the amplitude of the lobe, which is still being learned.
         allowed = {n: 0.0 if n == self._job.jaws else held_back_um(self._machine, self._job, n) for n in left}
         self._watch = self._watch.judged(self._path, left, lambda _: error.amplitude_sd_um, allowed.__getitem__)
-        self._path = learned_command(self._watch.kept(self._path), self._watch.learned(left), self._response)
+        least_um = SIGNIFICANT * error.amplitude_sd_um
+        wrong = {n: c for n, c in left.items() if n % self._job.jaws == 0 or abs(c) > least_um}
+        self._path = learned_command(self._watch.kept(self._path), self._watch.learned(wrong), self._response)
 
     def part(self, number: int) -> LearnedPart:
         """Cut a part, learn during the cut, and from its trace for the next one."""
         plan = self._planned(self._job, self._strategy, Stage.FULL, self._path, trimmed=True)
-        watch = CutLearner(self._context.lathe, self._job, self._error, trims=self._learns_lobe)
+        watch = CutLearner(
+            self._context.lathe, self._job, self._error, trims=self._learns_lobe, oval=self._orders.trims_oval
+        )
         outcome = self._cut(self._job, plan, "part", watch, number)
         tool_off, trim_um = watch.in_the_middle()
         trace = self._traced(outcome)
         gain = FIRST_GAIN if number == 1 else LATER_GAIN
         cut_with = self._path
-        learned = self._learn_from(trim_um, trace, tool_off, gain)
+        learned, certificate = self._learn_from(trim_um, trace, tool_off, gain)
         return LearnedPart(
             roundness=roundness_of(trace),
             figures=outcome.figures,
@@ -255,29 +263,32 @@ class _Learner:
             learned=learned,
             grown=self._watch.grown,
             collisions=outcome.collisions,
+            certificate=certificate,
         )
 
-    def _learn_from(self, trim_um: complex, trace: Trace, tool_off: Deviation, gain: float) -> tuple[int, ...]:
-        """Put the trim and the part's correction into the table; return the learned harmonics."""
-        job = self._job
+    def _learn_from(
+        self, trim_um: complex, trace: Trace, tool_off: Deviation, gain: float
+    ) -> tuple[tuple[int, ...], tuple[Certified, ...]]:
+        """Put the trim and the part's correction into the table; return the learned harmonics, and of each why."""
+        job, orders = self._job, self._orders
         found = self._teaching(trace)
         self._refuse_worse(found, tool_off)
         by_program = nominal_response(Strategy.PVT, self._machine, job.lobe_frequency_hz)
         folded = self._path.command.plus({job.jaws: trim_um * by_program / self._response(job.jaws)})
         path = CutPath(target=self._path.target, command=folded)
-        # Another clamping has another lobe, whatever the tool does.
-        scatter = {job.jaws: scatter_um(job, self._machine)}
-        self._watch = self._watch.judged(
-            path,
-            self._learnable(found.coefficients_um),
-            lambda n: math.hypot(found.sd_um[n], scatter.get(n, 0.0)),
-        )
-        high = self._watch.learned(self._learnable(found.significant_um()))
-        missed = self._watch.learned(self._learnable(tool_off.coefficients_um))
+        left = orders.left(found, tool_off)
+        self._watch = self._watch.judged(path, left, orders.sd_um(found, path))
+        high = self._watch.learned({n: c for n, c in left.items() if abs(c) > SIGNIFICANT * found.sd_um[n]})
+        missed = self._watch.learned(orders.of_tool(tool_off))
         part = Deviation(mean_um=found.mean_um, coefficients_um=high)
         tool = Deviation(mean_um=tool_off.mean_um, coefficients_um=missed)
-        self._path = learned_part(self._watch.kept(path), part, tool, self._response, gain)
-        return tuple(sorted({*high, *missed}))
+        errors = {n: c - missed.get(n, 0j) for n, c in high.items()}
+        gains = {n: orders.gain(n, e, found, path) for n, e in errors.items()}
+        kept = self._watch.kept(path)
+        self._path = learned_part(kept, part, tool, self._response, gain, gains)
+        orders.step(path, self._path)
+        certificate = orders.certificate(left, found, gains, self._watch.frozen)
+        return tuple(sorted({*high, *missed})), certificate
 
     def _refuse_worse(self, part: PartHarmonics, tool_off: Deviation) -> None:
         """Refuse to learn from a part that its compensation has made worse, by the rule for a single part."""
@@ -303,13 +314,7 @@ class _Learner:
         """Return the tool error of a batch, positive where the tool was not in far enough."""
         self._context.recorder.gathered(batch)
         target_um = self._path.target.at_um(batch.angle_deg, batch.past_middle_mm)
-        lobes = self._job.jaws
-        orders = tuple(sorted({*OTHERS, lobes, *(lobes * overtone for overtone in OVERTONES)}))
-        return fit_harmonics(batch.angle_deg, target_um - batch.infeed_um, orders)
-
-    def _learnable(self, coefficients_um: Mapping[int, complex]) -> dict[int, complex]:
-        """Return the coefficients of the lobe and its overtones."""
-        return {n: c for n, c in coefficients_um.items() if n % self._job.jaws == 0}
+        return fit_harmonics(batch.angle_deg, target_um - batch.infeed_um, self._orders.fitted)
 
     def _response(self, order: int) -> complex:
         return nominal_response(self._strategy, self._machine, order * self._job.spindle_speed_rpm / 60.0)

@@ -12,7 +12,7 @@ from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
-from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
+from drivers.pmac.programs.cam_trim import MOST_TRIM_UM, OVAL
 from profiles.compensations.learning import Deviation, HarmonicFit, trimmed
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
@@ -49,16 +49,22 @@ class AirWatch:
 
 
 class CutLearner:
-    """Trim a cut by the measured tool error, a batch at a time; one that does not `trims` only observes."""
+    """Trim a cut by the measured tool error, a batch at a time: the lobe if it `trims`, the blank's `oval`."""
 
-    def __init__(self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit], *, trims: bool = True) -> None:
+    def __init__(
+        self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit], *, trims: bool = True, oval: bool = True
+    ) -> None:
         self._lathe, self._job, self._off, self._trims = lathe, job, off, trims
+        self._oval = oval and job.jaws != OVAL
         self._gather = lathe.program.batches()
-        self._response = nominal_response(Strategy.PVT, lathe.machine, job.lobe_frequency_hz)
+        self._response, self._oval_response = (
+            nominal_response(Strategy.PVT, lathe.machine, order * job.spindle_speed_rpm / 60.0)
+            for order in (job.jaws, OVAL)
+        )
         self._found: list[tuple[float, HarmonicFit, complex]] = []
         self._over = False
         self._failed: DriverError | ProfileError | None = None
-        self.trim_um = 0j
+        self.trim_um, self.oval_um = 0j, 0j
 
     def begin(self, plan: CutPlan) -> None:
         """Set up gathering on the controller."""
@@ -79,11 +85,16 @@ class CutLearner:
     def _take(self, batch: Batch) -> None:
         found = self._off(batch)
         self._found.append((batch.past_middle_mm, found, self.trim_um))
-        if self._over or not self._trims:
+        if self._over:
             return
-        error_um = found.coefficients_um[self._job.jaws]
-        self.trim_um = trimmed(self.trim_um, error_um, self._response, TRIM_GAIN, MOST_TRIM_UM)
-        self._lathe.program.trim(self.trim_um)
+        error_um = found.coefficients_um
+        if self._trims:
+            lobe_um = error_um[self._job.jaws]
+            self.trim_um = trimmed(self.trim_um, lobe_um, self._response, TRIM_GAIN, MOST_TRIM_UM)
+        if self._oval:
+            self.oval_um = trimmed(self.oval_um, error_um[OVAL], self._oval_response, TRIM_GAIN, MOST_TRIM_UM)
+        if self._trims or self.oval_um:
+            self._lathe.program.trim(self.trim_um, self.oval_um)
 
     def in_the_middle(self) -> tuple[Deviation, complex]:
         """Return the tool error and the trim where the part is measured, or raise what has ended the cut."""
@@ -94,4 +105,9 @@ class CutLearner:
         if not self._found:
             raise SessionError(Problem(code="learning.nothing_gathered"))
         _, nearest, trim_um = min(self._found, key=lambda each: abs(each[0]))
-        return Deviation(mean_um=nearest.mean_um, coefficients_um=nearest.coefficients_um), trim_um
+        off = Deviation(
+            mean_um=nearest.mean_um,
+            coefficients_um=nearest.coefficients_um,
+            sd_um=nearest.amplitude_sd_um,
+        )
+        return off, trim_um

@@ -28,10 +28,11 @@ from console.session.data.made_parts import date_problems as cut_date_problems
 from console.session.errors import SessionError, refuse
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
-from drivers.identification.nominal import nominal_response
+from drivers.identification.following import follows_by_order
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.grip import force_sd_n, lobe_um_per_n
 from profiles.compensations.causes import Cause, causes
+from profiles.compensations.certificate import Follows, is_promised, promised_orders
 from profiles.compensations.learned import MODEL, LearnedCompensation, again, model_again
 from profiles.compensations.learning import coefficient_of
 from profiles.compensations.next_version import CutWith, LearningStep, next_version
@@ -138,22 +139,21 @@ def taught_by(
     inverted = _inverted(made, machine.machine, identified, data, simulated=asked.simulated)
     version = chosen(made.compensation, known, asked)
     path = nominal_path(filed, machine.machine, strategy, inverted) if version is None else version.path
-    part = _part(trace, filed, made, extra, robust=robust)
-
-    def response(order: int) -> complex:
-        return nominal_response(strategy, machine.machine, order * filed.spindle_speed_rpm / 60.0)
-
-    orders = _orders(filed, strategy, extra, response)
-    cut = CutWith(path=path, fraction=stage.fraction, version=version, parent=_parent(version, known, filed))
+    follows = follows_by_order(strategy, machine.machine, filed.spindle_speed_rpm, inverted)
+    orders = _orders(filed, strategy, extra, follows)
+    beside = _beside(strategy, orders, follows)
+    part = _part(trace, filed, made, extra, beside, robust=robust)
+    parent, history = _parent(version, known, filed), _history(version, known)
+    cut = CutWith(path=path, fraction=stage.fraction, version=version, parent=parent, history=history)
     scatter = scatter_um(filed, machine.machine)
-    how: dict[str, Any] = {"gain": gain, "orders": orders, "response": response, "date": date}
-    step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, **how)
+    how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
+    step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
     return Taught(
         step=step,
         made=made,
         stage=stage,
         warnings=(*date_problems(version), *part.warnings, *step.warnings),
-        harmonics=tuple(_left(n, part, step, path, stage) for n in orders),
+        harmonics=tuple(_left(n, part, step, path, stage) for n in sorted({*orders, *step.learned})),
         causes=_causes(trace, part, cut, filed, made, scatter, tool_um),
     )
 
@@ -177,10 +177,12 @@ def is_simulated(trace: Trace) -> bool:
     return trace.meta.get(SIMULATED[0]) == SIMULATED[1]
 
 
-def _part(trace: Trace, job: Job, made: MadeWith, extra: tuple[int, ...], *, robust: bool) -> PartHarmonics:
+def _part(
+    trace: Trace, job: Job, made: MadeWith, extra: tuple[int, ...], beside: tuple[int, ...], *, robust: bool
+) -> PartHarmonics:
     """Return the harmonics of a part, turned to where the file of its job has jaw 1."""
     cut = as_cut(job, made)
-    part = part_harmonics(trace, cut, filter_upr=FILTER_UPR, extra=extra, robust=robust)
+    part = part_harmonics(trace, cut, filter_upr=FILTER_UPR, extra=extra, beside=beside, robust=robust)
     return part.turned(_turned_deg(job, made))
 
 
@@ -245,6 +247,18 @@ def _parent(
     return next((each.path for each in known if each.version == version.parent), None)
 
 
+def _history(
+    version: LearnedCompensation | None, known: tuple[LearnedCompensation, ...]
+) -> tuple[LearnedCompensation, ...]:
+    """Return the versions that led to one, oldest first; it is the last."""
+    by_number = {each.version: each for each in known}
+    found: list[LearnedCompensation] = []
+    while version is not None:
+        found.insert(0, version)
+        version = by_number.get(version.parent) if version.parent < version.version else None
+    return tuple(found)
+
+
 def _next(known: tuple[LearnedCompensation, ...]) -> int:
     return known[-1].version + 1 if known else MODEL + 1
 
@@ -261,7 +275,7 @@ def _followed(made: MadeWith) -> tuple[Strategy, Stage]:
 
 
 def _orders(
-    job: Job, strategy: Strategy, extra: tuple[int, ...], response: Callable[[int], complex]
+    job: Job, strategy: Strategy, extra: tuple[int, ...], follows: Callable[[int], Follows]
 ) -> tuple[int, ...]:
     """Return the harmonics that can be commanded: the lobe; with a table also its overtones and `extra`.
 
@@ -276,12 +290,19 @@ def _orders(
         # One undulation per revolution is the eccentricity of the part on the gauge.
         if not LEAST_EXTRA <= n <= MOST_HARMONICS:
             problems.append(_bad_extra(f"{n}/rev", f"{LEAST_EXTRA}/rev … {MOST_HARMONICS}/rev"))
-        elif (followed := abs(response(n))) < LEAST_FOLLOWED:
+        elif (followed := abs(follows(n).response)) < LEAST_FOLLOWED:
             problems.append(_bad_extra(f"{n}/rev (|T| = {followed:.3f})", f"|T| >= {LEAST_FOLLOWED:g}"))
     refuse(problems)
     overtones = (job.jaws * overtone for overtone in OVERTONES)
-    reached = {n for n in overtones if abs(response(n)) >= LEAST_FOLLOWED}
+    reached = {n for n in overtones if is_promised(follows(n), LEAST_FOLLOWED)}
     return tuple(sorted({job.jaws, *reached, *extra}))
+
+
+def _beside(strategy: Strategy, orders: tuple[int, ...], follows: Callable[[int], Follows]) -> tuple[int, ...]:
+    """Return the further harmonics that a table can cut with a promise to converge; none without a table."""
+    if not strategy.traits.by_table:
+        return ()
+    return tuple(n for n in promised_orders(follows, LEAST_FOLLOWED) if n not in orders)
 
 
 def _bad_extra(value: str, limit: str) -> Problem:

@@ -7,7 +7,7 @@ from console.tui.inspecting.plain_words import in_scatter, is_elsewhere, is_kept
 from console.tui.pages.lobe_lines import is_taken
 from console.tui.ui_context import View
 
-WORSE = ("learned.diverges", "learned.harmonic_diverges")  # reasons to revert
+WORSE = ("learned.diverges",)  # reasons to revert
 MADE_WORSE = "learned.worse"  # a reason to check the set-up: reverting would not help
 
 

@@ -17,7 +17,7 @@ from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
 from console.tui.keymap import PageName, RowKey
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, wrapped
 from console.tui.page import ChartPage
-from console.tui.pages.learn_lines import head_lines, learn_lines, learn_title
+from console.tui.pages.learn_lines import certified_lines, head_lines, learn_lines, learn_title
 from console.tui.pages.learning_keys import accept_part, revert_version
 from console.tui.pages.lobe_lines import lobe_lines
 from console.tui.pages.stop_lines import mark_lines
@@ -199,6 +199,7 @@ class InspectPage(ChartPage):
             rows = lobe_lines(part.lobe, view.work, text, width)
         elif part.learning is not None:
             rows = learn_lines(part.learning, view.work, text, width, failed=fails(part))
+            rows += certified_lines(part.learning, text, width)
         if self._seen is not None:
             rows += [BLANK, *full_lines(self._seen, text, width, simulated=view.state.simulated)]
         return rows

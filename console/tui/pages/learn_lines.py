@@ -12,8 +12,9 @@ from console.session.learning.part_learning import PartLearning
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
+from console.text.certificate import certificate_lines
 from console.tui.inspecting.plain_words import plain_words
-from console.tui.lines import Line, hanging, name_in, wrapped
+from console.tui.lines import BLANK, Line, hanging, line, name_in, wrapped
 from console.tui.theme import Token
 from profiles.files import printable
 
@@ -76,6 +77,14 @@ def reason_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Li
     return [row for reason in reasons for row in hanging(_MARK, reason, width, Token.WARNING)]
 
 
+def certified_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Line]:
+    """Return the certificate of every order, below a free line; nothing where nothing is learned from the part."""
+    if learning.taught is None:
+        return []
+    title, *rows = certificate_lines(learning.taught.step.certificate, text) or [""]
+    return [BLANK, *wrapped(title, width, Token.STRONG), *(line((row, Token.TEXT)) for row in rows)]
+
+
 def made_words(text: Catalogue, compensation: str | None, stage: str, inverted: str = MODEL) -> str:
     """Return compensation and stage; `compensation` is the learned version, None the inverse of `inverted`."""
     if compensation is not None:
@@ -125,7 +134,7 @@ def _harmonics_words(taught: Taught, text: Catalogue) -> str:
 
 def _facts(taught: Taught, work: Work | None, text: Catalogue) -> list[str]:
     step = taught.step
-    facts = [] if step.reasons else [f"{text('learned.gain')} {step.next.gain:g}"]
+    facts = [] if step.reasons else [f"{text('learned.gain')} {step.next.gain:.3g}"]
     if step.contraction is not None:
         found = step.contraction
         factor = f"{found.value:.2f} ± {found.half_width:.2f}"

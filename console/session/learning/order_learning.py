@@ -1,0 +1,137 @@
+"""Which orders a row of parts learns, with what gain, and the certificate of each.
+
+What a blank does to the tool is seen by its scale: an oval blank bends the soft loop twice a turn, at another
+angle each time. It is trimmed away within the cut, and what the trim leaves is taken out of what the part shows
+before anything is learned from it. What remains is of the machine and the chuck, and repeats. The tool's error at
+the other orders is its own: friction couples each motion to the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from console.session.learning.learning_beside import CUT_BATCH_S
+from console.session.learning.learning_steps import LEAST_FOLLOWED, OVERTONES, scatter_um
+from drivers.cutting.sampling import LEAST_SAMPLES_A_LOBE
+from drivers.cutting.strategy import Strategy
+from drivers.identification.following import follows_by_order
+from profiles.compensations.causes import OVAL
+from profiles.compensations.certificate import Certified, Standing, certified, is_promised, promised_orders
+from profiles.compensations.learning import SIGNIFICANT, Deviation, coefficient_of
+from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
+from profiles.compensations.optimal_gain import PRIOR_OTHERS_UM, Scatter, lobe_prior_um, optimal_gain
+from profiles.compensations.part_harmonics import PartHarmonics
+from profiles.compensations.path import CutPath
+from profiles.job import Job
+from profiles.machine import MachineProfile
+
+SAMPLES_A_PERIOD = 3  # of the highest order in a batch
+SAMPLES_AN_ORDER = 5  # of a batch, for two unknowns each
+ALWAYS_FITTED = (1, OVAL)  # run-out and oval of a blank would leak into the others
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnHow:
+    """How parts teach: `every_order`, or the lobe and its overtones; by `optimal` gains, or by fixed ones."""
+
+    every_order: bool = True
+    optimal: bool = True
+
+
+class OrderLearning:
+    """The orders that one row of parts learns, and what its parts so far have shown of them."""
+
+    def __init__(self, job: Job, machine: MachineProfile, strategy: Strategy, how: LearnHow) -> None:
+        self._lobes, self._how = job.jaws, how
+        self._lobe_um = job.lobe_amplitude_um
+        self._scatter = scatter_um(job, machine) / self._lobe_um if self._lobe_um else 0.0
+        self.follows = follows_by_order(strategy, machine, job.spindle_speed_rpm)
+        overtones = (self._lobes * each for each in OVERTONES)
+        multiples = {self._lobes, *(n for n in overtones if is_promised(self.follows(n), LEAST_FOLLOWED))}
+        promised = promised_orders(self.follows, LEAST_FOLLOWED, _highest(job)) if how.every_order else ()
+        self.learned = tuple(sorted({*multiples, *promised}))
+        self.fitted = tuple(sorted({*ALWAYS_FITTED, *self.learned}))
+        self.beside = tuple(n for n in self.learned if n not in multiples)
+        self._steps_um: dict[int, list[float]] = {}
+
+    @property
+    def trims_oval(self) -> bool:
+        """Whether the oval of a blank is trimmed away within the cut."""
+        return self._how.every_order
+
+    def of_blank(self, order: int) -> bool:
+        """Whether the tool's error at this order is that of an oval blank, and another one in each part."""
+        return order == OVAL != self._lobes
+
+    def of_tool(self, tool_off: Deviation) -> dict[int, complex]:
+        """Return the tool's error in a part that the table has to correct for the next one."""
+        least_um = SIGNIFICANT * tool_off.sd_um
+        return {
+            n: c
+            for n, c in tool_off.coefficients_um.items()
+            if n in self.learned and not self.of_blank(n) and (n % self._lobes == 0 or abs(c) > least_um)
+        }
+
+    def left(self, part: PartHarmonics, tool_off: Deviation) -> dict[int, complex]:
+        """Return what a part has of each order, without what its own blank has made."""
+        blank = {n: c for n, c in tool_off.coefficients_um.items() if self.of_blank(n)}
+        found = part.coefficients_um
+        return {n: found[n] - blank.get(n, 0j) for n in self.learned if n in found}
+
+    def sd_um(self, part: PartHarmonics, path: CutPath) -> Callable[[int], float]:
+        """Return the standard deviation of an order of a part: what jaws make is as uncertain as their force."""
+        return lambda n: math.hypot(part.sd_um[n], self._clamped_um(n, abs(coefficient_of(path.target, n))))
+
+    def _clamped_um(self, order: int, made_um: float) -> float:
+        return self._scatter * (self._lobe_um if order == self._lobes else made_um)
+
+    def gain(self, order: int, error_um: complex, part: PartHarmonics, path: CutPath) -> float:
+        """Return the gain for the next step of an order."""
+        steps = self._steps_um.get(order, [])
+        if not self._how.optimal:
+            return LATER_GAIN if steps else FIRST_GAIN
+        made_um = abs(coefficient_of(path.target, order) + error_um)
+        lobe = order == self._lobes
+        scatter = Scatter(
+            prior_um=lobe_prior_um(self._lobe_um, order) if lobe else PRIOR_OTHERS_UM,
+            part_um=math.hypot(part.sd_um[order], self._clamped_um(order, made_um)),
+        )
+        return optimal_gain(scatter, steps, abs(error_um))
+
+    def step(self, before: CutPath, after: CutPath) -> None:
+        """Take a step of the path."""
+        for n in self.learned:
+            moved_um = abs(coefficient_of(after.target, n) - coefficient_of(before.target, n))
+            self._steps_um.setdefault(n, []).append(moved_um)
+
+    def certificate(
+        self,
+        left_um: Mapping[int, complex],
+        part: PartHarmonics,
+        gains: Mapping[int, float],
+        frozen: frozenset[int],
+    ) -> tuple[Certified, ...]:
+        """Return the certificate of every order that a part shows, and of the first that is not promised."""
+        beyond = self.learned[-1] + 1
+        found = []
+        for n in (*self.learned, *(() if is_promised(self.follows(beyond), LEAST_FOLLOWED) else (beyond,))):
+            left = left_um.get(n, part.coefficients_um.get(n, 0j))
+            found.append(
+                certified(n, gains.get(n, 0.0), left, self.follows(n), self._standing(n, left, part, frozen))
+            )
+        return tuple(found)
+
+    def _standing(self, n: int, left: complex, part: PartHarmonics, frozen: frozenset[int]) -> Standing:
+        if n not in self.learned:
+            return Standing.NO_PROMISE
+        if n in frozen:
+            return Standing.GREW
+        return Standing.LEARNED if n in part.sd_um and abs(left) > SIGNIFICANT * part.sd_um[n] else Standing.NOISE
+
+
+def _highest(job: Job) -> int:
+    """Return the highest order that a batch of a cut supports."""
+    samples = LEAST_SAMPLES_A_LOBE * job.jaws * job.spindle_speed_rpm / 60.0 * CUT_BATCH_S
+    return min(LEAST_SAMPLES_A_LOBE * job.jaws // SAMPLES_A_PERIOD, int(samples / SAMPLES_AN_ORDER))

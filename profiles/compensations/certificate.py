@@ -1,0 +1,85 @@
+"""Which harmonics may be learned, with what promise: |1 - L T| of each order with its bound.
+
+A step of learning is L = gain / T_hat, with T_hat the response that is known and T the true one. An error of that
+order becomes 1 - L T of itself. With |T - T_hat| <= r |T_hat| that is at most |1 - gain| + gain r: below 1
+the error shrinks whatever the tool does within r (norm-optimal learning; Bristow, Tharayil and Alleyne 2006). The
+orders from 2 on for which that can be promised are followed without a gap: the first that has no promise is the
+end, as of a low-pass (the Q of learning control).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from profiles.compensations.path import MOST_HARMONICS
+
+PROMISED = 0.95
+"""The largest bound that counts as a promise: what is left after 14 parts is half. A choice."""
+
+
+class Standing(StrEnum):
+    """Whether an order is learned, or why not."""
+
+    LEARNED = "learned"
+    NOISE = "noise"
+    NO_PROMISE = "no_promise"
+    ONE_PART = "one_part"
+    VARIES = "varies"
+    GREW = "grew"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Follows:
+    """The known response T_hat of the tool at an order, and by which fraction r of that it may be off."""
+
+    response: complex
+    spread: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certified:
+    """One order: its `gain`, |1 - L T| for T = T_hat and its `bound`, the amplitude that is `left_um`, and why."""
+
+    order: int
+    gain: float
+    factor: float
+    bound: float
+    left_um: float
+    standing: Standing
+
+
+def bound(gain: float, spread: float) -> float:
+    """Return the largest |1 - L T| for a tool within `spread` of its response."""
+    return abs(1.0 - gain) + gain * spread
+
+
+def is_promised(follows: Follows, least_response: float) -> bool:
+    """Whether an order may be learned: the tool follows it well enough, and as surely."""
+    return abs(follows.response) >= least_response and bound(1.0, follows.spread) <= PROMISED
+
+
+def promised_orders(
+    follows: Callable[[int], Follows], least_response: float, most: int = MOST_HARMONICS
+) -> tuple[int, ...]:
+    """Return the orders from 2 on, up to one that the tool hardly follows or of which nothing is promised."""
+    orders = []
+    for order in range(2, most + 1):
+        if not is_promised(follows(order), least_response):
+            break
+        orders.append(order)
+    return tuple(orders)
+
+
+def certified(order: int, gain: float, left_um: complex, follows: Follows, standing: Standing) -> Certified:
+    """Return the certificate of an order of which `left_um` is on the part."""
+    tried = gain if standing is Standing.LEARNED else 1.0  # what a step would do
+    return Certified(
+        order=order,
+        gain=gain,
+        factor=abs(1.0 - tried),
+        bound=bound(tried, follows.spread),
+        left_um=abs(left_um),
+        standing=standing,
+    )
