@@ -394,6 +394,14 @@ def drive_fails(pupil: Pupil, _: int) -> None:
     pupil.retracts()
 
 
+def no_answer(pupil: Pupil, _: int) -> None:
+    pupil.begins(0)
+    pupil.sets_up()
+    pupil.starts_the_cut()
+    pupil.acknowledges_and_resets()
+    pupil.enables()
+
+
 def following_error(pupil: Pupil, _: int) -> None:
     first_look(pupil, 0)
     pupil.takes_jaw()
@@ -414,7 +422,7 @@ def lost_index(pupil: Pupil, _: int) -> None:
     pupil.acknowledges_and_resets()
     time.sleep(26.0)
     pupil.press("4")
-    for _ in range(8):  # a limit switch that is still open stops it again
+    for _ in range(30):  # a limit switch that is still open stops it again
         time.sleep(1.5)
         if pupil.shows("frame.recover"):
             pupil.resets()
@@ -506,7 +514,7 @@ PLAYS: Mapping[str, Play] = MappingProxyType(
         "following-error": following_error,
         "lost-index": lost_index,
         "cable-cut": cable_cut,
-        "no-answer": drive_fails,
+        "no-answer": no_answer,
         "calibrate-a-lobe": calibrate_a_lobe,
         "read-a-plot": read_a_plot,
         "clamping-force": clamping_force,
