@@ -192,7 +192,7 @@ class TrainPage(Page):
         if self._shelf is None:
             self._shelf = lessons(own_folder(self.ui.data))
             self._best = self._best_scores()
-        rows: list[Line] = []
+        rows: list[Line] = [*wrapped(text("train_page.begin"), width), BLANK]
         for name, lesson in self._shelf:
             if isinstance(lesson, Lesson):
                 minutes = dim(text("train_page.minutes", minutes=f"{lesson.minutes:g}"))
@@ -203,7 +203,7 @@ class TrainPage(Page):
             else:
                 rows.append(line((name, Token.STRONG)))
                 rows += [row for problem in lesson for row in wrapped(text.problem(problem), width, Token.WARNING)]
-        return [*rows, BLANK, *wrapped(text("train_page.begin"), width)]
+        return rows
 
     def _best_scores(self) -> dict[str, int]:
         """Return the best score of each lesson that was tried, whoever did; a try that cannot be read is told."""
