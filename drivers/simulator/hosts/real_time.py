@@ -109,9 +109,10 @@ def patient(
 ) -> Advance:
     """Skip time while a lathe waits for its host. `heard_s` is the time of its last input, None: never.
 
-    What counts is the simulated time since then; the faster it runs, the less of it: a host that is held up for a
-    moment is later in simulated time, and a watchdog is renewed with one input in a few.
+    What counts is the time since then, real and simulated; the faster that runs, the less of it: a host that is
+    held up for a moment is later in simulated time, and a watchdog is renewed with one input in a few.
     """
+    pace = pace or Pace()
     heard, ran_s = heard_s(), 0.0
 
     def wait(seconds: float) -> None:
@@ -119,8 +120,9 @@ def patient(
         last_s = heard_s()
         if last_s != heard:
             heard, ran_s = last_s, 0.0
-        most_s = HEARD_S if pace is None else HEARD_S / max(pace.speed, 1.0)
-        if last_s is None or ran_s <= most_s or now_s() - last_s >= TIMEOUT_S:
+        silent_s = math.inf if last_s is None else now_s() - last_s
+        soon = ran_s <= HEARD_S / max(pace.speed, 1.0) and silent_s <= HEARD_S / min(pace.speed or 1.0, 1.0)
+        if soon or silent_s >= TIMEOUT_S:
             ran_s += seconds
             advance(seconds)
 
