@@ -145,11 +145,15 @@ class PathSeen:
         yield from _off_path(AxisName.CARRIAGE, left_mm.max(), limit_mm, "{:.3f} mm")
 
     def _spindle(self, turns: Floats, at_s: Floats) -> Iterator[Problem]:
-        """Model the spindle: constant speed, unless the program was held or continued elsewhere."""
+        """Model the spindle: constant speed, unless the program was held or continued elsewhere.
+
+        The time is that of the host: a computer that stands still looks like a spindle that does.
+        """
         off, (_, slope) = _left(turns, harmonic_columns(turns, (), at_s - at_s[0]))
         left, turns_a_second = np.abs(off), abs(float(slope))
         limit = max(LEAST_SPINDLE_S * turns_a_second, TIMES_USUAL * float(np.median(left)))
-        yield from _off_path(AxisName.SPINDLE, left.max(), limit, "{:.2f} rev")
+        if left.max() > limit:
+            yield Problem(code="cut.off_time", value=f"{left.max():.2f} rev", limit=f"{limit:.2f} rev")
 
 
 def _off_path(axis: AxisName, value: float, limit: float, form: str) -> Iterator[Problem]:
