@@ -24,7 +24,8 @@ from console.session.training.tries import tries
 from drivers.simulator.plant.presets import plant_named
 from profiles.store import load_job, load_machine
 from tests.compact import save_compact
-from tests.lesson_plays import PLAYS, Pupil, careless
+from tests.lesson_plays import PLAYS, careless
+from tests.lesson_pupil import Pupil
 from tests.terminal import Terminal
 
 LANGUAGES = ("en", "ko")
