@@ -1,15 +1,24 @@
-"""How round parts in a row become on a realistic lathe that learns, over many seeds.
+"""How round parts in a row become on a simulated lathe that learns, over many seeds.
 
-The baseline is the floor of the same lathe: a part without lobed error. Each row is one job on one kind of lathe;
-`first` and `third` are RONt (LSC, 50 UPR, free) in um as median and worst, `3/rev` is that of the third part, peak
-to peak, and `kept` says how many seeds keep to what a real machine may be promised (see `promised`). With a wrench
-that scatters nothing that was learned holds for the next clamping: a force that is 5 % off leaves 3.3 um of 55.
+RONt (LSC, 50 UPR, free) of the first, the third and the last part in um, as median and worst of the seeds; `floor`
+is the median of what a perfect controller of the same lathes leaves, computed in `learning_floor`. `worse` counts
+the seeds whose third part is less round than their first. The cut is half as long as that of the jobs.
 
-    python -m benchmarks.learning [seeds]
+Each row of parts is told on the error output as it ends.
+
+    python -m benchmarks.learning [--seeds 40] [--parts 10] [--plant realistic] [--clamping-sd 5] [--job JOB ...]
+        [--how all|lobe|fixed|before ...]
+
+`--how`: `all` is as the console learns; `lobe` learns the lobe and its overtones alone; `fixed` has the gains 1
+and 0.7 in place of the optimal ones; `before` both of these. `--job square` is a job with four jaws.
 """
 
 from __future__ import annotations
 
+import argparse
+import contextlib
+import io
+import json
 import statistics
 import sys
 import tempfile
@@ -20,11 +29,22 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks.learning_floor import floor_um
 from benchmarks.measure import extent, print_table
+from console.__main__ import main as console
+from console.session.learning import learning
+from console.session.learning.order_learning import LearnHow
+from profiles.store import load_job, load_machine
 
-SEEDS = extent(20, 1)
-PARTS = extent(3, 2)
-JOBS = ("lee-2001-experiment-1", "lee-2001-experiment-2")[: extent(2, 1)]
+JOBS = ("lee-2001-experiment-1", "two-jaw-tube", "square", "thin-ring-6-jaws")
+HOWS = {
+    "all": LearnHow(),
+    "lobe": LearnHow(every_order=False),
+    "fixed": LearnHow(optimal=False),
+    "before": LearnHow(every_order=False, optimal=False),
+}
+CUT_MM = 4.0
+MACHINE = "lee-2001-lathe"
 
 OFF = """\
 schema = 1
@@ -51,29 +71,52 @@ noise_um = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class Kind:
-    """A kind of lathe: the words of the command line, and what the first part may have."""
+class Row:
+    """One row of the table: a job on a plant, and how it learns."""
 
-    name: str
-    words: tuple[str, ...]
-    first_um: float
+    job: str
+    how: str
+    plant: str
+    clamping_sd: float | None
+    parts: int
 
 
-def run(job: str, words: Sequence[str], seed: int) -> dict[str, Any]:
-    """Return the result of one row of parts, as `console run --json` gives it."""
-    import contextlib
-    import io
-    import json
+def job_file(name: str, folder: Path) -> Path:
+    """Write a bundled job with a shorter cut; `square` is the first with four jaws and half of its lobe."""
+    from importlib.resources import files
 
-    from console.__main__ import main
+    square = name == "square"
+    own = files("profiles.library.jobs") / f"{JOBS[0] if square else name}.toml"
+    changed = {"cut_length_mm": CUT_MM}
+    if square:
+        changed |= {"jaws": 4, "lobe_jaws": 4, "lobe_error_um_pp": 20.0}
+    lines = []
+    for line in own.read_text(encoding="utf-8").splitlines():
+        key = line.partition("=")[0].strip()
+        lines.append(f"{key} = {changed[key]}" if key in changed else line)
+    path = folder / f"{name}.toml"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
 
+
+def run(row: Row, seed: int) -> dict[str, Any]:
+    """Return the result of one row of parts, as `console run --json` gives it, with its computed floor."""
+    learning.HOW = HOWS[row.how]
     said = io.StringIO()
-    with tempfile.TemporaryDirectory() as data, contextlib.redirect_stdout(said):
-        command = ["run", job, "--sim", *words, "--seed", str(seed), "--strategy", "cam", "--learn", str(PARTS)]
-        code = main([*command, "--json", "--data", data])
+    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(said):
+        path = job_file(row.job, Path(folder))
+        words = ["run", str(path), "--sim", "--plant", row.plant, "--seed", str(seed), "--strategy", "cam"]
+        if row.clamping_sd is not None:
+            words += ["--clamping-sd", f"{row.clamping_sd:g}"]
+        code = console([*words, "--learn", str(row.parts), "--json", "--data", folder])
+        job, machine = load_job(str(path)).job, load_machine(MACHINE).machine
     if code:
-        raise RuntimeError(f"{job}, seed {seed}: exit code {code}")
-    return dict(json.loads(said.getvalue()))
+        raise RuntimeError(f"{row.job}, seed {seed}: exit code {code}")
+    floor = floor_um(job, machine, row.plant, seed, row.clamping_sd)
+    result = {**json.loads(said.getvalue()), "floor_um": floor}
+    parts = " ".join(f"{part['RONt_um']:.2f}" for part in result["passes"])
+    print(f"{row.job}, {row.how}, seed {seed}: {parts}; floor {floor:.2f}", file=sys.stderr, flush=True)
+    return result
 
 
 def lobe_um_pp(part: dict[str, Any]) -> float:
@@ -81,23 +124,14 @@ def lobe_um_pp(part: dict[str, Any]) -> float:
     return 2.0 * next(float(h["amplitude_um"]) for h in part["harmonics"] if h["n"] == 3)
 
 
-def promised(result: dict[str, Any], first_um: float) -> bool:
-    """Whether the first part is as round as promised, and the third nearly as round as the machine leaves any."""
-    first, *_, third = result["passes"]
-    near = third["RONt_um"] <= min(3.0, result["floor"]["RONt_um"] + 1.0)
-    return bool(first["RONt_um"] <= first_um and near and lobe_um_pp(third) < 0.7)
-
-
-def row(kind: Kind, job: str, results: Sequence[dict[str, Any]]) -> tuple[str, ...]:
-    """Return the row of a kind of lathe and a job."""
-    parts = {
-        name: [result["passes"][index] for result in results] for name, index in (("first", 0), ("third", -1))
-    }
-    figures = [_spread([part["RONt_um"] for part in each]) for each in parts.values()]
-    floor = _spread([result["floor"]["RONt_um"] for result in results])
-    kept = sum(promised(result, kind.first_um) for result in results)
-    lobes = _spread([lobe_um_pp(part) for part in parts["third"]])
-    return (kind.name, job, *figures, lobes, floor, f"{kept} of {len(results)}")
+def cells(row: Row, results: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+    """Return the row of the table."""
+    ront = [[float(part["RONt_um"]) for part in result["passes"]] for result in results]
+    third = min(2, row.parts - 1)
+    shown = [[each[number] for each in ront] for number in (0, third, row.parts - 1)]
+    worse = sum(each[third] > each[0] for each in ront)
+    floor = statistics.median(result["floor_um"] for result in results)
+    return (row.job, row.how, *map(_spread, shown), f"{floor:.2f}", f"{worse} of {len(results)}")
 
 
 def _spread(values: Sequence[float]) -> str:
@@ -106,21 +140,22 @@ def _spread(values: Sequence[float]) -> str:
 
 def main() -> None:
     """Run and print the table."""
-    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS
-    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor() as pool:
-        off = Path(folder) / "off.toml"
-        off.write_text(OFF, encoding="utf-8")
-        kinds = (
-            Kind(name="steady", words=("--plant", "steady"), first_um=5.0),
-            Kind(name="gain 10 %, force 5 % off", words=("--plant", str(off)), first_um=6.0),
-            Kind(name="clamping sd 5 %", words=("--plant", "steady", "--clamping-sd", "5"), first_um=5.0),
-        )
-        rows = [
-            row(kind, job, list(pool.map(partial(run, job, kind.words), range(1, seeds + 1))))
-            for kind in kinds[: extent(len(kinds), 1)]
-            for job in JOBS
-        ]
-    print_table("um, median / worst", ("lathe", "job", "first", "third", "3/rev", "floor", "kept"), rows)
+    options = argparse.ArgumentParser()
+    options.add_argument("--seeds", type=int, default=extent(40, 1))
+    options.add_argument("--parts", type=int, default=extent(10, 2))
+    options.add_argument("--plant", default="realistic")
+    options.add_argument("--clamping-sd", type=float)
+    options.add_argument("--job", nargs="+", default=JOBS[: extent(len(JOBS), 1)])
+    options.add_argument("--how", nargs="+", choices=HOWS, default=["all"])
+    asked = options.parse_args()
+    rows = []
+    with ProcessPoolExecutor() as pool:
+        for job in asked.job:
+            for how in asked.how:
+                row = Row(job=job, how=how, plant=asked.plant, clamping_sd=asked.clamping_sd, parts=asked.parts)
+                rows.append(cells(row, list(pool.map(partial(run, row), range(1, asked.seeds + 1)))))
+    head = ("job", "how", "first", "third", "last", "floor", "worse")
+    print_table(f"{asked.plant}: um, median / worst", head, rows)
 
 
 if __name__ == "__main__":

@@ -74,22 +74,6 @@ def test_a_gain_that_is_wrong_by_a_tenth_is_learned_in_air(
     assert lobe_um_pp(first) == pytest.approx(0.05 * 33.0, abs=0.7), "the wrench is what is left"
 
 
-def test_the_oval_of_a_jaw_is_learned_and_that_of_a_blank_trimmed_away(
-    console: Console, close: tuple[str, str], job_file: JobFile
-) -> None:
-    """The jaw that presses harder bends every part alike; no blank is like the one before."""
-    job = str(job_file(cut_length_mm=QUARTER_MM))
-    words = (*close, "--sim", "--plant", "realistic", "--seed", "2", "--strategy", "cam", "--learn", "2", "--json")
-    first, second = console("run", job, *words).json["passes"]
-    oval = [2.0 * next(h["amplitude_um"] for h in part["harmonics"] if h["n"] == 2) for part in (first, second)]
-    assert oval[0] > 5.0 and oval[1] < 1.5
-    stands = {each["order"]: each for each in first["learned"]["certificate"]}
-    assert (stands[2]["standing"], stands[13]["standing"]) == ("learned", "no_promise")
-    assert all(each["bound"] < 1.0 for each in stands.values() if each["standing"] == "learned")
-    tool = next(each["amplitude_um"] for each in second["learned"]["tool_error"] if each["n"] == 2)
-    assert tool < 0.3, "what an oval blank makes of it is taken away while it is cut"
-
-
 def test_learning_needs_a_table_and_a_gauge(console: Console) -> None:
     said = console("run", "lee-2001-experiment-1", "--sim", "--strategy", "pvt", "--learn", "3")
     assert said.code != 0
