@@ -9,7 +9,6 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cache
 
 from rich.cells import cell_len
 
@@ -19,7 +18,7 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
 from console.tui.key_help import written_key
-from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, RowKey, actions_of
+from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, RowKey, row_keys
 from console.tui.lines import (
     BLANK,
     Line,
@@ -291,7 +290,7 @@ def keys_row(frame: Frame, width: int) -> list[Line]:
     pieces: list[tuple[str, Token]] = [(" ", Token.TEXT)]
     helping = [("?", Token.KEY), (f" {frame.text('key.help')}", Token.DIM)]
     room = width - 1 - width_of(tuple(helping))
-    for key in frame.keys or _keys_of(frame.page):
+    for key in frame.keys or row_keys(frame.page):
         written = key.shown
         if (mine := frame.own.get(key.action)) is not None:
             written = f"{written_key(mine)} {key.shown if key.doubled else ''}".rstrip()
@@ -301,21 +300,6 @@ def keys_row(frame: Frame, width: int) -> list[Line]:
             break
         pieces += fresh
     return [(*pieces, *helping)]
-
-
-@cache
-def _keys_of(page: PageName) -> tuple[RowKey, ...]:
-    """Return the keys that the row shows of a page."""
-    return tuple(
-        RowKey(
-            action=action.id,
-            shown=action.shown if action.row is None else action.row,
-            words=f"key.{action.id}",
-            doubled=bool(action.row),
-        )
-        for action in actions_of(page)
-        if action.row != ""
-    )
 
 
 ROWS: dict[str, Callable[[Frame, int], list[Line]]] = {

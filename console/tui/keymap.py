@@ -369,3 +369,18 @@ def action_of(key: str, character: str | None, page: PageName, own: OwnKeys = NO
 def actions_of(page: PageName) -> tuple[Action, ...]:
     """Return the actions of one page alone."""
     return tuple(action for action in ACTIONS if action.page is page)
+
+
+@cache
+def row_keys(page: PageName) -> tuple[RowKey, ...]:
+    """Return the keys that the row shows of a page."""
+    return tuple(
+        RowKey(
+            action=action.id,
+            shown=action.shown if action.row is None else action.row,
+            words=f"key.{action.id}",
+            doubled=bool(action.row),
+        )
+        for action in actions_of(page)
+        if action.row != ""
+    )

@@ -14,7 +14,7 @@ from console.tui.inspecting.next_words import fails, next_word, where
 from console.tui.inspecting.other_part import which_parts
 from console.tui.inspecting.panels import MOST_ZOOM, InspectCharts, full_lines
 from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
-from console.tui.keymap import PageName, RowKey
+from console.tui.keymap import PageName, RowKey, row_keys
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, wrapped
 from console.tui.page import ChartPage
 from console.tui.pages.learn_lines import certified_lines, head_lines, learn_lines, learn_title
@@ -160,8 +160,12 @@ class InspectPage(ChartPage):
 
     @property
     def keys(self) -> tuple[RowKey, ...]:
-        """Those of an open chooser."""
-        return self._chooser.keys if self._chooser.is_open else OPEN_KEYS if self._parts.is_open else ()
+        """Those of an open chooser; without a gauge no key measures."""
+        if self._chooser.is_open or self._parts.is_open:
+            return self._chooser.keys if self._chooser.is_open else OPEN_KEYS
+        if self.ui.view.state.simulated:
+            return ()
+        return tuple(key for key in row_keys(self.name_) if key.action != "inspect.measure")
 
     @property
     def field(self) -> FieldKind:
