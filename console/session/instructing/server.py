@@ -8,11 +8,10 @@ no trainee is left standing.
 from __future__ import annotations
 
 import asyncio
-import threading
-from contextlib import ExitStack, suppress
-from queue import SimpleQueue
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from console.session.bounded_server import GONE, BoundedServer
 from console.session.errors import SessionError
 from console.session.instructing.answer import Answer, written
 from console.session.instructing.clerk import Clerk
@@ -32,7 +31,6 @@ UNREAD_S = 5.0  # timeout for a client that does not read its answer
 BETWEEN_S = 0.02  # shortest time between two orders of one client
 UNREAD_BYTES = 65_536
 STAYS, ONCE = "stay", "once"
-START_S, END_S = 5.0, 2.0
 
 
 class InstructorServer:
@@ -40,58 +38,33 @@ class InstructorServer:
 
     def __init__(self, address: ControlAddress, token: str, clerk: Clerk) -> None:
         self._address, self._token, self._clerk = address, token, clerk
-        self._started: SimpleQueue[str | OSError] = SimpleQueue()
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._ended: asyncio.Event | None = None
-        self._clients = 0
-        self._thread = threading.Thread(target=self._run, name="instructor", daemon=True)
+        self._server = BoundedServer(
+            "instructor",
+            lambda made, opened: listen_for_control(made, address, opened),
+            self._converse,
+            most_clients=MOST_CLIENTS,
+            longest_line=LONGEST_LINE,
+            unread_bytes=UNREAD_BYTES,
+        )
 
     def start(self) -> str:
         """Listen; return the address that was bound. Raises LinkError: `link.cannot_listen`."""
-        self._thread.start()
-        came = self._started.get(timeout=START_S)
-        if isinstance(came, OSError):
-            value = came.strerror or str(came)
-            raise LinkError(Problem(code="link.cannot_listen", where=str(self._address), value=value)) from came
-        return came
+        try:
+            return self._server.start()
+        except OSError as error:
+            value = error.strerror or str(error)
+            raise LinkError(Problem(code="link.cannot_listen", where=str(self._address), value=value)) from error
 
     def close(self) -> None:
         """Stop listening, and drop everybody; returns soon, whatever they do."""
-        if self._loop is not None and self._ended is not None:
-            with suppress(RuntimeError):  # its loop has ended
-                self._loop.call_soon_threadsafe(self._ended.set)
-        self._thread.join(END_S)
-
-    def _run(self) -> None:
-        asyncio.run(self._serve())
-
-    async def _serve(self) -> None:
-        self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
-        with ExitStack() as opened:
-            try:
-                bound = await listen_for_control(self._made, self._address, opened)
-            except OSError as error:
-                self._started.put(error)
-                return
-            self._started.put(bound)
-            await self._ended.wait()
-
-    def _made(self) -> asyncio.Protocol:
-        reader = asyncio.StreamReader(limit=LONGEST_LINE + 1)
-        return asyncio.StreamReaderProtocol(reader, self._converse)
+        self._server.close()
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve one client until it leaves, or does what no instructor does."""
-        self._clients += 1
         visit = _Visit(self._clerk, reader, writer)
-        try:
-            if self._clients <= MOST_CLIENTS and await visit.is_let_in(self._token):
+        with suppress(*GONE):
+            if await visit.is_let_in(self._token):
                 await visit.serve()
-        except (OSError, ValueError, asyncio.IncompleteReadError, TimeoutError):
-            pass  # gone, a line without an end, or too slow: there is nobody to tell
-        finally:
-            self._clients -= 1
-            writer.transport.abort()
+        writer.transport.abort()
         await visit.leave()
 
 
@@ -101,7 +74,6 @@ class _Visit:
     def __init__(self, clerk: Clerk, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._clerk, self._reader, self._writer = clerk, reader, writer
         self._stays = self._paused = False
-        writer.transport.set_write_buffer_limits(high=UNREAD_BYTES)
 
     async def is_let_in(self, token: str) -> bool:
         """Read the first line; return whether it has the token, and say so."""
