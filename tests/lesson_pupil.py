@@ -14,7 +14,7 @@ DEG_PER_UM = 0.0011459  # of a stylus 50 mm from the axis
 END_UM = 500.0
 READINGS = 6
 RADIUS_MM = 26.0  # of the blank of the job that blind lessons are about
-FREE_MM = 1.6  # so far from where the part is believed the spindle may turn
+FREE_MM = 1.75  # so far from where the part is believed the spindle may turn
 SURE_MM = 0.35  # the tip is where it is believed within this
 
 

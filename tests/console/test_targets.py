@@ -72,8 +72,9 @@ def test_a_tool_at_the_part_is_jogged_away_first(
 
 
 def test_before_the_touch_off_the_tip_may_be_nearer_than_it_seems(machine: MachineProfile) -> None:
-    # Clear by 0.5 mm, of which 1.5 are not known.
-    assert codes(at(26.5, 10.0), machine, CLAMPED, Z, 175.0) == ["machine.tool_in_the_way"]
+    # Clear by 0.5 mm, of which 1.5 are not known; it has to be clear by 0.2.
+    (problem,) = target_problems(at(26.5, 10.0), machine, CLAMPED, Z, 175.0)
+    assert (problem.code, problem.limit) == ("machine.tool_in_the_way", "1.7 mm")
     assert codes(at(28.0, 10.0), machine, CLAMPED, Z, 175.0) == []
 
 

@@ -167,7 +167,12 @@ def tool_in_part(snapshot: Snapshot, machine: MachineProfile, alignment: Alignme
         return False
     if gap_mm < CLEAR_MM:
         return True
-    return None if alignment.touch_off is None and gap_mm < CLEAR_MM + TOUCH_OFF_BAND_MM else False
+    return None if gap_mm < least_gap_mm(alignment) else False
+
+
+def least_gap_mm(alignment: Alignment) -> float:
+    """Return the gap from which on the tool counts as clear of the part, by where its tip is believed to be."""
+    return CLEAR_MM if alignment.touch_off is not None else CLEAR_MM + TOUCH_OFF_BAND_MM
 
 
 def over_part(snapshot: Snapshot, machine: MachineProfile, overhang_mm: float) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from console.session.cut.alignment import Alignment
-from console.session.station.jogging import CLEAR_MM, counts_per_unit, speed_problem, tool_in_part
+from console.session.station.jogging import counts_per_unit, least_gap_mm, speed_problem, tool_in_part
 from drivers.lathe.lengths import settings_of
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
@@ -103,7 +103,7 @@ def _in_the_way(
         in_part = tool_in_part(_moved(snapshot, machine, distance), machine, alignment)
     if in_part is False:
         return None
-    return Problem(code="machine.tool_in_the_way", key=axis, limit=f"{CLEAR_MM:g} mm")
+    return Problem(code="machine.tool_in_the_way", key=axis, limit=f"{least_gap_mm(alignment):g} mm")
 
 
 def _moved(snapshot: Snapshot, machine: MachineProfile, distance_mm: float) -> Snapshot:
