@@ -214,8 +214,8 @@ def _axes(columns: int, rows: int, x: _Axis, y: _Axis) -> list[str]:
 
 
 def _with_x_unit(label: str, unit: str) -> str:
-    """Return the last label with the unit of the axis, as one writes it: 360°, 0.4 s."""
-    return label + unit if unit in ("", "°") else f"{label} {unit}"
+    """Return the last label with the unit of the axis, as one writes it: 360°, 50/rev, 0.4 s."""
+    return label + unit if unit[:1] in ("", "°", "/") else f"{label} {unit}"
 
 
 def _with_unit(text: list[str], data_rows: int, width: int, unit: str) -> list[str]:

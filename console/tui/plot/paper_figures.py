@@ -37,7 +37,7 @@ def figure_lines(figure: Figure, text: Catalogue, columns: int = MOST_COLUMNS, r
         x_limits=_x_limits(float(across.min()), float(across.max())),
         y_limits=nice_limits(float(up.min()), float(up.max())),
         y_unit=figure.y_unit,
-        x_unit=f" {figure.x_unit}",
+        x_unit=figure.x_unit,
     )
     drawn = [row.rstrip() for row in trace_cells(picture, columns, rows).text_rows()]
     legend = "   ".join(

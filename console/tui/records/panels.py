@@ -206,7 +206,7 @@ class RecordsPanels:
                     x_limits=(0.0, max(float(time_s[-1]), 1.0)),
                     y_limits=nice_limits(*limits),
                     y_unit=text.units.unit(unit),
-                    x_unit=" s",
+                    x_unit="s",
                 )
             )
         return 0
