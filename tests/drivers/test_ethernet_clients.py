@@ -158,6 +158,6 @@ def test_a_client_that_reads_blocks_of_variables_and_strips_what_ends_them(board
 def test_after_a_reset_a_client_has_to_flush_and_to_set_the_handshake_again(board: BoardWire) -> None:
     connected(board)
     assert board.response(b"$$$***") == b"\n"
-    assert board.response(b"UUU") == b"\x07\r"
+    assert board.response(b"UUU").endswith(b"\x07\r")  # behind its checksum, where the family has I4 = 1
     assert board.ask(DOWN, 0xB3) == b"@"
-    assert re.fullmatch(rb"\d+\.\d+\s*\r\x06", board.response(b"i6=1 i3=2 ver"))
+    assert re.fullmatch(rb"\d+\.\d+\s*\r\x06", board.response(b"i6=1 i3=2 i4=0 ver"))

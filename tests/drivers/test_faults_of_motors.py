@@ -162,7 +162,8 @@ def test_a_stranger_changes_a_gain_of_the_tool_behind_the_back_of_everybody(benc
 
 
 def test_a_stranger_sends_any_line_and_what_the_card_refuses_has_no_effect(bench: Bench) -> None:
-    bench.sim.faults.inject("stranger-writes", line="P5=7 UUU P5=8")
+    bench.sim.faults.inject("stranger-writes", line="P5=7")
+    bench.sim.faults.inject("stranger-writes", line="P5=8 UUU P5=9")
     assert bench.number("P5") == 7
     assert bench.ask("#") == "1"
 

@@ -143,7 +143,9 @@ def test_two_hosts_have_their_own_addressing_and_one_that_raves_harms_nobody(
 def test_a_line_that_is_wrong_is_refused_with_its_number(host: Host) -> None:
     assert host.ask("UUU") == b"\x07ERR003\r"
     assert host.ask("X1000") == b"\x07ERR005\r"
-    assert host.ask("P7=1 P7 NONSENSE") == b"1\r\x07ERR003\r"
+    assert host.ask("P7=1") == b"\x06"
+    assert host.ask("P7=2 P7 NONSENSE") == b"\x07ERR003\r"
+    assert host.ask("P7") == b"1\r\x06"
 
 
 def test_our_own_client_connects_like_anybody_else(address: tuple[str, int]) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Hashable
 
 from rich.console import RenderableType
 from textual._compositor import Compositor
-from textual._context import visible_screen_stack
+from textual._context import active_app, visible_screen_stack
 from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
 from textual.css.types import CSSLocation
@@ -21,6 +21,7 @@ from textual.screen import Screen
 
 _read: dict[Hashable, list[RuleSet]] = {}
 _parse_rules = Stylesheet._parse_rules
+_render_update = Compositor.render_update
 
 
 def parse_rules_once(
@@ -48,7 +49,9 @@ def paint_nothing(
     screen_stack: list[Screen[object]] | None = None,
     simplify: bool = False,
 ) -> RenderableType | None:
-    """Take what would be painted as painted."""
+    """Take what would be painted as painted, unless there is a terminal."""
+    if not active_app.get().is_headless:
+        return _render_update(compositor, full, screen_stack, simplify)
     visible_screen_stack.set([] if screen_stack is None else screen_stack)
     compositor._dirty_regions.clear()
     return None

@@ -166,9 +166,9 @@ def test_what_was_taken_back_or_dropped_comes_back(tmp_path: Path) -> None:
         await stage.act_on("calibrate.new")
         await stage.enter("10", "3741", "20", "7488", "")
         for action, words in (
-            ("calibrate.undo", "not stored: 1 points"),
+            ("calibrate.undo", "not stored: 1 point "),
             ("calibrate.drop", "None is stored"),
-            ("calibrate.undo", "not stored: 1 points"),
+            ("calibrate.undo", "not stored: 1 point "),
         ):
             await stage.act_on(action)
             assert words in stage.words, action
