@@ -137,8 +137,8 @@ class ConsoleApp(ListeningApp):
         self.call_after_refresh(self._begin)
 
     def _timed_tick(self) -> None:
-        if self.ui.desk is not None:
-            self.instructed(self.ui.desk, self._logs)
+        if self.ui.mailbox is not None:
+            self.instructed(self.ui.mailbox, self._logs)
         state, now_s = self.ui.control.state, self.ui.control.now_s()
         shown = (self._page, self._list.shown, self.ui.said, self.size)
         if self.ui.appearance.calm == "off" or self._calm.is_due(state, now_s, shown):

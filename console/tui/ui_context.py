@@ -23,7 +23,7 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 if TYPE_CHECKING:
-    from console.session.instructing.desk import Desk
+    from console.session.instructing.mailbox import Mailbox
     from console.session.station.commands import Control  # not for the first paint
     from console.session.training.attempt import Attempt
 
@@ -54,7 +54,7 @@ class UiContext:
     operator has set, and `appear` sets another; `configuration` says where a setting comes from. `stroke` is
     what the terminal says of the last key, and `releases` what is known of its reports, both None where it has
     none. `terminal` says where it is. `jobs` are the names of all saved jobs, as the page Jobs has read them.
-    `attempt` is the try of a lesson, in a session that has one; `desk` that of the instructor, where there is one.
+    `attempt` is the try of a lesson, in a session that has one; `mailbox` is that of an instructor.
     """
 
     text: Catalogue
@@ -70,7 +70,7 @@ class UiContext:
     jog: str | None = None
     queued: bool = False
     attempt: Attempt | None = None
-    desk: Desk | None = None
+    mailbox: Mailbox | None = None
     log: SessionLog = field(default_factory=SessionLog)
     appearance: Appearance = field(default_factory=Appearance)
     appear: Callable[[Appearance], None] = lambda appearance: None

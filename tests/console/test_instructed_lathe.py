@@ -11,7 +11,7 @@ import pytest
 
 from console.session.instructing.answer import Answer
 from console.session.instructing.carrying import MOST_CHECKPOINTS
-from console.session.instructing.desk import Act, Desk
+from console.session.instructing.mailbox import Act, Mailbox
 from console.session.instructing.order import read_order
 from console.session.station.commands import (
     Acknowledge,
@@ -200,12 +200,12 @@ def test_steps_made_since_a_checkpoint_are_made_again_after_a_return(tmp_path: P
 
 
 def test_faults_are_hidden_from_the_log_that_a_trainee_sees() -> None:
-    desk = Desk(lambda hidden: tuple(each.order.line for each in hidden))
+    mailbox = Mailbox(lambda hidden: tuple(each.order.line for each in hidden))
     for line in ("inject hang", "pause", "clear"):
-        desk.did(act(line, 0.0))
-    assert desk.log() == ("inject hang", "clear")
-    assert [each.order.line for each in desk.fresh()] == ["inject hang", "pause", "clear"]
-    assert desk.fresh() == []
+        mailbox.note(act(line, 0.0))
+    assert mailbox.log() == ("inject hang", "clear")
+    assert [each.order.line for each in mailbox.fresh()] == ["inject hang", "pause", "clear"]
+    assert mailbox.fresh() == []
 
 
 def test_an_acknowledgement_is_taken_in_a_pause(site: Site) -> None:

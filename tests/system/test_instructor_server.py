@@ -13,9 +13,9 @@ import pytest
 
 from console.session.errors import SessionError
 from console.session.instructing.answer import Answer
-from console.session.instructing.clerk import Clerk
 from console.session.instructing.client import Instructor
-from console.session.instructing.desk import Desk
+from console.session.instructing.dispatcher import Dispatcher
+from console.session.instructing.mailbox import Mailbox
 from console.session.instructing.order import LONGEST_LINE
 from console.session.instructing.server import MOST_CLIENTS, InstructorServer
 from console.session.instructing.token import forget_token, keep_token, kept_token, new_token, token_path
@@ -51,7 +51,7 @@ def machine() -> Machine:
 @pytest.fixture
 def address(machine: Machine, tmp_path: Path) -> Iterator[UnixAddress]:
     place = UnixAddress(path=str(tmp_path / "socket"))
-    server = InstructorServer(place, TOKEN, Clerk(Desk(), machine.post, lambda: 0.0))
+    server = InstructorServer(place, TOKEN, Dispatcher(Mailbox(), machine.post, lambda: 0.0))
     server.start()
     yield place
     server.close()
@@ -150,11 +150,12 @@ def test_a_pause_ends_with_the_terminal_that_made_it(address: UnixAddress, machi
 
 def test_an_address_that_is_taken_is_refused(address: UnixAddress) -> None:
     with pytest.raises(LinkError, match="socket"):
-        InstructorServer(address, TOKEN, Clerk(Desk(), lambda intent: False, lambda: 0.0)).start()
-    port = InstructorServer(parse_control_address("tcp:127.0.0.1:0"), TOKEN, Clerk(Desk(), lambda _: False, float))
+        InstructorServer(address, TOKEN, Dispatcher(Mailbox(), lambda intent: False, lambda: 0.0)).start()
+    any_port, nobody = parse_control_address("tcp:127.0.0.1:0"), Dispatcher(Mailbox(), lambda _: False, float)
+    port = InstructorServer(any_port, TOKEN, nobody)
     bound = parse_control_address(port.start())
     with pytest.raises(LinkError, match=r"127\.0\.0\.1"):
-        InstructorServer(bound, TOKEN, Clerk(Desk(), lambda intent: False, lambda: 0.0)).start()
+        InstructorServer(bound, TOKEN, Dispatcher(Mailbox(), lambda intent: False, lambda: 0.0)).start()
     port.close()
 
 

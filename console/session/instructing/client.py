@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from console.session.errors import SessionError
 from console.session.instructing.answer import Answer, read_answer
-from console.session.instructing.clerk import ANSWER_S
+from console.session.instructing.dispatcher import ANSWER_S
 from console.session.instructing.server import ONCE, STAYS
 from drivers.errors import LinkError
 from drivers.simulator.hosts.control_address import ControlAddress

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from console.session.bounded_server import GONE, BoundedServer
 from console.session.errors import SessionError
 from console.session.instructing.answer import Answer, written
-from console.session.instructing.clerk import Clerk
+from console.session.instructing.dispatcher import Dispatcher
 from console.session.instructing.order import LONGEST_LINE, Do, Order, read_order
 from console.session.instructing.token import is_token
 from drivers.errors import LinkError
@@ -36,8 +36,8 @@ STAYS, ONCE = "stay", "once"
 class InstructorServer:
     """Listens from `start` to `close`."""
 
-    def __init__(self, address: ControlAddress, token: str, clerk: Clerk) -> None:
-        self._address, self._token, self._clerk = address, token, clerk
+    def __init__(self, address: ControlAddress, token: str, dispatcher: Dispatcher) -> None:
+        self._address, self._token, self._dispatcher = address, token, dispatcher
         self._server = BoundedServer(
             "instructor",
             lambda made, opened: listen_for_control(made, address, opened),
@@ -60,19 +60,19 @@ class InstructorServer:
         self._server.close()
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        visit = _Visit(self._clerk, reader, writer)
+        client = _Client(self._dispatcher, reader, writer)
         with suppress(*GONE):
-            if await visit.is_let_in(self._token):
-                await visit.serve()
+            if await client.is_let_in(self._token):
+                await client.serve()
         writer.transport.abort()
-        await visit.leave()
+        await client.leave()
 
 
-class _Visit:
+class _Client:
     """One client."""
 
-    def __init__(self, clerk: Clerk, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._clerk, self._reader, self._writer = clerk, reader, writer
+    def __init__(self, dispatcher: Dispatcher, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._dispatcher, self._reader, self._writer = dispatcher, reader, writer
         self._stays = self._paused = False
 
     async def is_let_in(self, token: str) -> bool:
@@ -99,14 +99,14 @@ class _Visit:
     async def leave(self) -> None:
         """End a pause that this client has made: it stays no longer."""
         if self._stays and self._paused:
-            await self._clerk.carry(Order(do=Do.RESUME, line=Do.RESUME.value))
+            await self._dispatcher.carry(Order(do=Do.RESUME, line=Do.RESUME.value))
 
     async def _answered(self, line: str) -> Answer:
         try:
             order = read_order(line)
         except SessionError as error:
             return Answer(problem=error.problems[0])
-        answer = await self._clerk.carry(order)
+        answer = await self._dispatcher.carry(order)
         if answer.problem is None:
             self._paused = order.do is Do.PAUSE or (self._paused and order.do not in (Do.RESUME, Do.RETURN))
         return answer

@@ -208,7 +208,7 @@ class Instruct(Command):
 
     order: Order
     answered: Callable[[Answer], None]
-    logged: ClassVar[bool] = False  # the desk of the instructor does it
+    logged: ClassVar[bool] = False  # the log has the acts of the instructor instead
 
 
 class AskTruth(Command):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from console.session.instructing.desk import Act
+from console.session.instructing.mailbox import Act
 from console.session.instructing.order import Do
 from console.session.stages import Stage
 from console.session.station.state import StationState

@@ -1,4 +1,4 @@
-"""What the application tells the desk of the instructor, and takes from it, at each tick."""
+"""Serve the mailbox of the instructor at each tick: the screen on request, and what the instructor has done."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from console.session.instructing.desk import Act, Desk, Picture
+from console.session.instructing.mailbox import Act, Mailbox, Picture
 from console.session.station.history.session_log import LogEntry, LogKind
 from console.tui.log.log_text import log_row
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from console.tui.ui_context import UiContext
 
 
-def report(desk: Desk, screen: Screen[object], ui: UiContext, control: LoggedControl) -> None:
-    """Give the desk the picture that it wishes, and note what the instructor has done."""
-    for act in desk.fresh():
+def report(mailbox: Mailbox, screen: Screen[object], ui: UiContext, control: LoggedControl) -> None:
+    """Put the requested picture into the mailbox, and note what the instructor has done."""
+    for act in mailbox.fresh():
         if act.order.is_seen:
             control.note(_entry(act))
         if ui.attempt is not None:
             ui.attempt = ui.attempt.instructed(act)
-    if (number := desk.wished) is not None:
+    if (number := mailbox.requested) is not None:
         strips = screen._compositor.render_strips()  # noqa: SLF001 - Textual has no other way to the characters
         rows = tuple("".join(segment.text for segment in strip) for strip in strips)
-        desk.picture = Picture(rows=rows, number=number, at_s=time.monotonic())
+        mailbox.picture = Picture(rows=rows, number=number, at_s=time.monotonic())
 
 
 def rows_of(ui: UiContext, hidden: Sequence[Act]) -> tuple[str, ...]:

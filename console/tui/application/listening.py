@@ -17,7 +17,7 @@ from console.tui.ui_context import UiContext
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
-    from console.session.instructing.desk import Desk
+    from console.session.instructing.mailbox import Mailbox
     from console.tui.alarms.logged_control import LoggedControl
 
 
@@ -85,11 +85,11 @@ class ListeningApp(LeavingApp):
         self.safely(lambda: self.scans.take(scanned.scan, small=is_small(self.size)))
         self.tick()
 
-    def instructed(self, desk: Desk, control: LoggedControl) -> None:
+    def instructed(self, mailbox: Mailbox, control: LoggedControl) -> None:
         """Let the instructor see this screen, and note what he has done."""
         from console.tui.application.instructed import report  # not for the first page
 
-        self.safely(lambda: report(desk, self.screen, self.ui, control))
+        self.safely(lambda: report(mailbox, self.screen, self.ui, control))
 
     def say_changed(self, action: Action) -> None:
         """Report that a key which asks for something else has stopped the machine."""

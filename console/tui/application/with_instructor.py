@@ -27,20 +27,20 @@ def instructed(address: ControlAddress | None, app: ConsoleApp, link: LinkThread
     if address is None:
         yield
         return
-    from console.session.instructing.clerk import Clerk
-    from console.session.instructing.desk import Desk
+    from console.session.instructing.dispatcher import Dispatcher
+    from console.session.instructing.mailbox import Mailbox
     from console.session.instructing.server import InstructorServer
     from console.session.instructing.token import forget_token, keep_token, new_token, token_path
     from console.tui.application.instructed import rows_of
     from drivers.simulator.hosts.control_address import PREFIX, parse_control_address
 
-    desk, token, text = Desk(lambda hidden: rows_of(app.ui, hidden)), new_token(), app.ui.text
-    server = InstructorServer(address, token, Clerk(desk, link.post, link.now_s))
+    mailbox, token, text = Mailbox(lambda hidden: rows_of(app.ui, hidden)), new_token(), app.ui.text
+    server = InstructorServer(address, token, Dispatcher(mailbox, link.post, link.now_s))
     bound = server.start().removeprefix(PREFIX)
     path = token_path(data, parse_control_address(bound))
     try:
         keep_token(path, token)
-        app.ui.desk = desk
+        app.ui.mailbox = mailbox
         print(text("instruct.listening", address=bound, file=printable(str(path))), file=sys.stderr)
         yield
     finally:

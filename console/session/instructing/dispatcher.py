@@ -8,7 +8,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from console.session.instructing.answer import Answer
-from console.session.instructing.desk import Act, Desk
+from console.session.instructing.mailbox import Act, Mailbox
 from console.session.instructing.order import Do, Order
 from profiles.problem import Problem
 
@@ -19,11 +19,11 @@ ANSWER_S = 15.0  # a silent controller may hold up the console for some seconds
 PICTURE_S, LOOK_S = 2.0, 0.02
 
 
-class Clerk:
+class Dispatcher:
     """`post` passes a command to the machine, False before there is one; `now_s` is machine time."""
 
-    def __init__(self, desk: Desk, post: Callable[[Command], bool], now_s: Callable[[], float]) -> None:
-        self._desk, self._post, self._now_s = desk, post, now_s
+    def __init__(self, mailbox: Mailbox, post: Callable[[Command], bool], now_s: Callable[[], float]) -> None:
+        self._mailbox, self._post, self._now_s = mailbox, post, now_s
 
     async def carry(self, order: Order) -> Answer:
         """Return what comes of an order."""
@@ -31,10 +31,10 @@ class Clerk:
             case Do.SCREEN:
                 return await self._picture()
             case Do.LOG:
-                return Answer(lines=self._desk.log())
+                return Answer(lines=self._mailbox.log())
         answer = await self._ordered(order)
         if answer.problem is None and (order.is_fault or order.is_seen):
-            self._desk.did(Act(at=datetime.now(), at_s=self._now_s(), order=order))
+            self._mailbox.note(Act(at=datetime.now(), at_s=self._now_s(), order=order))
         return answer
 
     async def _ordered(self, order: Order) -> Answer:
@@ -60,13 +60,13 @@ class Clerk:
 
     async def _picture(self) -> Answer:
         """Return the screen of now; that of an earlier moment, with its age, where the screen does not answer."""
-        loop, desk, wish = asyncio.get_running_loop(), self._desk, self._desk.wish()
+        loop, mailbox, number = asyncio.get_running_loop(), self._mailbox, self._mailbox.request_picture()
         until_s = loop.time() + PICTURE_S
-        while (picture := desk.picture) is None or picture.number < wish:
+        while (picture := mailbox.picture) is None or picture.number < number:
             if loop.time() > until_s:
                 break
             await asyncio.sleep(LOOK_S)
         if picture is None:
             return Answer(problem=Problem(code="instruct.no_screen"))
-        age_s = loop.time() - picture.at_s if picture.number < wish else 0.0
+        age_s = loop.time() - picture.at_s if picture.number < number else 0.0
         return Answer(lines=picture.rows, age_s=age_s)

@@ -1,4 +1,4 @@
-"""What the console of a trainee and the thread that serves the instructor have in common.
+"""What passes between the console of a trainee and the thread that serves the instructor.
 
 Everything is replaced by reference and returns at once, from any thread: nobody waits for the other.
 """
@@ -27,35 +27,35 @@ class Act:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """The screen as it was shown: rows of characters; the answer to a wish of this number, at real time `at_s`."""
+    """The screen as it was shown at real time `at_s`: rows of characters, for the request of this number."""
 
     rows: tuple[str, ...]
     number: int
     at_s: float
 
 
-class Desk:
+class Mailbox:
     """`rows` returns the rows of the log of the session, with those of acts that it hides."""
 
     def __init__(self, rows: Callable[[tuple[Act, ...]], tuple[str, ...]] = lambda hidden: ()) -> None:
         self._rows = rows
         self.picture: Picture | None = None
         self.hidden: tuple[Act, ...] = ()
-        self._wishes = 0
+        self._requests = 0
         self._fresh: deque[Act] = deque()
 
-    def wish(self) -> int:
-        """Ask for a picture of the screen; return the number of the wish."""
-        self._wishes += 1
-        return self._wishes
+    def request_picture(self) -> int:
+        """Ask for a picture of the screen; return the number of this request."""
+        self._requests += 1
+        return self._requests
 
     @property
-    def wished(self) -> int | None:
-        """The number of a wish that has no picture yet."""
+    def requested(self) -> int | None:
+        """The number of the newest request, if it has no picture yet."""
         picture = self.picture
-        return self._wishes if self._wishes > (0 if picture is None else picture.number) else None
+        return self._requests if self._requests > (0 if picture is None else picture.number) else None
 
-    def did(self, act: Act) -> None:
+    def note(self, act: Act) -> None:
         """Note what was done. Faults are hidden: a trainee has to find them."""
         if act.order.is_fault:
             self.hidden = (*self.hidden, act)
