@@ -14,7 +14,7 @@ from console.session.station.commands import AskTruth, InjectFault
 from console.session.training.attempt import Attempt, Found
 from console.session.training.happened import Happening, PartFact, What
 from console.session.training.item import Item
-from console.session.training.lesson import load_lesson
+from console.session.training.lesson import lesson_of, load_lesson
 from console.session.training.tries import tries
 from console.text.catalogue import load
 from console.text.debrief import happening_words
@@ -156,3 +156,20 @@ def test_a_fault_of_the_lesson_is_in_no_log(tmp_path: Path) -> None:
         assert not [entry for entry in app.ui.log.entries if entry.word == "InjectFault"]
 
     play(tmp_path, scene)
+
+
+def test_while_a_question_is_due_the_key_row_has_its_keys(tmp_path: Path) -> None:
+    words = {"title": "t", "goal": "g", "hints": ["h"], "question": "q", "answers": ["x", "y"]}
+    asking = lesson_of({"minutes": 5, "steps": ["answered"], "answer": 1, "en": words, "ko": words}, "mine", "")
+    rows: list[str] = []
+
+    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        for attempt in (Attempt(lesson=asking, began_s=0.0, seed=1), tried(app, tmp_path)):
+            app.ui.attempt = attempt
+            app.tick()
+            await pilot.pause()
+            rows.append(rows_of(app)[-1])
+
+    play(tmp_path, scene)
+    assert "↑↓ choose  Enter answer" in rows[0]
+    assert "Enter debrief" in rows[1]

@@ -11,7 +11,7 @@ from console.session.training.tries import keep_try, tries, try_of
 from console.text.debrief import clock
 from console.tui.further.debrief_lines import advice_lines, happened_lines, score_lines
 from console.tui.further.question_lines import question_lines
-from console.tui.keymap import PageName
+from console.tui.keymap import PageName, RowKey
 from console.tui.lines import BLANK, Line, Sheet, clipped, dim, line, ranged, wrapped
 from console.tui.page import Page
 from console.tui.theme import Token
@@ -21,6 +21,10 @@ from profiles.problem import Problem
 
 _DONE, _CURRENT, _OPEN = "✓", "●", "○"
 _STEPS = {"train.up": -1, "train.down": 1}
+_ANSWER_KEYS = (
+    RowKey(action="train.up", shown="↑↓", words="key.list.choose", doubled=True),
+    RowKey(action="train.end", shown="Enter", words="key.train.answer"),
+)
 
 
 class TrainPage(Page):
@@ -91,6 +95,12 @@ class TrainPage(Page):
             self._choice = (self._choice + _STEPS[action]) % len(self._answers(attempt))
         else:
             self.ui.attempt = attempt.answered(self._choice)
+
+    @property
+    def keys(self) -> tuple[RowKey, ...]:
+        """Those of a question that is due."""
+        attempt = self.ui.attempt
+        return _ANSWER_KEYS if attempt is not None and attempt.asks_now else ()
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why no lesson can be ended now, or nothing answered."""
