@@ -1,8 +1,8 @@
 """Every bundled lesson at a real terminal of 80 x 24, by three scripted trainees, in both languages.
 
 `python -m tests.walk_lessons` walks them all, some at the same time, and prints a table of the scores; with
-`--write` it is put into docs/training.md. Names choose lessons, `--trainee` and `--lang` the others. Each takes
-as long as a trainee: a minute or two.
+`--write` the scores are put into docs/training.md. Names choose lessons, `--trainee` and `--lang` the others.
+Each takes as long as a trainee: a minute or two.
 """
 
 from __future__ import annotations
@@ -164,6 +164,18 @@ def table(found: dict[Walk, int | None], lessons: list[str]) -> str:
     return "\n".join(rows)
 
 
+def scores_in(shown: str) -> dict[Walk, int | None]:
+    """Return the scores of a table."""
+    head, _, *rows = [[cell.strip() for cell in row.strip("|").split("|")] for row in shown.strip().splitlines()]
+    return {
+        Walk(lesson.strip("`"), trainee, language): int(score)
+        for lesson, *cells in rows
+        for trainee, cell in zip(head[1:], cells, strict=True)
+        for language, score in zip(LANGUAGES, cell.split(" / "), strict=False)
+        if score != "-"
+    }
+
+
 def main() -> int:
     """Walk; return 1 where a lesson was not walked to its end."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -171,18 +183,18 @@ def main() -> int:
     parser.add_argument("--trainee", action="append", choices=TRAINEES)
     parser.add_argument("--lang", action="append", choices=LANGUAGES)
     parser.add_argument("--jobs", type=int, default=3, help="walks at the same time")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/training.md")
+    parser.add_argument("--write", action="store_true", help="put the scores into the table of docs/training.md")
     options = parser.parse_args()
     lessons = options.lessons or list(PLAYS)
     planned = walks(lessons, options.trainee or list(TRAINEES), options.lang or list(LANGUAGES))
     with ThreadPoolExecutor(options.jobs) as pool:
         found = dict(pool.map(tried, planned))
-    shown = table(found, lessons)
-    print(shown)
+    print(table(found, lessons))
     if options.write:
-        page = PAGE.read_text(encoding="utf-8")
-        before, rest = page.split(BEGIN)
-        PAGE.write_text(f"{before}{BEGIN}\n\n{shown}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
+        before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
+        was, after = rest.split(END)
+        shown = table(scores_in(was) | found, list(PLAYS))
+        PAGE.write_text(f"{before}{BEGIN}\n\n{shown}\n\n{END}{after}", encoding="utf-8")
     return 1 if None in found.values() else 0
 
 
