@@ -64,7 +64,8 @@ def wait_for_feed(data: Path) -> Path:
     while time.monotonic() < until_s:
         for path in feeds(data):
             try:
-                connected(path, TIMEOUT_S).close()
+                with connected(path, TIMEOUT_S) as link:
+                    lines(link, 1)
             except OSError:
                 continue
             return path
