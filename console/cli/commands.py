@@ -28,6 +28,7 @@ COMMANDS = {
     "fault": "console.cli.machine.fault",
     "instruct": "console.cli.machine.instruct",
     "watch": "console.cli.feed.watch",
+    "metrics": "console.cli.feed.metrics",
     "roundness": "console.cli.measured.roundness",
     "report": "console.cli.measured.report",
     "controller": "console.cli.machine.controller",

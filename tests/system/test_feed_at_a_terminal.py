@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import pytest
 
@@ -76,3 +77,25 @@ def test_readers_do_not_touch_a_console_and_a_killed_one_leaves_nothing(tmp_path
         trainee.press("ctrl+q")
         assert terminal.wait_exit(20.0) == 0
     assert os.listdir(tmp_path / "feed") == []
+
+
+def test_metrics_are_served_on_loopback_while_consoles_come_and_go(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "console", "metrics", "--listen", "127.0.0.1:0", "--data", str(tmp_path)]
+    with Preloaded(words, stdout=subprocess.PIPE, text=True) as serving:
+        assert serving.stdout is not None
+        address = serving.stdout.readline().split()[-1]
+        try:
+            with urlopen(address, timeout=20.0) as answer:
+                assert answer.read().decode().splitlines()[-1] == "trilobe_consoles 0.0"
+                assert answer.headers["Content-Type"].startswith("text/plain; version=0.0.4")
+            with socket.create_connection(("127.0.0.1", int(address.split(":")[2].split("/")[0])), 20.0):
+                with console(tmp_path, "en", 80, 24, short_ways=True) as terminal:
+                    console_at(terminal)
+                    with urlopen(
+                        address, timeout=20.0
+                    ) as answer:  # a client that asks nothing holds up nobody for long
+                        assert 'trilobe_parts_total{machine="lee-2001-lathe"' in answer.read().decode()
+        finally:
+            serving.terminate()
+    refused = completed(["metrics", "--listen", "0.0.0.0:9301", "--data", str(tmp_path)], 30.0)
+    assert refused.returncode == 2 and "127.0.0.1" in refused.stderr

@@ -9,8 +9,7 @@ from typing import Any
 
 from console.session.errors import SessionError
 from console.session.feed.place import FOLDER, connected, feeds
-from console.session.feed.report import SCHEMA
-from console.session.feed.request import request_line
+from console.session.feed.request import SCHEMA, request_line
 from profiles.files import printable
 from profiles.problem import Problem
 

@@ -10,12 +10,12 @@ import math
 from typing import Any
 
 from console.session.feed.observed import Observed, ShownCut
+from console.session.feed.request import SCHEMA
 from console.session.station.alarms import Alarm
 from console.session.station.jogging import counts_per_unit, tool_radius_mm
 from console.session.station.state import Activity, StationState
 from drivers.lathe.snapshot import AxisName
 
-SCHEMA = 1
 AUTOMATIC = frozenset({Activity.ARMING, Activity.CUTTING})
 UNAVAILABLE = frozenset({Activity.CONNECTING, Activity.LOST})
 TURN_DEG = 360.0

@@ -1,9 +1,10 @@
-"""The one line that a reader of a feed may send: how often it wants the state. Pure."""
+"""The schema of a feed, and the one line that a reader may send: how often it wants the state. Pure."""
 
 from __future__ import annotations
 
 import re
 
+SCHEMA = 1
 LEAST_HZ, MOST_HZ = 1.0, 10.0
 LONGEST_LINE = 100  # bytes, without its end
 FORM = f"rate HZ, {LEAST_HZ:g} to {MOST_HZ:g}"

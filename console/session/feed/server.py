@@ -19,8 +19,8 @@ from console.session.data.kept_files import utc_now
 from console.session.errors import fault_problem
 from console.session.feed.observed import Observed
 from console.session.feed.place import claimed
-from console.session.feed.report import SCHEMA, line_of, report
-from console.session.feed.request import FORM, LEAST_HZ, LONGEST_LINE, asked_hz
+from console.session.feed.report import line_of, report
+from console.session.feed.request import FORM, LEAST_HZ, LONGEST_LINE, SCHEMA, asked_hz
 from console.session.operator import operator_name
 from profiles.files import printable
 from profiles.problem import Problem
