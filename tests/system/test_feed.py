@@ -9,7 +9,7 @@ import socket
 import stat
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +76,8 @@ def wait_for_feed(data: Path) -> Path:
 def joined(data: Path, line: bytes = b"") -> socket.socket:
     (path,) = feeds(data)
     link = connected(path, TIMEOUT_S)
-    link.sendall(line)
+    if line:
+        link.sendall(line)
     return link
 
 
@@ -152,10 +153,24 @@ def test_who_comes_beyond_the_most_is_dropped_until_another_leaves(data: Path) -
             assert is_dropped(further)
     until_s = time.monotonic() + TIMEOUT_S
     while time.monotonic() < until_s:
-        with joined(data) as link:
+        with suppress(ConnectionError), joined(data) as link:
             if link.recv(1):
                 return
     raise AssertionError("nobody is let in any more")
+
+
+def test_a_console_that_ends_drops_its_readers_without_a_word(
+    tmp_path: Path, console: Console, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    server = FeedServer(tmp_path, console.observed)
+    server.launch()
+    wait_for_feed(tmp_path)
+    with joined(tmp_path) as plain, joined(tmp_path, b"rate 10\n") as asked, joined(tmp_path, b"rate") as half:
+        for link in (plain, asked, half):
+            assert lines(link, 1)
+        server.close()
+        assert all(is_dropped(link) for link in (plain, asked, half))
+    assert (caplog.records, capfd.readouterr().err) == ([], "")
 
 
 def test_without_readers_nothing_is_observed(data: Path, console: Console) -> None:

@@ -19,6 +19,7 @@ from drivers.lathe.snapshot import AxisName
 AUTOMATIC = frozenset({Activity.ARMING, Activity.CUTTING})
 UNAVAILABLE = frozenset({Activity.CONNECTING, Activity.LOST})
 TURN_DEG = 360.0
+IN_PART = "cut"  # the stage of a cut in which the tool follows its path
 
 
 def line_of(values: dict[str, Any]) -> bytes:
@@ -48,7 +49,7 @@ def report(observed: Observed, *, process: int, operator: str, at_utc: str) -> d
         "spindle_rpm": _number(state.spindle_rpm, 3),
         "axes": _axes(observed),
         "cut": _cut(cut),
-        "tool_error_um": None if cut is None else _number(cut.tool_error_um, 3),
+        "tool_error_um": _number(cut.tool_error_um, 3) if cut is not None and cut.stage == IN_PART else None,
         "parts": observed.parts,
         "run_id": observed.run_id,
         "alarms": [_alarm(alarm, observed) for alarm in state.alarms],

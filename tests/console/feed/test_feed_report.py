@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from console.session.feed.observed import Observed
 from console.session.feed.report import line_of, report
 from console.session.feed.request import LEAST_HZ, MOST_HZ, asked_hz, request_line
+from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState, StopState
 from drivers.lathe.standing import Signature, Standing
 from drivers.simulator.plant.workshop_view import Truth, WorkshopView
@@ -55,6 +56,11 @@ def test_a_cut_is_told_in_millimetres_and_degrees() -> None:
         "ab12",
     )
     assert line["controlled_by"]["name"] == "kim"
+
+
+def test_a_tool_on_its_way_out_has_no_error() -> None:
+    left = replace(scenes.cut(), stage=CutStage.RETRACT, tool_error_um=-2069.7)
+    assert said(replace(CUTTING, cut=left))["tool_error_um"] is None
 
 
 def test_every_value_is_documented_and_every_documented_one_is_there() -> None:
